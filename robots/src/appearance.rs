@@ -88,7 +88,7 @@ impl Appearance {
     }
 }
 
-/// The colours of the links of a robot, as the visuals of its URDF or the geoms of its MJCF state them.
+/// Colours of the links of a robot, from the visuals of its URDF or the geoms of its MJCF.
 ///
 /// ```
 /// use motorium_robots::LinkColours;

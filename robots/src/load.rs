@@ -105,7 +105,7 @@ pub enum LoadError {
         path: PathBuf,
         /// The first byte at fault; columns count characters.
         at: Position,
-        /// That byte.
+        /// The invalid byte.
         byte: u8,
     },
     /// A URDF with a fault.

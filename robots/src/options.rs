@@ -37,10 +37,10 @@ pub struct LoadOptions {
 /// The shapes of a file that are used in its [`Model`](crate::Model).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ShapeSource {
-    /// Those that collide.
+    /// Collision shapes.
     #[default]
     Collision,
-    /// Those that are seen, for pictures: the visuals of a URDF, the geoms of groups 0 to 2 of an MJCF file.
+    /// Visible shapes, for pictures: the visuals of a URDF, the geoms of groups 0 to 2 of an MJCF file.
     Visual,
 }
 

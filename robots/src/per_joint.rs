@@ -19,7 +19,7 @@ use crate::{JointKind, Model};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected one number, or a list with one number per joint")]
 pub enum PerJoint {
-    /// The same for all joints.
+    /// One value for all joints.
     All(f64),
     /// One number for each joint.
     Each(Vec<f64>),

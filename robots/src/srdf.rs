@@ -62,7 +62,7 @@ impl Srdf {
         Ok(rules)
     }
 
-    /// The rules for a robot whose links are called `prefix` and their names.
+    /// Returns the rules for a robot whose link names begin with `prefix`.
     pub fn prefixed(&self, prefix: &str) -> Self {
         let named = |link: &String| format!("{prefix}{link}");
         let pairs = |pairs: &[(String, String)]| pairs.iter().map(|(a, b)| (named(a), named(b))).collect();

@@ -116,9 +116,7 @@ pub enum WorldError {
         error: MeshError,
     },
     /// A mesh without volume where one is needed.
-    #[error(
-        "{name}: its mesh is flat, and has no convex hull; let it touch by its triangles: collision = \"triangles\""
-    )]
+    #[error("{name}: its mesh is flat and has no convex hull; use its triangles: collision = \"triangles\"")]
     FlatMesh {
         /// The object.
         name: String,
@@ -126,7 +124,7 @@ pub enum WorldError {
     /// Neighbouring triangles that face opposite sides.
     #[error(
         "{name}: the triangles at the edge from {:?} to {:?} of its mesh face opposite sides, so that nobody knows which side is \
-         solid; let all face outward (a mesh editor recalculates normals), or let it touch by convex parts, such as \
+         solid; let all face outward (a mesh editor recalculates normals), or use convex parts, such as \
          collision = {{ parts = 16 }}", .edge[0], .edge[1]
     )]
     TwistedMesh {

@@ -174,7 +174,7 @@ fn limits_that_are_probably_meant_otherwise_are_named() {
     );
     assert_eq!(
         warnings(r#"<limit lower="-1" upper="1" velocity="1"/>"#),
-        ["joint \"j\": <limit> gives no effort; taken as unlimited"]
+        ["joint \"j\": <limit> has no effort; treated as unlimited"]
     );
 }
 
@@ -361,7 +361,7 @@ fn a_folder_is_loaded_with_the_profile_beside_its_urdf() {
     assert!(
         error
             .to_string()
-            .ends_with("`joints` names joint \"k\", which is no independent joint of robot \"r\""),
+            .ends_with("`joints` names joint \"k\", which is not an independent joint of robot \"r\""),
         "{error}"
     );
 }

@@ -1,4 +1,4 @@
-//! Times and rates as people write them: `"200 us"`, `"1.5 ms"`, `"1 kHz"`.
+//! Times and rates as text with a unit: `"200 us"`, `"1.5 ms"`, `"1 kHz"`.
 //!
 //! All conversions are exact: decimal digits are scaled as integers, never as floating-point numbers.
 

@@ -228,7 +228,7 @@ fn an_infeasible_graph_is_refused_unless_forced() {
     let id = first.folder.id().to_string();
     let second = run(&panda_reach(), &["--for", "500 ms"]);
     assert_eq!(second.code, Some(1), "{}", second.stderr);
-    let told = second.stderr.contains("does not hold its times beside") && second.stderr.contains(&id);
+    let told = second.stderr.contains("cannot meet its deadlines next to") && second.stderr.contains(&id);
     assert!(told, "{}", second.stderr);
     let forced = run(&panda_reach(), &["--for", "500 ms", "--force"]);
     assert_eq!(forced.report().exit, Exit::Finished, "{}", forced.stderr);

@@ -227,7 +227,7 @@ fn a_new_crate_has_a_valid_graph_once_it_is_built() {
     let picture = printed(&["graph", graph, "--measured", kept, "--format", "svg"]);
     assert!(picture.contains(">read after p50 ") && picture.contains(" Hz<"), "{picture}");
     let other = complaint(&["graph", "--measured", graph]);
-    assert!(other.contains("is no report of a run"), "{other}");
+    assert!(other.contains("is not a report of a run"), "{other}");
 }
 
 #[test]

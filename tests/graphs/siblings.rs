@@ -126,7 +126,7 @@ fn a_missing_program_is_named_with_its_installation() {
     let installed = Installed::new();
     let text = installed.complaint();
     assert!(
-        text.contains("kind `bridge.push` is of the program `motorium-bridges`, which is not installed")
+        text.contains("kind `bridge.push` belongs to the program `motorium-bridges`, which is not installed")
             && text.contains("graph.toml:4:8")
             && text.contains("`motorium-bridges` is neither in FOLDER nor on PATH")
             && text
@@ -144,7 +144,7 @@ fn a_missing_program_is_named_with_its_installation() {
     ] {
         installed.graph(kind, "");
         let text = installed.complaint();
-        assert!(text.contains(&format!("kind `{kind}` is of the program `{program}`")), "{text}");
+        assert!(text.contains(&format!("kind `{kind}` belongs to the program `{program}`")), "{text}");
     }
     installed.graph("view.push", "");
     let text = installed.complaint();
@@ -181,7 +181,7 @@ fn a_program_of_another_version_or_layout_is_refused() {
     let answer = format!("{{\"motorium\":\"{version}\",\"memory\":\"0123\",\"kinds\":[]}}");
     installed.script("motorium-bridges", &format!("echo '{answer}'"));
     let text = installed.complaint();
-    assert!(text.contains("lays shared memory out in another way than this motorium VERSION"), "{text}");
+    assert!(text.contains("has another layout of shared memory than this motorium VERSION"), "{text}");
     installed.script("motorium-bridges", "echo 'what is motorium?' >&2; exit 3");
     let text = installed.complaint();
     assert!(

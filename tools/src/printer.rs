@@ -1,4 +1,4 @@
-//! Printing of a run's events on a thread of its own.
+//! Printing of a run's events on a separate thread.
 //!
 //! A terminal that was stopped with Ctrl-S, a pager that nobody scrolls and a pipe that nobody reads hold up
 //! whatever prints to them. The launcher must not wait for them: it supervises a robot. Events go through a

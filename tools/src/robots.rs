@@ -40,7 +40,7 @@ pub(crate) fn pose(robot: &Loaded, name: &str) -> anyhow::Result<Vec<f64>> {
         of_profile.chain(robot.postures.iter().map(|posture| posture.name.clone())).collect();
     match all.is_empty() {
         true => anyhow::bail!(
-            "the robot has no poses: write a profile beside its file (`motorium robot profile`)"
+            "the robot has no poses: write a profile next to its file (`motorium robot profile`)"
         ),
         false => anyhow::bail!("the robot has no pose `{name}`; it has {}", all.join(", ")),
     }

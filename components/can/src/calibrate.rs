@@ -32,7 +32,9 @@ pub enum CalibrationError {
     #[error(transparent)]
     Table(#[from] TableError),
     /// Another program commands a drive.
-    #[error("another program commands the drive of `{joint}`: end it, for this lets all drives go")]
+    #[error(
+        "another program commands the drive of `{joint}`: stop it first, because calibration disables all drives"
+    )]
     Commanded {
         /// Joint of the drive.
         joint: String,

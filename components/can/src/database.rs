@@ -36,7 +36,7 @@ pub struct Database {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DatabaseError {
     /// The text is not a DBC file.
-    #[error("it is no DBC file: {0}")]
+    #[error("it is not a DBC file: {0}")]
     Syntax(String),
     /// A signal is invalid.
     #[error("the signal `{signal}` of the message `{message}`: {cause}")]

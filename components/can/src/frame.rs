@@ -226,7 +226,7 @@ pub enum DecodeError {
         field: &'static str,
     },
     /// The frame answers a different request.
-    #[error("an answer about 0x{found:X}, asked was 0x{expected:X}")]
+    #[error("the answer is about 0x{found:X}, expected 0x{expected:X}")]
     Answer {
         /// Register or object in the answer.
         found: u32,

@@ -34,7 +34,7 @@ pub struct Record(CanDumpRecord);
 
 /// Error of parsing a line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{found:?} is no frame: {message}")]
+#[error("{found:?} is not a frame: {message}")]
 pub struct RecordError {
     /// Line.
     pub found: String,
@@ -68,7 +68,7 @@ fn mistake(frame: &str) -> Option<String> {
     };
     let no_digit = |text: &str| text.chars().find(|letter| !letter.is_ascii_hexdigit());
     if let Some(letter) = no_digit(id) {
-        return Some(format!("`{letter}` in the identifier is no hexadecimal digit"));
+        return Some(format!("`{letter}` in the identifier is not a hexadecimal digit"));
     }
     if !matches!(id.len(), 3 | 8) {
         return Some(format!("an identifier of {} digits, expected 3 (11 bits) or 8 (29 bits)", id.len()));
@@ -82,7 +82,7 @@ fn mistake(frame: &str) -> Option<String> {
         None => (data, 8, "of classic CAN"),
     };
     if let Some(letter) = no_digit(bytes).filter(|letter| !matches!(letter, 'R' | 'r' | '.')) {
-        return Some(format!("`{letter}` in the data is no hexadecimal digit"));
+        return Some(format!("`{letter}` in the data is not a hexadecimal digit"));
     }
     // dots may separate bytes
     let digits = bytes.chars().filter(|letter| *letter != '.').count();
@@ -237,7 +237,7 @@ mod tests {
         for text in ["", "123", "123#0", "123#GG", "800#00", "123#112233445566778899", "12#00"] {
             let error = Record::of_frame(text, "can0").unwrap_err();
             assert_eq!(error.found, text);
-            assert!(error.to_string().contains("is no frame"), "{error}");
+            assert!(error.to_string().contains("is not a frame"), "{error}");
         }
     }
 
@@ -254,11 +254,11 @@ mod tests {
     fn the_mistake_in_a_frame_is_named() {
         for (frame, words) in [
             ("123", "there is no `#` between identifier and data"),
-            ("12G#01", "`G` in the identifier is no hexadecimal digit"),
+            ("12G#01", "`G` in the identifier is not a hexadecimal digit"),
             ("12#01", "an identifier of 2 digits, expected 3 (11 bits) or 8 (29 bits)"),
             ("8FF#01", "the identifier 0x8FF is beyond 0x7FF"),
             ("40000000#01", "the identifier 0x40000000 is beyond 0x1FFFFFFF"),
-            ("123#0G", "`G` in the data is no hexadecimal digit"),
+            ("123#0G", "`G` in the data is not a hexadecimal digit"),
             ("123#010", "half a byte of data at its end"),
             ("123#01.020", "half a byte of data at its end"),
             ("123#010203040506070809", "9 bytes of data, and a frame of classic CAN has up to 8"),

@@ -27,7 +27,7 @@ pub enum LayoutError {
     #[error("two degrees of freedom are called `{0}`: give each a unique name")]
     Twice(String),
     /// A pattern matches no DoF.
-    #[error("part `{part}`: no degree of freedom matches `{pattern}`; there are {known}")]
+    #[error("part `{part}`: no degree of freedom matches `{pattern}`; known: {known}")]
     NoMatch {
         /// Name of the part.
         part: String,
@@ -37,7 +37,7 @@ pub enum LayoutError {
         known: String,
     },
     /// The text does not have the form `name=pattern,...`.
-    #[error("`{0}` is no part: expected NAME=PATTERN[,PATTERN...], such as arms=l_arm*,r_arm*")]
+    #[error("`{0}` is not a part: expected NAME=PATTERN[,PATTERN...], such as arms=l_arm*,r_arm*")]
     Syntax(String),
 }
 

@@ -74,7 +74,7 @@ pub enum BuildError {
     IdealDrives,
     /// The engine does not support the requested integration method.
     #[error(
-        "the {engine} engine has a method of integration of its own; leave `integrator` out, or use `physics.articulated` \
+        "the {engine} engine has its own integration method; leave `integrator` out, or use `physics.articulated` \
          (`ArticulatedSimulator`)"
     )]
     Integrator {
@@ -186,7 +186,7 @@ pub enum BuildWarning {
     },
     /// A drive has an effort limit of zero.
     #[error(
-        "joint \"{joint}\" has an effort limit of zero: its drive can do nothing; correct the robot's URDF"
+        "joint \"{joint}\" has an effort limit of zero: its drive has no effect; correct the robot's URDF"
     )]
     NoEffort {
         /// Name of the joint.

@@ -160,7 +160,7 @@ pub enum ResetError {
     World(WorldError),
     /// A surface has an invalid friction or restitution.
     #[error(
-        "the surface of \"{}\" has friction {} and restitution {}: expected a number from 0 up, and one from 0 to 1",
+        "the surface of \"{}\" has friction {} and restitution {}: expected a friction of at least 0 and a restitution from 0 to 1",
         .0.name, .0.friction, .0.restitution
     )]
     Surface(Surface),

@@ -97,7 +97,7 @@ pub enum PrimitiveFileError {
         source: std::io::Error,
     },
     /// Another kind of file.
-    #[error("{}: this is no movement primitive; `motorium primitive fit` makes one of recordings", path.display())]
+    #[error("{}: the file is not a movement primitive; `motorium primitive fit` makes one of recordings", path.display())]
     Foreign {
         /// The file.
         path: PathBuf,

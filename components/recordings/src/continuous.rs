@@ -33,7 +33,7 @@ const SLACK: f64 = 1e-3;
 const LARGEST_STEP: f64 = 0.25;
 
 impl Recording {
-    /// The same movement with continuous angles and quaternions.
+    /// Returns the movement with continuous angles and quaternions.
     ///
     /// A channel is an angle if all its values are within one turn, from -pi to pi or from 0 to 2 pi (or the
     /// same in degrees), and it changes by almost a turn between two samples. Four channels are a quaternion

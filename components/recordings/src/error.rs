@@ -85,7 +85,7 @@ pub enum RecordingError {
     },
     /// Neither a time column nor a rate.
     #[error(
-        "{path}: found no column named {} or {}, and no rate; say how many samples a second there are, by `--rate HZ` or the key `rate`",
+        "{path}: found no column named {} or {}, and no rate; set the samples per second by `--rate HZ` or the key `rate`",
         crate::names::TIME.join(", "),
         crate::names::STEP.join(", ")
     )]
@@ -94,11 +94,11 @@ pub enum RecordingError {
         path: String,
     },
     /// An unknown field or channel.
-    #[error("{path}: found no channel `{name}`; there are {known}")]
+    #[error("{path}: found no channel `{name}`; known: {known}")]
     NoChannel {
         /// Path of the file.
         path: String,
-        /// The name asked for.
+        /// The requested name.
         name: String,
         /// The names in the file.
         known: String,
@@ -114,7 +114,7 @@ pub enum RecordingError {
         expected: &'static str,
     },
     /// An unknown joint of a skeleton.
-    #[error("the skeleton has no joint `{name}`; there are {known}")]
+    #[error("the skeleton has no joint `{name}`; known: {known}")]
     NoJoint {
         /// The requested name.
         name: String,

@@ -26,13 +26,13 @@ impl Recording {
         if is_even { self.values.clone() } else { self.interpolated(self.samples()) }
     }
 
-    /// `samples` evenly spaced ones, samples x channels, by cubic interpolation; with `cutoff` (Hz),
-    /// filtered.
+    /// Resamples to `samples` evenly spaced samples (samples x channels) by cubic interpolation, filtered with
+    /// `cutoff` \[Hz\].
     ///
     /// The interpolation is the cubic Hermite one with the slopes of a parabola through each three
     /// neighbours. The filter is a Gaussian of the standard deviation `sqrt(ln 2) / (2 pi cutoff)` in time,
     /// whose power at the cutoff is one half: no delay, no overshoot. At the ends the recording is continued
-    /// by point reflection, so that first and last sample stay what they are.
+    /// by point reflection, so that the first and last sample do not change.
     ///
     /// # Errors
     /// Fewer than two samples, or a cutoff that is not positive.

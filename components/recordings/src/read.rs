@@ -52,7 +52,7 @@ pub fn read_all(path: &Path, selection: &Selection) -> Result<Vec<Recording>, Re
     Ok(recordings)
 }
 
-/// Tells by the ending of its name whether a file may hold recordings.
+/// Returns `true` if the extension of a file name is one of a recording.
 pub fn is_recording(path: &Path) -> bool {
     matches!(ending(path), "csv" | "tsv" | "json" | "jsonl" | "ndjson")
 }

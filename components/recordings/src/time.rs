@@ -26,7 +26,8 @@ pub(crate) enum Clock {
 const SINCE_1970: std::ops::Range<f64> = 1e9..1e10;
 /// Intervals from which on numbers without a unit are not taken for seconds: movements are sampled faster.
 const SLOW: f64 = 5.0;
-/// The same of a recording of this length or more, which would be long for so few samples.
+/// Interval and duration from which on numbers without a unit are not taken for seconds: too few samples for
+/// such a long recording.
 const SLOW_AND_LONG: (f64, f64) = (1.0, 60.0);
 /// Intervals below which numbers without a unit are not taken for seconds: nobody samples a movement at more
 /// than 100 kHz, and times in days have such intervals.

@@ -61,7 +61,7 @@ fn channels_are_selected_in_order() {
     assert_eq!(recording.names(), ["leg", "arm_b", "arm_a"]);
     assert_eq!(column(&recording, 0), [3.0, 6.0]);
     let error = refusal("x.csv", text, &channels(&["tail"]));
-    assert_eq!(error, "x.csv: found no channel `tail`; there are clip, arm_b, arm_a, leg");
+    assert_eq!(error, "x.csv: found no channel `tail`; known: clip, arm_b, arm_a, leg");
     let error = refusal("x.csv", text, &all());
     assert_eq!(error, "x.csv, line 2, column 1 (`clip`): found `walk`, expected a number");
 }
@@ -149,7 +149,7 @@ fn a_printed_topic_is_read_by_field() {
     assert_eq!(column(&read_text("x.jsonl", &text, &velocity).unwrap(), 0), [9.0, 9.0]);
     let wrong = Selection { field: Some("torque".into()), ..all() };
     let error = refusal("x.jsonl", &text, &wrong);
-    assert_eq!(error, "x.jsonl, line 1: found no channel `torque`; there are count, position, velocity");
+    assert_eq!(error, "x.jsonl, line 1: found no channel `torque`; known: count, position, velocity");
 }
 
 #[test]

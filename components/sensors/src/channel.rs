@@ -75,7 +75,7 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// The same with another latency.
+    /// Returns the timing with another latency.
     pub(crate) fn late(self, latency: TimeSpan) -> Self {
         Self { latency, ..self }
     }
@@ -132,7 +132,7 @@ impl Channel {
         Self::from_parts(name, vec![*errors], axes, seed, [first, first + 1, first + 2, first + 3])
     }
 
-    /// A sensor each of whose axes has errors of its own. `streams` are the numbers of the noises of a seed
+    /// Creates a sensor whose axes have separate errors. `streams` are the numbers of the noises of a seed
     /// that bias, scale, readings and walk are drawn from.
     ///
     /// # Errors

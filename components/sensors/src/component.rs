@@ -54,7 +54,7 @@ impl Component for JointEncoder {
 
     fn declare(config: &EncoderSettings, declare: &mut Declare) -> Result<(), ConfigError> {
         let robot = declare.robot().ok_or_else(|| {
-            ConfigError::new("the component names no robot, and needs its joints")
+            ConfigError::new("the component needs the joints of a robot, but names no robot")
                 .advise("add `robot = \"NAME\"` to the component")
         })?;
         // without a known period, any latency is allowed

@@ -13,7 +13,7 @@ pub struct WorldWrench {
 }
 
 impl WorldWrench {
-    /// The same wrench about the origin of a frame, in its axes: force \[N\] and torque \[Nm\].
+    /// Returns force \[N\] and torque \[Nm\] about the origin of a frame, in its axes.
     pub fn seen_from(&self, frame: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let torque = self.torque - frame.translation.vector.cross(&self.force);
         let inverse = frame.rotation.inverse();
@@ -194,8 +194,8 @@ impl Loads {
         }
     }
 
-    /// The wrench that the joint above a link, moving or fixed, exerted on the link: the mean of the interval
-    /// that the last sample closed.
+    /// Returns the wrench that the joint above a link, moving or fixed, exerted on the link: the mean over
+    /// the interval up to the last sample.
     pub fn through(&self, link: FrameId) -> WorldWrench {
         self.wrenches[link.index()]
     }

@@ -31,7 +31,7 @@ impl Noise {
         StandardNormal.sample(&mut self.generator)
     }
 
-    /// The next number between 0 and 1, evenly distributed; 1 never comes.
+    /// Returns the next uniformly distributed number from 0 to below 1.
     pub fn uniform(&mut self) -> f64 {
         StandardUniform.sample(&mut self.generator)
     }

@@ -32,12 +32,12 @@ pub struct Pinhole {
 }
 
 impl Pinhole {
-    /// A camera with an angle of `field_of_view` \[rad\] between the left and the right edge of its pictures.
+    /// Creates a camera with a horizontal `field_of_view` \[rad\].
     pub fn new(width: u32, height: u32, field_of_view: f64) -> Self {
         Self::square(width, height, half(width) / (0.5 * field_of_view).tan())
     }
 
-    /// A camera with an angle of `field_of_view` \[rad\] between the top and the bottom edge of its pictures.
+    /// Creates a camera with a vertical `field_of_view` \[rad\].
     pub fn upright(width: u32, height: u32, field_of_view: f64) -> Self {
         Self::square(width, height, half(height) / (0.5 * field_of_view).tan())
     }

@@ -173,8 +173,8 @@ impl Renderer {
 
 /// The errors of the pixels of a picture. The default is an ideal sensor, whose levels are rounded.
 ///
-/// A channel of level `l` (0 to 255) is read as `round(l + sqrt(l 255 / full_well + read_noise^2) n)` with a
-/// standard normal `n` of its own: shot noise, by which the number of electrons varies as its square root,
+/// A channel of level `l` (0 to 255) is read as `round(l + sqrt(l 255 / full_well + read_noise^2) n)` with an
+/// independent standard normal `n`: shot noise, by which the number of electrons varies as its square root,
 /// and the noise of the amplifier.
 ///
 /// ```toml
@@ -192,7 +192,8 @@ pub struct PixelNoise {
 }
 
 impl PixelNoise {
-    /// The same with a factor of all deviations: shot noise grows as the root of fewer electrons.
+    /// Returns the noise with all deviations multiplied by `factor`; shot noise grows as the root of fewer
+    /// electrons.
     pub(crate) fn scaled(&self, factor: f64) -> Self {
         let electrons = |well: f64| (well / (factor * factor)).max(1.0);
         Self {

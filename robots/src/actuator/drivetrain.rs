@@ -6,7 +6,7 @@ use super::{Actuator, EffortLaw};
 /// with a gap.
 ///
 /// With `backlash = 0` it is a series-elastic actuator; with a stiff spring and a gap, a gear with backlash
-/// (the dead-zone model of Nordin and Gutman 2002): within the gap neither side feels the other, at its ends
+/// (the dead-zone model of Nordin and Gutman 2002): within the gap neither side moves the other, at its ends
 /// the teeth push and never pull. All values are at the joint, behind the gear: the rotor inertia times the
 /// square of the gear ratio.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -221,8 +221,7 @@ impl Actuator {
         Some(JointLaw { effort: share * (tension + give * free), slope: share * give, low, high })
     }
 
-    /// Takes in the effort on the joint \[Nm or N\] of a step of `h` \[s\]: it is the load of the motor,
-    /// which moves on.
+    /// Advances the motor by a step of `h` \[s\] under the load of the joint \[Nm or N\].
     pub fn apply_load(&mut self, command: &DriveCommand, load: f64, h: f64) {
         let (Some(drivetrain), Some(mut motor)) = (self.drivetrain, self.motor) else { return };
         let step = MotorStep::new(&drivetrain, &motor, command, (&self.law(motor.velocity, h), h));

@@ -1,4 +1,4 @@
-//! Vectors of parry, which has a type of its own.
+//! Vectors of parry, a separate type.
 
 use parry3d_f64::math::Vector;
 

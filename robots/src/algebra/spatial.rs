@@ -116,7 +116,7 @@ pub(crate) struct RigidInertia {
 impl RigidInertia {
     pub(crate) const ZERO: Self = Self { mass: 0.0, moment: V3::ZERO, rotational: S3::ZERO };
 
-    /// The same inertia in the axes and about the origin in which its own frame is at `r`, `p`.
+    /// Returns the inertia in another frame, in which this one is at rotation `r` and position `p`.
     #[inline(always)]
     pub(crate) fn moved(&self, r: &M3, p: V3) -> Self {
         let moment = *r * self.moment;

@@ -160,7 +160,7 @@ fn gains(model: &Model, home: &DVector<f64>) -> String {
 struct Weights {
     /// Inertia that each joint moves while the others are fixed, kg m^2 or kg.
     inertia: Vec<f64>,
-    /// Inertia that each joint feels while the others are free.
+    /// Inertia at each joint while the others are free.
     free_inertia: Vec<f64>,
     /// Effort that holds it against gravity, N m or N.
     gravity: Vec<f64>,

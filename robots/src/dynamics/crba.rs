@@ -115,7 +115,7 @@ impl Dynamics {
         }
     }
 
-    /// The same where joints share columns: every pair of joints adds to the entry of its columns.
+    /// Computes the mass matrix if joints share columns: each pair of joints adds to its columns' entry.
     fn coupled_mass(&mut self, flat: &FlatModel, out: &mut [f64], n: usize) {
         for column in 0..n {
             out[column * n..][..=column].fill(0.0);

@@ -14,8 +14,7 @@ use crate::model::flat::FlatModel;
 
 /// Derivatives of a vector of efforts or accelerations, each nv x nv.
 ///
-/// Those by `q` are by a motion along the manifold: column `i` is the change for `integrate(q, e_i dt)`, per
-/// `dt`.
+/// Derivatives by `q` are along the manifold: column `i` is the change for `integrate(q, e_i dt)`, per `dt`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derivatives {
     /// By the configuration.
@@ -27,7 +26,7 @@ pub struct Derivatives {
 }
 
 impl Derivatives {
-    /// Room for the derivatives of `model`.
+    /// Allocates the derivatives of `model`.
     pub fn new(model: &Model) -> Self {
         let zeros = DMatrix::zeros(model.nv(), model.nv());
         Self { q: zeros.clone(), v: zeros.clone(), input: zeros }

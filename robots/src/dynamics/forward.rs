@@ -8,8 +8,8 @@ use crate::{FrameId, Model};
 impl Dynamics {
     /// Forward dynamics: `a_out = M(q)^-1 (tau - C(q, v) v - g(q))` \[rad/s2 or m/s2\].
     ///
-    /// The articulated body algorithm, in O(nv); with mimic joints, whose loops it cannot see, the mass
-    /// matrix and its factor, in O(nv^3).
+    /// The articulated body algorithm, in O(nv); with mimic joints, which form loops, the mass matrix
+    /// and its factor, in O(nv^3).
     ///
     /// # Errors
     ///

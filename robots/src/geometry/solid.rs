@@ -99,7 +99,7 @@ pub(super) struct Solid {
     pub(super) radius: f64,
     /// Pose in the frame of the link's body, the base or the world.
     pub(super) placement: Isometry3<f64>,
-    /// The same pose in the frame of the body's node, which the algorithms use.
+    /// Rotation of that pose in the frame of the body's node, which the algorithms use.
     pub(super) rotation: M3,
     pub(super) position: V3,
     /// Radius of the bounding sphere about `position`.

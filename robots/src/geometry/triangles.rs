@@ -33,7 +33,7 @@ pub struct SurfaceEdge {
 
 /// Surface of a mesh. The front of its triangles is outside.
 ///
-/// Sides between coplanar triangles, and in valleys, are not [edges](SurfaceEdge): nothing catches on them.
+/// Flat and concave sides of triangles are not [edges](SurfaceEdge), so nothing catches on them.
 ///
 /// ```
 /// use motorium_robots::{TriangleMesh, TriangleSurface};

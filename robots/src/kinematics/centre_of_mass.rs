@@ -100,7 +100,7 @@ impl Kinematics {
         whole
     }
 
-    /// The same if several joints share a column: each body contributes to the columns of all joints that
+    /// Fills the columns if several joints share one: each body contributes to the columns of all joints that
     /// carry it.
     fn couple_columns<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &self,

@@ -208,7 +208,7 @@ impl Kinematics {
         self.add_point_slope_strided(model, slot, (point, direction), row, 1);
     }
 
-    /// The same into every `stride`-th entry: a row of a matrix that is stored by columns.
+    /// Adds the slope to every `stride`-th entry: a row of a matrix that is stored by columns.
     pub(crate) fn add_point_slope_strided(
         &self,
         model: &Model,

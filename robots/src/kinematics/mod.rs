@@ -89,8 +89,8 @@ impl Kinematics {
         }
     }
 
-    /// Forward kinematics of all bodies at `q` (nq) moving with `v` (nv). Accelerations become those at `a =
-    /// 0`: the drift `Jdot v` of every frame.
+    /// Forward kinematics of all bodies at `q` (nq) moving with `v` (nv). Accelerations become the
+    /// drift `Jdot v` of every frame, at `a = 0`.
     pub fn update_with_velocity(&mut self, model: &Model, q: &[f64], v: &[f64]) {
         widest(Moving { kinematics: self, model, motion: (q, v) });
     }

@@ -32,7 +32,7 @@ pub fn angular_motion(phi: &RotationRates) -> (Vector3<f64>, Vector3<f64>) {
     (velocity, angular_acceleration)
 }
 
-/// The rates of the rotation vector that go with an angular velocity \[rad/s\] and acceleration \[rad/s2\] in
+/// Rates of the rotation vector for an angular velocity \[rad/s\] and acceleration \[rad/s2\] in
 /// world axes: the inverse of [`angular_motion`]. `None` at a whole turn, where the left Jacobian is
 /// singular.
 pub fn rotation_rates(

@@ -74,8 +74,8 @@ impl TriangleMesh {
         mesh.is_without_rim() && volume(&mesh) >= (1.0 - 1e-6) * hull
     }
 
-    /// The same mesh, turned inside out where it encloses a volume and its triangles face inward. Corners at
-    /// one position must be one: see [`welded`](Self::welded).
+    /// Returns the mesh, with all triangles flipped if it encloses a volume and they face inward. Coincident
+    /// corners must be merged first: see [`welded`](Self::welded).
     ///
     /// ```
     /// use motorium_robots::TriangleMesh;
@@ -94,7 +94,7 @@ impl TriangleMesh {
     }
 
     /// Ends of an edge \[m\] of two triangles that face opposite sides: both run along it in the same
-    /// direction. `None` where all neighbours face the same side. Corners at one position must be one: see
+    /// direction. `None` if all neighbours face the same side. Coincident corners must be merged first: see
     /// [`welded`](Self::welded).
     pub fn twisted_edge(&self) -> Option<[Vector3<f64>; 2]> {
         let edges = self.directed_edges();

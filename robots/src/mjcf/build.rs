@@ -107,7 +107,7 @@ pub(crate) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
 }
 
 /// Gives joints with a `springdamper` the damping for its time constant and the stiffness for its damping
-/// ratio, from the inertia that each feels in the pose of the file, all joints free. An error is the joint's
+/// ratio, from the inertia at each joint in the pose of the file, all joints free. An error is the joint's
 /// element: the mass matrix is singular.
 fn damp<'a, 'i>(
     name: &str,

@@ -8,7 +8,7 @@ use super::keyframes::Keyframe;
 use crate::profile::GainArrays;
 use crate::{BaseKind, BasePose, Coordinate, Dynamics, Model, PerJoint, Profile};
 
-/// The drive of a joint, as the joint feels it: `tau = kp (q_des - q) + kd (v_des - v)`.
+/// The drive of a joint, on the side of the joint: `tau = kp (q_des - q) + kd (v_des - v)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PositionDrive {
     pub(crate) kp: f64,

@@ -27,7 +27,7 @@ impl fmt::Display for MjcfError {
     }
 }
 
-/// Problems of MJCF files.
+/// A problem in an MJCF file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MjcfProblem {
     /// Not well-formed XML.

@@ -86,7 +86,7 @@ pub(crate) const BODY: Schema = Schema {
         (Use::Read, &POSE),
         (Use::Read, &["name", "childclass"]),
         (Use::NoEffect, &["user", "sleep", "simple", "fuse"]),
-        (Use::Refused("a body moved from outside is no part of a robot"), &["mocap"]),
+        (Use::Refused("a body moved from outside is not part of a robot"), &["mocap"]),
         (Use::Refused("no force here acts against gravity; compensate it in the controller"), &["gravcomp"]),
     ],
 };

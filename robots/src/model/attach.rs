@@ -29,7 +29,7 @@ pub enum AttachError {
     )]
     InWorld(String),
     /// A name would be duplicated.
-    #[error("both have a {what} named \"{name}\"; give another prefix")]
+    #[error("both models have a {what} named \"{name}\"; choose another prefix")]
     Name {
         /// `link` or `joint`.
         what: &'static str,
@@ -154,7 +154,7 @@ impl Model {
         self.attached(frame, &payload, &Isometry3::identity(), "")
     }
 
-    /// Several robots in one world, as one model: `q` and `v` are theirs one after the other. The first frame
+    /// Several robots in one world, as one model: `q` and `v` are concatenated. The first frame
     /// is `world`.
     ///
     /// # Errors

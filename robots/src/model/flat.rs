@@ -35,7 +35,7 @@ pub(crate) struct FlatModel {
     pub(crate) coupled: bool,
     /// `true` if bodies are ordered depth first and each has its own column of `v`.
     pub(crate) orderly: bool,
-    /// The same bodies in frames on their axes.
+    /// The bodies in frames on their joint axes.
     pub(crate) dh_frames: DhFrames,
     /// For every column of `v`, the next one towards the base; itself at the root. The sparsity of the mass
     /// matrix.

@@ -19,7 +19,7 @@ impl Inertia {
         Self { mass: 0.0, com: Vector3::zeros(), rotational: Matrix3::zeros() }
     }
 
-    /// The same inertia seen from the parent of `pose`: `pose` places this body's frame.
+    /// Returns the inertia in the parent frame, in which `pose` places this body's frame.
     pub fn moved(&self, pose: &Isometry3<f64>) -> Self {
         let r = pose.rotation.to_rotation_matrix().into_inner();
         Self {
@@ -29,7 +29,7 @@ impl Inertia {
         }
     }
 
-    /// The same shape `factor` times as dense.
+    /// Returns the inertia of the same shape with `factor` times its density.
     #[must_use]
     pub fn times(&self, factor: f64) -> Self {
         Self { mass: self.mass * factor, com: self.com, rotational: self.rotational * factor }

@@ -64,7 +64,7 @@ impl Drive {
     /// A joint that is driven directly, by something without inertia.
     pub const DIRECT: Self = Self { reduction: 1.0, rotor_inertia: 0.0 };
 
-    /// Inertia of the rotor as the joint feels it \[kg m2 or kg\]: part of the mass matrix, on its diagonal.
+    /// Rotor inertia reflected to the joint \[kg m2 or kg\], part of the diagonal of the mass matrix.
     pub fn armature(&self) -> f64 {
         self.reduction * self.reduction * self.rotor_inertia
     }
@@ -80,9 +80,9 @@ impl Default for Drive {
 /// this crate includes them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafetyController {
-    /// Position from which on the allowed speed shrinks \[rad or m\].
+    /// Lower soft limit of the position \[rad or m\].
     pub soft_lower: f64,
-    /// The same at the other end \[rad or m\].
+    /// Upper soft limit of the position \[rad or m\].
     pub soft_upper: f64,
     /// Allowed speed per distance from the soft limit \[1/s\].
     pub k_position: f64,

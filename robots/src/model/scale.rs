@@ -37,8 +37,8 @@ impl BodyFactors {
 }
 
 impl Model {
-    /// The same robot with other masses, joint friction and efforts: `base` is the factor of the mass of the
-    /// base, `bodies` has factors for each of its [`bodies`](Self::bodies). Shapes, centres of mass and
+    /// Returns the robot with scaled masses, joint friction and efforts: `base` is the factor on the base's
+    /// mass, `bodies` has factors for each of its [`bodies`](Self::bodies). Shapes, centres of mass and
     /// ranges of motion stay.
     ///
     /// ```

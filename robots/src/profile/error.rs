@@ -48,7 +48,7 @@ pub enum ProfileError {
         robot: String,
     },
     /// The profile lists a joint the model does not have.
-    #[error("{what} names joint \"{joint}\", which is no independent joint of robot \"{robot}\"")]
+    #[error("{what} names joint \"{joint}\", which is not an independent joint of robot \"{robot}\"")]
     UnknownJoint {
         /// The key that names it.
         what: String,
@@ -86,7 +86,7 @@ pub enum ProfileError {
     },
     /// The pose of a fixed base.
     #[error(
-        "`base_poses` places a base that is fixed to the world; write base = \"floating\", or leave it out"
+        "`base_poses` is set, but the base is fixed to the world; write base = \"floating\", or remove `base_poses`"
     )]
     FixedBasePlaced,
 }

@@ -26,13 +26,13 @@ pub struct BasePose {
 }
 
 impl BasePose {
-    /// Pose of an isometry.
+    /// Converts an isometry to a pose.
     pub fn from_isometry(pose: &Isometry3<f64>) -> Self {
         let (roll, pitch, yaw) = pose.rotation.euler_angles();
         Self { position: pose.translation.vector.into(), rpy: [roll, pitch, yaw] }
     }
 
-    /// The same as an isometry: the base frame in the world.
+    /// Returns the pose as an isometry, the base frame in the world.
     pub fn isometry(&self) -> Isometry3<f64> {
         let ([x, y, z], [roll, pitch, yaw]) = (self.position, self.rpy);
         Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw))
@@ -85,7 +85,7 @@ pub enum Steering {
 }
 
 impl Steering {
-    /// Its name in a profile.
+    /// Name of the drive in a profile.
     pub fn name(self) -> &'static str {
         match self {
             Self::Differential => "differential",

@@ -40,7 +40,7 @@ pub struct HeightField {
 /// A triangle of a height field near a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearTriangle {
-    /// The same number for the same triangle.
+    /// Number of the triangle in the field.
     pub index: u32,
     /// Point of the surface nearest to the given one \[m\].
     pub nearest: Point3<f64>,
@@ -102,7 +102,7 @@ impl HeightField {
         (self.origin, self.count)
     }
 
-    /// Distance of two heights that are side by side \[m\].
+    /// Distance between neighbouring heights \[m\].
     pub fn spacing(&self) -> f64 {
         self.spacing
     }

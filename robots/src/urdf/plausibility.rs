@@ -1,4 +1,4 @@
-//! Doubts about a whole model: followers with narrower limits than their leaders, and sizes in another unit.
+//! Plausibility of a whole model: followers with narrower limits than their leaders, sizes in another unit.
 
 use nalgebra::Vector3;
 
@@ -90,8 +90,8 @@ fn longest_side(mesh: &TriangleMesh, scale: &Vector3<f64>) -> f64 {
 }
 
 impl ModelWarning {
-    /// Doubts about the sizes of the meshes of moving links, whose files are read for it. A mesh that cannot
-    /// be read is left out; distances and contacts refuse it.
+    /// Warnings about implausible sizes of the meshes of moving links, read from their files. A mesh that
+    /// cannot be read is left out; distances and contacts refuse it.
     pub fn of_meshes(model: &Model) -> Vec<Self> {
         let mut warnings = Vec::new();
         for shape in model.bodies().iter().flat_map(|body| &body.shapes) {

@@ -86,7 +86,7 @@ pub enum ModelWarning {
         what: &'static str,
     },
     /// A limit without effort.
-    #[error("joint \"{joint}\": <limit> gives no effort; taken as unlimited")]
+    #[error("joint \"{joint}\": <limit> has no effort; treated as unlimited")]
     NoEffortLimit {
         /// Joint at fault.
         joint: String,
@@ -207,7 +207,7 @@ struct Shared<'w> {
     /// `link` or `joint`.
     part: &'static str,
     name: &'w str,
-    /// The same text for the same defect.
+    /// Text of the defect; equal defects have equal texts.
     defect: String,
     /// The words of the defect of several.
     of_several: String,

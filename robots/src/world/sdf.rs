@@ -345,7 +345,7 @@ impl Reader<'_> {
             return Err(problem(
                 self.path,
                 uri,
-                format!("\"{name}\" is no file; write a path beside the SDF"),
+                format!("\"{name}\" is not a file; write a path relative to the SDF file"),
             ));
         }
         let scale =

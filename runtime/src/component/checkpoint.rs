@@ -14,7 +14,7 @@ impl Setup {
     pub fn checkpoint(&self, numbers: usize) -> Result<Checkpoint, ConfigureError> {
         if numbers * 8 > CHECKPOINT_BYTES {
             return Err(ConfigureError::failed(format!(
-                "a checkpoint of {numbers} numbers, but it holds {}",
+                "a checkpoint of {numbers} numbers, expected at most {}",
                 CHECKPOINT_BYTES / 8
             )));
         }

@@ -8,9 +8,9 @@ use crate::declare::{ConfigError, Declare, StepError};
 /// A component as an object: for programs that read scripts, and for bindings of other languages, which have
 /// no Rust type for each component.
 ///
-/// It means the same as [`Component`](super::Component), method by method. Its configuration is JSON, its
-/// ports are usually from [`raw`](crate::raw), and whether it resets is declared by
-/// [`Declare::resets`]. `program::main_of` is the `main` of its program, which a graph names by `exec`.
+/// Its methods are the methods of [`Component`](super::Component). Its configuration is JSON, its ports are
+/// usually from [`raw`](crate::raw), and [`Declare::resets`] declares that it can be reset.
+/// `program::main_of` is the `main` of its program, which a graph names by `exec`.
 ///
 /// ```no_run
 /// use motorium::component::{ConfigureError, DynamicComponent, Setup, Tick};

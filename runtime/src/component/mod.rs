@@ -204,7 +204,7 @@ pub trait Component: Sized + 'static {
 
     /// Declares ports and parameters, and checks the configuration as far as possible without running.
     ///
-    /// It must be fast, because `motorium check`, editors and every start wait for it. Reading the model of a
+    /// Must be fast, because `motorium check`, editors and every start wait for it. Reading the model of a
     /// robot or the header of a file is fine; fitting, training or planning belongs in
     /// [`configure`](Self::configure). `motorium check` measures the time and warns above 100 ms.
     ///

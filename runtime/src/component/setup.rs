@@ -125,10 +125,11 @@ impl Setup {
         &self.component().name
     }
 
-    /// The robot the graph gives this component.
+    /// Returns the robot that the graph gives this component.
     ///
     /// # Errors
-    /// The graph gives it none. Refuse that in `declare` already, so that `check` reports it.
+    /// The graph gives the component no robot. Check this in `declare`, too, so that `motorium check` reports
+    /// it.
     pub fn robot(&self) -> Result<&RobotReference, ConfigureError> {
         self.component().robot.as_ref().ok_or_else(|| {
             ConfigureError::failed("it needs a robot: add `robot = \"NAME\"` to the component")
@@ -165,7 +166,7 @@ impl Setup {
     /// Opens a declared input.
     ///
     /// # Errors
-    /// It is not declared, or was declared with another type, or its topic cannot be joined.
+    /// The port is not declared or has another type, or its topic cannot be joined.
     pub fn input<T: StateBuffer>(&mut self, port: &str) -> Result<Input<T>, PortError> {
         let (index, plan) = find(&self.component().inputs, port)?;
         same_type(&T::layout(), plan)?;
@@ -191,7 +192,7 @@ impl Setup {
     /// Opens a declared input of slices.
     ///
     /// # Errors
-    /// It is not declared, or was declared with another type, or its topic cannot be joined.
+    /// The port is not declared or has another type, or its topic cannot be joined.
     pub fn slice_input<T: StateBuffer>(&mut self, port: &str) -> Result<SliceInput<T>, PortError> {
         let (index, plan) = find(&self.component().inputs, port)?;
         same_type(&T::layout(), plan)?;
@@ -206,7 +207,7 @@ impl Setup {
     /// Opens a declared output of slices.
     ///
     /// # Errors
-    /// It is not declared, or was declared with another type, or its topic cannot be joined.
+    /// The port is not declared or has another type, or its topic cannot be joined.
     pub fn slice_output<T: StateBuffer>(&mut self, port: &'static str) -> Result<SliceOutput<T>, PortError> {
         let (index, plan) = find(&self.component().outputs, port)?;
         same_type(&T::layout(), plan)?;
@@ -226,7 +227,7 @@ impl Setup {
     /// Opens a declared input as bytes, of whatever type its topic is.
     ///
     /// # Errors
-    /// It is not declared, or its topic cannot be joined.
+    /// The port is not declared, or its topic cannot be joined.
     pub fn raw_input(&mut self, port: &str) -> Result<RawInput, PortError> {
         let (index, plan) = find(&self.component().inputs, port)?;
         let Some(place) = self.input_place(index, plan) else {
@@ -240,7 +241,7 @@ impl Setup {
     /// Opens a declared output for bytes of its layout.
     ///
     /// # Errors
-    /// It is not declared, its layout cannot be checked, or its topic cannot be joined.
+    /// The port is not declared, its layout cannot be checked, or its topic cannot be joined.
     pub fn raw_output(&mut self, port: &str) -> Result<RawOutput, PortError> {
         let (index, plan) = find(&self.component().outputs, port)?;
         let Some(topic) = plan.topic else { return RawOutput::unwired(plan, self.context().clone()) };
@@ -250,7 +251,7 @@ impl Setup {
     /// Opens a declared input of a stream or of slices as bytes, of whatever type its topic is.
     ///
     /// # Errors
-    /// It is not declared, was declared as a state, or its topic cannot be joined.
+    /// The port is not declared or is a state, or its topic cannot be joined.
     pub fn raw_stream_input(&mut self, port: &str) -> Result<RawStreamInput, PortError> {
         let (index, plan) = find(&self.component().inputs, port)?;
         let Some(place) = self.input_place(index, plan) else {
@@ -264,8 +265,7 @@ impl Setup {
     /// Opens a declared output of a stream or of slices for bytes of its layout.
     ///
     /// # Errors
-    /// It is not declared, was declared as a state, its layout cannot be checked, or its topic cannot be
-    /// joined.
+    /// The port is not declared or is a state, its layout cannot be checked, or its topic cannot be joined.
     pub fn raw_stream_output(&mut self, port: &str) -> Result<RawStreamOutput, PortError> {
         let (index, plan) = find(&self.component().outputs, port)?;
         let Some(topic) = plan.topic else { return RawStreamOutput::unwired(plan, self.context().clone()) };
@@ -308,7 +308,7 @@ impl Setup {
     /// Opens a declared output.
     ///
     /// # Errors
-    /// It is not declared, or was declared with another type, or its topic cannot be joined.
+    /// The port is not declared or has another type, or its topic cannot be joined.
     pub fn output<T: StateBuffer>(&mut self, port: &'static str) -> Result<Output<T>, PortError> {
         let (index, plan) = find(&self.component().outputs, port)?;
         same_type(&T::layout(), plan)?;
@@ -331,7 +331,7 @@ impl Setup {
     /// A declared parameter.
     ///
     /// # Errors
-    /// It is not declared, or was declared with another type.
+    /// The parameter is not declared or has another type.
     pub fn parameter<T: AnyParameter>(&self, name: &str) -> Result<Parameter<T>, ConfigureError> {
         let (_, numbers, place) = self.find_parameter(name, T::KIND)?;
         Ok(Parameter::new(numbers.clone(), place))
@@ -340,7 +340,7 @@ impl Setup {
     /// A declared array of numbers that is one parameter.
     ///
     /// # Errors
-    /// It is not declared, or was declared with another type.
+    /// The parameter is not declared or has another type.
     pub fn parameter_array(&self, name: &str) -> Result<ParameterArray, ConfigureError> {
         let (declaration, numbers, place) = self.find_parameter(name, ParameterKind::Array)?;
         Ok(ParameterArray::new(numbers.clone(), place, declaration.numbers()))

@@ -15,9 +15,8 @@ pub enum TakeWeights {
     /// Before the next step. After a reset an episode begins with the weights of the configuration.
     #[default]
     Step,
-    /// Before the first step of an episode, under either clock; those that arrive later wait for the next
-    /// one. They stay through resets. In a run without episodes only those are taken that are there at the
-    /// first step.
+    /// Before the first step of an episode, under either clock. Later weights wait for the next episode, or
+    /// have no effect in a run without episodes. Weights persist through resets.
     Episode,
 }
 
@@ -78,7 +77,7 @@ impl Setup {
     /// Opens a declared input of weights, for a model of `count` numbers.
     ///
     /// # Errors
-    /// It is not declared, or `count` is zero.
+    /// The port is not declared, or `count` is zero.
     pub fn weights(
         &mut self,
         port: &str,

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::nearest::{list, suggest};
 
-/// Maximum number of values in all parameters of one component: one each, and the length of each array.
+/// Maximum number of values in all parameters of one component; an array counts by its length.
 pub const MAX_PARAMETER_NUMBERS: usize = 256;
 
 /// The type of a parameter.

@@ -4,8 +4,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-/// The topics that a component reads by taps: every value of each, in order, without a port and without the
-/// writer's doing.
+/// The topics that a component reads by taps: every value, in order, without a port or a change in the writer.
 ///
 /// ```
 /// use motorium::declare::Taps;

@@ -113,10 +113,10 @@ impl Domain {
             .map_err(|error| refuse(format!("{error:?}")))
     }
 
-    /// A node of this process in the domain. Signals stay the program's own business.
+    /// Creates a node of this process in the domain. It installs no signal handlers.
     ///
     /// # Errors
-    /// Shared memory is full, forbidden, or the folder is gone.
+    /// Shared memory is full or inaccessible, or the folder no longer exists.
     pub fn node(&self) -> Result<Node<Shared>, DomainError> {
         // iceoryx2 would recreate the folder of a finished run.
         if self.root.parent().is_some_and(|folder| !folder.exists()) {

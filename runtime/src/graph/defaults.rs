@@ -21,7 +21,7 @@ pub(super) const IDLE_EXIT: TimeSpan = TimeSpan { ns: 0 };
 pub(super) const HANG_PERIODS: u64 = 20;
 /// Minimum time without a step after which a real-time component counts as hung.
 pub(super) const HANG_REALTIME: TimeSpan = TimeSpan { ns: 200 * MILLISECOND };
-/// The same for one that shares its cores with everything else.
+/// Minimum time without a step after which a component on shared cores counts as hung.
 pub(super) const HANG_NORMAL: TimeSpan = TimeSpan { ns: SECOND };
 /// Number of budgets (or periods, without a budget) that a component may compute without waiting.
 pub(super) const CPU_LIMIT_STEPS: u64 = 10;

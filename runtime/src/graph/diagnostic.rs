@@ -16,8 +16,8 @@ pub(super) struct Label {
 
 /// Number of findings of one severity that are shown; the others appear once these are fixed.
 const SHOWN: usize = 20;
-/// The same for a file that does not parse: in a file of another format every line is an error, and the first
-/// ones suffice.
+/// Number of findings shown of a file that does not parse: in a file of another format every line is an
+/// error.
 const SHOWN_OF_SYNTAX: usize = 5;
 
 /// One mistake: finding, position, and advice.

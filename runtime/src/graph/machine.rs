@@ -7,8 +7,8 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// Detects the online cores, including those isolated from the scheduler. Whether a process may use one
-    /// shows only when it is pinned there.
+    /// Detects the online cores, including cores isolated from the scheduler. Permission to use a core is
+    /// only known once a process is pinned to it.
     pub fn detect() -> Self {
         Self::with_cores(crate::os::machine::online_cores())
     }

@@ -121,7 +121,7 @@ pub(super) struct EpisodesTable {
     /// Number of episodes. Each lasts for `duration`, or until the component with `ends_episode` ends it.
     #[schemars(range(min = 1), extend("default" = defaults::EPISODES))]
     pub count: Option<At<u64>>,
-    /// True: each episode has a seed of its own, the graph's with the number of the episode added.
+    /// True: each episode has a separate seed, the graph's plus the number of the episode.
     #[schemars(extend("default" = false))]
     pub vary_seed: Option<At<bool>>,
 }

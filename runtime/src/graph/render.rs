@@ -32,7 +32,7 @@ impl Diagnostic {
         renderer.render(&[group])
     }
 
-    /// Returns the annotations of each text, that of the main position first.
+    /// Returns the annotations of each text, the one with the main position first.
     fn snippets(&self) -> Vec<(&Source, Vec<Annotation<'_>>)> {
         let mut snippets: Vec<(&Source, Vec<Annotation<'_>>)> = Vec::new();
         let primary = self.primary.iter().map(|label| (AnnotationKind::Primary, label));

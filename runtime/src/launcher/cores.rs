@@ -11,7 +11,7 @@ use crate::os::machine::CoreTimes;
 /// Length of a tick in `/proc/stat`, ms: `USER_HZ` is 100 on every architecture that Linux runs on today.
 const TICK_MS: f64 = 10.0;
 
-/// The other work of one core during a run.
+/// Other work on one core during a run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CoreReport {
     /// The core.

@@ -128,7 +128,7 @@ pub enum Event<'a> {
         late: &'a [&'a str],
         /// Actuators in their safe state whose joints are not at rest.
         moving: &'a [&'a str],
-        /// Those in their safe state.
+        /// Actuators at rest in their safe state.
         safe: &'a [&'a str],
     },
     /// The actuators stay in their safe state until `motorium resume`; the run continues.
@@ -222,7 +222,7 @@ impl Event<'_> {
         })
     }
 
-    /// Its severity.
+    /// Severity of the event.
     pub fn severity(&self) -> EventSeverity {
         match self {
             Self::Failed { .. }

@@ -37,7 +37,7 @@ pub struct LoggedEvent {
     pub kind: EventKind,
     /// Value as defined by its kind; otherwise 0.
     pub value: f64,
-    /// Some words for people.
+    /// Description of the event.
     pub text: String,
 }
 

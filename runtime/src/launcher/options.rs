@@ -32,7 +32,7 @@ pub struct Options {
 /// The hosting of components.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Hosting {
-    /// Each component in a process of its own.
+    /// Each component in a separate process.
     Processes,
     /// Each component in a thread of the launching process, unprotected from one another: for tests and for
     /// learning.

@@ -22,7 +22,7 @@ const SIGNAL_NS: u64 = 50_000_000;
 
 /// The consequence of a component's end.
 pub(super) enum AfterEnd {
-    /// It is restarted.
+    /// The component is restarted.
     Restarted,
     /// The graph continues without it.
     Ignored,
@@ -30,7 +30,7 @@ pub(super) enum AfterEnd {
     Fatal(String),
 }
 
-/// The end of a component, for people.
+/// The end of a component, as text.
 struct Account {
     tick: u64,
     reason: String,

@@ -23,19 +23,19 @@ pub(super) struct Supervision {
 /// The state of a component between its first step and its permanent end.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum State {
-    /// It steps.
+    /// The component steps.
     Stepping {
         /// Time of its start, ns.
         since_ns: u64,
     },
-    /// It hung and was killed. Its process has not ended yet.
+    /// The component hung and was killed; its process has not ended yet.
     Hung {
         /// Time of its start, ns.
         since_ns: u64,
         /// Time of the detection, ns.
         noticed_ns: u64,
     },
-    /// It ended and will be restarted. Its old process still has memory and slots in topics.
+    /// The component ended and will be restarted; its old process still has memory and slots in topics.
     Clearing(Down),
     /// Its old process is gone. The new one starts at [`Down::start_ns`].
     Due(Down),
@@ -48,7 +48,7 @@ pub(super) enum State {
         /// Text of its end.
         reason: String,
     },
-    /// It ended as requested, or with the run.
+    /// The component ended as requested, or with the run.
     Gone,
 }
 
@@ -73,7 +73,7 @@ pub(super) struct Facts {
     pub(super) overdue: Option<Overdue>,
     /// The memory of its old process is gone.
     pub(super) is_cleared: bool,
-    /// It steps after a restart.
+    /// The component steps after a restart.
     pub(super) steps_again: bool,
     /// Time within which a restarted component must step, ns.
     pub(super) within_ns: u64,
@@ -86,7 +86,7 @@ pub(super) struct Facts {
 pub(super) struct Ended {
     /// The cause.
     pub(super) end: End,
-    /// It did not end in good order.
+    /// The component did not end in good order.
     pub(super) is_failure: bool,
     /// A signal requested the end of the run.
     pub(super) is_requested: bool,
@@ -100,17 +100,17 @@ pub(super) struct Ended {
 pub(super) enum Action {
     /// Nothing to do yet.
     Wait,
-    /// It hung: kill its process.
+    /// Kill the process of a hung component.
     KillHung(Overdue),
-    /// Its old process is gone: free its slots in the topics.
+    /// Free the slots of the ended process in the topics.
     Clear,
     /// Start its new process.
     Start,
-    /// It steps again: report the restart.
+    /// Report the restart of a component that steps again.
     Recover,
-    /// It does not step in time after a restart: kill its process.
+    /// Kill the process of a component that does not step in time after a restart.
     KillLate,
-    /// It ended as requested.
+    /// Leave a component that ended as requested.
     Leave,
     /// Restart it.
     Restart {
@@ -130,9 +130,9 @@ pub(super) enum Action {
 pub(super) enum Loss {
     /// Its policy grants no restart after this failure.
     Failed,
-    /// It crashes after each restart: the shared memory of the run is damaged.
+    /// The component crashes after each restart, because the shared memory of the run is damaged.
     Damaged,
-    /// It ended in good order, but the graph still runs.
+    /// The component ended in good order, but the graph still runs.
     Early,
 }
 
@@ -184,7 +184,7 @@ impl State {
         }
     }
 
-    /// Returns `true` while it has a process of its own whose end counts.
+    /// Returns `true` while the component has a separate process whose end counts.
     pub(super) fn has_process(&self) -> bool {
         matches!(self, Self::Stepping { .. } | Self::Hung { .. } | Self::Starting(_) | Self::Late(_))
     }

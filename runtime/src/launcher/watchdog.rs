@@ -149,7 +149,7 @@ impl Watchdog {
         !matches!(self.waits_for, WaitsFor::Clock)
     }
 
-    /// The same with half of `hang_after`.
+    /// Returns the watchdog with half of its `hang_after`.
     pub(super) fn with_half_the_timeout(mut self) -> Self {
         self.hang_after_ns /= 2;
         self

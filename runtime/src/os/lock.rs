@@ -15,7 +15,7 @@ use std::path::Path;
 pub struct Lock(#[expect(dead_code, reason = "the open file holds the lock")] File);
 
 impl Lock {
-    /// Acquires the lock on a file, which is created if missing, accessible to its owner only.
+    /// Acquires the lock on a file. Creates a missing file, accessible to its owner only.
     ///
     /// # Errors
     /// The file cannot be created or opened, or the file system has no locks.

@@ -77,7 +77,7 @@ impl Watch {
     /// # Errors
     /// The process does not exist.
     pub fn new(pid: u32) -> io::Result<Self> {
-        let pid = Pid::from_raw(pid as i32).ok_or_else(|| io::Error::other("0 is no process"))?;
+        let pid = Pid::from_raw(pid as i32).ok_or_else(|| io::Error::other("0 is not a process id"))?;
         Ok(Self(rustix::process::pidfd_open(pid, PidfdFlags::empty())?))
     }
 

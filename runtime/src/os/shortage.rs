@@ -46,7 +46,7 @@ pub fn amount(bytes: u64) -> String {
 }
 
 /// Describes the currently exhausted resource with advice, if any: descriptors of this process, space in
-/// shared memory or in the file system of `place`. It names the cause of errors that do not.
+/// shared memory or in the file system of `place`. For errors that do not name their cause.
 pub fn shortage(place: &Path) -> Option<String> {
     if let Err(error) = File::open("/dev/null") {
         match error.raw_os_error() {

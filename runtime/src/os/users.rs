@@ -1,6 +1,6 @@
 //! Processes and threads of users from `/proc`: the number of this user's, and the real-time ones of others.
 //!
-//! With `hidepid`, or in a separate process namespace, those of others are invisible.
+//! With `hidepid`, or in a separate process namespace, processes of others are invisible.
 
 use std::fs;
 

@@ -93,9 +93,9 @@ impl ParameterTable {
 
     fn admit(&self, path: &str, value: ParameterValue) -> Result<Admitted<'_>, ParameterError> {
         let unknown = |message: String| ParameterError::Unknown(message);
-        let (name, parameter) = path
-            .split_once('.')
-            .ok_or_else(|| unknown(format!("`{path}` is no parameter; write it as `component.parameter`")))?;
+        let (name, parameter) = path.split_once('.').ok_or_else(|| {
+            unknown(format!("`{path}` is not a parameter; write it as `component.parameter`"))
+        })?;
         let components = &self.plan.components;
         let index = components.iter().position(|component| component.name == name).ok_or_else(|| {
             let names = components.iter().map(|component| component.name.as_str());

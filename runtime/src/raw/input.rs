@@ -12,7 +12,7 @@ use crate::transport::{Connect, InputPlace, Participant, PortError, refused};
 /// An input port that reads the newest value of a topic of any type, in place, as bytes in the topic's
 /// layout.
 ///
-/// It is meant for code that forwards values without knowing their type. Declare it with
+/// For code that forwards values without knowing their type. Declare it with
 /// [`Declare::raw_input`](crate::declare::Declare::raw_input).
 #[derive(Debug)]
 pub struct RawInput {

@@ -204,8 +204,9 @@ impl RawStreamOutput {
     /// the components that it triggers.
     ///
     /// # Errors
-    /// It is not published: it holds a number that is not finite or a count that does not fit, is longer than
-    /// declared, no part of a whole number of elements, or comes too late; or readers hold all samples.
+    /// The value is not published if it has a number that is not finite or a count that does not fit, is
+    /// longer than declared, is not a whole number of elements, or comes too late; or if readers hold all
+    /// samples.
     pub fn publish(&mut self, bytes: &[u8]) -> Result<(), RawError> {
         self.finish(bytes, None)
     }

@@ -1,6 +1,6 @@
 //! The end of a component: a typed cause in the control block, and its words.
 //!
-//! Every decision about an end matches on [`End`]. The text of an error or a panic is only for people.
+//! Every decision about an end matches on [`End`]. The text of an error or a panic is only for display.
 
 use core::fmt;
 use std::panic::Location;
@@ -20,13 +20,13 @@ pub enum End {
     Killed(i32),
     /// The launcher killed its process.
     KilledByLauncher,
-    /// It reported an error.
+    /// The component reported an error.
     Failed,
-    /// It panicked.
+    /// The component panicked.
     Panicked(PanicOrigin),
-    /// It started no step, or did not end one, within `hang_after`.
+    /// The component started no step, or did not end one, within `hang_after`.
     Hung(Hang),
-    /// It did not step in time after a restart.
+    /// The component did not step in time after a restart.
     NotStepping {
         /// The allowed time, ns.
         within_ns: u64,
@@ -243,7 +243,7 @@ impl fmt::Display for Failure {
 
 /// A panic at a place in a source file, with its text.
 pub(crate) fn panic_end(location: Option<&Location<'_>>, message: Option<&str>) -> (End, String) {
-    let message = message.unwrap_or("a value that is no text");
+    let message = message.unwrap_or("a value that is not text");
     let Some(location) = location else {
         return (End::Panicked(PanicOrigin::Component), format!("panicked: {message}"));
     };
@@ -342,7 +342,7 @@ mod tests {
         let (end, text) = panic_end(Some(here), Some("no camera"));
         assert_eq!(end, End::Panicked(PanicOrigin::Component));
         assert_eq!(text, format!("panicked at {}:{}: no camera", here.file(), here.line()));
-        assert_eq!(panic_end(None, None).1, "panicked: a value that is no text");
+        assert_eq!(panic_end(None, None).1, "panicked: a value that is not text");
     }
 
     #[test]

@@ -98,7 +98,7 @@ pub enum Refusal {
     Limits = 3,
     /// The stamp is in the future.
     Future = 4,
-    /// It is older than the previous command.
+    /// The command is older than the previous one.
     Sequence = 5,
     /// The source measurement is too old.
     StaleSource = 6,

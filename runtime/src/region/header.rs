@@ -141,8 +141,8 @@ impl Header {
         &self.command
     }
 
-    /// Orders a command of all workers. Commands only rise: a safe stop is never taken back, and a late one,
-    /// of a component or the guard, takes back no stop.
+    /// Orders a command of all workers. A command is never replaced by a lower one: a late safe stop, of a
+    /// component or the guard, does not replace a stop.
     pub fn order(&self, command: Command) {
         self.command.fetch_max(command as u32, AcqRel);
         crate::os::futex_wake(&self.command);

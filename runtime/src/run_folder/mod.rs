@@ -152,7 +152,7 @@ impl RunFolder {
     /// Returns the folder for new runs, checked if it exists.
     ///
     /// # Errors
-    /// It is not private to this user.
+    /// The folder is not private to this user.
     pub fn parent_folder() -> Result<PathBuf, RunFolderError> {
         let place = place::all().swap_remove(0);
         match place::check(&place) {
@@ -191,7 +191,7 @@ impl RunFolder {
         &self.id
     }
 
-    /// Its path.
+    /// Path of the folder.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -199,7 +199,7 @@ impl RunFolder {
     /// The run's plan.
     ///
     /// # Errors
-    /// It cannot be read.
+    /// The plan cannot be read.
     pub fn plan(&self) -> Result<Plan, RunFolderError> {
         let file = self.path.join("plan.json");
         let text = fs::read(&file).map_err(io(&file))?;
@@ -210,7 +210,7 @@ impl RunFolder {
     /// The run's control block.
     ///
     /// # Errors
-    /// It cannot be mapped.
+    /// The control block cannot be mapped.
     pub fn region(&self) -> Result<Region, RunFolderError> {
         Ok(Region::open(&self.path.join("region"))?)
     }
@@ -223,7 +223,7 @@ impl RunFolder {
         Ok(Domain::new(&self.path, &self.id)?)
     }
 
-    /// True if its launcher or its guard is alive, in whichever process namespace.
+    /// Returns `true` if the launcher or the guard of the run is alive, in any process namespace.
     pub fn is_alive(&self) -> bool {
         self.lock_files().is_ok_and(|(folder, objects)| is_held(&folder) || is_held(&objects))
     }

@@ -10,7 +10,7 @@ use super::{RunFolderError, io};
 /// `/dev/shm/motorium-UID`. It is created if missing.
 ///
 /// # Errors
-/// It cannot be created, or others could access it.
+/// The folder cannot be created, or others could access it.
 pub(super) fn make() -> Result<PathBuf, RunFolderError> {
     let path = all().swap_remove(0);
     match fs::DirBuilder::new().mode(0o700).create(&path) {
@@ -97,7 +97,7 @@ pub(super) fn check(path: &Path) -> Result<(), RunFolderError> {
     Ok(())
 }
 
-/// True if this process lives in a user namespace of its own.
+/// Returns `true` if this process is in a separate user namespace.
 fn is_mapped_elsewhere() -> bool {
     let map = fs::read_to_string("/proc/self/uid_map").unwrap_or_default();
     !map.is_empty() && map.split_whitespace().collect::<Vec<_>>() != ["0", "0", "4294967295"]

@@ -21,7 +21,7 @@ pub enum SessionError {
     /// Only simulated time can be held, set back or made to pass faster.
     #[error("{what}: the run is in real time; launch it with the clock `lockstep`")]
     RealTime {
-        /// The value that was asked for.
+        /// The requested value.
         what: &'static str,
     },
     /// Simulated time is set back for an episode.
@@ -48,12 +48,12 @@ pub enum SessionError {
         component: String,
     },
     /// A factor of time that is not above zero, or not finite.
-    #[error("simulated time cannot pass {0} times as fast as real time; the factor is above 0")]
+    #[error("simulated time cannot run at {0} times real time; expected a factor above 0")]
     Pace(f64),
     /// The graph has no such topic.
     #[error("the graph has no topic `{topic}`; {advice}")]
     NoTopic {
-        /// The topic asked for.
+        /// The requested topic.
         topic: String,
         /// The topics there are, or the one that was probably meant.
         advice: String,

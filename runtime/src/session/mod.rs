@@ -1,6 +1,6 @@
 //! A run that a program drives: launched, stepped, read, set back and ended by its owner.
 //!
-//! A [`Session`] belongs to one thread. A program may have several at once, each in a thread of its own and
+//! A [`Session`] belongs to one thread. A program may have several at once, each in a separate thread and
 //! on a core of its choice: roll-outs of a learner, say. `motorium run` is [`run`], a loop over a session.
 //!
 //! # Time
@@ -162,7 +162,7 @@ impl<'o> Session<'o> {
         self.launch.plan()
     }
 
-    /// Name of the run, by which the tools of the command find it.
+    /// Name of the run, by which commands find it.
     pub fn id(&self) -> &str {
         self.launch.folder().id()
     }
@@ -254,7 +254,7 @@ impl<'o> Session<'o> {
         self.ended(exit)
     }
 
-    /// Begins the next episode in real time, with this seed: a numbered stretch of the run without a reset.
+    /// Begins the next episode in real time, with this seed: a numbered section of the run without a reset.
     /// Returns its number.
     ///
     /// Each component sees it at its next step: stamps carry its number, weights that wait for an episode are
@@ -291,7 +291,7 @@ impl<'o> Session<'o> {
     }
 
     /// Sets a parameter of a component, such as `1.5`, `3`, `true`, `"trot"` or `[0.0, 0.5]`. It takes effect
-    /// at the component's next step, and stays through resets.
+    /// at the component's next step, and persists through resets.
     ///
     /// # Errors
     /// There is no such parameter, or the value has another type or is out of range.

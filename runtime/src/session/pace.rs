@@ -17,7 +17,7 @@ impl Pace {
         (factor > 0.0 && factor.is_finite()).then_some(Self { factor, wall_ns, simulated_ns })
     }
 
-    /// The same pace, from another moment on.
+    /// Returns the pace from another moment on.
     pub(super) fn anchored(self, wall_ns: u64, simulated_ns: u64) -> Self {
         Self { wall_ns, simulated_ns, ..self }
     }

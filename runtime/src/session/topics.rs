@@ -49,7 +49,7 @@ impl TopicWriter<'_> {
     /// next round.
     ///
     /// # Errors
-    /// It has another size, a number that is not finite, or a count that does not fit.
+    /// The value has another size, a number that is not finite, or a count that does not fit.
     pub fn publish(&mut self, bytes: &[u8]) -> Result<(), SessionError> {
         self.finish(|output| output.publish(bytes))
     }

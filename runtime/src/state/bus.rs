@@ -77,11 +77,11 @@ crate::state_buffer! {
 impl BusHealth {
     /// Not started.
     pub const STOPPED: u32 = 0;
-    /// It sends and receives.
+    /// Error active: it sends and receives.
     pub const ACTIVE: u32 = 1;
     /// Error passive: it has seen many errors, and reports none actively.
     pub const PASSIVE: u32 = 2;
-    /// It has left the bus.
+    /// Bus-off: it has left the bus.
     pub const BUS_OFF: u32 = 3;
     /// Error warning: it has counted many errors, but still sends and receives.
     pub const WARNING: u32 = 4;

@@ -192,72 +192,72 @@ counted_buffer! {
 }
 
 impl Randomisation {
-    /// Factor of the acceleration of free fall.
+    /// Factor on the acceleration of free fall.
     pub const GRAVITY: u32 = 1;
     /// Coefficient of friction of the ground or the terrain.
     pub const GROUND_FRICTION: u32 = 2;
     /// Restitution of the ground or the terrain.
     pub const GROUND_RESTITUTION: u32 = 3;
-    /// Factor of the mass and the inertia of a body of the robot; of its base where the part is
+    /// Factor on the mass and the inertia of a body of the robot; of its base where the part is
     /// [`BASE`](Self::BASE).
     pub const BODY_MASS: u32 = 4;
     /// Coefficient of friction of the robot's surface.
     pub const FRICTION: u32 = 5;
     /// Restitution of the robot's surface.
     pub const RESTITUTION: u32 = 6;
-    /// Factor of the viscous damping of a joint.
+    /// Factor on the viscous damping of a joint.
     pub const DAMPING: u32 = 7;
-    /// Factor of the Coulomb friction of a joint.
+    /// Factor on the Coulomb friction of a joint.
     pub const JOINT_FRICTION: u32 = 8;
-    /// Factor of the largest effort of a joint.
+    /// Factor on the largest effort of a joint.
     pub const EFFORT_LIMIT: u32 = 9;
-    /// Displacement of the start of a joint, rad or m.
+    /// Offset of a joint's initial position, rad or m.
     pub const START: u32 = 10;
-    /// Displacement of the start of a floating base along x of the world, m.
+    /// Initial displacement of a floating base along x of the world, m.
     pub const BASE_X: u32 = 11;
-    /// Displacement of the start of a floating base along y of the world, m.
+    /// Initial displacement of a floating base along y of the world, m.
     pub const BASE_Y: u32 = 12;
-    /// Displacement of the start of a floating base along z of the world, m.
+    /// Initial displacement of a floating base along z of the world, m.
     pub const BASE_Z: u32 = 13;
-    /// Turn of the start of a floating base about z of the world, rad.
+    /// Initial rotation of a floating base about z of the world, rad.
     pub const BASE_YAW: u32 = 14;
-    /// Factor of the mass and the inertia of an object.
+    /// Factor on the mass and the inertia of an object.
     pub const OBJECT_MASS: u32 = 15;
     /// Coefficient of friction of an object.
     pub const OBJECT_FRICTION: u32 = 16;
     /// Restitution of an object.
     pub const OBJECT_RESTITUTION: u32 = 17;
-    /// Displacement of the start of an object along x of the world, m.
+    /// Initial displacement of an object along x of the world, m.
     pub const OBJECT_X: u32 = 18;
-    /// Displacement of the start of an object along y of the world, m.
+    /// Initial displacement of an object along y of the world, m.
     pub const OBJECT_Y: u32 = 19;
-    /// Displacement of the start of an object along z of the world, m.
+    /// Initial displacement of an object along z of the world, m.
     pub const OBJECT_Z: u32 = 20;
-    /// Turn of the start of an object about z of the world, rad.
+    /// Initial rotation of an object about z of the world, rad.
     pub const OBJECT_YAW: u32 = 21;
-    /// Factor of the noise of a sensor.
+    /// Factor on the noise of a sensor.
     pub const SENSOR_NOISE: u32 = 22;
-    /// Factor of the bias of a sensor.
+    /// Factor on the bias of a sensor.
     pub const SENSOR_BIAS: u32 = 23;
     /// Latency of a sensor, s.
     pub const SENSOR_LATENCY: u32 = 24;
     /// Seed of the terrain.
     pub const TERRAIN_SEED: u32 = 25;
-    /// Factor of the heights of the terrain.
+    /// Factor on the heights of the terrain.
     pub const TERRAIN_SCALE: u32 = 26;
-    /// Factor of the stiffness and the damping that a drive is commanded, of a joint.
+    /// Factor on the commanded stiffness and damping of a joint.
     pub const ACTUATOR_GAIN: u32 = 27;
-    /// Factor of all efforts of a joint's drive.
+    /// Factor on all efforts of a joint's drive.
     pub const ACTUATOR_STRENGTH: u32 = 28;
-    /// Factor of the delay of an actuator, of a joint.
+    /// Factor on the delay of a joint's actuator.
     pub const ACTUATOR_DELAY: u32 = 29;
-    /// Factor of the lag of an actuator, of a joint.
+    /// Factor on the lag of a joint's actuator.
     pub const ACTUATOR_LAG: u32 = 30;
-    /// Factor of the largest rate of the effort of an actuator, of a joint.
+    /// Factor on the effort rate limit of a joint's actuator.
     pub const ACTUATOR_RATE_LIMIT: u32 = 31;
-    /// Factor of the backlash of a drivetrain, of a joint.
+    /// Factor on the backlash of a joint's drivetrain.
     pub const ACTUATOR_BACKLASH: u32 = 32;
-    /// Factor of the stiffness of a drivetrain, of a joint.
+    /// Factor on the stiffness of a joint's drivetrain.
     pub const ACTUATOR_STIFFNESS: u32 = 33;
 
     /// The part of a property of the base of a robot.

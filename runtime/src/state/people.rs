@@ -1,4 +1,4 @@
-//! Messages from and to people: buttons and axes, text, events.
+//! Operator input and output: buttons and axes, text, events.
 
 #![allow(unsafe_code)] // `Field` implementations that look only at the used part of their arrays
 

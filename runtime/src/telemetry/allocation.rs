@@ -12,9 +12,9 @@ pub struct CountingAllocator;
 /// Heap allocations of one thread.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Allocations {
-    /// All except those within [`set_apart`].
+    /// Allocations outside of [`set_apart`].
     pub own: u64,
-    /// Those within [`set_apart`].
+    /// Allocations within [`set_apart`].
     pub set_apart: u64,
 }
 

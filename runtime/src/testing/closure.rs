@@ -75,7 +75,7 @@ impl Component for Closure {
         let closures = lock(&CLOSURES);
         let found = closures
             .get(&config.part)
-            .ok_or_else(|| ConfigError::key("part", "is no part of this process"))?;
+            .ok_or_else(|| ConfigError::key("part", "is not part of this process"))?;
         (found.declare)(declare);
         Ok(())
     }

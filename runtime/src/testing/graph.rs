@@ -30,7 +30,7 @@ pub enum RunError {
     /// The graph is refused.
     #[error("{}", .0.render(false))]
     Graph(#[from] GraphError),
-    /// It did not start.
+    /// The graph did not start.
     #[error(transparent)]
     Launch(#[from] SessionError),
 }

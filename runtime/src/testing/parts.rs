@@ -100,7 +100,7 @@ impl Function {
         Self(self.0.rate(rate))
     }
 
-    /// Steps whenever a topic is published: the one it reads.
+    /// Steps at every publication of this topic, which it must read.
     #[must_use]
     pub fn trigger(self, topic: &str) -> Self {
         Self(self.0.trigger(topic))

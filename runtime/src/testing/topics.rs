@@ -110,7 +110,7 @@ impl Endpoint {
     /// Opens an input of the component.
     ///
     /// # Errors
-    /// It has no such input, or the topic cannot be joined.
+    /// The component has no such input, or the topic cannot be joined.
     pub fn input<T: StateBuffer>(&self, port: &str) -> Result<Input<T>, TopicSetError> {
         let component = &self.plan.components[self.index];
         let Some(topic) = wired(&component.inputs, port)? else {
@@ -131,7 +131,7 @@ impl Endpoint {
     /// Opens an output of the component.
     ///
     /// # Errors
-    /// It has no such output, or the topic cannot be joined.
+    /// The component has no such output, or the topic cannot be joined.
     pub fn output<T: StateBuffer>(&self, port: &'static str) -> Result<Output<T>, TopicSetError> {
         let component = &self.plan.components[self.index];
         let Some(topic) = wired(&component.outputs, port)? else {
@@ -151,7 +151,7 @@ impl Endpoint {
     /// Opens the trigger of the component.
     ///
     /// # Errors
-    /// It has none, or its topic cannot be joined.
+    /// The component has no trigger, or its topic cannot be joined.
     pub fn trigger(&self) -> Result<Trigger, TopicSetError> {
         let component = &self.plan.components[self.index];
         match component.activation {

@@ -183,7 +183,7 @@ impl<T: StateBuffer> Input<T> {
         if self.advance() { self.read() } else { None }
     }
 
-    /// The value read last, without looking for a newer one.
+    /// Returns the value read last, without reading a newer one.
     #[inline]
     pub fn current(&self) -> Option<Reading<'_, T>> {
         if !self.effects.is_of_this_episode() {

@@ -38,7 +38,7 @@ pub struct Output<T: StateBuffer> {
     context: Rc<Context>,
 }
 
-/// What an output fills.
+/// Destination of an output's samples.
 #[derive(Debug)]
 enum Sink<T: StateBuffer> {
     Unwired(Box<UnsafeCell<T>>),
@@ -48,7 +48,7 @@ enum Sink<T: StateBuffer> {
 
 /// A value to fill in place and publish. Dropping it publishes nothing.
 ///
-/// It still holds whatever an earlier value left there, so write every field that is meant to be read.
+/// It contains the data of an earlier value: write every field.
 #[derive(Debug)]
 pub struct Loan<'a, T: StateBuffer> {
     value: NonNull<T>,
@@ -203,8 +203,8 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// Publishes the value and wakes the components that it triggers.
     ///
     /// # Errors
-    /// [`StepError::InvalidOutput`] if it holds a number that is not finite or a count that exceeds its
-    /// array: it is then not published, and its readers keep the older value.
+    /// [`StepError::InvalidOutput`] if the value has a number that is not finite or a count that exceeds its
+    /// array; readers then keep the older value.
     pub fn publish(self) -> Result<(), StepError> {
         self.finish(None)
     }

@@ -20,7 +20,7 @@ impl Cause {
         Failure { tick, end: self.end, text: self.text }
     }
 
-    /// The same cause, with a text that names the failed operation.
+    /// Prefixes the text with the failed operation.
     pub(super) fn during(self, operation: &str) -> Self {
         Self { text: format!("{operation}: {}", self.text), ..self }
     }

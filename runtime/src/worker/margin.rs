@@ -11,7 +11,7 @@ const BEGIN_NS: u64 = 100_000;
 /// Margin above the measured wake errors, ns: for reading the clock and entering the loop.
 const ROOM_NS: u64 = 2_000;
 
-/// The spin margin of one component; if the plan asks for it, tuned to the measured wake errors.
+/// The spin margin of one component; if the plan requires it, tuned to the measured wake errors.
 ///
 /// A tuned margin covers the second largest wake error of each of the last windows, and an eighth more:
 /// single stalls do not widen it. It never exceeds its share of the period.

@@ -61,14 +61,14 @@ pub struct Worker {
 /// The end of a component's life.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// It ended in good order.
+    /// The component ended in good order.
     Stopped,
-    /// It failed; the reason is in its part of the control block.
+    /// The component failed; the reason is in its part of the control block.
     Failed,
 }
 
 impl Worker {
-    /// The worker of a component in a process of its own.
+    /// The worker of a component in a separate process.
     ///
     /// # Errors
     /// The run's folder cannot be read, or the run has no such component.

@@ -37,9 +37,9 @@ pub struct ConfigProblem {
 impl Kind {
     /// The kind of a component type.
     ///
-    /// A library offers its kinds by a function that is `#[inline(never)]`: their steps are then compiled,
-    /// and optimised, with the library. A short function is inlined else, and they are compiled with each
-    /// caller, as little optimised as that is.
+    /// A library returns its kinds from a function that is `#[inline(never)]`, so that their steps are
+    /// compiled and optimised with the library. A short function would be inlined, and the steps compiled with the
+    /// optimisation of each caller.
     pub const fn of<C: Component>() -> Self {
         Self {
             name: C::KIND,
@@ -153,7 +153,7 @@ pub struct RobotSource {
 
 /// Another installed program that hosts kinds of components.
 ///
-/// It is next to the program that checks a graph, or on `PATH`.
+/// The program is next to the one that checks the graph, or on `PATH`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sibling {
     /// The first part of the names of its kinds: `view` of `view.web`.

@@ -41,7 +41,7 @@ pub(crate) struct Chart {
 }
 
 impl Chart {
-    /// The same numbers: series, x, y, error.
+    /// Returns the numbers as CSV: series, x, y, error.
     pub(crate) fn csv(&self) -> String {
         let mut csv = String::from("series,x,y,error\n");
         for series in &self.series {

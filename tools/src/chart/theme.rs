@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 /// Line colours in order: distinct on white, also for most colour-blind readers.
 pub(super) const COLOURS: [&str; 8] =
     ["#1f6feb", "#d1242f", "#1a7f37", "#9a6700", "#8250df", "#0b7285", "#bf3989", "#57606a"];
-/// The same on a dark ground.
+/// Line colours on a dark ground.
 const ON_DARK: [&str; 8] =
     ["#58a6ff", "#ff7b72", "#56d364", "#e3b341", "#bc8cff", "#39c5cf", "#f778ba", "#9da7b3"];
 /// Dashes of lines, in turn: lengths of strokes and gaps. Three repeat after 3 lines and the colours after 8,
@@ -21,7 +21,7 @@ pub(super) fn begin(width: f64, height: f64) -> String {
 /// The dark ground.
 pub(super) const DARK: &str = "#0d1117";
 
-/// The same with the size of its texts, and with rules for classes of the picture's own on a dark ground.
+/// Starts a picture with a text size, and with rules for its own classes on a dark ground.
 pub(super) fn begin_with(width: f64, height: f64, size: u32, rules: &str) -> String {
     let mut style = format!(
         ".paper{{fill:{DARK}}}.ink{{fill:#e6edf3}}.grid{{stroke:#262c34}}.frame{{stroke:#8b949e}}.old{{stroke:#484f58}}{rules}",

@@ -121,7 +121,7 @@ impl Check {
         if admission.refuses() {
             let count = admission.refusals().count();
             let errors = if count == 1 { "error" } else { "errors" };
-            errln!("{count} {errors}: {file} cannot hold its times");
+            errln!("{count} {errors}: {file} cannot meet its deadlines");
         } else if drawn.is_some() && picture {
             errln!("{} {file} is a graph that can run", style::good("ok:"));
         } else {

@@ -116,7 +116,7 @@ impl Events {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// Those that the options choose.
+    /// Selects events by the options.
     fn chosen(&self, plan: &Plan, mut records: Vec<EventRecord>) -> Vec<EventRecord> {
         let component = |record: &EventRecord| {
             record.component.and_then(|index| plan.components.get(index)).map(|component| &component.name)

@@ -15,7 +15,7 @@ macro_rules! examples {
     };
 }
 
-/// Those that need nothing beside them: no other file, no other program.
+/// Examples that need no other file or program.
 const EXAMPLES: &[ExampleGraph] = examples!["draw-letter", "panda-reach", "quadruped-trot", "two-arms"];
 
 /// The text of an example.

@@ -17,7 +17,7 @@ use crate::out::errln;
 pub(crate) const DEFAULT_GRAPH: &str = "graphs/panda-reach.toml";
 /// The name that stands for standard input.
 const STDIN: &str = "-";
-/// The same as the default graph among the examples.
+/// The example that equals the default graph.
 const DEFAULT_EXAMPLE: &str = "panda-reach";
 
 /// The parser of the graph of a command that reads it more than once: standard input is refused.

@@ -191,10 +191,10 @@ impl Run {
                 errln!("{}", style::dim(format!("overheads of the machine: {}", known.origin)));
                 errln!("nothing was started; `--force` runs it anyway");
                 let problem = admission.refusals().next().map(|refusal| refusal.message.clone());
-                let reason = problem.unwrap_or_else(|| "the graph cannot hold its times".to_string());
+                let reason = problem.unwrap_or_else(|| "the graph cannot meet its deadlines".to_string());
                 return Ok(Failure::new(Kind::Invalid, reason).help("`--force` runs it anyway").print_json());
             }
-            errln!("started all the same (`--force`)");
+            errln!("started anyway (`--force`)");
         }
         if let Some(code) = self.beside_others(&checked.plan) {
             return Ok(code);
@@ -327,13 +327,13 @@ impl Run {
         }
         err!("{}", problems(&admission));
         let names: Vec<String> = others.iter().map(|(run, _)| format!("`{run}`")).collect();
-        errln!("the graph does not hold its times beside what runs already: {}", names.join(", "));
+        errln!("the graph cannot meet its deadlines next to the running graphs: {}", names.join(", "));
         if self.force {
-            errln!("started all the same (`--force`)");
+            errln!("started anyway (`--force`)");
             return None;
         }
         errln!("nothing was started; stop the other runs, give the graph separate cores, or use `--force`");
-        let reason = format!("the graph does not hold its times beside {}", names.join(", "));
-        Some(Failure::new(Kind::Failed, reason).help("stop the other runs, or `--force` it").print_json())
+        let reason = format!("the graph cannot meet its deadlines next to {}", names.join(", "));
+        Some(Failure::new(Kind::Failed, reason).help("stop the other runs, or use `--force`").print_json())
     }
 }

@@ -103,7 +103,7 @@ impl Failure {
         }
     }
 
-    /// The same with advice.
+    /// Adds advice.
     pub(crate) fn help(self, help: &str) -> Self {
         Self { help: Some(help.to_string()), ..self }
     }

@@ -27,9 +27,9 @@ pub(super) struct Client {
 /// The state of a client after a turn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Turn {
-    /// It must ask or read first.
+    /// The client must send or read more first.
     Waits,
-    /// It has its answer, or has gone.
+    /// The client has its answer, or has gone.
     Done,
 }
 

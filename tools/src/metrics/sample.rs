@@ -17,7 +17,7 @@ pub(crate) struct Sample {
     pub(crate) taken_ns: u64,
     /// Time since the start on the run's clock, ns; 0 before it.
     pub(crate) elapsed_ns: u64,
-    /// The same moment on the clock of the run's stamps, ns.
+    /// Time of the sample on the clock of the run's stamps, ns.
     pub(crate) now_ns: u64,
     /// Last command of the launcher.
     pub(crate) command: Command,

@@ -132,7 +132,7 @@ fn scalar(value: &Value) -> String {
     }
 }
 
-/// A number with four digits, as people write it: powers of ten only far from one.
+/// A number with four digits; powers of ten only far from one.
 pub(crate) fn decimal(number: f64) -> String {
     let magnitude = number.abs();
     if number == 0.0 {

@@ -41,7 +41,7 @@ pub(crate) struct Tracing {
 enum Message {
     /// The run of this name has been made.
     Created(String),
-    /// It is over.
+    /// The run is over.
     Ended,
 }
 

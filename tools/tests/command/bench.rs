@@ -170,7 +170,7 @@ fn a_name_that_does_not_exist_is_answered_with_those_that_do() {
     assert!(!output.status.success());
     let words = text(&output.stderr);
     assert!(
-        words.contains("nothing is named `hop.teleport`") && words.contains("hop.blocking.same.512"),
+        words.contains("no measurement is named `hop.teleport`") && words.contains("hop.blocking.same.512"),
         "{words}"
     );
 }

@@ -111,8 +111,8 @@ fn missing_bus_and_bad_frame_errors_name_next_step() {
         ),
         (&["can", "log", "unix:nobody-offers-it"], "start the graph whose `can.drive_sim` has this bus"),
         (&["can", "monitor", "pty:/tmp/can0"], "`motorium can attach /tmp/can0`"),
-        (&["can", "send", "/dev/ttyACM0", "001#00"], "a serial line, which one program has for itself"),
-        (&["can", "send", "unix:nobody", "12G#01"], "`G` in the identifier is no hexadecimal digit"),
+        (&["can", "send", "/dev/ttyACM0", "001#00"], "a serial line, which only one program can use"),
+        (&["can", "send", "unix:nobody", "12G#01"], "`G` in the identifier is not a hexadecimal digit"),
         (&["can", "send", "unix:nobody", "123#01", "--every", "0 s"], "`--every` is 0"),
     ] {
         let text = complaint(arguments);

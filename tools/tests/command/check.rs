@@ -18,7 +18,7 @@ fn a_graph_that_cannot_hold_is_refused_with_the_arithmetic() {
     let sum = "0.100 (physics spinning) + 0.496 (physics) + 0.074 (encoder) + 0.074 (policy) + 0.624 (controller) = 1.368 > ";
     assert!(errors.contains(sum), "{errors}");
     assert!(errors.contains("need more time than it has"), "{errors}");
-    assert!(errors.ends_with("overloaded.toml cannot hold its times\n"), "{errors}");
+    assert!(errors.ends_with("overloaded.toml cannot meet its deadlines\n"), "{errors}");
     assert!(!text(&output.stdout).contains("can run"));
 }
 

@@ -153,7 +153,7 @@ fn what_cannot_be_read_or_run_is_refused_in_words() {
         String::from_utf8_lossy(&output.stderr).to_string()
     };
     let error = refused(&["primitive", "fit", text(&shown), "--channel", "z"]);
-    assert!(error.contains("no channel `z`; there are x, y"), "{error}");
+    assert!(error.contains("no channel `z`; known: x, y"), "{error}");
     let error = refused(&["primitive", "replay", text(&model), "--goal", "1,2,3"]);
     assert!(error.contains("--goal has 3 numbers, expected one for all, or one for each of "), "{error}");
     let error = refused(&["primitive", "replay", text(&model), "--final-velocity", "1,2"]);

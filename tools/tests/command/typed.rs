@@ -116,7 +116,7 @@ fn bad_recordings_give_one_sentence_in_every_command() {
     for (path, words) in [
         (text(&missing), "No such file or directory"),
         (text(&within), "it is a folder, expected the file of a recording"),
-        (other, "this is no recording, which is an MCAP file"),
+        (other, "the file is not a recording (MCAP)"),
     ] {
         for arguments in [
             &["plot", &path, "a.b"][..],

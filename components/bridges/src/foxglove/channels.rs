@@ -17,7 +17,7 @@ pub struct Channel {
     pub content: Content,
 }
 
-/// The messages of a channel.
+/// Kind of messages of a channel.
 #[derive(Debug, Clone)]
 pub enum Content {
     /// Every field and the stamp of each sample.

@@ -54,10 +54,10 @@ enum Kind {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum DrawnError {
     /// The sample is truncated, or longer than its type.
-    #[error("a sample of {0} bytes, which is not the size of its type")]
+    #[error("a sample has {0} bytes, which is not the size of its type")]
     Size(usize),
     /// A joint state with fewer joints than the robot has.
-    #[error("a joint state with fewer joints than its robot")]
+    #[error("the joint state has fewer joints than its robot")]
     Joints,
     /// The bytes do not match the announced form.
     #[error(transparent)]

@@ -19,10 +19,10 @@ pub(super) struct Pictures {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum PictureError {
     /// The form has not been published yet.
-    #[error("the form of the pictures is not known yet")]
+    #[error("the format of the pictures is not known yet")]
     NoForm,
     /// The bytes do not match the published form.
-    #[error("a picture of {found} bytes, of {width} x {height} pixels in encoding {encoding}")]
+    #[error("a picture of {width} x {height} pixels in encoding {encoding} has {found} bytes")]
     Form {
         /// Bytes found.
         found: usize,

@@ -50,7 +50,7 @@ impl Description {
         Schema { name: "motorium.v1.RobotDescription".to_string(), encoding: "protobuf", data }
     }
 
-    /// Its message.
+    /// Encodes its message.
     pub fn encode(&self) -> Vec<u8> {
         let mut message = Vec::with_capacity(self.text.len() + 8);
         wire::bytes(1, self.text.as_bytes(), &mut message);
@@ -184,7 +184,7 @@ impl RobotFrames {
     /// `moves` is `true` if a topic provides the pose of the base.
     ///
     /// # Errors
-    /// Its files can no longer be read.
+    /// The robot's files can no longer be read.
     pub fn load(robot: &RobotReference, prefix: &str, moves: bool) -> Result<Self, RobotSourceError> {
         let loaded = load(robot)?;
         let pose = robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }.isometry());

@@ -156,8 +156,9 @@ impl Component for Record {
                 Err(error) => drop(sender.send(Err(error))),
             }
         })?;
-        let opened =
-            receiver.recv().map_err(|_| ConfigureError::failed("its recorder ended before it began"))?;
+        let opened = receiver
+            .recv()
+            .map_err(|_| ConfigureError::failed("the recorder ended before it started recording"))?;
         let (sink, file) = opened.map_err(ConfigureError::failed)?;
         let shared = outcome.clone();
         // The writer ends after the reader, when everything is written.

@@ -44,13 +44,13 @@ fn parts(kind: u8) -> &'static [Part] {
     }
 }
 
-/// What a length of four bytes counts, and what follows it.
+/// Splits off the bytes counted by a leading length of four bytes.
 fn block(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let (length, rest) = bytes.split_first_chunk::<4>()?;
     rest.split_at_checked(u32::from_le_bytes(*length) as usize)
 }
 
-/// What a length of eight bytes counts, and what follows it.
+/// Splits off the bytes counted by a leading length of eight bytes.
 fn long(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let (length, rest) = bytes.split_first_chunk::<8>()?;
     rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)

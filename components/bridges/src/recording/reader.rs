@@ -39,7 +39,7 @@ pub struct Recording {
 
 fn describe(error: &McapError) -> String {
     match error {
-        McapError::BadMagic => "this is no recording, which is an MCAP file".to_owned(),
+        McapError::BadMagic => "the file is not a recording (MCAP)".to_owned(),
         McapError::Io(error) => error.to_string(),
         other => other.to_string(),
     }

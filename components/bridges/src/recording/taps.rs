@@ -181,7 +181,7 @@ impl Readers {
         }
     }
 
-    /// The same counts per topic, in the format of the file.
+    /// Returns the counts per topic, in the format of the file.
     pub(super) fn summary(&self) -> BTreeMap<String, String> {
         let counts = self.counts();
         let mut values = BTreeMap::from([

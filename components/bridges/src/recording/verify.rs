@@ -105,7 +105,7 @@ pub enum VerifyError {
     )]
     Episodes,
     /// Messages that the recording states are missing.
-    #[error("{missing} of its messages are missing, so that it cannot be compared")]
+    #[error("{missing} of its messages are missing, so it cannot be compared")]
     Missing {
         /// Their number.
         missing: u64,
@@ -114,9 +114,7 @@ pub enum VerifyError {
     #[error("it has no sample to compare")]
     Nothing,
     /// Samples were lost while it was recorded.
-    #[error(
-        "{lost} samples of topic `{topic}` were lost while it was recorded, so that it cannot be compared"
-    )]
+    #[error("{lost} samples of topic `{topic}` were lost during the recording, so it cannot be compared")]
     Lost {
         /// The topic.
         topic: String,

@@ -20,13 +20,13 @@ pub enum HomingFault {
     )]
     TimedOut,
     /// The drive reported a failure.
-    #[error("the drive says that homing failed: is its switch stuck, or the wrong method configured?")]
+    #[error("the drive reports that homing failed: is its switch stuck, or its method wrong?")]
     Drive,
     /// The drive ended the homing before it was seen running.
-    #[error("the drive ended it before it had begun: is homing set up in it?")]
+    #[error("the drive reported the end of homing before its start: is homing configured in the drive?")]
     NotBegun,
     /// The drive disabled itself during the homing.
-    #[error("the drive let go while it was homed")]
+    #[error("the drive disabled itself during homing")]
     LetGo,
     /// The drive refused a homing object.
     #[error("the drive refuses an object of its homing: code 0x{0:08X}")]

@@ -32,7 +32,7 @@ pub struct Link {
     pub(super) is_off: bool,
     /// The drive is disabled for the rest of the run.
     pub(super) is_released: bool,
-    /// It is never enabled.
+    /// The drive is only observed, never enabled.
     pub(super) is_observed: bool,
     /// Frames of its bus in this cycle after which it has been asked; `None` if it is not.
     pub(super) asked_by: Option<usize>,

@@ -36,7 +36,7 @@ pub enum WrongSetting {
     },
     /// Position before the drive is enabled, rad or m.
     #[error(
-        "it reads {found:.3}, the joint has {lower:.3} to {upper:.3} (and a margin of {margin}): {}",
+        "it reads {found:.3}, outside the range of the joint, {lower:.3} to {upper:.3} (margin {margin}): {}",
         correction(*turns)
     )]
     Position {
@@ -52,7 +52,7 @@ pub enum WrongSetting {
         turns: Option<i32>,
     },
     /// Current limit, in units of the drive's register.
-    #[error("its limit of current is {found}, the table says {expected}, in the units of its register")]
+    #[error("its current limit is {found}, the table says {expected}, in units of its register")]
     CurrentLimit {
         /// Value in the drive.
         found: f64,
@@ -85,7 +85,7 @@ pub enum WrongSetting {
     },
     /// Position reference of a moteus.
     #[error(
-        "its position is counted from {found}, the table needs one counted from {expected}: give the joint a `homing`, tell the drive where it stands (`d exact`, `d nearest`), or write `reference`"
+        "its position reference is {found}, expected {expected}: give the joint a `homing`, set the position in the drive (`d exact`, `d nearest`), or write `reference`"
     )]
     Reference {
         /// Reference of the drive.

@@ -6,7 +6,7 @@ pub enum ErrorState {
     /// Error-active: it participates and signals the errors of others.
     #[default]
     Active,
-    /// It participates, and has counted many errors.
+    /// Error warning: it participates, and has counted many errors.
     Warning,
     /// Error-passive: it participates, but does not disturb other nodes.
     Passive,

@@ -17,10 +17,8 @@ const START: Duration = Duration::from_secs(5);
 pub(super) fn are_real(table: &Table, clock: ClockKind) -> Result<bool, ConfigError> {
     if table.is_real() && clock == ClockKind::Lockstep {
         let name = table.buses.first().map_or("", |bus| &bus.name);
-        return Err(ConfigError::new(format!(
-            "bus `{name}` is real, and does not wait for the clock of lockstep"
-        ))
-        .advise("run it in real time, or simulate its buses: leave `interface` out"));
+        return Err(ConfigError::new(format!("bus `{name}` is real and cannot wait for simulated time"))
+            .advise("run it in real time, or simulate its buses: leave `interface` out"));
     }
     Ok(table.is_real())
 }
@@ -56,7 +54,7 @@ pub(super) fn offer(table: &Table) -> Result<Vec<Offer>, ConfigError> {
     let open = |(index, bus): (usize, &crate::BusEntry)| {
         let interface = bus.interface.as_deref().unwrap_or_default();
         let place = Place::from_interface(interface)
-            .ok_or_else(|| ConfigError::key("drives", format!("bus `{}` has no place", bus.name)))?;
+            .ok_or_else(|| ConfigError::key("drives", format!("bus `{}` has no address", bus.name)))?;
         let is_servo_line = bus.kind == BusKind::Serial;
         Offer::open(place, table.rates(index), bus.data_bitrate.is_some(), is_servo_line).map_err(|error| {
             let message = format!("bus `{}`: `{interface}` cannot be offered: {error}", bus.name);

@@ -74,8 +74,11 @@ impl Source<'_> {
             return Ok(table);
         };
         if inline {
-            return Err(ConfigError::key("drives", "a drive table, and entries of another one beside it")
-                .advise("leave `drives` out, or `bus` and `drive`"));
+            return Err(ConfigError::key(
+                "drives",
+                "both a drive table and entries of another one are given",
+            )
+            .advise("leave `drives` out, or `bus` and `drive`"));
         }
         let path = folder.join(file);
         let text = std::fs::read_to_string(&path).map_err(|error| {
@@ -108,7 +111,7 @@ fn refused(error: &TableError, file: Option<&str>) -> ConfigError {
 /// Loads a robot and its drive table.
 fn load(robot: Option<&RobotReference>, folder: &Path, source: &Source<'_>) -> Result<Equipped, ConfigError> {
     let robot = robot.ok_or_else(|| {
-        ConfigError::new("the component names no robot, and needs its joints")
+        ConfigError::new("the component needs the joints of a robot, but names no robot")
             .advise("add `robot = \"NAME\"` to the component")
     })?;
     let place = RobotSource {

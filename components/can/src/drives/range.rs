@@ -137,7 +137,7 @@ impl<const N: usize> Fields<N> {
         core::array::from_fn(|i| self.largest[i] as u64 - from_end[i])
     }
 
-    /// The same integers counted from the upper end, with all bits inverted.
+    /// Encodes `x` as integers counted from the upper end, with all bits inverted.
     #[inline(always)]
     pub(crate) fn encode_from_end(&self, x: [f64; N]) -> [u64; N] {
         // one number is NaN, or two are infinite

@@ -230,7 +230,7 @@ impl RangeEntry {
 pub enum Protocol {
     /// The MIT protocol with answers of six bytes.
     MiniCheetah,
-    /// The same with answers of eight bytes, including the supply voltage.
+    /// The MIT protocol with answers of eight bytes, including the supply voltage.
     MiniCheetahVoltage,
     /// The MIT protocol of CubeMars.
     Cubemars,

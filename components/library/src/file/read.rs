@@ -46,9 +46,7 @@ pub enum FileError {
         found: u32,
     },
     /// The file is too short or too long.
-    #[error(
-        "{found} bytes, but its head says {expected}: it was cut short or something was added; build it again"
-    )]
+    #[error("{found} bytes, expected {expected}: the file is truncated or has extra bytes; build it again")]
     Length {
         /// Number of bytes found.
         found: usize,
@@ -56,7 +54,7 @@ pub enum FileError {
         expected: u64,
     },
     /// The file was changed after it was written.
-    #[error("its checksum is {found:016x}, its head says {expected:016x}: it was damaged; build it again")]
+    #[error("its checksum is {found:016x}, expected {expected:016x}: the file is damaged; build it again")]
     Checksum {
         /// Checksum of the bytes found.
         found: u64,

@@ -57,7 +57,7 @@ fn invalid_files_are_rejected_with_the_reason() {
         let error = refuse(&whole[..cut]);
         assert!(
             error.contains("a.library")
-                && (error.contains("cut short") || error.contains("not a motion library")),
+                && (error.contains("truncated") || error.contains("not a motion library")),
             "{error}"
         );
     }

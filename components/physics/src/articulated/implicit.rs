@@ -10,7 +10,7 @@ use crate::joint::JointProperties;
 
 /// The mass matrix is singular at this index of `v`: the joint moves no inertia.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the mass matrix is singular at velocity {0}: it moves no inertia")]
+#[error("the mass matrix is singular: velocity {0} moves no inertia")]
 pub struct Singular(pub usize);
 
 /// Quantities at the start of a step.

@@ -86,7 +86,7 @@ pub struct Mujoco {
     /// Generalized external force during the next step (nv), in motorium's order.
     external: Vec<f64>,
     generalized: Vec<f64>,
-    /// The same force in MuJoCo's order.
+    /// Generalized force in MuJoCo's order.
     forces: Vec<f64>,
     /// One entry per articulation.
     jacobians: Vec<DMatrix<f64>>,

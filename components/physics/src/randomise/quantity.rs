@@ -10,67 +10,67 @@ use crate::Properties;
 /// A physical property with a range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Property {
-    /// Factor of gravity.
+    /// Factor on gravity.
     Gravity,
-    /// Factor of the friction of the ground or the terrain.
+    /// Factor on the friction of the ground or the terrain.
     GroundFriction,
     /// Restitution of the ground or the terrain.
     GroundRestitution,
     /// Seed of the terrain.
     TerrainSeed,
-    /// Factor of the heights of the terrain.
+    /// Factor on the heights of the terrain.
     TerrainScale,
-    /// Factor of the mass and the inertia of a floating base.
+    /// Factor on the mass and the inertia of a floating base.
     BaseMass,
-    /// Factor of the mass and the inertia of a body.
+    /// Factor on the mass and the inertia of a body.
     BodyMass,
-    /// Factor of the friction of a robot's surface.
+    /// Factor on the friction of a robot's surface.
     Friction,
     /// Restitution of a robot's surface.
     Restitution,
-    /// Factor of the viscous damping of a joint.
+    /// Factor on the viscous damping of a joint.
     Damping,
-    /// Factor of the Coulomb friction of a joint.
+    /// Factor on the Coulomb friction of a joint.
     JointFriction,
-    /// Factor of the effort limit of a joint.
+    /// Factor on the effort limit of a joint.
     EffortLimit,
-    /// Displacement of the start of a joint, rad or m.
+    /// Offset of a joint's initial position, rad or m.
     Start,
-    /// Displacement of the start of a floating base along x of the world, m.
+    /// Initial displacement of a floating base along x of the world, m.
     BaseX,
-    /// Displacement of the start of a floating base along y of the world, m.
+    /// Initial displacement of a floating base along y of the world, m.
     BaseY,
-    /// Displacement of the start of a floating base along z of the world, m.
+    /// Initial displacement of a floating base along z of the world, m.
     BaseZ,
-    /// Rotation of the start of a floating base about z of the world, rad.
+    /// Initial rotation of a floating base about z of the world, rad.
     BaseYaw,
-    /// Factor of the mass and the inertia of an object.
+    /// Factor on the mass and the inertia of an object.
     ObjectMass,
-    /// Factor of the friction of an object.
+    /// Factor on the friction of an object.
     ObjectFriction,
     /// Restitution of an object.
     ObjectRestitution,
-    /// Displacement of the start of an object along x of the world, m.
+    /// Initial displacement of an object along x of the world, m.
     ObjectX,
-    /// Displacement of the start of an object along y of the world, m.
+    /// Initial displacement of an object along y of the world, m.
     ObjectY,
-    /// Displacement of the start of an object along z of the world, m.
+    /// Initial displacement of an object along z of the world, m.
     ObjectZ,
-    /// Rotation of the start of an object about z of the world, rad.
+    /// Initial rotation of an object about z of the world, rad.
     ObjectYaw,
-    /// Factor of the stiffness and the damping commanded to a drive.
+    /// Factor on the stiffness and the damping commanded to a drive.
     ActuatorGain,
-    /// Factor of all efforts of a drive and of its effort limit.
+    /// Factor on all efforts of a drive and of its effort limit.
     ActuatorStrength,
-    /// Factor of the delay of an actuator.
+    /// Factor on the delay of an actuator.
     ActuatorDelay,
-    /// Factor of the lag of an actuator.
+    /// Factor on the lag of an actuator.
     ActuatorLag,
-    /// Factor of the rate limit of an actuator.
+    /// Factor on the rate limit of an actuator.
     ActuatorRateLimit,
-    /// Factor of the backlash of a drivetrain.
+    /// Factor on the backlash of a drivetrain.
     ActuatorBacklash,
-    /// Factor of the stiffness of a drivetrain.
+    /// Factor on the stiffness of a drivetrain.
     ActuatorStiffness,
 }
 

@@ -207,7 +207,7 @@ impl OscillatorNetwork {
     }
 
     /// Puts every oscillator on its cycle at the given phases, rad: one per leg (Matsuoka: per joint). The
-    /// output jumps.
+    /// output is discontinuous.
     ///
     /// # Errors
     /// The length is wrong, or a number is not finite.

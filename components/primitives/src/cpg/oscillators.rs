@@ -18,7 +18,7 @@ pub enum Oscillator {
     /// A pair of neurons per joint; the output is the difference of their fatigues, `v_0 - v_1`, which has no
     /// corners. Only the ratio of the time constants matters; the tonic input has no effect.
     Matsuoka {
-        /// Those of a neuron.
+        /// Settings of a neuron.
         settings: MatsuokaSettings,
         /// Inhibition between the neurons of a pair, `w`.
         inhibition: f64,

@@ -30,7 +30,7 @@ pub enum DemonstrationError {
         found: f64,
     },
     /// Matrices differ in shape.
-    #[error("{name} are {found:?} (samples, dimensions), the positions {expected:?}")]
+    #[error("{name} have the shape {found:?} (samples, dimensions), the positions {expected:?}")]
     Shape {
         /// Name of the derivative.
         name: &'static str,

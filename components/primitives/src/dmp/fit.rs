@@ -49,7 +49,7 @@ pub enum FitError {
         index: usize,
         /// Its dimensions.
         found: usize,
-        /// Those of the first.
+        /// Dimensions of the first demonstration.
         expected: usize,
     },
     /// The penalty is negative or not finite.

@@ -25,7 +25,7 @@ pub enum GmmError {
     TooFew {
         /// Samples found.
         samples: usize,
-        /// Components wanted.
+        /// Requested number of components.
         components: usize,
     },
     /// A sample is not finite.

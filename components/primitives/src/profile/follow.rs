@@ -35,7 +35,8 @@ pub struct Follower {
 }
 
 impl Follower {
-    /// At rest at 0, within limits of each joint and a range of positions. Infinite limits do not count.
+    /// Creates a follower at rest at 0, with limits and a range of positions for each joint. Limits may be
+    /// infinite.
     pub fn new(limits: Vec<MotionLimits>, ranges: Vec<[f64; 2]>) -> Self {
         let zeros = vec![0.0; limits.len()];
         Self { limits, ranges, position: zeros.clone(), velocity: zeros }

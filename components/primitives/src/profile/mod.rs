@@ -117,12 +117,12 @@ impl Profile {
         Self { duration, kind, ..self }
     }
 
-    /// Its time \[s\].
+    /// Duration of the profile \[s\].
     pub fn duration(&self) -> f64 {
         self.duration
     }
 
-    /// Its distance.
+    /// Distance of the profile.
     pub fn distance(&self) -> f64 {
         self.distance
     }

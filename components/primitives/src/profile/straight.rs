@@ -78,7 +78,7 @@ impl StraightMove {
         };
     }
 
-    /// Its time \[s\].
+    /// Duration of the motion \[s\].
     pub fn duration(&self) -> f64 {
         self.profile.duration()
     }

@@ -72,7 +72,7 @@ pub enum SteerError {
     /// The segment does not exist.
     #[error("there is no segment {segment}: there are {segments}, counted from 0")]
     NoSuchSegment {
-        /// Index asked for.
+        /// Requested index.
         segment: usize,
         /// Number that exists.
         segments: usize,

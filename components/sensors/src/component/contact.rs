@@ -75,7 +75,7 @@ impl ContactConfig {
 /// A component that publishes the readings of the contact sensors of a robot's feet.
 ///
 /// The force on a foot is the size of the sum of all contact forces on the links that are fixed to its frame,
-/// those between links of the robot excepted.
+/// without the forces between links of the robot.
 pub struct FootContactSensor {
     contacts: Input<Contacts>,
     feet: Output<FootContacts>,
@@ -101,7 +101,7 @@ impl Component for FootContactSensor {
     type Config = ContactConfig;
 
     fn declare(config: &ContactConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let loaded = robot::load(robot::named(declare, "its feet")?, BaseMode::AsFile)?;
+        let loaded = robot::load(robot::named(declare, "the feet of a robot")?, BaseMode::AsFile)?;
         Draws::declare(&config.randomise, declare)?;
         config.model(feet(&loaded)?.len(), 0, &config.randomise.draw(0, config.latency))?;
         Readings::declare(&config.timing(config.randomise.longest(config.latency)), declare)?;

@@ -80,7 +80,7 @@ impl Component for JointMerge {
 
     fn declare(config: &JointMergeConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let robot = declare.robot().ok_or_else(|| {
-            ConfigError::new("the component names no robot, and needs its joints")
+            ConfigError::new("the component needs the joints of a robot, but names no robot")
                 .advise("add `robot = \"NAME\"` to the component")
         })?;
         places(config, &names(robot)?)?;
@@ -125,7 +125,7 @@ impl Component for JointMerge {
             let Some(state) = part.input.current() else { continue };
             part.oldest_ns = part.oldest_ns.max(now_ns.saturating_sub(state.stamp().source_time));
             if state.count() != part.joints.len() {
-                return Err(StepError::failed("a part has another number of joints than its list"));
+                return Err(StepError::failed("a part does not have as many joints as its list"));
             }
             for (from, to) in part.joints.iter().enumerate() {
                 merged.position_mut()[*to] = state.position()[from];

@@ -11,7 +11,7 @@ use crate::encoder::StateTimes;
 /// The robot that a component names.
 pub(super) fn named<'a>(declare: &'a Declare, needs: &str) -> Result<&'a RobotReference, ConfigError> {
     declare.robot().ok_or_else(|| {
-        ConfigError::new(format!("the component names no robot, and needs {needs}"))
+        ConfigError::new(format!("the component needs {needs}, but names no robot"))
             .advise("add `robot = \"NAME\"` to the component")
     })
 }
@@ -100,7 +100,7 @@ pub(super) enum Needs {
     AnyPlace,
     /// None; the mount may be fixed. The motion is the measured one instead of the true one.
     Measured,
-    /// That of all links.
+    /// Motion of all links.
     AllLinks,
 }
 
@@ -122,7 +122,7 @@ impl TrueMotion {
     /// Declares the inputs: `base_state` for a floating base, `joint_state` if joints move the frame or all
     /// links are required. Returns the model.
     pub(super) fn declare(mount: &Mount, needs: Needs, declare: &mut Declare) -> Result<Model, ConfigError> {
-        let model = load(named(declare, "the place of the sensor on it")?, BaseMode::AsFile)?.model;
+        let model = load(named(declare, "the link of a robot")?, BaseMode::AsFile)?.model;
         let frame = mount.carrier(&model)?;
         let moved = by_joints(&model, frame, needs);
         let with_base = by_base(&model, frame, needs);

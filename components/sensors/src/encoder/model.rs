@@ -94,7 +94,7 @@ impl EncoderModel {
         Self::drawn(joints, settings, &SensorDraw::none(settings.latency), seed, shortest_period)
     }
 
-    /// The same with the noise, the biases and the latency of an episode.
+    /// Creates the encoder with the noise, biases and latency sampled for an episode.
     ///
     /// # Errors
     /// As [`new`](Self::new).

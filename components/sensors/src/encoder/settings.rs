@@ -64,7 +64,7 @@ pub struct EncoderSettings {
     pub velocity: JointErrors,
     /// Errors of the effort, N m (or N).
     pub effort: JointErrors,
-    /// Differentiates the position readings. Default: the velocity is measured by a sensor of its own.
+    /// Differentiates the position readings. Default: the velocity is measured by a separate sensor.
     pub differentiate: Option<Differentiation>,
     /// Time from sampling until the reading is available, such as "500 us". Default 0.
     pub latency: TimeSpan,

@@ -62,7 +62,8 @@ impl SlopeEstimator {
         self.count = (self.count + 1).min(size);
     }
 
-    /// The velocity, from two samples on; of fewer than all samples at the start, with their shorter delay.
+    /// Returns the velocity, or `None` before two samples. At the start it uses the available samples, with a
+    /// shorter delay.
     pub fn slope(&self) -> Option<Slope> {
         if self.count < 2 {
             return None;

@@ -134,7 +134,7 @@ fn invalid_configurations_are_rejected_with_their_key() {
     let (_, message) = refuse(serde_json::json!({ "latncy": "5 ms" }));
     assert!(message.contains("latncy"), "{message}");
     let (_, message) = declare(serde_json::json!({}), false).unwrap_err();
-    assert_eq!(message, "the component names no robot, and needs its joints");
+    assert_eq!(message, "the component needs the joints of a robot, but names no robot");
 }
 
 #[test]

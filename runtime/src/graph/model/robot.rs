@@ -110,7 +110,7 @@ pub(in crate::graph) struct BaseTable {
 }
 
 impl BaseTable {
-    /// The same without places.
+    /// Returns the pose without its positions in the file.
     pub(in crate::graph) fn pose(&self) -> BasePose {
         let of = |key: &Option<At<Triple>>| good(key).map_or([0.0; 3], |triple| triple.0);
         BasePose { position: of(&self.position), rpy: of(&self.rpy) }

@@ -37,7 +37,7 @@ pub enum ExecProblem {
     #[error("program `{}` does not exist", .0.display())]
     Missing(PathBuf),
     /// The path names something else than a program.
-    #[error("`{}` is not a program that may be executed", .0.display())]
+    #[error("`{}` is not an executable program", .0.display())]
     NotExecutable(PathBuf),
     /// The system cannot start it.
     #[error("program `{}` cannot be started: {reason}", path.display())]
@@ -47,10 +47,10 @@ pub enum ExecProblem {
         /// Cause.
         reason: String,
     },
-    /// It does not answer in time.
+    /// The program does not answer in time.
     #[error("program `{}` did not describe itself within {} s", .0.display(), DESCRIBE_TIMEOUT.as_secs())]
     Silent(PathBuf),
-    /// Its answer is not a component's.
+    /// The program's answer is not a component's.
     #[error("program `{}` does not answer `{request}` as a component does: {reason}", path.display())]
     NoComponent {
         /// The program.
@@ -62,7 +62,7 @@ pub enum ExecProblem {
         /// The last line of its standard error.
         stderr: String,
     },
-    /// It was built with another version.
+    /// The program was built with another version.
     #[error("program `{}` was built with motorium {found}, this is motorium {VERSION}", path.display())]
     Version {
         /// The program.
@@ -70,8 +70,8 @@ pub enum ExecProblem {
         /// Its version.
         found: String,
     },
-    /// It is another build of the same version, whose shared memory has another layout.
-    #[error("program `{}` lays shared memory out in another way than this motorium {VERSION}", .0.display())]
+    /// The program is another build of the same version, with another layout of shared memory.
+    #[error("program `{}` has another layout of shared memory than this motorium {VERSION}", .0.display())]
     Memory(PathBuf),
 }
 
@@ -112,7 +112,7 @@ impl ExecProblem {
     }
 }
 
-/// Finds the program at a path relative to a folder, that of the graph file.
+/// Finds the program at a path relative to the folder of the graph file.
 ///
 /// # Errors
 /// The program does not exist.

@@ -20,7 +20,7 @@ pub(super) fn resolve(
         if !names.clone().any(|name| name == component) {
             let advice = suggest(component, names, "the components of the graph are");
             report
-                .error(format!("`{figure}` is a figure of no component"))
+                .error(format!("`{figure}` does not begin with the name of a component"))
                 .label(span, format!("there is no component `{component}`"))
                 .advise(advice);
         } else if component.len() == figure.len() {

@@ -256,9 +256,7 @@ fn at_the_head(
         .note("a sample keeps the source time of the data it was made from");
     match origin(budget.from, causes, wiring) {
         Some(origin) => diagnostic.advise(format!("start the budget at `{}`", wiring.topics[origin])),
-        None => {
-            diagnostic.advise("the latency budgets of this graph go round in a circle; leave one of them out")
-        }
+        None => diagnostic.advise("the latency budgets of this graph form a cycle; remove one of them"),
     };
 }
 

@@ -1,6 +1,6 @@
 //! Relative paths in a `config` table: each starts in the folder of its file.
 //!
-//! A component resolves its paths against one folder, that of its robot. If the files of a graph are in
+//! A component resolves its paths against the folder of its robot. If the files of a graph are in
 //! several folders, paths of the others are made absolute. The JSON Schema of the kind defines the paths:
 //! texts and lists of the format `path`, except for the words listed as `words`.
 

@@ -155,7 +155,9 @@ impl Homeless {
                     None => get,
                 };
                 report
-                    .error(format!("kind `{kind}` is of the program `{program}`, which is not installed"))
+                    .error(format!(
+                        "kind `{kind}` belongs to the program `{program}`, which is not installed"
+                    ))
                     .label(span, format!("`{program}` is neither in {} nor on PATH", beside.display()))
                     .advise(advice);
             }

@@ -92,7 +92,7 @@ fn triggered(analysis: &Analysis<'_>, path: &[usize]) -> Option<LatencySum> {
     }
 }
 
-/// The same as a sum: the remainder of the first task, then each later task from its own release.
+/// Sums the latency: the remainder of the first task, then each later task from its own release.
 fn hop_by_hop(analysis: &Analysis<'_>, path: &[usize], places: &[Place]) -> Option<LatencySum> {
     let tasks = &analysis.tasks.tasks;
     let mut total = 0;

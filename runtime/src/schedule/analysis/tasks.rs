@@ -9,7 +9,7 @@
 //! Where priorities rise, whatever is triggered wakes as the step that triggers it ends, and runs at once.)
 //! With rising priorities and several components triggered by one, the order of one of them and of what
 //! another one triggers is open: from there on all is one stage. A component that is triggered from another
-//! core, or by one of another priority, is the head of a task of its own.
+//! core, or by one of another priority, is the head of a separate task.
 
 use serde::Serialize;
 

@@ -1,4 +1,4 @@
-//! The text of an admission: sums of times, problems, advice. It adds no number of its own.
+//! The text of an admission: sums of times, problems, advice. It adds no numbers.
 
 pub(in crate::schedule) mod latency;
 pub(in crate::schedule) mod load;

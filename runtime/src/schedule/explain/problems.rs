@@ -139,7 +139,7 @@ fn not_known(analysis: &Analysis<'_>, problems: &mut Vec<Problem>) {
         };
         problems.push(Problem {
             severity: Severity::Warning,
-            message: format!("{words}: what rests on that cannot be proved"),
+            message: format!("{words}: response times that depend on it cannot be proved"),
             arithmetic: None,
             advice: advice.to_string(),
         });
@@ -152,8 +152,8 @@ fn not_known(analysis: &Analysis<'_>, problems: &mut Vec<Problem>) {
     );
     warn(
         &unknown.released_by_others,
-        "is triggered by one that is not real-time",
-        "are triggered by ones that are not real-time",
+        "is triggered by a component that is not real-time",
+        "are triggered by components that are not real-time",
         "schedule both in the same way",
     );
     warn(&unknown.without_core, "may run on several cores", "may run on several cores", "add `core = 1`");

@@ -223,7 +223,7 @@ fn components_without_a_budget_are_named_and_not_refused() {
     assert!(errors(&admission).is_empty());
     assert_eq!(
         warnings(&admission),
-        ["component `policy` has no budget: what rests on that cannot be proved"]
+        ["component `policy` has no budget: response times that depend on it cannot be proved"]
     );
     let verdicts: Vec<_> = admission.tasks.iter().map(|task| task.verdict).collect();
     // all that shares its priority, and all below, but not what is more urgent
@@ -264,7 +264,7 @@ fn real_time_behind_what_is_not_is_not_provable() {
     assert_eq!(
         warnings(&admission),
         [
-            "component `control` is triggered by one that is not real-time: what rests on that cannot be proved"
+            "component `control` is triggered by a component that is not real-time: response times that depend on it cannot be proved"
         ]
     );
 }

@@ -134,7 +134,7 @@ impl Decoder {
     /// Prepares to read a layout.
     ///
     /// # Errors
-    /// It has a field of an unknown type, or one outside of the sample.
+    /// The layout has a field of an unknown type, or outside of the sample.
     pub fn new(layout: &TypeLayout) -> Result<Self, DecodeError> {
         let mut fields = Vec::new();
         let shown: Vec<_> = layout.fields.iter().filter(|field| field.name != PADDING).collect();

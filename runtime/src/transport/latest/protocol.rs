@@ -47,7 +47,7 @@ impl Newest {
         (self.0 >> (INTERRUPT_BITS + NUMBER_BITS)) as usize
     }
 
-    /// The same publication after one more interrupt.
+    /// Returns the publication after one more interrupt.
     pub(crate) fn interrupted(self) -> Self {
         let mask = (1 << INTERRUPT_BITS) - 1;
         Self((self.0 & !mask) | ((self.0 + 1) & mask))

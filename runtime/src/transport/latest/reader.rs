@@ -12,7 +12,7 @@ use crate::context::{Access, FirstLines};
 use crate::os::prefetch_read;
 use crate::state::{Stamp, StateBuffer};
 
-/// A reader of one topic with a pin of its own.
+/// A reader of one topic with its pin.
 #[derive(Debug)]
 pub(crate) struct StateReader {
     memory: Rc<TopicMemory>,

@@ -16,7 +16,7 @@ use crate::region::add;
 use crate::state::{Stamp, StateBuffer};
 use crate::transport::{InputPlace, Participant, PortError};
 
-/// A reader of one stream of values, or slices of them, with a queue of its own.
+/// A reader of one stream of values, or of slices of them, with its queue.
 #[derive(Debug)]
 pub(crate) struct StreamReader<T> {
     queue: Rc<Queue>,

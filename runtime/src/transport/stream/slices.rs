@@ -203,7 +203,7 @@ impl<T: StateBuffer> SliceLoan<'_, T> {
     /// Publishes the slice and wakes the components that it triggers.
     ///
     /// # Errors
-    /// [`StepError::InvalidOutput`] if it holds a number that is not finite: it is then not published.
+    /// [`StepError::InvalidOutput`] if the slice has a number that is not finite; nothing is published then.
     pub fn publish(self) -> Result<(), StepError> {
         self.finish(None)
     }

@@ -171,7 +171,7 @@ impl Latency {
         let all = catalogue();
         if let Some(word) = self.only.iter().find(|word| !all.iter().any(|case| case.is_meant_by(word))) {
             let names: Vec<&str> = all.iter().map(|case| case.name.as_str()).collect();
-            anyhow::bail!("nothing is named `{word}`; there are {}", names.join(", "));
+            anyhow::bail!("no measurement is named `{word}`; known: {}", names.join(", "));
         }
         let meant = |case: &Case| match self.only.as_slice() {
             [] => case.quick || !self.quick,
@@ -248,7 +248,7 @@ fn denied(measurements: &[Measurement]) -> Vec<String> {
     )]
 }
 
-/// The curves worth drawing side by side: all that was asked for, or the choice that the targets compare.
+/// The curves worth drawing side by side: all requested ones, or the ones compared by the targets.
 fn drawn(measurements: &[Measurement], choice: bool) -> Vec<&Measurement> {
     let compared = [
         "floor.cache-line",

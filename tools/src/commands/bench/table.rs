@@ -86,7 +86,7 @@ fn beside_a_sleeper(written: &Written) -> Option<String> {
     ))
 }
 
-/// The same chain as calls in one process: the cost of isolation.
+/// Compares the chain with calls in one process: the cost of isolation.
 fn beside_copper(written: &Written) -> Option<String> {
     let (ours, copper) = (written.get("chain.17")?, written.get("peer.copper.17")?);
     let ratio = |of: u64, to: u64| of as f64 / to.max(1) as f64;

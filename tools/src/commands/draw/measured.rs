@@ -30,7 +30,7 @@ pub(super) fn find(what: Option<&str>) -> anyhow::Result<Source> {
         let text = crate::input::text(path)?;
         let report: Report = serde_json::from_str(&text).with_context(|| {
             format!(
-                "{} is no report of a run; `motorium run GRAPH.toml --json > report.json` makes one (a graph file goes \
+                "{} is not a report of a run; `motorium run GRAPH.toml --json > report.json` makes one (a graph file goes \
                  before the options)",
                 path.display()
             )

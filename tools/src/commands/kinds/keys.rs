@@ -54,7 +54,7 @@ struct Walk<'a, 'k> {
     definitions: Definitions<'a>,
     /// Names of the definitions in which it stands: one that holds itself is not entered again.
     trail: Vec<&'a str>,
-    /// It stands in one of several variants of a table.
+    /// The key is in one of several variants of a table.
     in_variant: bool,
     keys: &'k mut Vec<Key>,
 }

@@ -1,4 +1,4 @@
-//! Kinds as text for people, 80 columns wide.
+//! Kinds as text, 80 columns wide.
 
 use std::fmt::Write as _;
 

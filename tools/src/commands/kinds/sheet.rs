@@ -28,9 +28,9 @@ pub(super) struct Sheet {
     /// Reason for which it declares nothing with the configuration of the example.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) refused: Option<String>,
-    /// It applies commands to a robot.
+    /// The kind applies commands to a robot.
     pub(super) actuator: bool,
-    /// It can be reset for a new episode.
+    /// The kind can be reset for a new episode.
     pub(super) resets: bool,
     pub(super) ports: Vec<Port>,
     pub(super) parameters: Vec<ParameterDeclaration>,

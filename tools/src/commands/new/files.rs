@@ -47,7 +47,7 @@ pub(super) fn files(name: &str, sources: Option<&Sources>) -> Vec<File> {
 }
 
 /// The crate's dependency on motorium: on sources of this machine, or on the published version of this
-/// program. `features` is the rest of the table, which asks for its features.
+/// program. `features` is the rest of the table, which selects its features.
 fn dependency(sources: Option<&Sources>, features: &str) -> String {
     let version = env!("CARGO_PKG_VERSION");
     match sources {

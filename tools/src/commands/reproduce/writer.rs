@@ -63,8 +63,8 @@ impl FigureWriter {
         Ok(Self { folder, bar, files: Vec::new(), claims: Vec::new(), progress: None })
     }
 
-    /// The same for work in parts, of which those are not done again that a run `of` the same did in this
-    /// folder.
+    /// Creates a writer for work in parts. Skips parts that an earlier run with equal options, `of`, finished
+    /// in this folder.
     pub(super) fn resuming(
         folder: PathBuf,
         steps: u64,

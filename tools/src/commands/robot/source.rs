@@ -35,7 +35,7 @@ impl RobotArgs {
         self.load_with(mimic, ProfileChoice::Own, ShapeSource::Collision)
     }
 
-    /// The same with another profile, or without one, or with other shapes.
+    /// Loads the robot with another profile, or without one, or with other shapes.
     pub(super) fn load_with(
         &self,
         mimic: MimicMode,
@@ -57,7 +57,7 @@ impl RobotArgs {
         self.open_with(mimic, ProfileChoice::Own)
     }
 
-    /// The same with another profile, or without one.
+    /// Opens the robot with another profile, or without one.
     pub(super) fn open_with(&self, mimic: MimicMode, profile: ProfileChoice) -> Result<Loaded, ExitCode> {
         self.load_with(mimic, profile, ShapeSource::Collision).map_err(|error| refused(&error))
     }

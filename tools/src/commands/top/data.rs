@@ -49,7 +49,7 @@ pub(crate) enum State {
     Running,
     /// Its actuators apply the safe state.
     SafeStop,
-    /// It has been asked to end.
+    /// The run has been asked to end.
     Stopping,
 }
 

@@ -70,7 +70,7 @@ const LONGEST: Duration = Duration::from_secs(3600);
 /// Reason for the end of the display.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum End {
-    /// The user asked for it.
+    /// Requested by the user.
     Asked,
     /// The run is over.
     RunOver,

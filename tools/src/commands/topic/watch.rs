@@ -25,7 +25,7 @@ pub(super) enum End {
     Enough,
     /// Its time was over.
     Time,
-    /// A signal asked for the end.
+    /// A signal requested the end.
     Interrupted,
     /// The run is over.
     RunOver,

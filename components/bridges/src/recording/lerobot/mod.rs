@@ -142,13 +142,13 @@ pub enum DatasetError {
     },
     /// The signals never all have a value at the same time.
     #[error(
-        "there is no frame: at no time have all signals of the state and the action, and pictures of all cameras, been published"
+        "the dataset has no frame, because all signals of the state and the action, and pictures of all cameras, were never available together"
     )]
     Empty,
 }
 
-/// Writes a recording as a dataset into a folder. At each frame the newest samples count. A frame is there
-/// from the time on at which all signals of its episode have a sample.
+/// Writes a recording as a dataset into a folder. Each frame holds the newest samples at its time. The frames
+/// of an episode begin when all signals have a sample.
 ///
 /// # Errors
 /// The recording cannot be read, has no such signals, or the files cannot be written.

@@ -174,7 +174,7 @@ impl Pictures {
         named.chain([("count".to_string(), json!([self.files.len()]))]).collect()
     }
 
-    /// The same of each episode, in a column for each statistic.
+    /// Returns the statistics of each episode, in a column for each statistic.
     pub(super) fn stats_of_episodes(&self, lengths: &[usize]) -> Vec<Column> {
         let list = |length: usize, entries: Values| {
             let lists = entries.len() / length.max(1);

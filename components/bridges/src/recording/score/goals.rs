@@ -11,7 +11,7 @@ use super::{Tolerance, spectral_arc_length};
 
 /// Default distance from a goal within which it counts as reached, m.
 const POSITION: f64 = 5e-3;
-/// The same for the orientation, rad.
+/// Default angle from a goal within which it counts as reached, rad.
 const ORIENTATION: f64 = 0.02;
 /// Time for which the target must have rested at the last goal of a run, or of an episode, for it to count,
 /// s.
@@ -39,11 +39,11 @@ pub struct PoseScore {
     pub orientation_error_rad: Option<f64>,
     /// Distance of the frame from the target over the whole time, root mean square, m.
     pub path_position_rms_m: f64,
-    /// The same, its greatest value, m.
+    /// Greatest distance of the frame from the target over the whole time, m.
     pub path_position_max_m: f64,
     /// Angle between the frame and the target over the whole time, root mean square, rad.
     pub path_orientation_rms_rad: f64,
-    /// The same, its greatest value, rad.
+    /// Greatest angle between the frame and the target over the whole time, rad.
     pub path_orientation_max_rad: f64,
     /// Mean smoothness of the movements to the goals, as [`GoalScore::smoothness`].
     pub smoothness: Option<f64>,

@@ -36,11 +36,11 @@ pub struct JointScore {
     pub position_margin: Option<f64>,
     /// Greatest speed, rad/s or m/s.
     pub velocity_max: f64,
-    /// The same as a part of its limit; `null` without one.
+    /// Greatest speed as a share of its limit; `null` without one.
     pub velocity_share: Option<f64>,
     /// Greatest effort, Nm or N.
     pub effort_max: f64,
-    /// The same as a part of its limit; `null` without one.
+    /// Greatest effort as a share of its limit; `null` without one.
     pub effort_share: Option<f64>,
     /// Samples beyond a limit of the position or the speed.
     pub beyond_limits: u64,

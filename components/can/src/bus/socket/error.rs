@@ -36,7 +36,7 @@ pub enum OpenError {
     #[error("there is no serial line `{0}`")]
     NoLine(String),
     /// Serial line or terminal, which only one program can open.
-    #[error("`{0}` is a serial line, which one program has for itself")]
+    #[error("`{0}` is a serial line, which only one program can use")]
     NotShared(String),
     /// No program offers a simulated bus by this name.
     #[error("no program offers the simulated bus `unix:{0}`")]

@@ -52,7 +52,7 @@ pub struct DriveSimulationConfig {
     pub brakes: bool,
     /// Stages between the drives and the joints: lag, limits, elasticity. Default: none.
     pub actuator: Option<ActuatorTable<TimeSpan>>,
-    /// The same for single joints by name, instead of `actuator`.
+    /// Stages of single joints by name, instead of `actuator`.
     #[serde(default)]
     pub actuators: BTreeMap<String, ActuatorTable<TimeSpan>>,
     /// Drives with settings that differ from the table.

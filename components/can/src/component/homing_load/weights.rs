@@ -52,7 +52,7 @@ pub(super) struct Weights<'a> {
     ranges: Vec<[f64; 2]>,
     /// Joints on whose positions the weight depends.
     related: Vec<usize>,
-    /// Those carried by the joint, on which its inertia depends.
+    /// Joints carried by this joint, on which its inertia depends.
     carried: Vec<usize>,
     /// Working storage: configuration, efforts and mass matrix.
     q: Vec<f64>,

@@ -94,9 +94,9 @@ impl Home {
 impl core::fmt::Display for Home {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.write_str(match self {
-            Self::Relative => "the place at which its power came on",
-            Self::Rotor => "the encoder of its rotor",
-            Self::Output => "its output",
+            Self::Relative => "the power-up position",
+            Self::Rotor => "the rotor encoder",
+            Self::Output => "the output",
         })
     }
 }

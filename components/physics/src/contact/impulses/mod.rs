@@ -69,7 +69,7 @@ pub(crate) struct Impulses {
     /// Columns of J over the articulations' velocities, n for each contact point: entries of the normal and
     /// of two tangents.
     jacobian: Vec<[f64; 4]>,
-    /// The same columns after half a solution with A: `W = Y' Y`.
+    /// Columns of J after half a solution with A: `W = Y' Y`.
     reduced: Vec<[f64; 4]>,
     /// Indices of nonzero columns, up to n for each contact point, and their number.
     support: Vec<u32>,

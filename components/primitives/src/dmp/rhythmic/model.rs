@@ -72,7 +72,7 @@ pub enum PeriodError {
         index: usize,
         /// Its dimensions.
         found: usize,
-        /// Those of the first.
+        /// Dimensions of the first demonstration.
         expected: usize,
     },
     /// A sample is not finite.

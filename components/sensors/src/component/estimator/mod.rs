@@ -86,7 +86,7 @@ impl Component for BaseEstimator {
 
     fn declare(config: &BaseEstimatorConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         config.check()?;
-        let loaded = robot::load(robot::named(declare, "its feet")?, BaseMode::Floating)?;
+        let loaded = robot::load(robot::named(declare, "the feet of a robot")?, BaseMode::Floating)?;
         Legs::new(&loaded, config)?;
         sensor_on_base(config, &loaded)?;
         start(config, &loaded)?;

@@ -90,7 +90,7 @@ impl View {
         if seen.sees_robot {
             let solids = solids(&model);
             for defect in solids.left_out() {
-                declare.warn(format!("rays do not meet a link: {defect}"));
+                declare.warn(format!("rays cannot hit a link: {defect}"));
             }
         }
         if seen.world.terrain.is_some() {

@@ -27,7 +27,7 @@ pub(in super::super) fn resolve(
         let table = at.get()?;
         if draft.declaration.is_some() && !is_actuator(draft) {
             report
-                .error(format!("component `{}` is no actuator", draft.name))
+                .error(format!("component `{}` is not an actuator", draft.name))
                 .label(&at.span, format!("{} applies no commands to a robot", draft.what()))
                 .advise("move the table to the component that moves the robot, or remove it");
             return None;

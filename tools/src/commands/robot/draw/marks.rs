@@ -15,7 +15,7 @@ pub(super) struct Marks {
     pub(super) com: Option<Vector3<f64>>,
 }
 
-/// The frames wanted, and where they are.
+/// The requested frames and their poses.
 pub(super) fn frames(
     robot: &Loaded,
     kinematics: &Kinematics,

@@ -37,7 +37,7 @@ pub(super) enum Form {
 }
 
 impl Form {
-    /// Of a shape, a mesh as its hull unless it is wanted `whole`; `None` for one that cannot be read or is
+    /// Of a shape, a mesh as its hull unless `whole` is set; `None` for one that cannot be read or is
     /// flat.
     pub(super) fn from_geometry(geometry: &Geometry, whole: bool) -> Option<Self> {
         let Geometry::Mesh { path, inline, scale, .. } = geometry else {

@@ -176,7 +176,7 @@ fn entry(model: &Model, joint: &Value) -> anyhow::Result<Entry> {
     Ok(entry)
 }
 
-/// Gives every entry its places: those it states, or one after the other.
+/// Assigns the places of every entry: the stated ones, else consecutive ones.
 fn number(entries: &mut [Entry], stated: &Value, length: Option<usize>) -> anyhow::Result<()> {
     // Where the list does not say how continuous joints are written, the length of q does.
     let says = |index: usize| stated[index]["nq"].is_u64();

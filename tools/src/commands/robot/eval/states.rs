@@ -26,7 +26,7 @@ pub(super) struct States {
     pub(super) gravity: Vector3<f64>,
     /// Step of `q_integrated` \[s\].
     pub(super) dt: f64,
-    /// Frames whose Jacobians and motions are wanted.
+    /// Frames whose Jacobians and motions are requested.
     pub(super) frames: Vec<FrameId>,
     pub(super) cases: Vec<State>,
 }
@@ -37,7 +37,7 @@ pub(super) fn cases(document: &Value) -> anyhow::Result<&Vec<Value>> {
     cases.context("the states have no list `cases`")
 }
 
-/// Reads the states of a document; `frames` as asked for on the command line.
+/// Reads the states of a document; `frames` as requested on the command line.
 pub(super) fn read(
     model: &Model,
     layout: Layout,
@@ -79,7 +79,7 @@ fn state(model: &Model, layout: &Layout, case: &Value) -> anyhow::Result<State> 
     let wrench = match &case["fext"] {
         Value::Null => None,
         outside => {
-            let frame = model.frame(outside["frame"].as_str().context("`fext.frame` is no name")?)?;
+            let frame = model.frame(outside["frame"].as_str().context("`fext.frame` is not a name")?)?;
             let six = vector("fext.wrench_local", &outside["wrench_local"], 6)?;
             let force = Vector3::from_column_slice(&six[..3]);
             Some((frame, Wrench { force, moment: Vector3::from_column_slice(&six[3..]) }))

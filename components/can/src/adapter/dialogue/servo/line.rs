@@ -92,7 +92,7 @@ impl Packets<'_> {
     }
 }
 
-/// The same registers of several servos, in as few packets as possible.
+/// One set of registers of several servos, in as few packets as possible.
 struct Group {
     register: u16,
     each: u8,
