@@ -107,7 +107,7 @@ fn load(
     robot: Option<&RobotReference>,
 ) -> Result<Loaded, ConfigError> {
     let robot = robot.ok_or_else(|| {
-        ConfigError::new("the component names no robot, and needs its joints")
+        ConfigError::new("the component needs the joints of a robot, but names no robot")
             .advise("add `robot = \"NAME\"` to the component")
     })?;
     if config.state_timeout.ns < 1_000_000 {
@@ -138,7 +138,7 @@ fn load(
     let terms = Terms::new(&task, &loaded.model).map_err(invalid)?;
     if let Some(object) = terms.objects().first() {
         let message =
-            format!("\"{object}\" is no link, and positions of objects are judged in training only");
+            format!("\"{object}\" is not a link, and rewards read positions of objects in training only");
         return Err(
             ConfigError::key("task", message).advise("evaluate the policy with `motorium learn evaluate`")
         );
@@ -266,7 +266,7 @@ impl Component for LearnerTask {
         let Some(joints) = self.inputs.joints.current() else { return Ok(()) };
         if joints.count() < self.joints {
             return Err(StepError::failed(
-                "the joint state has another number of joints than the robot's model",
+                "the joint state and the robot's model differ in their number of joints",
             ));
         }
         let state = RobotState {
@@ -344,7 +344,7 @@ impl LearnerTask {
     fn read_action(&mut self) -> Result<(), StepError> {
         let Some(action) = self.inputs.action.next_unread() else { return Ok(()) };
         if action.count() != self.terms.actions() {
-            return Err(StepError::failed("the action has another number of joints than the task"));
+            return Err(StepError::failed("the action and the task differ in their number of joints"));
         }
         if action.episode == self.episode {
             self.actions.swap(0, 1);

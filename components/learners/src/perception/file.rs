@@ -40,7 +40,7 @@ pub enum CouplingFileError {
         source: std::io::Error,
     },
     /// The file has another format.
-    #[error("{}: this is no coupling; train one with `motorium library couple`", path.display())]
+    #[error("{}: not a coupling; train one with `motorium library couple`", path.display())]
     Magic {
         /// Path of the file.
         path: PathBuf,

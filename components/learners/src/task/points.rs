@@ -79,7 +79,7 @@ impl Points {
         let point = match self.robot.frame(name) {
             _ if name == TARGET => Point::Target,
             Ok(_) if self.robot.base().floating => {
-                let expected = "a point that is no link: the links of a floating base have no known position";
+                let expected = "a point that is not a link: the links of a robot with a floating base have no known position";
                 return Err(TaskError::value(key, format!("\"{name}\""), expected));
             }
             Ok(frame) => Point::Link(frame),

@@ -63,6 +63,9 @@ const FORMS: [Form; 3] = [
     Form { name: "back constraint on output", space: Some(SOURCE) },
 ];
 
+/// The error of one of the models of a pair.
+type ErrorOf = fn(&Pair) -> Estimate;
+
 /// A pair of a transferred and a trained model.
 struct Pair {
     robot: &'static str,
@@ -125,10 +128,9 @@ impl Chapter4 {
             let mut series = vec![];
             for form in &FORMS {
                 let own = || pairs.iter().filter(|pair| pair.robot == robot && pair.form == form.name);
-                let points = |estimate: fn(&Pair) -> Estimate| {
-                    own().map(|pair| point(pair.latents, estimate(pair))).collect()
-                };
-                let models: [(&str, fn(&Pair) -> Estimate); 3] = [
+                let points =
+                    |estimate: ErrorOf| own().map(|pair| point(pair.latents, estimate(pair))).collect();
+                let models: [(&str, ErrorOf); 3] = [
                     ("transferred", |pair| pair.result.transferred),
                     ("trained", |pair| pair.result.trained),
                     ("trained with all robots", |pair| pair.together),
@@ -153,7 +155,7 @@ impl Chapter4 {
             };
             writer.chart(&format!("transfer-{robot}"), &chart)?;
         }
-        let claims: [(&str, &str, fn(&Pair) -> Estimate); 2] = [
+        let claims: [(&str, &str, ErrorOf); 2] = [
             (
                 "4.5, 4.6",
                 "a transferred model is no worse than one that is trained with the robot, in 10 of 12 pairs",
