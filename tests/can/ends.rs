@@ -27,7 +27,7 @@ fn awaited(text: &str, is_running: bool) -> bool {
 #[test]
 fn the_machine_ends_with_a_killed_program() {
     if super::machine().is_none() {
-        eprintln!("NOT RUN: the end of a virtual machine needs one");
+        eprintln!("skipped: no virtual machine");
         return;
     }
     let scratch = tempfile::tempdir().expect("a folder");

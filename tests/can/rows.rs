@@ -80,7 +80,7 @@ pub(crate) fn machine() -> Option<&'static Machine> {
 /// Returns the row with this name; `None`, with the reason printed, if there was no machine to run it on.
 pub(crate) fn row(name: &str) -> Option<&'static Row> {
     let Some(Machine { rows, end, .. }) = machine() else {
-        eprintln!("NOT RUN: `{name}` needs a virtual machine");
+        eprintln!("skipped: no virtual machine");
         return None;
     };
     let missing =

@@ -64,8 +64,12 @@ fn a_latched_outage_lasts_until_resume() {
     let controller = run.pid_of("controller");
     signal(controller, Signal::STOP);
     await_gate(&run, "it is latched", |gate| gate.latch == Some(Latch::SafeState));
+    let components = ["controller", "physics"];
+    let before = components.map(|name| run.steps_of(name));
     signal(controller, Signal::CONT);
-    std::thread::sleep(Duration::from_millis(300));
+    await_that("fresh commands", || {
+        components.iter().zip(before).all(|(name, before)| run.steps_of(name) > before + 300)
+    });
     assert_eq!(gate(&run).state, GateState::Safe, "commands are fresh again, and it stays");
     let (code, text) = motorium(&run, &["resume"]);
     assert_eq!(code, Some(0), "{text}");
@@ -158,7 +162,7 @@ fn a_pressed_emergency_stop_cannot_be_resumed() {
     let (code, text) = motorium(&run, &["resume"]);
     assert!(code == Some(1) && text.contains("release the emergency stop first"), "{code:?} {text}");
     assert_eq!(gate(&run).state, GateState::Safe);
-    std::thread::sleep(Duration::from_millis(3_500));
+    await_that("the button is released", || run.steps_of("rogue") > 3_600);
     assert_eq!(gate(&run).latch, Some(Latch::EmergencyStop), "released, it stays latched");
     let (code, text) = motorium(&run, &["resume"]);
     assert_eq!(code, Some(0), "{text}");

@@ -15,7 +15,7 @@ const WITHIN: Duration = Duration::from_secs(90);
 pub(crate) fn without_browser() -> bool {
     let missing = Browser::find().is_none();
     if missing {
-        eprintln!("no Chromium on PATH: the page is not tested");
+        eprintln!("skipped: no Chromium on PATH");
     }
     missing
 }

@@ -2,12 +2,16 @@
 
 use std::fs::File;
 use std::path::Path;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// Reserves the whole machine for one test, since real-time components of concurrent tests would starve each
 /// other.
 ///
 /// A lock on the file `real-time.lock` of a folder: for an integration test `env!("CARGO_TARGET_TMPDIR")`,
 /// which all test programs of a workspace share. It is released when the file is dropped or its process ends.
+///
+/// Prints the Unix time at which the test got the machine, so that a failure can be compared with what the
+/// host of a virtual machine did meanwhile.
 ///
 /// ```
 /// use motorium::prelude::*;
@@ -26,5 +30,7 @@ use std::path::Path;
 pub fn machine(folder: impl AsRef<Path>) -> File {
     let file = File::create(folder.as_ref().join("real-time.lock")).expect("the folder takes files");
     file.lock().expect("the file can be locked");
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or(Duration::ZERO);
+    println!("real time from {:.3}", now.as_secs_f64());
     file
 }

@@ -37,7 +37,7 @@ const LONG_NAME: usize = 60;
 const VAGUE: [&str; 6] = ["of", "at", "place", "words", "told", "plain"];
 
 /// Largest count of each column per area: a crate, `docs` (the book and the pages at the root), or `graphs`.
-const CEILINGS: [(&str, [usize; 8]); 21] = [
+const CEILINGS: [(&str, [usize; 8]); 22] = [
     ("runtime", [47, 15, 9, 3, 0, 18, 0, 3]),
     ("robots", [5, 8, 2, 0, 0, 10, 0, 2]),
     ("components/physics", [7, 2, 1, 0, 0, 3, 0, 0]),
@@ -53,6 +53,7 @@ const CEILINGS: [(&str, [usize; 8]); 21] = [
     ("components/can", [19, 18, 7, 0, 0, 9, 0, 0]),
     ("components/interfaces", [0, 0, 0, 0, 0, 0, 0, 0]),
     ("components/bridges", [1, 1, 1, 0, 0, 4, 0, 1]),
+    ("tests/ci", [0, 0, 0, 0, 0, 0, 0, 0]),
     ("tests", [0, 27, 3, 0, 1, 0, 0, 0]),
     ("benches", [2, 0, 1, 0, 0, 0, 0, 0]),
     ("tools", [1, 0, 1, 0, 0, 0, 0, 0]),

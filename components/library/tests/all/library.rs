@@ -280,13 +280,13 @@ fn spectrum_of_recorded_letters_matches_scipy() {
     let path =
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/uci-char-trajectories/train.jsonl");
     if !path.exists() {
-        eprintln!("not run: no recorded letters at {}", path.display());
+        eprintln!("skipped: no recorded letters at {}", path.display());
         return;
     }
     let all = Recordings::read([&path], &Selection { rate: Some(200.0), ..Selection::default() }).unwrap();
     let (seen, _) = all.hold_out(5);
     if (all.trajectories.len(), seen.trajectories.len()) != (1151, 928) {
-        eprintln!("not run: {} other letters than the 1,151 known ones", all.trajectories.len());
+        eprintln!("skipped: {} other letters than the 1,151 known ones", all.trajectories.len());
         return;
     }
     let spring = SampledSpring::new(200, DAMPING).unwrap();

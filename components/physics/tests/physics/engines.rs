@@ -21,12 +21,13 @@ pub(crate) fn engines() -> impl Iterator<Item = Engine> {
     [Engine::Articulated, Engine::Rapier].into_iter().chain(has_mujoco().then_some(Engine::Mujoco))
 }
 
-/// Returns `true` if MuJoCo's library is available. Otherwise reports this once, bypassing the capture of
-/// test output.
+/// Returns `true` if MuJoCo's library is available. Otherwise each test reports this in its captured output,
+/// and the first one on standard error, too.
 pub(crate) fn has_mujoco() -> bool {
     static SAID: Once = Once::new();
     let found = Mujoco::find();
     if let Err(error) = &found {
+        eprintln!("skipped on physics.mujoco: {error}");
         SAID.call_once(|| {
             let _ = writeln!(std::io::stderr(), "tests of physics.mujoco are not run: {error}");
         });
