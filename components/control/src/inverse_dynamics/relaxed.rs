@@ -69,7 +69,7 @@ impl Relaxed {
             }
             constraint => constraint,
         };
-        self.solver.begin_with(active.map(|(constraint, multiplier)| (here(constraint), multiplier)));
+        self.solver.warm_start(active.map(|(constraint, multiplier)| (here(constraint), multiplier)));
     }
 
     /// Records a tick without relaxation.
