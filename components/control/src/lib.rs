@@ -64,6 +64,8 @@
 
 mod admittance;
 mod component;
+mod conflict;
+mod contact;
 mod cost;
 mod feed_forward;
 pub mod formulation;
@@ -87,7 +89,7 @@ pub use component::*;
 pub use feed_forward::FeedForward;
 pub use gains::{GainsError, check_gains};
 pub use goals::{GoalError, GoalRecord, GoalSummary, GoalTolerance};
-pub use ik::{DifferentialIk, IkConflict, IkConstraint, IkError, IkRows, IkSettings};
+pub use ik::{DifferentialIk, IkConflict, IkError, IkRows, IkSettings};
 pub use setpoint::JointSetpoint;
 pub use stacks::{StackSample, TaskStack, run_stack};
 pub use state::{MotionState, RobotState};

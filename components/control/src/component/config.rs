@@ -91,6 +91,16 @@ impl Default for QpControllerConfig {
     }
 }
 
+impl QpControllerConfig {
+    /// Policy for contradictory constraints.
+    pub(super) fn policy(&self) -> InfeasiblePolicy {
+        match &self.inverse_dynamics {
+            Some(table) => table.on_infeasible,
+            None => self.on_infeasible.unwrap_or(InfeasiblePolicy::Hold),
+        }
+    }
+}
+
 /// Settings of a level of the tasks.
 ///
 /// ```toml

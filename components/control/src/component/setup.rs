@@ -271,6 +271,12 @@ pub(super) struct RowLimits {
 }
 
 impl RowLimits {
+    /// All limits, in the order of their rows.
+    pub(super) fn iter_mut(&mut self) -> impl Iterator<Item = &mut (dyn RowLimit + 'static)> {
+        let support = self.support.iter_mut().map(|support| &mut support.limit as &mut dyn RowLimit);
+        self.rows.iter_mut().map(|limit| limit.as_mut()).chain(support)
+    }
+
     /// Number of their rows.
     pub(super) fn count(&self) -> usize {
         let support = self.support.as_ref().map_or(0, |support| support.limit.rows());

@@ -83,7 +83,7 @@ mod holding;
 mod joints;
 mod limits;
 mod mixture;
-mod names;
+mod order;
 mod outcome;
 mod predicted;
 mod reduced;
@@ -91,16 +91,14 @@ mod relaxed;
 mod solve;
 mod solver;
 pub mod tasks;
-mod wrench_cone;
 
-pub use contact::{Contact, ContactError, ContactShape};
 pub use control::{AccelerationTask, InverseDynamics};
 pub use joints::JointAccelerationLimits;
-pub use names::{Conflicting, ConstraintName};
 pub use outcome::{
     FrictionModel, InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution, Slack, Unknowns,
 };
 pub use predicted::DynamicsRows;
-pub use wrench_cone::WrenchCone;
 
+pub use crate::conflict::{Conflicting, ConstraintName};
+pub use crate::contact::{Contact, ContactError, ContactShape, WrenchCone};
 pub use crate::state::MotionState;

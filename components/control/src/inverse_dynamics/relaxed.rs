@@ -1,6 +1,6 @@
 //! A tick with contradictory constraints: contacts and joint limits are relaxed.
 
-use super::names::Order;
+use super::order::Order;
 use super::outcome::{InverseDynamicsError, Slack};
 use crate::solver::{
     ActiveSetSettings, ActiveSetSolver, Constraint, Problem, QpSolver, Sides, Solution, Structure,

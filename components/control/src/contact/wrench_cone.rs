@@ -57,10 +57,10 @@ impl Default for WrenchCone {
 
 impl WrenchCone {
     /// Number of its rows.
-    pub(super) const ROWS: usize = 18;
+    pub(crate) const ROWS: usize = 18;
 
     /// Coefficients of row `row` on the wrench, force then torque, with its least and its largest value.
-    pub(super) fn row(&self, row: usize) -> ([f64; 6], f64, f64) {
+    pub(crate) fn row(&self, row: usize) -> ([f64; 6], f64, f64) {
         let [x, y] = self.sides.map(|side| 0.5 * side);
         let mu = self.friction * std::f64::consts::FRAC_1_SQRT_2;
         let sign = |bit: usize| if row >> bit & 1 == 0 { 1.0 } else { -1.0 };
