@@ -6,8 +6,8 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::dynamics_config::{InfeasiblePolicy, InverseDynamicsConfig};
-use super::limits_config::LimitsConfig;
-use super::tasks::TaskConfig;
+use crate::limits::LimitsConfig;
+use crate::tasks::TaskConfig;
 
 /// Configuration of `control.qp`. Every key has a default: for a robot of the catalogue the table may stay
 /// empty.

@@ -3,8 +3,8 @@
 use motorium_robots::Model;
 
 use super::setup::RowLimits;
-use super::tasks::Held;
 use crate::inverse_dynamics::{Conflicting, ConstraintName, Contact};
+use crate::tasks::Held;
 
 /// Names of the rows of limits and constraint tasks, in the order in which a controller adds them.
 pub(super) struct ConstraintRows {
@@ -37,12 +37,12 @@ impl Rows {
 impl ConstraintRows {
     pub(super) fn new(held: &mut [Held], of_robot: &RowLimits) -> Self {
         let (mut tasks, mut limits) = (Rows::default(), Rows::default());
-        for Held { name, task, .. } in held {
-            if task.is_constraint() {
-                tasks.push(format!("task `{name}`"), task.rows());
-            }
-            if let Some((rows, _)) = task.limits() {
-                limits.push(format!("task `{name}`"), rows.iter().map(|limit| limit.rows()).sum());
+        for held in held {
+            let (rows, soft) = held.task.cost().rows();
+            let name = format!("task `{}`", held.name);
+            match held.is_constraint {
+                true => tasks.push(name, rows),
+                false => limits.push(name, soft),
             }
         }
         for (name, limit) in of_robot.names.iter().zip(&of_robot.rows) {

@@ -11,14 +11,14 @@ use super::conflicts::ConstraintRows;
 use super::diagnostics_output::DiagnosticsOutput;
 use super::dynamics_config::InfeasiblePolicy;
 use super::figures::Figures;
-use super::formulation::{Formulation, Parts, Room, Torque, Velocity};
+use super::formulation::{Formulation, Parts, Room, SolveStats, Torque, Velocity};
 use super::measured::{Freshness, MeasuredState};
 use super::objects::MovingObjects;
 use super::period_ns;
 use super::setup::{ControllerSetup, RowLimits};
-use super::tasks::{Fades, Held, TaskBounds};
-use crate::inverse_dynamics::{Conflicting, Slack};
+use crate::inverse_dynamics::Conflicting;
 use crate::limits::RowLimit;
+use crate::tasks::{Fades, Held, TaskBounds};
 use crate::{GoalSummary, JointSetpoint};
 
 /// A controller that converts targets to joint commands once per step, by differential inverse kinematics
@@ -67,7 +67,6 @@ impl Component for QpController {
         // checks and parameter defaults do not depend on the period
         for (place, task) in setup.tasks(0.0) {
             task.declare(&place, declare)?;
-            task.parameters().into_iter().for_each(|parameter| parameter.declare(task.head().name, declare));
         }
         declare.float("kp_scale", 1.0, 0.0..=2.0, "", "factor of kp of all joints");
         declare.float("kd_scale", 1.0, 0.0..=2.0, "", "factor of kd of all joints");
@@ -141,17 +140,6 @@ struct Controller<F> {
     figures: Figures,
 }
 
-/// Computation in one step, summed over its solutions.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct SolveStats {
-    /// Iterations of all solvers.
-    pub(super) iterations: u32,
-    /// Levels without a solution.
-    pub(super) undecided: u32,
-    /// Largest violations, if a solution was relaxed.
-    pub(super) slack: Option<Slack>,
-}
-
 impl<F: Formulation> Controller<F> {
     fn configure(config: &QpControllerConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
@@ -161,7 +149,8 @@ impl<F: Formulation> Controller<F> {
             .map(|(place, task)| {
                 let head = task.head();
                 let level = parts.levels().filter(|level| *level < head.level).count();
-                Ok(Held { name: head.name.to_owned(), level, task: task.configure(&place, setup)? })
+                let (name, is_constraint) = (head.name.to_owned(), place.is_constraint);
+                Ok(Held { name, level, is_constraint, task: task.configure(&place, setup)? })
             })
             .collect::<Result<Vec<_>, ConfigureError>>()?;
         let limits = parts.row_limits(config)?;
@@ -406,7 +395,5 @@ fn goals(tasks: &[Held]) -> serde_json::Value {
 /// Visits all limits of velocity combinations, including soft ones.
 fn visit_limits(limits: &mut RowLimits, tasks: &mut [Held], visit: &mut dyn FnMut(&mut dyn RowLimit)) {
     limits.rows.iter_mut().for_each(|limit| visit(limit.as_mut()));
-    for (limits, _) in tasks.iter_mut().filter_map(|held| held.task.limits()) {
-        limits.iter_mut().for_each(|limit| visit(limit.as_mut()));
-    }
+    tasks.iter_mut().flat_map(Held::limits).for_each(|limit| visit(limit.as_mut()));
 }

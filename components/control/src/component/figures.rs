@@ -2,10 +2,9 @@
 
 use serde_json::{Value, json};
 
-use super::controller::SolveStats;
-use super::formulation::Formulation;
-use super::tasks::Held;
+use super::formulation::{Formulation, SolveStats};
 use crate::inverse_dynamics::{Conflicting, ConstraintName, Slack};
+use crate::tasks::Held;
 
 /// Sum and maximum of a figure of each step.
 #[derive(Clone, Copy, Debug, Default)]

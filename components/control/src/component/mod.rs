@@ -1,9 +1,5 @@
 //! Components: the controller `control.qp` and the planner, wheel and multirotor controllers.
 
-mod acceleration_limit;
-mod centre_of_mass_limit;
-mod checks;
-mod collision_limits;
 mod config;
 mod conflicts;
 mod controller;
@@ -11,32 +7,21 @@ mod diagnostics_output;
 mod dynamics_config;
 mod figures;
 mod formulation;
-mod frame_limits;
-mod limits_config;
 mod measured;
 mod mpc;
 mod multirotor;
 mod objects;
 mod setup;
-mod support_limits;
-mod tasks;
 mod wheels;
 
-pub use acceleration_limit::AccelerationConfig;
-pub use centre_of_mass_limit::CentreOfMassLimitConfig;
-pub use collision_limits::{AllObjects, CollisionConfig, LevelGround, OfWorld, WorldObjects};
 pub use config::{Feedback, LevelConfig, QpControllerConfig};
 pub use controller::QpController;
 pub use dynamics_config::{ContactConfig, InfeasiblePolicy, InverseDynamicsConfig, WrenchConfig};
-pub use frame_limits::FrameLimitConfig;
-pub use limits_config::LimitsConfig;
 pub use mpc::{
     FittedConfig, GaitConfig, GroundConfig, HorizonConfig, LandingConfig, MpcConfig, MpcPlanner,
     WeightsConfig,
 };
 pub use multirotor::{MultirotorConfig, MultirotorController};
-pub use support_limits::{SupportConfig, SupportedPoint};
-pub use tasks::*;
 pub use wheels::{StartConfig, WheelController, WheelsConfig};
 
 use motorium::prelude::*;

@@ -7,18 +7,18 @@ use crate::contact::{Contact, ContactShape};
 
 /// A contact at one state of the robot.
 #[derive(Clone, Debug)]
-pub(super) struct ContactPlace {
-    pub(super) contact: Contact,
+pub(crate) struct ContactPlace {
+    pub(crate) contact: Contact,
     /// `false` without contact: no motion is constrained and there is no force.
-    pub(super) active: bool,
+    pub(crate) active: bool,
     /// Index of its first force among all contacts, in points.
-    pub(super) first_point: usize,
+    pub(crate) first_point: usize,
     /// Index of its first row among all contacts.
     pub(super) first_row: usize,
     /// Two tangents and the normal as columns, in the world.
-    pub(super) axes: Matrix3<f64>,
+    pub(crate) axes: Matrix3<f64>,
     /// Points relative to the origin of the frame, in world axes \[m\].
-    pub(super) arms: Vec<Vector3<f64>>,
+    pub(crate) arms: Vec<Vector3<f64>>,
     /// Jacobian of the frame, world axes, 6 x nv.
     pub(super) jacobian: Matrix6xX<f64>,
     /// Velocity of the constrained motion, and its drift `Jdot v`; the first [`Contact::rows`] entries are

@@ -24,15 +24,15 @@ use crate::solver::{Problem, Sides, Structure};
 /// after construction.
 #[derive(Debug)]
 pub struct InverseDynamics {
-    pub(super) settings: InverseDynamicsSettings,
-    pub(super) order: Order,
-    pub(super) contacts: Vec<ContactPlace>,
+    pub(crate) settings: InverseDynamicsSettings,
+    pub(crate) order: Order,
+    pub(crate) contacts: Vec<ContactPlace>,
     pub(super) torque_limit: DVector<f64>,
     pub(super) dynamics: Dynamics,
     pub(super) mass: DMatrix<f64>,
-    pub(super) bias: DVector<f64>,
+    pub(crate) bias: DVector<f64>,
     pub(super) weight: DVector<f64>,
-    pub(super) problem: Problem,
+    pub(crate) problem: Problem,
     structure: Structure,
     pub(super) solver: FirstLevel,
     pub(super) reduced: Option<Reduced>,
@@ -217,6 +217,11 @@ impl InverseDynamics {
     /// of the task \[m/s2, rad/s2, N\].
     pub fn residual(&self, task: &dyn AccelerationTask) -> f64 {
         task.cost().residual(self.x.as_slice())
+    }
+
+    /// Unknowns of the last solution: accelerations, then three numbers for each contact point.
+    pub(crate) fn unknowns(&self) -> &[f64] {
+        self.x.as_slice()
     }
 
     /// Number of unknowns: accelerations, then three numbers for each contact point.

@@ -5,11 +5,11 @@ use crate::solver::{Conflict, Constraint};
 
 /// The order of the constraints in a problem.
 #[derive(Clone, Debug)]
-pub(super) struct Order {
+pub(crate) struct Order {
     /// Equations of motion of the base: 6 or none.
     pub(super) base: usize,
     /// Velocities, base and joints.
-    pub(super) velocities: usize,
+    pub(crate) velocities: usize,
     /// Independent joints.
     pub(super) joints: usize,
     /// Contact and axis of each row of contact motion.

@@ -11,13 +11,12 @@ use motorium::prelude::*;
 use motorium::state::ControlDiagnostics;
 
 use super::config::QpControllerConfig;
-use super::controller::SolveStats;
 use super::dynamics_config::InfeasiblePolicy;
 use super::measured::MeasuredState;
 use super::setup::{ControllerSetup, RowLimits};
-use super::tasks::{Held, TaskBounds};
 use crate::JointSetpoint;
-use crate::inverse_dynamics::{Conflicting, ConstraintName, Contact};
+use crate::inverse_dynamics::{Conflicting, ConstraintName, Contact, Slack};
+use crate::tasks::{Held, TaskBounds};
 
 /// A formulation: a problem of the tasks and limits of a step, and the motion of the joints by its solution.
 pub(super) trait Formulation: Sized {
@@ -103,6 +102,17 @@ pub(super) trait Formulation: Sized {
     fn add_to(&self, result: &mut serde_json::Value);
 }
 
+/// Computation in one step, summed over its solutions.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct SolveStats {
+    /// Iterations of all solvers.
+    pub(super) iterations: u32,
+    /// Levels without a solution.
+    pub(super) undecided: u32,
+    /// Largest violations, if a solution was relaxed.
+    pub(super) slack: Option<Slack>,
+}
+
 /// Parts of a controller that a problem is posed of.
 pub(super) struct Parts<'a> {
     pub(super) measured: &'a MeasuredState,
@@ -126,14 +136,14 @@ pub(super) struct Room {
 impl Room {
     pub(super) fn new(tasks: &mut [Held], limits: &RowLimits, levels: usize) -> Self {
         let mut room = Self { levels: vec![0; levels], constrained: 0, soft: 0, limits: limits.count() };
-        for Held { level, task, .. } in tasks {
-            if task.is_constraint() {
-                room.constrained += task.rows();
-                continue;
+        for held in tasks {
+            let (rows, soft) = held.task.cost().rows();
+            if held.is_constraint {
+                room.constrained += rows;
+            } else {
+                room.soft += soft;
+                room.levels[held.level] += rows + soft;
             }
-            let soft = task.limits().map_or(0, |(limits, _)| limits.iter().map(|limit| limit.rows()).sum());
-            room.soft += soft;
-            room.levels[*level] += task.rows() + soft;
         }
         room
     }

@@ -6,19 +6,18 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::contact_switches::ContactSwitches;
-use super::{Formulation, Parts, Room};
+use super::{Formulation, Parts, Room, SolveStats};
 use crate::JointSetpoint;
 use crate::component::config::QpControllerConfig;
-use crate::component::controller::SolveStats;
 use crate::component::diagnostics_output::push_name;
 use crate::component::dynamics_config::{InfeasiblePolicy, InverseDynamicsConfig};
 use crate::component::measured::MeasuredState;
 use crate::component::setup::ControllerSetup;
-use crate::component::tasks::{Held, TaskBounds};
 use crate::inverse_dynamics::{
     Conflicting, ConstraintName, Contact, DynamicsRows, InverseDynamics, InverseDynamicsError,
     JointAccelerationLimits,
 };
+use crate::tasks::{Held, TaskBounds, TaskCost};
 
 /// Time constant with which the integrated accelerations return to the measured motion, s.
 const LEAK: f64 = 0.2;
@@ -117,12 +116,14 @@ impl Formulation for Torque {
         let (control, state) = (&mut self.control, measured.motion());
         control.begin(&state, dt);
         for held in tasks {
-            let (level, constraint) = (held.level, held.task.is_constraint());
-            let rows = if constraint { held.task.rows() } else { 0 };
-            match held.counting(control) {
-                Some(task) if constraint => control.constrain(&state, task),
-                Some(task) => control.add_task(&state, level, task),
-                None => control.skip_constraint(rows),
+            let (level, constraint) = (held.level, held.is_constraint);
+            let rows = if constraint { held.task.cost().rows().0 } else { 0 };
+            match held.acting(control) {
+                Some(TaskCost::Motion(mut task)) if constraint => control.constrain(&state, &mut task),
+                Some(TaskCost::Motion(mut task)) => control.add_task(&state, level, &mut task),
+                Some(TaskCost::Forces(task)) if constraint => control.constrain(&state, task),
+                Some(TaskCost::Forces(task)) => control.add_task(&state, level, task),
+                Some(TaskCost::Limits(..)) | None => control.skip_constraint(rows),
             }
         }
         if let Some(support) = limits.support.as_mut().filter(|support| support.follows) {
@@ -203,7 +204,7 @@ impl Formulation for Torque {
     }
 
     fn residual(&self, held: &mut Held) -> Option<f64> {
-        held.counting(&self.control).map(|task| self.control.residual(task))
+        held.acting(&self.control).and_then(|cost| cost.residual(self.control.unknowns()))
     }
 
     fn visit_active(&self, visit: &mut dyn FnMut(ConstraintName)) {

@@ -5,16 +5,15 @@ use motorium::state::ControlDiagnostics;
 use motorium_robots::Kinematics;
 use serde_json::{Value, json};
 
-use super::{Formulation, Parts, Room};
+use super::{Formulation, Parts, Room, SolveStats};
 use crate::component::config::{Feedback, QpControllerConfig};
-use crate::component::controller::SolveStats;
 use crate::component::diagnostics_output::push_name;
 use crate::component::dynamics_config::InfeasiblePolicy;
 use crate::component::measured::MeasuredState;
 use crate::component::setup::ControllerSetup;
-use crate::component::tasks::{Held, TaskBounds};
 use crate::inverse_dynamics::{Conflicting, ConstraintName, Slack};
 use crate::limits::{AccelerationLimit, PositionLimit, VelocityLimit};
+use crate::tasks::{Held, TaskBounds, TaskCost};
 use crate::{DifferentialIk, FeedForward, IkRows, IkSettings, JointSetpoint, RobotState};
 
 /// Cost of violating a constraint task when it is relaxed, 1/(m/s) or 1/(rad/s).
@@ -101,16 +100,16 @@ impl Formulation for Velocity {
         };
         ik.begin();
         for held in tasks {
-            let constraint = held.task.is_constraint();
-            if let Some((limits, weight)) = held.task.limits() {
-                for limit in limits {
-                    ik.add_soft_limit(&state, held.level, limit.as_mut(), weight, dt);
+            let (level, constraint) = (held.level, held.is_constraint);
+            match held.task.cost() {
+                TaskCost::Motion(mut task) if constraint => ik.constrain(&state, &mut task),
+                TaskCost::Motion(mut task) => ik.add_task(&state, level, &mut task),
+                TaskCost::Limits(limits, weight) => {
+                    for limit in limits {
+                        ik.add_soft_limit(&state, level, limit.as_mut(), weight, dt);
+                    }
                 }
-            }
-            match held.task.task() {
-                Some(task) if constraint => ik.constrain(&state, task),
-                Some(task) => ik.add_task(&state, held.level, task),
-                None => {}
+                TaskCost::Forces(_) => {}
             }
         }
         ik.add_limit(&state, position, dt);
@@ -178,7 +177,7 @@ impl Formulation for Velocity {
     }
 
     fn residual(&self, held: &mut Held) -> Option<f64> {
-        held.task.task().map(|task| task.residual(self.ik.velocity()))
+        held.task.cost().residual(self.ik.velocity())
     }
 
     fn visit_active(&self, visit: &mut dyn FnMut(ConstraintName)) {

@@ -3,12 +3,10 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::acceleration_limit::AccelerationConfig;
-use super::centre_of_mass_limit::CentreOfMassLimitConfig;
-use super::collision_limits::CollisionConfig;
-use super::frame_limits::FrameLimitConfig;
-use super::support_limits::SupportConfig;
-use crate::limits::{PositionLimit, VelocityLimit};
+use super::{
+    AccelerationConfig, CentreOfMassLimitConfig, CollisionConfig, FrameLimitConfig, PositionLimit,
+    SupportConfig, VelocityLimit,
+};
 
 /// Limits of the commanded motion, always enforced on the setpoint.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]

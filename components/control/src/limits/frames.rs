@@ -1,13 +1,13 @@
 //! The list `limits.frames` of `control.qp`: limits of position and velocity of frames.
 
-use motorium::prelude::*;
+use motorium::declare::ConfigError;
 use motorium_robots::{Model, Profile};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::checks::in_range;
-use crate::limits::{CartesianPositionLimit, CartesianVelocityLimit, RowLimit};
+use super::{CartesianPositionLimit, CartesianVelocityLimit, RowLimit};
+use crate::checks::in_range;
 
 /// Limits of one frame, in all levels of tasks: a box of the world that its origin does not leave, and
 /// largest velocities.
@@ -50,7 +50,7 @@ impl Default for FrameLimitConfig {
 
 impl FrameLimitConfig {
     /// Builds, checks and appends the limits; `path` is the path of the table.
-    pub(super) fn build(
+    pub(crate) fn build(
         &self,
         path: &str,
         model: &Model,

@@ -4,17 +4,17 @@ use motorium::prelude::*;
 
 /// Bounds that a controller sets to its tasks.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::component) struct TaskBounds {
+pub(crate) struct TaskBounds {
     /// True in the first step at a state.
-    pub(in crate::component) begins: bool,
+    pub(crate) begins: bool,
     /// Duration of parameter ramps, s.
-    pub(in crate::component) ramp: f64,
+    pub(crate) ramp: f64,
     /// Time since the previous step, s.
-    pub(in crate::component) dt: f64,
+    pub(crate) dt: f64,
     /// The largest gain: half the tick rate, 1/s.
-    pub(in crate::component) max_gain: f64,
+    pub(crate) max_gain: f64,
     /// Age beyond which a target is treated as stationary, ns.
-    pub(in crate::component) target_timeout_ns: u64,
+    pub(crate) target_timeout_ns: u64,
 }
 
 /// Difference of two presences that is rounding.
@@ -26,7 +26,7 @@ const SAME: f64 = 1e-9;
 /// A weight of 0 disables a task. Under strict priorities a small weight acts like a large one, so a weight
 /// ramped to 0 would still end in a jump. Instead the weight keeps its value while its presence falls from 1
 /// to 0, and the controller mixes the solutions with and without the task by its [`Fades`].
-pub(in crate::component) struct Ramped {
+pub(crate) struct Ramped {
     parameter: Parameter<f64>,
     value: Change,
     /// Presence of a weight, from 0 to 1; `None` for other parameters.
@@ -89,7 +89,7 @@ fn presence(weight: f64) -> f64 {
 /// The mixture is continuous in all presences (the Lovasz extension of a set function). As a convex
 /// combination it satisfies every limit that all its solutions satisfy, and preserves the solution of higher
 /// levels.
-pub(in crate::component) struct Fades {
+pub(crate) struct Fades {
     /// Presences, each once, in falling order.
     presences: Vec<f64>,
     /// Minimum presence of a participating weight.
@@ -100,12 +100,12 @@ pub(in crate::component) struct Fades {
 
 impl Fades {
     /// Room for `most` weights.
-    pub(in crate::component) fn new(most: usize) -> Self {
+    pub(crate) fn new(most: usize) -> Self {
         Self { presences: Vec::with_capacity(most), threshold: 0.0, begins: true }
     }
 
     /// Starts a step, in which all weights with nonzero presence participate.
-    pub(in crate::component) fn begin(&mut self) {
+    pub(crate) fn begin(&mut self) {
         self.presences.clear();
         (self.threshold, self.begins) = (0.0, true);
     }
@@ -121,12 +121,12 @@ impl Fades {
 
     /// Number of solutions in the step; 1 without fading. The last one includes all weights with nonzero
     /// presence.
-    pub(in crate::component) fn parts(&self) -> usize {
+    pub(crate) fn parts(&self) -> usize {
         self.presences.len() + 1
     }
 
     /// Begins a part; its share.
-    pub(in crate::component) fn part(&mut self, part: usize) -> f64 {
+    pub(crate) fn part(&mut self, part: usize) -> f64 {
         let above = if part == 0 { 1.0 } else { self.presences[part - 1] };
         (self.threshold, self.begins) = (above, false);
         above - self.presences.get(part).copied().unwrap_or(0.0)

@@ -2,8 +2,9 @@
 
 use motorium_robots::Model;
 
-use super::{AccelerationTask, Cost};
-use crate::inverse_dynamics::{InverseDynamics, MotionState};
+use super::Cost;
+use crate::MotionState;
+use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 
 /// Minimises accelerations:
 ///

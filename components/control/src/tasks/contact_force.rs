@@ -3,8 +3,10 @@
 use motorium_robots::Model;
 use nalgebra::Vector3;
 
-use super::{AccelerationTask, Cost};
-use crate::inverse_dynamics::{Contact, InverseDynamics, MotionState};
+use super::Cost;
+use crate::MotionState;
+use crate::contact::Contact;
+use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 
 /// Contact forces are small, which spreads the load evenly over the points of all contacts:
 ///

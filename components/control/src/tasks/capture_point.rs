@@ -1,10 +1,17 @@
 //! The capture point follows a point, by the acceleration of the centre of mass.
 
+use motorium::prelude::*;
 use motorium_robots::Model;
 use nalgebra::{Matrix3xX, Vector2, Vector3};
 
-use super::{AccelerationTask, Cost};
-use crate::inverse_dynamics::{InverseDynamics, MotionState};
+use super::Cost;
+use super::held::{HeldTask, TaskCost};
+use super::kind::{BuiltTask, Formulations, GAINS, TaskHead, TaskKind, TaskTable, WEIGHTS};
+use super::place::TaskPlace;
+use super::ramp::{Fades, Ramped, TaskBounds};
+use super::target::TargetInput;
+use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
+use crate::{GoalTolerance, MotionState, RobotState};
 
 /// Minimum height of the centre of mass above the contacts \[m\]; lower values are replaced by it.
 const LOWEST: f64 = 0.05;
@@ -29,7 +36,7 @@ const LOWEST: f64 = 0.05;
 /// an active contact.
 ///
 /// ```
-/// use motorium_control::inverse_dynamics::{Contact, InverseDynamics, MotionState, tasks::CapturePoint};
+/// use motorium_control::{inverse_dynamics::{Contact, InverseDynamics, MotionState}, tasks::CapturePoint};
 /// use motorium_robots::{Kinematics, load};
 ///
 /// let robot = load("humanoid", std::path::Path::new("."))?;
@@ -139,5 +146,94 @@ impl AccelerationTask for CapturePoint {
 
     fn cost(&self) -> &Cost {
         &self.cost
+    }
+}
+
+task_config! {
+    /// A capture-point task: the point where the robot would have to step to come to rest follows a point on the
+    /// ground.
+    CapturePointConfig "capture_point" {
+        /// Name of the input port of its target, of which x and y of position and linear velocity count. The
+        /// input is optional: without a target the point stays below where the centre of mass was at the start.
+        /// Default "capture_point_target".
+        target: String = "capture_point_target".to_owned() => target(
+            optional PoseTarget,
+            "position and linear velocity of the capture point on the ground, in the world frame"
+        );
+        /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 3.
+        gain: f64 = 3.0 => live(GAINS, "1/s", "rate at which the error decays");
+        /// Cost of an acceleration error of the centre of mass, 1/(m/s2), 0 to 1000. Default 1.
+        weight: f64 = 1.0 => live(
+            WEIGHTS, "1/(m/s2)", "cost of an acceleration error of the centre of mass"
+        );
+    }
+}
+
+impl TaskKind for CapturePointConfig {
+    fn head(&self) -> TaskHead<'_> {
+        self.table_head().only(Formulations::Torque)
+    }
+
+    fn check(&self, _: &TaskPlace<'_>) -> Result<(), ConfigError> {
+        Ok(())
+    }
+
+    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+        Ok(Box::new(HeldCapturePoint {
+            task: CapturePoint::new(place.model, self.gain),
+            target: TargetInput::new(setup.input(&self.target)?, GoalTolerance::default()),
+            parameters: self.open(setup)?,
+            largest: 0.0,
+        }))
+    }
+}
+
+/// A capture point that follows the positions of one input.
+struct HeldCapturePoint {
+    task: CapturePoint,
+    target: TargetInput,
+    /// Gain and weight.
+    parameters: [Ramped; 2],
+    /// Largest distance from the target so far, m.
+    largest: f64,
+}
+
+impl HeldTask for HeldCapturePoint {
+    fn begin(&mut self, start: &RobotState<'_>) {
+        if !self.target.is_set() {
+            self.task.set_target(start.kinematics.centre_of_mass(start.model).position.xy());
+        }
+    }
+
+    fn reset(&mut self) {
+        self.target.reset();
+        self.largest = 0.0;
+    }
+
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        let [gain, weight] = self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
+        self.task.set(gain.min(bounds.max_gain), weight);
+    }
+
+    fn prepare(&mut self, bounds: &TaskBounds) {
+        if let Some((point, velocity)) = self.target.point(bounds) {
+            self.task.set_moving_target(point.xy(), velocity.xy());
+        }
+    }
+
+    fn cost(&mut self) -> TaskCost<'_> {
+        TaskCost::Forces(&mut self.task)
+    }
+
+    fn record(&mut self, _: &RobotState<'_>, _: f64) {
+        self.largest = self.largest.max(self.task.error().norm());
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        Some(serde_json::json!({
+            "largest_error_m": self.largest,
+            "last_error_m": self.task.error().norm(),
+            "last_point": self.task.point().as_slice(),
+        }))
     }
 }

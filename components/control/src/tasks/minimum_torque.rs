@@ -2,8 +2,10 @@
 
 use motorium_robots::Model;
 
-use super::{AccelerationTask, Cost};
-use crate::inverse_dynamics::{Contact, InverseDynamics, MotionState};
+use super::Cost;
+use crate::MotionState;
+use crate::contact::Contact;
+use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 
 /// Torques of the drives are small:
 ///

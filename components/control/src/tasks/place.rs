@@ -6,35 +6,36 @@ use motorium::prelude::*;
 use motorium_robots::{EndEffectorError, FrameId, Model, Profile, World};
 use nalgebra::{Unit, Vector3};
 
-use super::{GAINS, RATE};
-use crate::component::checks;
-use crate::inverse_dynamics::Contact;
-use crate::tasks::PoseError;
+use super::{PoseError, RATE};
+use crate::checks;
+use crate::contact::Contact;
+
+/// Range of every gain, 1/s.
+pub(super) const GAINS: RangeInclusive<f64> = 0.0..=1000.0;
+/// Range of every weight.
+pub(super) const WEIGHTS: RangeInclusive<f64> = 0.0..=1000.0;
 
 /// The robot a task is for, and the place of the task in the configuration.
-pub(in crate::component) struct TaskPlace<'a> {
-    pub(in crate::component) model: &'a Model,
-    pub(in crate::component) profile: Option<&'a Profile>,
+pub(crate) struct TaskPlace<'a> {
+    pub(crate) model: &'a Model,
+    pub(crate) profile: Option<&'a Profile>,
     /// Time between two steps, s; 0 while a graph is checked.
-    pub(in crate::component) period: f64,
+    pub(crate) period: f64,
     /// True if the controller computes torques.
-    pub(in crate::component) torque: bool,
+    pub(crate) torque: bool,
     /// Acceleration of free fall, m/s2.
-    pub(in crate::component) gravity: Vector3<f64>,
+    pub(crate) gravity: Vector3<f64>,
     /// Ground and objects around the robot.
-    pub(in crate::component) world: &'a World,
+    pub(crate) world: &'a World,
     /// Contacts of inverse dynamics; empty for a velocity controller.
-    pub(in crate::component) contacts: &'a [Contact],
+    pub(crate) contacts: &'a [Contact],
+    /// `true` if the task holds exactly, above all levels.
+    pub(crate) is_constraint: bool,
     /// Path of the table of the task in the configuration, such as `tasks[0].cartesian`.
-    pub(in crate::component) path: String,
+    pub(crate) path: String,
 }
 
-impl<'a> TaskPlace<'a> {
-    /// Returns the context of a nested table.
-    pub(super) fn within(&self, name: &str) -> TaskPlace<'a> {
-        TaskPlace { path: self.key(name), ..*self }
-    }
-
+impl TaskPlace<'_> {
     /// The frame that the key `name` names.
     pub(super) fn named_frame(&self, name: &str, link: &str) -> Result<FrameId, ConfigError> {
         if link.is_empty() {
@@ -66,7 +67,7 @@ impl<'a> TaskPlace<'a> {
     }
 
     /// Path of the key `name` of the task.
-    pub(in crate::component) fn key(&self, name: &str) -> String {
+    pub(crate) fn key(&self, name: &str) -> String {
         format!("{}.{name}", self.path)
     }
 
@@ -115,16 +116,27 @@ impl<'a> TaskPlace<'a> {
         speed.map_or(Ok(f64::INFINITY), |speed| self.in_range(name, speed, 1e-6..=f64::MAX))
     }
 
-    /// Maximum error at which a goal counts as reached.
-    pub(super) fn tolerance(&self, name: &str, tolerance: f64) -> Result<f64, ConfigError> {
-        self.in_range(name, tolerance, 0.0..=f64::MAX)
-    }
-
     /// Levenberg-Marquardt damping, s m/rad^2: the given value, else `usual`, or two tick periods times one
     /// metre if that is larger.
     pub(super) fn damping(&self, given: Option<f64>, usual: f64) -> Result<f64, ConfigError> {
         given.map_or(Ok(usual.max(2.0 * self.period)), |damping| {
             self.in_range("damping", damping, 0.0..=f64::MAX)
         })
+    }
+
+    /// Checks that an impedance can replace the gain of a task, which must then have its default.
+    pub(super) fn check_impedance(&self, gain: f64, default: f64) -> Result<(), ConfigError> {
+        if !self.torque {
+            return Err(ConfigError::key(
+                self.key("impedance"),
+                "without `inverse_dynamics`, which computes forces",
+            )
+            .advise("add `inverse_dynamics = {}`, or use `gain`"));
+        }
+        if gain != default {
+            return Err(ConfigError::key(self.key("gain"), "beside `impedance`, which takes its place")
+                .advise("keep one of the two"));
+        }
+        Ok(())
     }
 }

@@ -1,10 +1,16 @@
 //! The wrench of a contact follows a target.
 
+use motorium::prelude::*;
 use motorium_robots::{Model, Twist};
 use nalgebra::Matrix3;
 
-use super::{AccelerationTask, Cost};
-use crate::inverse_dynamics::{Contact, InverseDynamics, MotionState};
+use super::Cost;
+use super::held::Driven;
+use super::kind::{ActsOn, BuiltTask, Formulations, TaskHead, TaskKind, TaskTable, WEIGHTS};
+use super::place::TaskPlace;
+use crate::MotionState;
+use crate::contact::Contact;
+use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 
 /// Tracks a target for the force of one contact and its torque about the origin of the contact's frame, in
 /// world axes:
@@ -82,5 +88,61 @@ impl AccelerationTask for ContactWrench {
 
     fn cost(&self) -> &Cost {
         &self.cost
+    }
+}
+
+task_config! {
+    /// A contact wrench task: force and torque of a contact follow a target; with `inverse_dynamics`.
+    ContactWrenchConfig "contact_wrench" {
+        /// Name of the contact, as in `inverse_dynamics`.
+        contact: String = String::new();
+        /// Name of the input port of the target: the wrench exerted by the world on the robot, in world axes
+        /// about the origin of the contact's frame. Without a target, `force` and `torque` apply. Default
+        /// "wrench_target".
+        target: String = "wrench_target".to_owned() => target(
+            optional Wrench, "force and torque of the contact on the robot, in the axes of the world"
+        );
+        /// Force without a target, axes of the world, N. Default [0, 0, 0].
+        force: [f64; 3] = [0.0; 3];
+        /// Torque without a target, axes of the world, Nm. Default [0, 0, 0].
+        torque: [f64; 3] = [0.0; 3];
+        /// Cost of a force error, 1/N, 0 to 1000. Default 1e-2.
+        force_weight: f64 = 1e-2 => live(WEIGHTS, "1/N", "cost of a force error");
+        /// Cost of a torque error, 1/Nm, 0 to 1000. Default 1e-2.
+        torque_weight: f64 = 1e-2 => live(WEIGHTS, "1/Nm", "cost of a torque error");
+    }
+}
+
+impl ContactWrenchConfig {
+    fn build(&self, place: &TaskPlace<'_>) -> Result<ContactWrench, ConfigError> {
+        let contact = place.contact("contact", &self.contact)?;
+        for value in self.force.iter().chain(&self.torque) {
+            place.in_range("force", *value, f64::MIN..=f64::MAX)?;
+        }
+        let mut task = ContactWrench::for_contact(place.model, place.contacts, contact);
+        task.set_target(Twist { linear: self.force.into(), angular: self.torque.into() });
+        Ok(task)
+    }
+}
+
+impl TaskKind for ContactWrenchConfig {
+    fn head(&self) -> TaskHead<'_> {
+        self.table_head().only(Formulations::Torque).acts_on(ActsOn::Forces)
+    }
+
+    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
+        self.build(place).map(drop)
+    }
+
+    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+        let mut input = setup.input::<Wrench>(&self.target)?;
+        let task = Driven::forces(self.build(place)?, self.open(setup)?, |task, [force, torque], _| {
+            task.set_weights(force, torque);
+        });
+        Ok(Box::new(task.following(move |task, _| {
+            if let Some(target) = input.latest() {
+                task.set_target(Twist { linear: target.force.into(), angular: target.torque.into() });
+            }
+        })))
     }
 }
