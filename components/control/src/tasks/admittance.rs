@@ -225,8 +225,8 @@ task_config! {
         frame: Option<String> = None;
         /// Link in whose frame the wrench is measured. Default: `frame`.
         sensor: Option<String> = None;
-        /// Name of the input port of its target, the pose of the frame without a wrench. The input is optional:
-        /// without a target it is the pose at the start. Default "target".
+        /// Name of the input port of its target, the pose of the frame without a wrench. The input is
+        /// optional: without a target it is the pose at the start. Default "target".
         target: String = "target".to_owned() => target(
             optional PoseTarget, "pose and velocity of the frame without a wrench, in the world frame"
         );
@@ -235,8 +235,8 @@ task_config! {
             required Wrench,
             "wrench that the world exerts on the robot, at the origin and in the axes of the sensor's frame"
         );
-        /// Rate at which the frame approaches the displaced pose, 1/s, 0 to 1000; limited to half the tick rate.
-        /// Default 20.
+        /// Rate at which the frame approaches the displaced pose, 1/s, 0 to 1000; limited to half the tick
+        /// rate. Default 20.
         gain: f64 = 20.0 => live(GAINS, "1/s", "rate at which the frame follows");
         /// Mass, kg, 1e-3 to 1e6. Default 4.
         mass: f64 = AdmittanceSettings::default().mass => live(

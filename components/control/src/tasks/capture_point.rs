@@ -150,12 +150,12 @@ impl AccelerationTask for CapturePoint {
 }
 
 task_config! {
-    /// A capture-point task: the point where the robot would have to step to come to rest follows a point on the
-    /// ground.
+    /// A capture-point task: the point where the robot would have to step to come to rest follows a point on
+    /// the ground.
     CapturePointConfig "capture_point" {
         /// Name of the input port of its target, of which x and y of position and linear velocity count. The
-        /// input is optional: without a target the point stays below where the centre of mass was at the start.
-        /// Default "capture_point_target".
+        /// input is optional: without a target the point stays below where the centre of mass was at the
+        /// start. Default "capture_point_target".
         target: String = "capture_point_target".to_owned() => target(
             optional PoseTarget,
             "position and linear velocity of the capture point on the ground, in the world frame"

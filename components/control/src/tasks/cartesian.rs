@@ -474,8 +474,8 @@ task_config! {
         orientation_weight: f64 = CartesianSettings::default().orientation_weight => live(
             WEIGHTS, "1/(rad/s)", "cost of an angular velocity error"
         );
-        /// Contact of `inverse_dynamics`, such as a foot: the task is active only while it is lifted. Default:
-        /// always active.
+        /// Contact of `inverse_dynamics`, such as a foot: the task is active only while it is lifted.
+        /// Default: always active.
         while_lifted: Option<String> = None;
         /// Factors of both weights per axis; an axis without a factor is free. Default: all axes.
         axes: Option<AxesConfig> = None;
@@ -483,8 +483,8 @@ task_config! {
         max_linear_speed: Option<f64> = None;
         /// Maximum angular speed of the correction, rad/s. Default: no limit.
         max_angular_speed: Option<f64> = None;
-        /// Levenberg-Marquardt damping, s m/rad^2; prevents oscillation if the target is out of reach. Default:
-        /// 5e-3, or two tick periods times one metre if that is larger.
+        /// Levenberg-Marquardt damping, s m/rad^2; prevents oscillation if the target is out of reach.
+        /// Default: 5e-3, or two tick periods times one metre if that is larger.
         damping: Option<f64> = None;
         /// Distance from a goal within which it counts as reached, m. Default 5e-3; unlimited if
         /// `position_weight` is 0.

@@ -161,14 +161,16 @@ task_config! {
         weight: f64 = CentreOfMassSettings::default().weight => live(
             WEIGHTS, "1/(m/s)", "cost of a velocity error"
         );
-        /// Factors of the weight along x, y and z of the world, 0 to 1; 0 leaves an axis free. Default [1, 1, 1].
+        /// Factors of the weight along x, y and z of the world, 0 to 1; 0 leaves an axis free. Default [1, 1,
+        /// 1].
         shares: [f64; 3] = CentreOfMassSettings::default().shares;
         /// Maximum speed of the correction, m/s. Default: no limit.
         max_speed: Option<f64> = None;
-        /// Levenberg-Marquardt damping, s m/rad^2; prevents oscillation if the target is out of reach. Default:
-        /// 5e-3, or two tick periods times one metre if that is larger.
+        /// Levenberg-Marquardt damping, s m/rad^2; prevents oscillation if the target is out of reach.
+        /// Default: 5e-3, or two tick periods times one metre if that is larger.
         damping: Option<f64> = None;
-        /// Distance from a goal, along the controlled axes, within which it counts as reached, m. Default 5e-3.
+        /// Distance from a goal, along the controlled axes, within which it counts as reached, m. Default
+        /// 5e-3.
         tolerance: f64 = GoalTolerance::default().position => within(0.0..=f64::MAX);
     }
 }

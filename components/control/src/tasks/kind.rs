@@ -272,3 +272,86 @@ pub(crate) enum ActsOn {
     /// Contact forces and torques.
     Forces,
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use nalgebra::Vector3;
+    use serde_json::json;
+
+    use super::*;
+    use crate::tasks::TaskConfig;
+
+    /// The keys of all kinds of tasks except `constraint`.
+    fn kinds() -> Vec<String> {
+        let schema = schemars::schema_for!(TaskConfig);
+        let kinds = schema.as_value()["oneOf"].as_array().expect("one schema per kind");
+        let keys = kinds.iter().map(|kind| kind["required"][0].as_str().expect("a key").to_owned());
+        keys.filter(|key| key != "constraint").collect()
+    }
+
+    fn task(kind: &str, keys: serde_json::Value) -> TaskConfig {
+        serde_json::from_value(json!({ kind: keys })).expect("a task")
+    }
+
+    #[test]
+    fn name_of_a_task_defaults_to_its_kind() {
+        assert_eq!(kinds().len(), 15);
+        for kind in kinds() {
+            let task = task(&kind, json!({}));
+            let configured = task.configured(3).expect("a task with a table");
+            assert_eq!(configured.kind.head().name, kind);
+            assert_eq!(configured.path, format!("tasks[3].{kind}"));
+        }
+    }
+
+    #[test]
+    fn live_parameters_are_keys_with_their_values() {
+        for kind in kinds() {
+            let default = task(&kind, json!({}));
+            let parameters = default.configured(0).expect("a task with a table").kind.parameters();
+            assert!(!parameters.is_empty(), "{kind}");
+            for TaskParameter { name, default, range, .. } in parameters {
+                assert!(range.contains(&default), "{kind}: {name}");
+                let changed = 0.5 * default + 0.25;
+                let task = task(&kind, json!({ name: changed }));
+                let parameters = task.configured(0).expect("a task with a table").kind.parameters();
+                let found = parameters.iter().find(|parameter| parameter.name == name);
+                assert_eq!(found.map(|parameter| parameter.default), Some(changed), "{kind}: {name}");
+            }
+        }
+    }
+
+    #[test]
+    fn live_numbers_out_of_range_are_refused_by_their_key() {
+        let panda = motorium_robots::load("panda", Path::new("."));
+        let panda = panda.expect("a robot of the catalogue");
+        let world = World::default();
+        for kind in kinds() {
+            let default = task(&kind, json!({}));
+            for parameter in default.configured(0).expect("a task with a table").kind.parameters() {
+                let mut keys = json!({ parameter.name: -1.0 });
+                if kind == "rolling" {
+                    keys["radius"] = json!(0.1);
+                }
+                let task = task(&kind, keys);
+                let configured = task.configured(0).expect("a task with a table");
+                let context = TaskPlace {
+                    model: &panda.model,
+                    profile: panda.profile.as_ref(),
+                    period: 0.0,
+                    torque: true,
+                    gravity: Vector3::zeros(),
+                    world: &world,
+                    contacts: &[],
+                    is_constraint: false,
+                    path: configured.path,
+                };
+                let key = context.key(parameter.name);
+                let error = configured.kind.check_keys(&context).expect_err("a number out of range");
+                assert_eq!(error.key, Some(key));
+            }
+        }
+    }
+}

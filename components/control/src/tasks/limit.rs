@@ -10,8 +10,8 @@ use super::ramp::{Fades, Ramped, TaskBounds};
 use crate::limits::{CollisionConfig, FrameLimitConfig, RowLimit};
 
 task_config! {
-    /// A task of soft limits: they yield to tasks of smaller level numbers, and partially to tasks of the same
-    /// level.
+    /// A task of soft limits: they yield to tasks of smaller level numbers, and partially to tasks of the
+    /// same level.
     LimitConfig "limit" {
         /// Cost of a velocity beyond a limit, 1/(m/s) or 1/(rad/s), more than 0, at most 1000. Default 10.
         weight: f64 = 10.0 => live(1e-6..=*WEIGHTS.end(), "1/(m/s)", "cost of a velocity beyond a limit");

@@ -164,8 +164,8 @@ task_config! {
         weight: f64 = 1e-2 => live(WEIGHTS, "1/(rad/s)", "cost of a joint velocity error");
         /// Maximum norm of the commanded joint velocities, rad/s. Default 0.5.
         max_speed: f64 = 0.5 => within(1e-6..=f64::MAX);
-        /// With `inverse_dynamics`: decay rate of joint velocity errors, 1/s, 0 to 1000; limited to half the tick
-        /// rate. Default 20.
+        /// With `inverse_dynamics`: decay rate of joint velocity errors, 1/s, 0 to 1000; limited to half the
+        /// tick rate. Default 20.
         rate: Option<f64> = None;
     }
 }

@@ -207,8 +207,8 @@ task_config! {
         frame: Option<String> = None;
         /// Link in whose frame the target is given.
         other: String = String::new();
-        /// Name of the input port of the target: the pose of `frame` in `other`; its velocity is ignored. Without
-        /// a target the initial pose is kept. Default "relative_target".
+        /// Name of the input port of the target: the pose of `frame` in `other`; its velocity is ignored.
+        /// Without a target the initial pose is kept. Default "relative_target".
         target: String = "relative_target".to_owned() => target(
             optional PoseTarget, "pose of the frame in the other frame"
         );

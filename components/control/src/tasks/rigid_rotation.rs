@@ -140,7 +140,8 @@ impl Task for RigidRotationTask {
 }
 
 task_config! {
-    /// A rigid rotation task: a steered wheel turns until it rolls in the direction in which its base moves it.
+    /// A rigid rotation task: a steered wheel turns until it rolls in the direction in which its base moves
+    /// it.
     RigidRotationConfig "rigid_rotation" {
         /// Link of the wheel: the origin of its frame is the centre of the wheel.
         frame: String = String::new();
@@ -150,8 +151,8 @@ task_config! {
         axis: [f64; 3] = [0.0, 1.0, 0.0];
         /// Normal of the ground, in the axes of the world. Default [0, 0, 1].
         normal: [f64; 3] = [0.0, 0.0, 1.0];
-        /// Name of the input port of the velocity of the base: `linear` x and y and `angular` z, in the axes of
-        /// `base`. Without a target, or with a stale one (`target_timeout`), the task is inactive. Default
+        /// Name of the input port of the velocity of the base: `linear` x and y and `angular` z, in the axes
+        /// of `base`. Without a target, or with a stale one (`target_timeout`), the task is inactive. Default
         /// "base_target".
         target: String = "base_target".to_owned() => target(
             optional TwistTarget, "velocity of the base: linear x and y, angular z, in its own axes"

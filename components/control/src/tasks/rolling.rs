@@ -155,8 +155,8 @@ task_config! {
         normal: [f64; 3] = [0.0, 0.0, 1.0];
         /// Cost of a velocity of the contact point, 1/(m/s), 0 to 1000. Default 1.
         weight: f64 = 1.0 => live(WEIGHTS, "1/(m/s)", "cost of a velocity of the contact point");
-        /// With `inverse_dynamics`: decay rate of velocity errors of the contact point, 1/s, 0 to 1000; limited
-        /// to half the tick rate. Default 20.
+        /// With `inverse_dynamics`: decay rate of velocity errors of the contact point, 1/s, 0 to 1000;
+        /// limited to half the tick rate. Default 20.
         rate: Option<f64> = None;
     }
 }

@@ -143,9 +143,9 @@ task_config! {
     UnicycleConfig "unicycle" {
         /// Link whose frame drives along its x and turns about its z.
         frame: String = String::new();
-        /// Name of the input port of the target, of which `linear` x and `angular` z are used, in the axes of the
-        /// frame. Without a target, or with a stale one (`target_timeout`), the frame stands still. Default
-        /// "unicycle_target".
+        /// Name of the input port of the target, of which `linear` x and `angular` z are used, in the axes of
+        /// the frame. Without a target, or with a stale one (`target_timeout`), the frame stands still.
+        /// Default "unicycle_target".
         target: String = "unicycle_target".to_owned() => target(
             optional TwistTarget, "forward speed (linear x) and yaw rate (angular z), in the axes of the frame"
         );
@@ -155,8 +155,8 @@ task_config! {
         sideways_weight: f64 = 1.0 => live(WEIGHTS, "1/(m/s)", "cost of a motion sideways");
         /// Cost of an error of the yaw rate, 1/(rad/s), 0 to 1000. Default 1.
         yaw_weight: f64 = 1.0 => live(WEIGHTS, "1/(rad/s)", "cost of an error of the yaw rate");
-        /// With `inverse_dynamics`: decay rate of velocity errors, 1/s, 0 to 1000; limited to half the tick rate.
-        /// Default 20.
+        /// With `inverse_dynamics`: decay rate of velocity errors, 1/s, 0 to 1000; limited to half the tick
+        /// rate. Default 20.
         rate: Option<f64> = None;
     }
 }

@@ -1,12 +1,13 @@
 //! The tolerances of the method, and the failure that each guards against.
 //!
-//! All are relative: a share of the numbers that they are compared with. Rows are scaled before, so that their
-//! entries are near one.
+//! All are relative: a share of the numbers that they are compared with. Rows are scaled before, so that
+//! their entries are near one.
 //!
-//! - The Hessian is singular, flat or badly conditioned: `singular`, `poor`, `first_shift`, `rounds_per_shift`,
-//!   `lower_shift`, `rounds`, `close`, `no_force`, `little_force`.
+//! - The Hessian is singular, flat or badly conditioned: `singular`, `poor`, `first_shift`,
+//!   `rounds_per_shift`, `lower_shift`, `rounds`, `close`, `no_force`, `little_force`.
 //! - The cost falls for ever: `recession`.
-//! - A constraint depends on members of the working set: `dependent`, `weak`, `repeat`, `conflict`, `no_rate`.
+//! - A constraint depends on members of the working set: `dependent`, `weak`, `repeat`, `conflict`,
+//!   `no_rate`.
 //! - Constraints are added and dropped by turns, by rounding: `sign`, `noise`, `unsure`, `tie`, `sum`,
 //!   `degenerate_steps`.
 //! - The minimum has lost its digits: `refinements`, `converged`, `exact`, `gross`.
@@ -52,8 +53,8 @@ pub(super) struct Tolerances {
     pub(super) no_rate: f64,
     /// Wrong sign of a multiplier, as a share of the largest, that is rounding: the member stays.
     pub(super) sign: f64,
-    /// Wrong sign of a multiplier that may be rounding if its constraint was added and dropped twice in a row:
-    /// the member is pinned.
+    /// Wrong sign of a multiplier that may be rounding if its constraint was added and dropped twice in a
+    /// row: the member is pinned.
     pub(super) noise: f64,
     /// Violation up to which the minimum is refined before it counts.
     pub(super) unsure: f64,
