@@ -62,8 +62,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod admittance;
+mod checks;
 mod component;
+mod conflict;
+mod contact;
 mod cost;
 mod feed_forward;
 pub mod formulation;
@@ -82,12 +84,22 @@ mod state;
 pub mod tasks;
 pub mod wheels;
 
-pub use admittance::{Admittance, AdmittanceSettings};
 pub use component::*;
 pub use feed_forward::FeedForward;
 pub use gains::{GainsError, check_gains};
 pub use goals::{GoalError, GoalRecord, GoalSummary, GoalTolerance};
-pub use ik::{DifferentialIk, IkConflict, IkConstraint, IkError, IkRows, IkSettings};
+pub use ik::{DifferentialIk, IkConflict, IkError, IkRows, IkSettings};
+pub use limits::{
+    AccelerationConfig, AllObjects, CentreOfMassLimitConfig, CollisionConfig, FrameLimitConfig, LevelGround,
+    LimitsConfig, OfWorld, SupportConfig, SupportedPoint, WorldObjects,
+};
 pub use setpoint::JointSetpoint;
 pub use stacks::{StackSample, TaskStack, run_stack};
 pub use state::{MotionState, RobotState};
+pub use tasks::{
+    Admittance, AdmittanceConfig, AdmittanceSettings, AxesConfig, CapturePointConfig, CartesianConfig,
+    CartesianImpedanceConfig, CentreOfMassConfig, ConstraintConfig, ContactWrenchConfig, GazeConfig,
+    JointImpedanceConfig, LimitConfig, ManipulabilityConfig, ManipulabilityRows, MinimumConfig, MinimumOf,
+    MomentumConfig, PostureConfig, RelativeConfig, RigidRotationConfig, RollingConfig, SharesConfig,
+    TaskConfig, UnicycleConfig,
+};

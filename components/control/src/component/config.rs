@@ -6,8 +6,8 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::dynamics_config::{InfeasiblePolicy, InverseDynamicsConfig};
-use super::limits_config::LimitsConfig;
-use super::tasks::TaskConfig;
+use crate::limits::LimitsConfig;
+use crate::tasks::TaskConfig;
 
 /// Configuration of `control.qp`. Every key has a default: for a robot of the catalogue the table may stay
 /// empty.
@@ -87,6 +87,16 @@ impl Default for QpControllerConfig {
             target_timeout: TimeSpan { ns: 50_000_000 },
             task_ramp: TimeSpan { ns: 200_000_000 },
             on_infeasible: None,
+        }
+    }
+}
+
+impl QpControllerConfig {
+    /// Policy for contradictory constraints.
+    pub(super) fn policy(&self) -> InfeasiblePolicy {
+        match &self.inverse_dynamics {
+            Some(table) => table.on_infeasible,
+            None => self.on_infeasible.unwrap_or(InfeasiblePolicy::Hold),
         }
     }
 }

@@ -6,9 +6,8 @@ use motorium::declare::ClockKind;
 use motorium::prelude::*;
 use motorium::state::{ControlDiagnostics, MAX_TASKS};
 
-use crate::IkConstraint;
-use crate::inverse_dynamics::{ConstraintName, InverseDynamics};
-use crate::solver::{Side, Solution};
+use crate::inverse_dynamics::ConstraintName;
+use crate::solver::Side;
 
 /// Output of [`ControlDiagnostics`]. It costs nothing unless it is wired: no figure is computed and no time
 /// is measured.
@@ -75,45 +74,25 @@ fn sign(side: Side) -> i32 {
     }
 }
 
-/// Adds the limits of velocities that a solution presses on: bounds of the joints, rows of frames.
-pub(super) fn push_bounds(message: &mut ControlDiagnostics, solution: &Solution) {
-    for (row, dual) in solution.row_dual.iter().enumerate().filter(|(_, dual)| **dual != 0.0) {
-        let side = if *dual > 0.0 { ControlDiagnostics::UPPER } else { ControlDiagnostics::LOWER };
-        message.push_active(ControlDiagnostics::ROW, row, side);
-    }
-    for (joint, dual) in solution.bound_dual.iter().enumerate().filter(|(_, dual)| **dual != 0.0) {
-        let side = if *dual > 0.0 { ControlDiagnostics::UPPER } else { ControlDiagnostics::LOWER };
-        message.push_active(ControlDiagnostics::JOINT, joint, side);
-    }
-}
-
-/// Adds a contradictory constraint of inverse kinematics; the first `base` velocities belong to the base.
-pub(super) fn push_conflict(message: &mut ControlDiagnostics, constraint: IkConstraint, base: usize) {
-    let (constraint, index, side) = match constraint {
-        IkConstraint::Held { row } => (ControlDiagnostics::ROW, row, 0),
-        IkConstraint::Limit { row, side } => (ControlDiagnostics::ROW, row, sign(side)),
-        IkConstraint::Joint { velocity, side } => {
-            (ControlDiagnostics::JOINT, velocity.saturating_sub(base), sign(side))
-        }
-    };
-    message.push_active(constraint, index, side);
-}
-
-/// Adds a constraint of inverse dynamics.
-pub(super) fn push_name(message: &mut ControlDiagnostics, control: &InverseDynamics, name: ConstraintName) {
+/// Adds a constraint; `point` is the index of a point of a contact among the points of all contacts.
+pub(super) fn push_name(
+    message: &mut ControlDiagnostics,
+    name: ConstraintName,
+    point: impl Fn(usize, usize) -> usize,
+) {
     let (constraint, index, side) = match name {
         ConstraintName::Base { axis } => (ControlDiagnostics::BASE, axis, 0),
         ConstraintName::Motion { contact, axis } => (ControlDiagnostics::MOTION, 6 * contact + axis, 0),
         ConstraintName::Torque { joint, side } => (ControlDiagnostics::TORQUE, joint, sign(side)),
-        ConstraintName::Friction { contact, point } => {
-            (ControlDiagnostics::FRICTION, control.point_number(contact, point), 0)
+        ConstraintName::Friction { contact, point: index } => {
+            (ControlDiagnostics::FRICTION, point(contact, index), 0)
         }
-        ConstraintName::Force { contact, point, side } => {
-            (ControlDiagnostics::FORCE, control.point_number(contact, point), sign(side))
+        ConstraintName::Force { contact, point: index, side } => {
+            (ControlDiagnostics::FORCE, point(contact, index), sign(side))
         }
-        ConstraintName::Acceleration { joint, side } => (ControlDiagnostics::JOINT, joint, sign(side)),
-        ConstraintName::Wrench { contact } => {
-            (ControlDiagnostics::FRICTION, control.point_number(contact, 0), 0)
+        ConstraintName::Wrench { contact } => (ControlDiagnostics::FRICTION, point(contact, 0), 0),
+        ConstraintName::Velocity { velocity: joint, side } | ConstraintName::Acceleration { joint, side } => {
+            (ControlDiagnostics::JOINT, joint, sign(side))
         }
         ConstraintName::Limit { row, side } => (ControlDiagnostics::ROW, row, sign(side)),
         ConstraintName::Task { row } => (ControlDiagnostics::ROW, row, 0),

@@ -6,12 +6,12 @@ use motorium_robots::{Foot, Model, Profile};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::checks::in_range;
-use super::limits_config::LimitsConfig;
+use crate::checks::in_range;
 use crate::inverse_dynamics::{
     Contact, ContactShape, FrictionModel, InverseDynamicsSettings, JointAccelerationLimits, Unknowns,
     WrenchCone,
 };
+use crate::limits::LimitsConfig;
 
 /// Whole-body inverse dynamics: torques, contacts, floating bases. Every key has a default: for a robot of
 /// the catalogue with feet the table may stay empty.

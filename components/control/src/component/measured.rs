@@ -32,6 +32,8 @@ pub(super) struct MeasuredState {
     pub(super) v: Vec<f64>,
     /// Time of the joint state, ns.
     pub(super) time_ns: u64,
+    /// `true` if the kinematics include velocities.
+    velocities: bool,
 }
 
 /// Age of the newest state.
@@ -55,8 +57,14 @@ impl MeasuredState {
             q: model.neutral(),
             v: vec![0.0; model.nv()],
             time_ns: 0,
+            velocities: true,
             model,
         })
+    }
+
+    /// The same, with kinematics that include velocities or not.
+    pub(super) fn velocities(self, velocities: bool) -> Self {
+        Self { velocities, ..self }
     }
 
     /// Reads the newest state of joints and base, with a maximum age of `timeout_ns`.
@@ -90,7 +98,10 @@ impl MeasuredState {
         if stale {
             return Ok(Freshness::Stale);
         }
-        self.kinematics.update_with_velocity(&self.model, &self.q, &self.v);
+        match self.velocities {
+            true => self.kinematics.update_with_velocity(&self.model, &self.q, &self.v),
+            false => self.kinematics.update(&self.model, &self.q),
+        }
         Ok(Freshness::Fresh)
     }
 

@@ -10,9 +10,9 @@ use motorium_robots::Object;
 use nalgebra::Isometry3;
 use serde_json::{Value, json};
 
-use super::checks::pose_of;
 use super::config::QpControllerConfig;
 use super::setup::{ControllerSetup, OBJECTS_INPUT};
+use crate::checks::pose_of;
 use crate::limits::RowLimit;
 
 /// Poll interval of the helper thread that reports rejected poses.

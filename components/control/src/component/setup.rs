@@ -6,15 +6,15 @@ use motorium::prelude::*;
 use motorium_robots::{Gains, Loaded, Model, PerJoint, Profile, World};
 use nalgebra::{DVector, Vector3};
 
-use super::checks::{in_range, is_name, per_joint};
 use super::config::{LevelConfig, QpControllerConfig};
 use super::measured::load_robot;
-use super::support_limits::HeldSupport;
-use super::tasks::{
-    ActsOn, CartesianConfig, Formulations, PostureConfig, TaskConfig, TaskHead, TaskKind, TaskPlace,
-};
+use crate::checks::{in_range, is_name, per_joint};
 use crate::inverse_dynamics::{Contact, Unknowns};
-use crate::limits::{AccelerationLimit, RowLimit};
+use crate::limits::{AccelerationLimit, HeldSupport, RowLimit};
+use crate::tasks::{
+    ActsOn, CartesianConfig, Configured, Formulations, PostureConfig, TaskConfig, TaskHead, TaskKind,
+    TaskPlace,
+};
 use crate::{FeedForward, check_gains};
 
 /// Time constant of the acceleration that is fed forward, s.
@@ -116,36 +116,34 @@ impl ControllerSetup {
 
     /// Tasks with their build context, for a controller with a period of `period` seconds.
     pub(super) fn tasks(&self, period: f64) -> impl Iterator<Item = (TaskPlace<'_>, &dyn TaskKind)> {
-        self.tasks.iter().enumerate().map(move |(index, task)| {
-            let (key, kind) = task.kind();
-            let (model, profile) = (&self.model, self.profile.as_ref());
-            (
-                TaskPlace {
-                    model,
-                    profile,
-                    period,
-                    torque: self.torque,
-                    gravity: self.gravity,
-                    world: &self.world,
-                    contacts: &self.contacts,
-                    path: format!("tasks[{index}].{key}"),
-                },
-                kind,
-            )
+        self.configured().map(move |Configured { path, kind, is_constraint }| {
+            let place = TaskPlace {
+                model: &self.model,
+                profile: self.profile.as_ref(),
+                period,
+                torque: self.torque,
+                gravity: self.gravity,
+                world: &self.world,
+                contacts: &self.contacts,
+                is_constraint,
+                path,
+            };
+            (place, kind)
         })
+    }
+
+    /// The tables of the tasks, which were [checked](Self::check_tasks).
+    fn configured(&self) -> impl Iterator<Item = Configured<'_>> {
+        self.tasks.iter().enumerate().filter_map(|(index, task)| task.configured(index).ok())
     }
 
     /// Levels of the tasks, without duplicates, highest first. If all tasks are constraints there is one
     /// level, whose regularisation selects the smallest solution.
     pub(super) fn levels(&self) -> impl Iterator<Item = u32> {
-        let bare = self.tasks.iter().all(|task| task.kind().1.is_constraint());
-        let of = |level: u32| {
-            move |task: &TaskConfig| {
-                let kind = task.kind().1;
-                !kind.is_constraint() && kind.head().level == level
-            }
-        };
-        (1..=LEVELS).filter(move |level| (bare && *level == 1) || self.tasks.iter().any(of(*level)))
+        let bare = self.configured().all(|task| task.is_constraint);
+        let is_used =
+            |level: u32| self.configured().any(|task| !task.is_constraint && task.kind.head().level == level);
+        (1..=LEVELS).filter(move |level| (bare && *level == 1) || is_used(*level))
     }
 
     /// The regularisation of each of its levels, the highest first.
@@ -170,7 +168,7 @@ impl ControllerSetup {
 
     /// Total number of task parameters.
     pub(super) fn parameter_count(&self) -> usize {
-        self.tasks.iter().map(|task| task.kind().1.parameters().len()).sum()
+        self.configured().map(|task| task.kind.parameters().len()).sum()
     }
 
     /// The limits of combinations of velocities.
@@ -208,6 +206,9 @@ impl ControllerSetup {
     }
 
     fn check_tasks(&self) -> Result<(), ConfigError> {
+        for (index, task) in self.tasks.iter().enumerate() {
+            task.configured(index)?;
+        }
         let own = ["joint_state", "base_state", OBJECTS_INPUT];
         let (mut names, mut targets) = (Vec::new(), own.to_vec());
         for (place, kind) in self.tasks(0.0) {
@@ -271,6 +272,12 @@ pub(super) struct RowLimits {
 }
 
 impl RowLimits {
+    /// All limits, in the order of their rows.
+    pub(super) fn iter_mut(&mut self) -> impl Iterator<Item = &mut (dyn RowLimit + 'static)> {
+        let support = self.support.iter_mut().map(|support| &mut support.limit as &mut dyn RowLimit);
+        self.rows.iter_mut().map(|limit| limit.as_mut()).chain(support)
+    }
+
     /// Number of their rows.
     pub(super) fn count(&self) -> usize {
         let support = self.support.as_ref().map_or(0, |support| support.limit.rows());

@@ -10,7 +10,7 @@ use crate::cost::Cost;
 /// Feedback of a task: the acceleration `kp e + kd e'` for an error `e`.
 ///
 /// ```
-/// use motorium_control::inverse_dynamics::tasks::Feedback;
+/// use motorium_control::tasks::Feedback;
 ///
 /// // both eigenvalues of the error at -10 / s: kd = 2 sqrt(kp)
 /// assert_eq!(Feedback::critical(10.0), Feedback { kp: 100.0, kd: 20.0 });

@@ -15,7 +15,7 @@
 //! | [`VelocityTask`] | `v` | `b = gain e + nu` |
 //! | [`AccelerationTask`] | `a` | `b = kp e + kd e' + nu' - J' v` |
 //!
-//! [`AccelerationTask`]: crate::inverse_dynamics::tasks::AccelerationTask
+//! [`AccelerationTask`]: crate::inverse_dynamics::AccelerationTask
 //!
 //! Each task is both. Costs on contact forces, torques or bounds implement one of the two traits directly, so
 //! their types say which controller they are for.
@@ -49,6 +49,24 @@ pub trait Task {
 
     /// The equation, to be written.
     fn equation_mut(&mut self) -> &mut Equation;
+}
+
+impl<T: Task + ?Sized> Task for &mut T {
+    fn evaluate(&mut self, state: &RobotState<'_>) {
+        (**self).evaluate(state);
+    }
+
+    fn differentiate(&mut self, state: &MotionState<'_>) {
+        (**self).differentiate(state);
+    }
+
+    fn equation(&self) -> &Equation {
+        (**self).equation()
+    }
+
+    fn equation_mut(&mut self) -> &mut Equation {
+        (**self).equation_mut()
+    }
 }
 
 /// The requested motion of an error.

@@ -1,37 +1,14 @@
-//! Names of the constraints of inverse kinematics, and the outcome of contradictory ones.
+//! The report of contradictory constraints of inverse kinematics.
 
 use super::DifferentialIk;
-use crate::solver::{Conflict, Constraint, QpSolver, Side};
-
-/// One scalar constraint of inverse kinematics.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum IkConstraint {
-    /// Row of a held contact or of a constraint task.
-    Held {
-        /// Index among the rows of all of them, in order of addition.
-        row: usize,
-    },
-    /// Row of a limit of velocities.
-    Limit {
-        /// Index among the rows of all limits, in order of addition.
-        row: usize,
-        /// Which side.
-        side: Side,
-    },
-    /// Position or velocity limit of a joint, or a bound of the velocity of the base.
-    Joint {
-        /// Index of the velocity.
-        velocity: usize,
-        /// Which limit.
-        side: Side,
-    },
-}
+use crate::conflict::{Conflicting, ConstraintName};
+use crate::solver::{Conflict, Constraint, QpSolver};
 
 /// Contradictory constraints that no velocity satisfies, and the relaxed solution of the tick.
 ///
 /// ```
-/// use motorium_control::{DifferentialIk, IkConstraint, IkRows, IkSettings, RobotState, tasks::{PostureSettings, PostureTask, VelocityTask}};
-/// use motorium_control::limits::VelocityLimit;
+/// use motorium_control::{DifferentialIk, IkRows, IkSettings, RobotState, tasks::{PostureSettings, PostureTask, VelocityTask}};
+/// use motorium_control::{inverse_dynamics::ConstraintName, limits::VelocityLimit};
 /// use motorium_robots::{Kinematics, load};
 ///
 /// let panda = load("panda", std::path::Path::new("."))?;
@@ -52,32 +29,37 @@ pub enum IkConstraint {
 /// assert!(fastest > 1.0 && fastest < 3.0, "as fast as the joints may");
 /// let conflict = ik.conflict().expect("joints as fast as that are no robot's");
 /// assert!(conflict.slack > 100.0);
-/// assert!(conflict.constraints().any(|found| matches!(found, IkConstraint::Joint { .. })));
+/// assert!(conflict.constraints().any(|found| matches!(found, ConstraintName::Velocity { .. })));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IkConflict {
-    conflict: Conflict,
-    motions: usize,
+    /// The constraints that contribute most to the conflict.
+    pub names: Conflicting,
     /// Largest weighted violation of an exact row \[m/s or rad/s\]; 0 if the tick has no solution.
     pub slack: f64,
 }
 
 impl IkConflict {
-    pub(super) fn new(conflict: Conflict, motions: usize) -> Self {
-        Self { conflict, motions, slack: 0.0 }
+    pub(super) fn new(conflict: &Conflict, motions: usize) -> Self {
+        Self { names: conflict.constraints().filter_map(|found| name(found, motions)).collect(), slack: 0.0 }
     }
 
     /// Iterates over the constraints that contribute most to the conflict, strongest first.
-    pub fn constraints(&self) -> impl Iterator<Item = IkConstraint> + '_ {
-        self.conflict.constraints().filter_map(|constraint| match constraint {
-            Constraint::Equality(row) => Some(IkConstraint::Held { row }),
-            Constraint::Row(row, side) => Some(IkConstraint::Limit { row, side }),
-            Constraint::Bound(velocity, side) if velocity < self.motions => {
-                Some(IkConstraint::Joint { velocity, side })
-            }
-            Constraint::Bound(..) | Constraint::Cone(_) => None,
-        })
+    pub fn constraints(&self) -> impl Iterator<Item = ConstraintName> + '_ {
+        self.names.names()
+    }
+}
+
+/// The name of a constraint of a problem with this number of velocities.
+fn name(constraint: Constraint, motions: usize) -> Option<ConstraintName> {
+    match constraint {
+        Constraint::Equality(row) => Some(ConstraintName::Task { row }),
+        Constraint::Row(row, side) => Some(ConstraintName::Limit { row, side }),
+        Constraint::Bound(velocity, side) if velocity < motions => {
+            Some(ConstraintName::Velocity { velocity, side })
+        }
+        Constraint::Bound(..) | Constraint::Cone(_) => None,
     }
 }
 
@@ -85,5 +67,20 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// Returns the contradictory constraints of the last [`solve`](Self::solve), relaxed or not.
     pub fn conflict(&self) -> Option<&IkConflict> {
         self.conflict.as_ref()
+    }
+}
+
+impl DifferentialIk {
+    /// Calls `visit` with each limit that is active in the solution of the first level, unless it was
+    /// relaxed.
+    pub fn visit_active(&self, visit: &mut dyn FnMut(ConstraintName)) {
+        if self.conflict.is_some() {
+            return;
+        }
+        self.solver.solution().visit_active(&mut |constraint| {
+            if let Some(name) = name(constraint, self.motions) {
+                visit(name);
+            }
+        });
     }
 }

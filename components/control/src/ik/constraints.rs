@@ -2,8 +2,7 @@
 
 use super::DifferentialIk;
 use crate::{
-    RobotState,
-    levels::Level,
+    RobotState, levels,
     limits::{AccelerationLimit, Limit, LimitRows, RowLimit},
     solver::QpSolver,
     tasks::{ContactTask, VelocityTask},
@@ -70,15 +69,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         self.next_equality += task.rows();
         let held = self.problem.equality_value.len();
         assert!(self.next_equality <= held, "constraints with more rows than the solver was built for");
-        for (row, (entries, desired)) in self.constrained.iter().enumerate() {
-            self.problem.equality_value[first + row] = desired;
-            for (column, entry) in entries.iter().enumerate() {
-                self.problem.equality_matrix[(first + row, column)] = *entry;
-            }
-            if let Some(below) = &mut self.below {
-                below.first.push(0.0).copy_from_slice(entries);
-            }
-        }
+        levels::write_exact(&self.constrained, &mut self.problem, first, &mut self.below);
     }
 
     /// Adds the rows of `limit` for a tick of `dt` seconds as a soft limit of a level. Where tasks above or
@@ -107,15 +98,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         for place in 0..count {
             let variable = slack + place;
             self.problem.row_matrix[(first + place, variable)] = 1.0;
-            let (cost, rows) = match (&mut self.below, level) {
-                (None, 0) => (&mut self.problem, None),
-                (Some(below), 0) => (&mut self.problem, Some(&mut below.first)),
-                (Some(below), level) => {
-                    let Level { cost, rows, .. } = &mut below.levels[level - 1];
-                    (cost, Some(rows))
-                }
-                (None, level) => panic!("level {level} of an inverse kinematics that has only the first"),
-            };
+            let (cost, rows) = levels::level(&mut self.below, &mut self.problem, level);
             cost.hessian[(variable, variable)] += weight * weight;
             if let Some(rows) = rows {
                 rows.push(0.0)[variable] = weight;

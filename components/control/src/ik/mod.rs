@@ -6,7 +6,7 @@ mod mixture;
 mod relaxed;
 mod solve;
 
-pub use conflict::{IkConflict, IkConstraint};
+pub use conflict::IkConflict;
 
 use motorium_robots::Model;
 use nalgebra::DVector;
@@ -14,7 +14,7 @@ use relaxed::Relaxed;
 
 use crate::{
     RobotState,
-    levels::{Freedom, Level, LevelSolver, Rows},
+    levels::{self, LevelSolver, LowerLevels, Rows},
     limits::Limit,
     solver::{
         ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, SolveError, Structure, UpdateError,
@@ -75,7 +75,7 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     velocity: Vec<f64>,
     /// The mixture of solutions so far.
     mixture: Vec<f64>,
-    below: Option<Below>,
+    below: Option<LowerLevels<LevelSolver>>,
     /// First unused row for limits.
     next_row: usize,
     /// First unused equality for contacts and tasks.
@@ -111,16 +111,6 @@ pub struct IkRows {
     pub limits: usize,
     /// Rows of soft limits.
     pub soft: usize,
-}
-
-/// The levels below the first.
-#[derive(Debug)]
-struct Below {
-    /// Rows of the first level.
-    first: Rows,
-    levels: Vec<Level>,
-    solvers: Vec<LevelSolver>,
-    freedom: Freedom,
 }
 
 impl DifferentialIk {
@@ -244,15 +234,8 @@ impl<S: QpSolver> DifferentialIk<S> {
     pub fn levels(mut self, rows: &[usize]) -> Self {
         let (variables, row_count) = (self.velocity.len(), self.problem.row_lower.len());
         let (held, damping) = (self.problem.equality_value.len(), self.settings.damping);
-        self.below = rows.split_first().filter(|(_, below)| !below.is_empty()).map(|(first, below)| Below {
-            first: Rows::new(variables, held + first),
-            levels: below.iter().map(|rows| Level::new(variables, *rows, damping)).collect(),
-            solvers: below.iter().map(|_| LevelSolver::new(variables, row_count)).collect(),
-            freedom: Freedom::new(
-                variables,
-                (held + first).max(below.iter().copied().max().unwrap_or_default()),
-            ),
-        });
+        let solver = || LevelSolver::new(variables, row_count);
+        self.below = LowerLevels::new(variables, held, rows, damping, solver);
         self
     }
 
@@ -289,13 +272,8 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// # Panics
     /// If the number of entries differs from the number of levels.
     #[must_use]
-    pub fn level_damping(mut self, of_levels: &[f64]) -> Self {
-        let below = self.below.as_mut().map_or(&mut [][..], |below| &mut below.levels);
-        assert_eq!(of_levels.len(), 1 + below.len(), "one regularisation for each level");
-        self.settings.damping = of_levels[0];
-        for (level, damping) in below.iter_mut().zip(&of_levels[1..]) {
-            level.damping = *damping;
-        }
+    pub fn level_damping(mut self, damping: &[f64]) -> Self {
+        self.settings.damping = levels::set_damping(&mut self.below, damping);
         self
     }
 
@@ -333,8 +311,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         self.is_narrowed = false;
         self.is_soft.fill(false);
         if let Some(below) = &mut self.below {
-            below.first.clear();
-            below.levels.iter_mut().for_each(|level| level.begin());
+            below.begin();
         }
     }
 
@@ -344,18 +321,10 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// If there is no such level, or its tasks have more rows than it was made for.
     pub fn add_task(&mut self, state: &RobotState<'_>, level: usize, task: &mut dyn VelocityTask) {
         task.update(state);
-        match (&mut self.below, level) {
-            (None, 0) => task.add_to(&mut self.problem),
-            (Some(below), 0) => {
-                task.add_to(&mut self.problem);
-                task.write_rows(&mut below.first);
-            }
-            (Some(below), level) => {
-                let level = &mut below.levels[level - 1];
-                task.add_to(&mut level.cost);
-                task.write_rows(&mut level.rows);
-            }
-            (None, level) => panic!("level {level} of an inverse kinematics that has only the first"),
+        let (cost, rows) = levels::level(&mut self.below, &mut self.problem, level);
+        task.add_to(cost);
+        if let Some(rows) = rows {
+            task.write_rows(rows);
         }
     }
 
@@ -368,7 +337,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         (self.conflict, self.is_hurried) = (None, false);
         (self.iterations, self.undecided) = (0, 0);
         if let Some(below) = &mut self.below {
-            below.solvers.iter_mut().for_each(LevelSolver::reset);
+            below.reset();
         }
         self.velocity.fill(0.0);
     }

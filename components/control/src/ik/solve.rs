@@ -1,7 +1,6 @@
 //! Solution of a tick: the first level, the levels below, and contradictory constraints.
 
-use super::{Below, DifferentialIk, IkConflict, IkError};
-use crate::levels::LevelError;
+use super::{DifferentialIk, IkConflict, IkError};
 use crate::limits::are_alike;
 use crate::solver::{Conflict, Constraint, QpSolver, Side, SolveError};
 
@@ -236,7 +235,7 @@ impl<S: QpSolver> DifferentialIk<S> {
 
     /// Relaxes exact rows if the settings permit it.
     fn relax(&mut self, conflict: Conflict) -> Result<(), IkError> {
-        let mut found = IkConflict::new(conflict, self.motions);
+        let mut found = IkConflict::new(&conflict, self.motions);
         let relaxed = match &mut self.relaxed {
             None => Err(IkError::Solve(SolveError::Infeasible { conflict })),
             Some(relaxed) => {
@@ -254,26 +253,13 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// Adds the solution of the lower levels to the first level's velocity. Higher levels keep their solution
     /// if a lower one has none.
     fn solve_below(&mut self) -> Result<(), IkError> {
-        let Some(Below { first, levels, solvers, freedom }) = &mut self.below else { return Ok(()) };
-        freedom.open();
-        let mut above = &*first;
-        for (level, solver) in levels.iter_mut().zip(solvers) {
-            freedom.close(above);
-            let solved = solver.solve(level, freedom, &self.problem, &mut self.velocity);
-            self.iterations += solver.iterations;
-            match solved {
-                Ok(()) => {}
-                Err(LevelError::Pose(error)) => return Err(error.into()),
-                Err(LevelError::Solve(error)) => {
-                    // at its iteration limit the solver continues in the next tick
-                    if !matches!(error, SolveError::MaxIterations { .. }) {
-                        solver.reset();
-                    }
-                    self.undecided += 1;
-                }
-            }
-            above = &level.rows;
-        }
+        let Self { below, problem, velocity, iterations, .. } = self;
+        let Some(below) = below else { return Ok(()) };
+        self.undecided += below.solve(None, |solver, level, freedom| {
+            let solved = solver.solve(level, freedom, problem, velocity);
+            *iterations += solver.iterations;
+            solved
+        })?;
         self.clamp();
         Ok(())
     }

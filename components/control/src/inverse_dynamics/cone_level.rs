@@ -3,19 +3,19 @@
 use nalgebra::DVector;
 
 use super::contact::ContactPlace;
-use super::names::Order;
+use super::order::Order;
 use super::solver::{friction_cones, set_friction};
-use crate::levels::{Freedom, Level, LevelError, LevelSolver};
+use crate::levels::{Freedom, Level, LevelError, LevelSolver, SolveLevel};
 use crate::solver::{ClarabelSettings, ClarabelSolver, Problem, QpSolver, Sides, Structure};
 
 /// The solver of a level below the first: active-set within friction pyramids, Clarabel within cones.
 #[derive(Debug)]
-pub(super) enum BelowSolver {
+pub(super) enum LowerSolver {
     Pyramids(Box<LevelSolver>),
     Cones(Box<ConeLevel>),
 }
 
-impl BelowSolver {
+impl LowerSolver {
     pub(super) fn new(order: &Order, structure: &Structure, cones: bool) -> Self {
         match cones {
             false => Self::Pyramids(Box::new(LevelSolver::new(order.variables(), order.rows()))),
@@ -52,8 +52,10 @@ impl BelowSolver {
             solver.set_max_iterations(most);
         }
     }
+}
 
-    pub(super) fn reset(&mut self) {
+impl SolveLevel for LowerSolver {
+    fn reset(&mut self) {
         match self {
             Self::Pyramids(solver) => solver.reset(),
             Self::Cones(solver) => solver.solver.reset(),

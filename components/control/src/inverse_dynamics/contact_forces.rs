@@ -4,7 +4,7 @@ use motorium_robots::Twist;
 use nalgebra::Vector3;
 
 use super::InverseDynamics;
-use super::contact::{Contact, ContactShape};
+use crate::contact::{Contact, ContactShape};
 
 impl InverseDynamics {
     /// Force of a contact and its torque about the origin of the contact's frame, world axes \[N, Nm\], at

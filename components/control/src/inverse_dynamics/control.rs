@@ -3,19 +3,20 @@
 use motorium_robots::{Dynamics, Model};
 use nalgebra::{DMatrix, DVector};
 
-use super::cone_level::BelowSolver;
-use super::contact::{Contact, ContactPlace, ContactShape};
+use super::cone_level::LowerSolver;
+use super::contact::ContactPlace;
 use super::mixture::Mixture;
-use super::names::Order;
+use super::order::Order;
 use super::outcome::{FrictionModel, InverseDynamicsSettings, InverseDynamicsSolution, Unknowns};
 use super::predicted::{DynamicsRows, Predicted};
 use super::reduced::Reduced;
 use super::relaxed::Relaxed;
 use super::solver::FirstLevel;
-use super::{JointAccelerationLimits, MotionState, WrenchCone};
+use super::{JointAccelerationLimits, MotionState};
+use crate::contact::{Contact, ContactShape, WrenchCone};
 use crate::cost::Cost;
 use crate::formulation::Task;
-use crate::levels::{Freedom, Level, Rows};
+use crate::levels::{self, LowerLevels, Rows};
 use crate::solver::{Problem, Sides, Structure};
 
 /// Inverse dynamics of a whole body: the accelerations and contact forces that minimise a weighted sum of
@@ -23,20 +24,20 @@ use crate::solver::{Problem, Sides, Structure};
 /// after construction.
 #[derive(Debug)]
 pub struct InverseDynamics {
-    pub(super) settings: InverseDynamicsSettings,
-    pub(super) order: Order,
-    pub(super) contacts: Vec<ContactPlace>,
+    pub(crate) settings: InverseDynamicsSettings,
+    pub(crate) order: Order,
+    pub(crate) contacts: Vec<ContactPlace>,
     pub(super) torque_limit: DVector<f64>,
     pub(super) dynamics: Dynamics,
     pub(super) mass: DMatrix<f64>,
-    pub(super) bias: DVector<f64>,
+    pub(crate) bias: DVector<f64>,
     pub(super) weight: DVector<f64>,
-    pub(super) problem: Problem,
+    pub(crate) problem: Problem,
     structure: Structure,
     pub(super) solver: FirstLevel,
     pub(super) reduced: Option<Reduced>,
     pub(super) relaxed: Option<Relaxed>,
-    pub(super) below: Option<Below>,
+    pub(super) below: Option<LowerLevels<LowerSolver>>,
     /// Robot state at the next tick, if velocities are limited.
     pub(super) predicted: Option<Predicted>,
     /// Number of used rows of limits and constraint tasks.
@@ -48,16 +49,6 @@ pub struct InverseDynamics {
     pub(super) x: DVector<f64>,
     pub(super) mixture: Mixture,
     pub(super) solution: InverseDynamicsSolution,
-}
-
-/// The levels below the first.
-#[derive(Debug)]
-pub(super) struct Below {
-    /// Equalities and the tasks of the first level.
-    pub(super) first: Rows,
-    pub(super) levels: Vec<Level>,
-    pub(super) solvers: Vec<BelowSolver>,
-    pub(super) freedom: Freedom,
 }
 
 impl InverseDynamics {
@@ -146,16 +137,8 @@ impl InverseDynamics {
     pub fn levels(mut self, rows: &[usize]) -> Self {
         let cones = has_cones(&self.settings);
         let (order, structure, damping) = (&self.order, &self.structure, self.settings.damping);
-        let (variables, equalities) = (order.variables(), order.equalities());
-        self.below = rows.split_first().filter(|(_, below)| !below.is_empty()).map(|(first, below)| Below {
-            first: Rows::new(variables, first + equalities),
-            levels: below.iter().map(|rows| Level::new(variables, *rows, damping)).collect(),
-            solvers: below.iter().map(|_| BelowSolver::new(order, structure, cones)).collect(),
-            freedom: Freedom::new(
-                variables,
-                (first + equalities).max(below.iter().copied().max().unwrap_or_default()),
-            ),
-        });
+        let solver = || LowerSolver::new(order, structure, cones);
+        self.below = LowerLevels::new(order.variables(), order.equalities(), rows, damping, solver);
         self
     }
 
@@ -165,13 +148,8 @@ impl InverseDynamics {
     /// # Panics
     /// If the number of entries differs from the number of levels.
     #[must_use]
-    pub fn level_damping(mut self, of_levels: &[f64]) -> Self {
-        let below = self.below.as_mut().map_or(&mut [][..], |below| &mut below.levels);
-        assert_eq!(of_levels.len(), 1 + below.len(), "one regularisation for each level");
-        self.settings.damping = of_levels[0];
-        for (level, damping) in below.iter_mut().zip(&of_levels[1..]) {
-            level.damping = *damping;
-        }
+    pub fn level_damping(mut self, damping: &[f64]) -> Self {
+        self.settings.damping = levels::set_damping(&mut self.below, damping);
         self
     }
 
@@ -190,17 +168,14 @@ impl InverseDynamics {
         self.problem.gradient.fill(0.0);
         regularise(&mut self.problem);
         if let Some(below) = &mut self.below {
-            below.first.clear();
+            below.begin();
             let held = self.order.equalities() - self.order.constrained;
             // accelerations alone do not involve the equations of motion
             let first = if self.settings.unknowns == Unknowns::Accelerations { self.order.base } else { 0 };
             for row in self.problem.equality_matrix.rows(first, held - first).row_iter() {
                 below.first.push(0.0).iter_mut().zip(row.iter()).for_each(|(to, from)| *to = *from);
             }
-            for level in &mut below.levels {
-                level.begin();
-                regularise(&mut level.cost);
-            }
+            below.costs_mut().for_each(regularise);
         }
     }
 
@@ -210,18 +185,10 @@ impl InverseDynamics {
     /// If there is no such level, or its tasks have more rows than it was made for.
     pub fn add_task(&mut self, state: &MotionState<'_>, level: usize, task: &mut dyn AccelerationTask) {
         task.update(state, self);
-        match (&mut self.below, level) {
-            (None, 0) => task.cost().add_to(&mut self.problem),
-            (Some(below), 0) => {
-                task.cost().add_to(&mut self.problem);
-                task.cost().write_rows(&mut below.first);
-            }
-            (Some(below), level) => {
-                let level = &mut below.levels[level - 1];
-                task.cost().add_to(&mut level.cost);
-                task.cost().write_rows(&mut level.rows);
-            }
-            (None, level) => panic!("level {level} of an inverse dynamics that has only the first"),
+        let (cost, rows) = levels::level(&mut self.below, &mut self.problem, level);
+        task.cost().add_to(cost);
+        if let Some(rows) = rows {
+            task.cost().write_rows(rows);
         }
     }
 
@@ -250,6 +217,11 @@ impl InverseDynamics {
     /// of the task \[m/s2, rad/s2, N\].
     pub fn residual(&self, task: &dyn AccelerationTask) -> f64 {
         task.cost().residual(self.x.as_slice())
+    }
+
+    /// Unknowns of the last solution: accelerations, then three numbers for each contact point.
+    pub(crate) fn unknowns(&self) -> &[f64] {
+        self.x.as_slice()
     }
 
     /// Number of unknowns: accelerations, then three numbers for each contact point.
@@ -306,7 +278,7 @@ impl InverseDynamics {
             relaxed.reset();
         }
         if let Some(below) = &mut self.below {
-            below.solvers.iter_mut().for_each(BelowSolver::reset);
+            below.reset();
         }
     }
 }

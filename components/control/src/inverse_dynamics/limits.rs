@@ -2,10 +2,12 @@
 
 use nalgebra::Vector3;
 
+use super::MotionState;
 use super::control::{AccelerationTask, InverseDynamics};
 use super::predicted::Return;
-use super::{MotionState, WrenchCone};
 use crate::RobotState;
+use crate::contact::WrenchCone;
+use crate::levels;
 use crate::limits::{LimitRows, RowLimit, are_alike};
 use crate::solver::{Conflict, Constraint, SolveError, UpdateError};
 
@@ -186,15 +188,7 @@ impl InverseDynamics {
         task.cost().write_rows(&mut self.constrained);
         let first = self.order.base + self.order.motions.len() + self.next_constrained;
         self.skip_constraint(task.rows());
-        for (row, (entries, desired)) in self.constrained.iter().enumerate() {
-            self.problem.equality_value[first + row] = desired;
-            for (column, entry) in entries.iter().enumerate() {
-                self.problem.equality_matrix[(first + row, column)] = *entry;
-            }
-            if let Some(below) = &mut self.below {
-                below.first.push(0.0).copy_from_slice(entries);
-            }
-        }
+        levels::write_exact(&self.constrained, &mut self.problem, first, &mut self.below);
     }
 
     /// Skips constraint rows of an inactive task in this tick, so that the rows of later tasks keep their

@@ -19,7 +19,7 @@
 //! torques `tau = M_a a - J_a' f + h_a` are eliminated: they are computed from the solution. The friction
 //! pyramid is inscribed in Coulomb's cone; the cone itself is [available](FrictionModel) as well.
 //!
-//! - [`tasks`] are costs on `a` or `f`, with weights or in [levels](InverseDynamics::levels).
+//! - [Tasks](crate::tasks) are costs on `a` or `f`, with weights or in [levels](InverseDynamics::levels).
 //! - [`Contact`] is a point, a ball or a sole on the ground.
 //! - [`WrenchCone`] limits the total wrench of a sole: normal force, friction, centre of pressure, yaw
 //!   torque.
@@ -76,31 +76,28 @@
 
 mod assemble;
 mod cone_level;
-mod contact;
+pub(crate) mod contact;
 mod contact_forces;
 mod control;
 mod holding;
 mod joints;
 mod limits;
 mod mixture;
-mod names;
+pub(crate) mod order;
 mod outcome;
 mod predicted;
 mod reduced;
 mod relaxed;
 mod solve;
 mod solver;
-pub mod tasks;
-mod wrench_cone;
 
-pub use contact::{Contact, ContactError, ContactShape};
 pub use control::{AccelerationTask, InverseDynamics};
 pub use joints::JointAccelerationLimits;
-pub use names::{Conflicting, ConstraintName};
 pub use outcome::{
     FrictionModel, InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution, Slack, Unknowns,
 };
 pub use predicted::DynamicsRows;
-pub use wrench_cone::WrenchCone;
 
+pub use crate::conflict::{Conflicting, ConstraintName};
+pub use crate::contact::{Contact, ContactError, ContactShape, WrenchCone};
 pub use crate::state::MotionState;

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::JointAccelerationLimits;
-use super::names::Conflicting;
+use crate::conflict::Conflicting;
 use crate::solver::{SolveError, UpdateError};
 
 /// Settings of [`InverseDynamics`](super::InverseDynamics).
@@ -125,7 +125,7 @@ pub struct Slack {
 
 impl Slack {
     /// The larger amount of each, with the conflict of the first.
-    pub(super) fn worse(&self, other: &Self) -> Self {
+    pub(crate) fn worse(&self, other: &Self) -> Self {
         Self {
             contact: self.contact.max(other.contact),
             joint: self.joint.max(other.joint),

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 
-use super::names::Order;
+use super::order::Order;
 use super::outcome::{InverseDynamicsSettings, Unknowns};
 use super::solver::FirstLevel;
 use crate::solver::{

@@ -1,6 +1,6 @@
 //! A tick with contradictory constraints: contacts and joint limits are relaxed.
 
-use super::names::Order;
+use super::order::Order;
 use super::outcome::{InverseDynamicsError, Slack};
 use crate::solver::{
     ActiveSetSettings, ActiveSetSolver, Constraint, Problem, QpSolver, Sides, Solution, Structure,
@@ -69,7 +69,7 @@ impl Relaxed {
             }
             constraint => constraint,
         };
-        self.solver.begin_with(active.map(|(constraint, multiplier)| (here(constraint), multiplier)));
+        self.solver.warm_start(active.map(|(constraint, multiplier)| (here(constraint), multiplier)));
     }
 
     /// Records a tick without relaxation.

@@ -1,9 +1,9 @@
 //! Solution of a tick: the first level, its relaxation, and the levels below.
 
-use super::control::{Below, InverseDynamics};
-use super::names::Conflicting;
+use super::control::InverseDynamics;
 use super::outcome::{InverseDynamicsError, InverseDynamicsSolution, Slack};
-use crate::levels::LevelError;
+use super::reduced::Reduced;
+use crate::conflict::Conflicting;
 use crate::solver::{Solution, SolveError};
 
 impl InverseDynamics {
@@ -63,30 +63,15 @@ impl InverseDynamics {
 
     /// Adds the solution of the lower levels to the first level's.
     fn solve_below(&mut self) -> Result<(), InverseDynamicsError> {
-        let Some(Below { first, levels, solvers, freedom }) = &mut self.below else { return Ok(()) };
-        match &self.reduced {
-            Some(reduced) => freedom.open_to(reduced.map()),
-            None => freedom.open(),
-        }
-        let mut above = &*first;
-        for (level, solver) in levels.iter_mut().zip(solvers) {
-            freedom.close(above);
-            solver.set_max_iterations(self.settings.max_iterations.saturating_sub(self.solution.iterations));
-            let solved = solver.solve(level, freedom, &self.problem, &self.contacts, self.x.as_mut_slice());
-            self.solution.iterations += solver.iterations();
-            match solved {
-                Ok(()) => {}
-                Err(LevelError::Pose(error)) => return Err(InverseDynamicsError::Pose(error)),
-                // the levels above keep their solution; at its limit the solver continues in the next tick
-                Err(LevelError::Solve(error)) => {
-                    if !matches!(error, SolveError::MaxIterations { .. }) {
-                        solver.reset();
-                    }
-                    self.solution.undecided += 1;
-                }
-            }
-            above = &level.rows;
-        }
+        let Self { below, reduced, problem, contacts, settings, solution, x, .. } = self;
+        let Some(below) = below else { return Ok(()) };
+        let iterations = &mut solution.iterations;
+        solution.undecided += below.solve(reduced.as_ref().map(Reduced::map), |solver, level, freedom| {
+            solver.set_max_iterations(settings.max_iterations.saturating_sub(*iterations));
+            let solved = solver.solve(level, freedom, problem, contacts, x.as_mut_slice());
+            *iterations += solver.iterations();
+            solved
+        })?;
         Ok(())
     }
 }

@@ -1,10 +1,10 @@
 //! The solver of the first level: active-set for friction pyramids, Clarabel for friction cones.
 
 use super::contact::ContactPlace;
-use super::names::Order;
+use super::order::Order;
 use crate::solver::{
     ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, Constraint, FrictionCone, Problem,
-    QpSolver, Side, Sides, Solution, SolveError, Structure, UpdateError,
+    QpSolver, Sides, Solution, SolveError, Structure, UpdateError,
 };
 
 /// A solver for one friction model.
@@ -103,17 +103,9 @@ impl FirstLevel {
 
     /// Calls `visit` with each inequality and cone that has a force on the last solution.
     pub(super) fn visit_active(&self, visit: &mut dyn FnMut(Constraint)) {
-        let solver = match self {
-            Self::Pyramids(solver) => solver,
-            Self::Cones(solver) => return solver.visit_active(visit),
-        };
-        let found = solver.solution();
-        let side = |dual: f64| if dual > 0.0 { Side::Upper } else { Side::Lower };
-        for (row, dual) in found.row_dual.iter().enumerate().filter(|(_, dual)| **dual != 0.0) {
-            visit(Constraint::Row(row, side(*dual)));
-        }
-        for (bound, dual) in found.bound_dual.iter().enumerate().filter(|(_, dual)| **dual != 0.0) {
-            visit(Constraint::Bound(bound, side(*dual)));
+        match self {
+            Self::Pyramids(solver) => solver.solution().visit_active(visit),
+            Self::Cones(solver) => solver.visit_active(visit),
         }
     }
 

@@ -28,6 +28,12 @@ impl From<SolveError> for LevelError {
     }
 }
 
+/// The solver of a level.
+pub(crate) trait SolveLevel {
+    /// Discards the previous solution.
+    fn reset(&mut self);
+}
+
 /// Tasks of one level: their cost on the joint velocity, and the rows that decide motions.
 #[derive(Debug)]
 pub(crate) struct Level {
@@ -166,8 +172,10 @@ impl LevelSolver {
     pub(crate) fn set_max_iterations(&mut self, most: u32) {
         self.solver.set_max_iterations(Some(most));
     }
+}
 
-    pub(crate) fn reset(&mut self) {
+impl SolveLevel for LevelSolver {
+    fn reset(&mut self) {
         self.solver.reset();
     }
 }

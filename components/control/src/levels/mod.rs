@@ -10,4 +10,141 @@ mod level;
 
 pub(crate) use freedom::Freedom;
 pub use freedom::Rows;
-pub(crate) use level::{Level, LevelError, LevelSolver};
+pub(crate) use level::{Level, LevelError, LevelSolver, SolveLevel};
+
+use nalgebra::DMatrix;
+
+use crate::solver::{Problem, SolveError, UpdateError};
+
+/// The levels below the first, with their solvers.
+#[derive(Debug)]
+pub(crate) struct LowerLevels<S> {
+    /// Rows that the first level decides: exact rows and its tasks.
+    pub(crate) first: Rows,
+    levels: Vec<Level>,
+    solvers: Vec<S>,
+    freedom: Freedom,
+}
+
+impl<S: SolveLevel> LowerLevels<S> {
+    /// Creates levels whose tasks have at most `rows` rows, highest first; the first one has `exact` rows in
+    /// addition. `None` if there is only one level.
+    pub(crate) fn new(
+        variables: usize,
+        exact: usize,
+        rows: &[usize],
+        damping: f64,
+        solver: impl Fn() -> S,
+    ) -> Option<Self> {
+        let (first, below) = rows.split_first().filter(|(_, below)| !below.is_empty())?;
+        let first = first + exact;
+        Some(Self {
+            first: Rows::new(variables, first),
+            levels: below.iter().map(|rows| Level::new(variables, *rows, damping)).collect(),
+            solvers: below.iter().map(|_| solver()).collect(),
+            freedom: Freedom::new(variables, below.iter().copied().fold(first, usize::max)),
+        })
+    }
+
+    /// Starts a tick without a task.
+    pub(crate) fn begin(&mut self) {
+        self.first.clear();
+        self.levels.iter_mut().for_each(Level::begin);
+    }
+
+    /// The costs of the levels, to be written.
+    pub(crate) fn costs_mut(&mut self) -> impl Iterator<Item = &mut Problem> {
+        self.levels.iter_mut().map(|level| &mut level.cost)
+    }
+
+    /// Decides the levels one after the other by `solve`, which adds the motion of a level to the solution.
+    /// Motions are open if the columns of `open` span them; `None` for all. Returns the number of levels
+    /// without a solution: those above keep theirs.
+    ///
+    /// # Errors
+    /// The numbers of a level cannot be used.
+    pub(crate) fn solve(
+        &mut self,
+        open: Option<&DMatrix<f64>>,
+        mut solve: impl FnMut(&mut S, &mut Level, &Freedom) -> Result<(), LevelError>,
+    ) -> Result<u32, UpdateError> {
+        let Self { first, levels, solvers, freedom } = self;
+        match open {
+            Some(map) => freedom.open_to(map),
+            None => freedom.open(),
+        }
+        let (mut above, mut undecided) = (&*first, 0);
+        for (level, solver) in levels.iter_mut().zip(solvers) {
+            freedom.close(above);
+            match solve(solver, level, freedom) {
+                Ok(()) => {}
+                Err(LevelError::Pose(error)) => return Err(error),
+                Err(LevelError::Solve(error)) => {
+                    // at its iteration limit the solver continues in the next tick
+                    if !matches!(error, SolveError::MaxIterations { .. }) {
+                        solver.reset();
+                    }
+                    undecided += 1;
+                }
+            }
+            above = &level.rows;
+        }
+        Ok(undecided)
+    }
+
+    /// Discards the previous solutions.
+    pub(crate) fn reset(&mut self) {
+        self.solvers.iter_mut().for_each(S::reset);
+    }
+}
+
+/// Sets a regularisation per level, highest first, and returns the first one's.
+///
+/// # Panics
+/// If the number of entries differs from the number of levels.
+pub(crate) fn set_damping<S>(below: &mut Option<LowerLevels<S>>, damping: &[f64]) -> f64 {
+    let below = below.as_mut().map_or(&mut [][..], |below| &mut below.levels);
+    assert_eq!(damping.len(), 1 + below.len(), "one regularisation for each level");
+    for (level, damping) in below.iter_mut().zip(&damping[1..]) {
+        level.damping = *damping;
+    }
+    damping[0]
+}
+
+/// Cost of a level, 0 for the highest, and its rows if there are levels below the first.
+///
+/// # Panics
+/// If there is no such level.
+pub(crate) fn level<'a, S>(
+    below: &'a mut Option<LowerLevels<S>>,
+    first: &'a mut Problem,
+    level: usize,
+) -> (&'a mut Problem, Option<&'a mut Rows>) {
+    match (below, level) {
+        (None, 0) => (first, None),
+        (Some(below), 0) => (first, Some(&mut below.first)),
+        (Some(below), level) => {
+            let Level { cost, rows, .. } = &mut below.levels[level - 1];
+            (cost, Some(rows))
+        }
+        (None, level) => panic!("level {level} of a controller that has only the first"),
+    }
+}
+
+/// Writes exact rows of a task as equalities of `problem` from row `first` on, above all levels.
+pub(crate) fn write_exact<S>(
+    rows: &Rows,
+    problem: &mut Problem,
+    first: usize,
+    below: &mut Option<LowerLevels<S>>,
+) {
+    for (row, (entries, desired)) in rows.iter().enumerate() {
+        problem.equality_value[first + row] = desired;
+        for (column, entry) in entries.iter().enumerate() {
+            problem.equality_matrix[(first + row, column)] = *entry;
+        }
+        if let Some(below) = below {
+            below.first.push(0.0).copy_from_slice(entries);
+        }
+    }
+}

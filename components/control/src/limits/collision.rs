@@ -1,10 +1,18 @@
 //! Minimum distances of links from each other and from obstacles.
 
-use motorium_robots::{CollisionModel, Collisions, Model, Proximity};
+use motorium::declare::ConfigError;
+use motorium::state::MAX_OBJECTS;
+use motorium_robots::{
+    Attachment, CollisionModel, CollisionOptions, Collisions, Kinematics, Model, Object, Profile, Proximity,
+    World,
+};
 use nalgebra::Isometry3;
+use schemars::JsonSchema;
+use serde::Deserialize;
 
 use super::{LimitRows, RowLimit};
 use crate::RobotState;
+use crate::checks::in_range;
 
 /// Settings of a [`CollisionLimit`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -131,4 +139,261 @@ impl RowLimit for CollisionLimit {
             self.workspace.move_obstacle(&self.collisions, *solid, &(pose * frame));
         }
     }
+}
+
+/// Minimum distances of the robot's links from each other, from the ground and from objects of the world.
+/// Enforced at every level.
+///
+/// ```toml
+/// distance = 0.03
+/// ground = "world"
+/// objects = ["table", "ball"]
+/// ignore = [["panda_link1", "table"]]
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct CollisionConfig {
+    /// Minimum distance, m, at least 0. Default 0.02.
+    pub distance: f64,
+    /// Distance within which pairs are considered, m, more than `distance`. Default 0.2.
+    pub range: f64,
+    /// Fraction of the remaining distance that may be covered per second, 1/s, at least 1e-3. Default 5.
+    pub rate: f64,
+    /// Speed with which pairs that are nearer than `distance` part, m/s, at most, 0 to 1. Default 0.01.
+    pub recovery: f64,
+    /// Largest number of pairs of solids, the nearest ones, 1 to 256. Default 16.
+    pub pairs: usize,
+    /// Level ground for the minimum distances: its height, m, or "world", the ground of the world. Default:
+    /// no ground.
+    pub ground: Option<LevelGround>,
+    /// Objects of the world for the minimum distances: a list of names, or "all". If one of them has a mass,
+    /// the input `object_poses` is required. Default: none.
+    pub objects: Option<WorldObjects>,
+    /// Pairs of links, or of a link and "ground" or an object, that do not count. Pairs of links, and of
+    /// links and the ground, that are nearer than `distance` at home never count: they are so by the build of
+    /// the robot.
+    pub ignore: Vec<[String; 2]>,
+}
+
+/// A level ground.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "expected the height of the ground, m, or \"world\"")]
+pub enum LevelGround {
+    /// Its height, m.
+    Height(f64),
+    /// "world": the ground of the world.
+    World(OfWorld),
+}
+
+/// The word "world".
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum OfWorld {
+    /// As the world has it.
+    World,
+}
+
+/// Some objects of the world.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "expected a list of names of objects, or \"all\"")]
+pub enum WorldObjects {
+    /// Objects with these names.
+    Named(Vec<String>),
+    /// "all".
+    All(AllObjects),
+}
+
+/// The word "all".
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AllObjects {
+    /// Every object.
+    All,
+}
+
+impl Default for CollisionConfig {
+    fn default() -> Self {
+        let CollisionSettings { distance, range, rate, recovery, pairs } = CollisionSettings::default();
+        Self { distance, range, rate, recovery, pairs, ground: None, objects: None, ignore: Vec::new() }
+    }
+}
+
+/// Name of the ground among the links.
+const GROUND: &str = "ground";
+
+impl CollisionConfig {
+    /// Builds and checks the limit; `path` is the path of the table.
+    pub(crate) fn build(
+        &self,
+        path: &str,
+        model: &Model,
+        profile: Option<&Profile>,
+        world: &World,
+    ) -> Result<CollisionLimit, ConfigError> {
+        let key = |name: &str| format!("{path}.{name}");
+        let distance = in_range(&key("distance"), self.distance, 0.0..=1e3)?;
+        let range = in_range(&key("range"), self.range, distance..=1e3)?;
+        let rate = in_range(&key("rate"), self.rate, 1e-3..=1e6)?;
+        if !(1..=256).contains(&self.pairs) {
+            return Err(ConfigError::key(key("pairs"), format!("{}, expected from 1 to 256", self.pairs)));
+        }
+        let options = CollisionOptions { leave_out_defects: true, ..CollisionOptions::default() };
+        let mut solids = CollisionModel::new(model, &options)
+            .map_err(|error| ConfigError::key(path, error.to_string()))?;
+        if let Some(ground) = &self.ground {
+            let height = in_range(&key("ground"), ground.height(&key("ground"), world)?, -1e3..=1e3)?;
+            solids.add_half_space(GROUND, Isometry3::translation(0.0, 0.0, height));
+        }
+        let objects = self.add_objects(&key("objects"), &mut solids, model, world)?;
+        for [one, other] in &self.ignore {
+            for name in [one, other] {
+                let is_object = objects.iter().any(|(index, ..)| world.objects[*index].name == *name);
+                if name == GROUND || is_object {
+                    continue;
+                }
+                if let Err(unknown) = model.frame(name) {
+                    let message = unknown.to_string();
+                    return Err(ConfigError::key(key("ignore"), message)
+                        .advise("name a link, \"ground\", or one of the `objects`"));
+                }
+            }
+            solids.exclude(one, other);
+        }
+        // links fixed to the world do not move towards fixed objects
+        let fixed: Vec<bool> = (0..solids.solid_count())
+            .map(|solid| !model.base().floating && solids.attachment(solid) == Attachment::Base)
+            .collect();
+        let first = (0..fixed.len()).find(|solid| solids.is_obstacle(*solid)).unwrap_or(fixed.len());
+        solids.retain_pairs(|[one, other]| !(fixed[*one] && *other >= first));
+        leave_out_near(&mut solids, model, profile, distance, |link, object| {
+            let message = format!("link `{link}` is nearer than {distance} m to `{object}` at home");
+            ConfigError::key(key("objects"), message)
+                .advise(format!("if they touch by design: ignore = [[\"{link}\", \"{object}\"]]"))
+        })?;
+        if solids.pairs().is_empty() {
+            return Err(ConfigError::key(
+                path,
+                format!("robot `{}` has no pair of solids to keep apart", model.name()),
+            )
+            .advise(
+                "its links need <collision> shapes; `motorium robot check` names those that cannot be used",
+            ));
+        }
+        let recovery = in_range(&key("recovery"), self.recovery, 0.0..=1.0)?;
+        let settings = CollisionSettings { distance, range, rate, recovery, pairs: self.pairs };
+        let moving = objects.into_iter().filter(|(index, ..)| world.objects[*index].is_dynamic());
+        Ok(CollisionLimit::new(model, solids, settings).objects(moving))
+    }
+
+    /// Returns `true` if a named object moves.
+    pub(crate) fn has_moving_objects(&self, world: &World) -> bool {
+        let named = |object: &&Object| match &self.objects {
+            None => false,
+            Some(WorldObjects::All(_)) => true,
+            Some(WorldObjects::Named(names)) => names.contains(&object.name),
+        };
+        world.objects.iter().filter(named).any(Object::is_dynamic)
+    }
+
+    /// Adds the objects as obstacles. Returns for each its index in the world, the index of its solid, and
+    /// the solid's frame in the object.
+    fn add_objects(
+        &self,
+        key: &str,
+        solids: &mut CollisionModel,
+        model: &Model,
+        world: &World,
+    ) -> Result<Vec<(usize, usize, Isometry3<f64>)>, ConfigError> {
+        let Some(wanted) = &self.objects else { return Ok(Vec::new()) };
+        let mistaken = |error: String| ConfigError::key("world", error);
+        let plain = World { objects: world.objects.clone(), ..World::default() };
+        plain
+            .check(model.frames().iter().map(|frame| frame.name.as_str()))
+            .map_err(|error| mistaken(error.to_string()))?;
+        let known = || world.objects.iter().map(|object| object.name.as_str());
+        if known().next().is_none() {
+            return Err(ConfigError::key(key, "the world has no objects")
+                .advise("add them to `[world]`: objects = [{ name = \"box\", shape = { box = { size = [0.1, 0.1, 0.1] } }, position = [0.5, 0.0, 0.05] }]"));
+        }
+        if let WorldObjects::Named(names) = wanted
+            && let Some(unknown) = names.iter().find(|name| !known().any(|known| known == *name))
+        {
+            return Err(ConfigError::key(key, format!("the world has no object `{unknown}`"))
+                .advise(motorium::nearest::suggest(unknown, known(), "its objects are")));
+        }
+        let mut added = Vec::new();
+        for (index, object) in world.objects.iter().enumerate() {
+            if matches!(wanted, WorldObjects::Named(names) if !names.contains(&object.name)) {
+                continue;
+            }
+            if object.is_dynamic() && index >= MAX_OBJECTS {
+                let message = format!(
+                    "`{}` moves, but only the poses of the first {MAX_OBJECTS} objects are known",
+                    object.name
+                );
+                return Err(mistaken(message).advise("name objects that move first"));
+            }
+            let meshes = CollisionOptions::default().meshes;
+            for (frame, shape) in object.shape.shapes() {
+                let Some(shape) = shape.geometry() else { continue };
+                let solid = solids
+                    .add_obstacle(&object.name, object.pose() * frame, shape, meshes)
+                    .map_err(|error| mistaken(error.to_string()))?;
+                added.push((index, solid, frame));
+            }
+        }
+        Ok(added)
+    }
+}
+
+impl LevelGround {
+    fn height(self, key: &str, world: &World) -> Result<f64, ConfigError> {
+        match (self, &world.ground, &world.terrain) {
+            (Self::Height(height), ..) => Ok(height),
+            (Self::World(_), Some(ground), _) => Ok(ground.height),
+            (Self::World(_), None, terrain) => {
+                let found = if terrain.is_some() { "a terrain, no level ground" } else { "no ground" };
+                Err(ConfigError::key(key, format!("the world has {found}"))
+                    .advise("give the height of a level ground instead, such as 0.0"))
+            }
+        }
+    }
+}
+
+/// Leaves out the pairs of links, and of links and the ground, that are nearer than `distance` at home. A
+/// link so near to an object is refused by `refusal`: a limit for it would be lost without a word.
+fn leave_out_near(
+    solids: &mut CollisionModel,
+    model: &Model,
+    profile: Option<&Profile>,
+    distance: f64,
+    refusal: impl Fn(&str, &str) -> ConfigError,
+) -> Result<(), ConfigError> {
+    let mut q = model.neutral();
+    let joints = q.len() - model.joint_count();
+    if let Some(profile) = profile {
+        if let Ok(home) = profile.home(model) {
+            q[joints..].copy_from_slice(home.as_slice());
+        }
+        if let Some(base) = profile.base_poses.get(&profile.home).filter(|_| model.base().floating) {
+            q[..3].copy_from_slice(&base.position);
+        }
+    }
+    let mut kinematics = Kinematics::new(model);
+    kinematics.update(model, &q);
+    let mut workspace = Collisions::new(solids);
+    workspace.update(solids, &kinematics);
+    let near: Vec<usize> = workspace.within(solids, distance).iter().map(|found| found.pair).collect();
+    for pair in &near {
+        let [link, object] = solids.pair_links(*pair);
+        if solids.is_obstacle(solids.pairs()[*pair][1]) && object != GROUND {
+            return Err(refusal(link, object));
+        }
+    }
+    let mut index = 0;
+    solids.retain_pairs(|_| {
+        index += 1;
+        !near.contains(&(index - 1))
+    });
+    Ok(())
 }

@@ -6,20 +6,27 @@ mod cartesian_position;
 mod cartesian_velocity;
 mod centre_of_mass_velocity;
 mod collision;
+mod config;
+mod frames;
 mod position;
 mod rows;
 mod support;
 mod velocity;
 
-pub use acceleration::AccelerationLimit;
+pub use acceleration::{AccelerationConfig, AccelerationLimit};
 pub use cartesian_position::CartesianPositionLimit;
 pub use cartesian_velocity::CartesianVelocityLimit;
-pub use centre_of_mass_velocity::CentreOfMassVelocityLimit;
-pub use collision::{CollisionLimit, CollisionSettings};
+pub use centre_of_mass_velocity::{CentreOfMassLimitConfig, CentreOfMassVelocityLimit};
+pub use collision::{
+    AllObjects, CollisionConfig, CollisionLimit, CollisionSettings, LevelGround, OfWorld, WorldObjects,
+};
+pub use config::LimitsConfig;
+pub use frames::FrameLimitConfig;
 pub use position::PositionLimit;
 pub(crate) use rows::are_alike;
 pub use rows::{LimitRows, RowLimit};
-pub use support::{SupportLimit, Supported};
+pub(crate) use support::HeldSupport;
+pub use support::{SupportConfig, SupportLimit, Supported, SupportedPoint};
 pub use velocity::VelocityLimit;
 
 use crate::{RobotState, solver::Problem};

@@ -21,10 +21,8 @@ impl fmt::Display for Constraint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Equality(i) => write!(f, "equality {i}"),
-            Self::Row(i, Side::Lower) => write!(f, "lower side of row {i}"),
-            Self::Row(i, Side::Upper) => write!(f, "upper side of row {i}"),
-            Self::Bound(i, Side::Lower) => write!(f, "lower bound of variable {i}"),
-            Self::Bound(i, Side::Upper) => write!(f, "upper bound of variable {i}"),
+            Self::Row(i, side) => write!(f, "{side} side of row {i}"),
+            Self::Bound(i, side) => write!(f, "{side} bound of variable {i}"),
             Self::Cone(i) => write!(f, "cone {i}"),
         }
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 
-use super::Structure;
+use super::{Constraint, Side, Structure};
 
 /// The tolerances that a solution meets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -44,6 +44,16 @@ impl Solution {
             bound_dual: DVector::zeros(structure.variables()),
             iterations: 0,
             accuracy: Accuracy::Full,
+        }
+    }
+    /// Calls `visit` with each inequality that has a multiplier: rows, then bounds.
+    pub fn visit_active(&self, visit: &mut dyn FnMut(Constraint)) {
+        let side = |dual: f64| if dual > 0.0 { Side::Upper } else { Side::Lower };
+        for (row, dual) in self.row_dual.iter().enumerate().filter(|(_, dual)| **dual != 0.0) {
+            visit(Constraint::Row(row, side(*dual)));
+        }
+        for (bound, dual) in self.bound_dual.iter().enumerate().filter(|(_, dual)| **dual != 0.0) {
+            visit(Constraint::Bound(bound, side(*dual)));
         }
     }
 }

@@ -1,6 +1,8 @@
 //! The structure of a quadratic program, constant between ticks: its dimensions and the sides that may have
 //! bounds.
 
+use std::fmt;
+
 /// One side of a two-sided constraint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Side {
@@ -8,6 +10,12 @@ pub enum Side {
     Lower,
     /// `... <= u`
     Upper,
+}
+
+impl fmt::Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(if *self == Self::Lower { "lower" } else { "upper" })
+    }
 }
 
 /// The sides on which a row of `G` or a variable may ever be bounded.

@@ -1,13 +1,21 @@
 //! A frame follows a pose.
 
+use motorium::prelude::*;
 use motorium_robots::{
     FrameId, Model, Reference, Twist,
     lie::{se3, so3},
 };
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3, Vector6};
+use schemars::JsonSchema;
+use serde::Deserialize;
 
-use super::{AxisShares, Cost, Equation, Feedback, JacobianView, PoseAxes, Response, Task};
-use crate::{MotionState, RobotState};
+use super::held::{HeldTask, TaskCost};
+use super::kind::{BuiltTask, GAINS, TaskKind, TaskParameter, TaskTable, WEIGHTS};
+use super::place::TaskPlace;
+use super::ramp::{Fades, Ramped, TaskBounds};
+use super::target::TargetInput;
+use super::{AxesConfig, AxisShares, Cost, Equation, Feedback, JacobianView, PoseAxes, Response, Task};
+use crate::{GoalError, GoalRecord, GoalTolerance, MotionState, RobotState};
 
 /// Half the time over which an error is differenced \[s\].
 const STEP: f64 = 1e-4;
@@ -439,4 +447,259 @@ pub struct CartesianImpedance {
     pub rotational_stiffness: f64,
     /// Damping about each axis \[N m s/rad\].
     pub rotational_damping: f64,
+}
+
+/// Range of every stiffness and damping of an impedance.
+pub(super) const SPRINGS: core::ops::RangeInclusive<f64> = 0.0..=1e6;
+
+task_config! {
+    /// A Cartesian task: a frame follows a pose target.
+    CartesianConfig "cartesian" {
+        /// Link whose frame follows the target. Default: the robot's only end effector.
+        frame: Option<String> = None;
+        /// Name of the input port of its target. Without a target the frame stays where it was at the start.
+        /// Default "target".
+        target: String = "target".to_owned() => target(
+            required PoseTarget, "pose and velocity of the frame, in the world frame"
+        );
+        /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
+        gain: f64 = CartesianSettings::default().gain => live(GAINS, "1/s", "rate at which the error decays");
+        /// Spring and damper replacing the gain. Default: none.
+        impedance: Option<CartesianImpedanceConfig> = None;
+        /// Cost of a velocity error, 1/(m/s), 0 to 1000. Default 1.
+        position_weight: f64 = CartesianSettings::default().position_weight => live(
+            WEIGHTS, "1/(m/s)", "cost of a velocity error"
+        );
+        /// Cost of an angular velocity error, 1/(rad/s), 0 to 1000. Default 0.5.
+        orientation_weight: f64 = CartesianSettings::default().orientation_weight => live(
+            WEIGHTS, "1/(rad/s)", "cost of an angular velocity error"
+        );
+        /// Contact of `inverse_dynamics`, such as a foot: the task is active only while it is lifted.
+        /// Default: always active.
+        while_lifted: Option<String> = None;
+        /// Factors of both weights per axis; an axis without a factor is free. Default: all axes.
+        axes: Option<AxesConfig> = None;
+        /// Maximum linear speed of the correction, m/s. Default: no limit.
+        max_linear_speed: Option<f64> = None;
+        /// Maximum angular speed of the correction, rad/s. Default: no limit.
+        max_angular_speed: Option<f64> = None;
+        /// Levenberg-Marquardt damping, s m/rad^2; prevents oscillation if the target is out of reach.
+        /// Default: 5e-3, or two tick periods times one metre if that is larger.
+        damping: Option<f64> = None;
+        /// Distance from a goal within which it counts as reached, m. Default 5e-3; unlimited if
+        /// `position_weight` is 0.
+        position_tolerance: f64 = GoalTolerance::default().position => within(0.0..=f64::MAX);
+        /// Angle from a goal within which it counts as reached, rad. Default 0.02; unlimited if
+        /// `orientation_weight` is 0.
+        orientation_tolerance: f64 = GoalTolerance::default().orientation => within(0.0..=f64::MAX);
+    }
+}
+
+/// A spring and a damper that pull a frame to its target, replacing `gain`. Requires `inverse_dynamics`.
+///
+/// ```toml
+/// impedance = { stiffness = 300.0, damping = 50.0, rotational_stiffness = 20.0, rotational_damping = 3.0 }
+/// ```
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CartesianImpedanceConfig {
+    /// Stiffness along each axis, N/m, 0 to 1e6.
+    pub stiffness: f64,
+    /// Damping along each axis, N s/m, 0 to 1e6.
+    pub damping: f64,
+    /// Stiffness about each axis, N m/rad, 0 to 1e6.
+    pub rotational_stiffness: f64,
+    /// Damping about each axis, N m s/rad, 0 to 1e6.
+    pub rotational_damping: f64,
+}
+
+impl CartesianImpedanceConfig {
+    /// Spring and damper, checked.
+    fn build(&self, place: &TaskPlace<'_>) -> Result<CartesianImpedance, ConfigError> {
+        let figure = |name: &str, value| place.in_range(&format!("impedance.{name}"), value, SPRINGS);
+        Ok(CartesianImpedance {
+            stiffness: figure("stiffness", self.stiffness)?,
+            damping: figure("damping", self.damping)?,
+            rotational_stiffness: figure("rotational_stiffness", self.rotational_stiffness)?,
+            rotational_damping: figure("rotational_damping", self.rotational_damping)?,
+        })
+    }
+}
+
+impl CartesianSettings {
+    /// `true` for the position, and for the orientation, if it is controlled.
+    fn counts(&self) -> [bool; 2] {
+        let Self { position_weight, orientation_weight, shares, .. } = self;
+        [
+            *position_weight > 0.0 && shares.is_none_or(|shares| shares.has_position()),
+            *orientation_weight > 0.0 && shares.is_none_or(|shares| shares.has_orientation()),
+        ]
+    }
+}
+
+impl CartesianConfig {
+    fn build(&self, place: &TaskPlace<'_>) -> Result<CartesianTask, ConfigError> {
+        let frame = place.frame("cartesian", self.frame.as_deref())?;
+        let mut task = CartesianTask::new(place.model, frame).with(CartesianSettings {
+            error: place.pose_error(),
+            gain: self.gain,
+            position_weight: self.position_weight,
+            orientation_weight: self.orientation_weight,
+            max_linear_speed: place.max_speed("max_linear_speed", self.max_linear_speed)?,
+            max_angular_speed: place.max_speed("max_angular_speed", self.max_angular_speed)?,
+            damping: place.damping(self.damping, CartesianSettings::default().damping)?,
+            shares: self.axes.as_ref().map(|axes| axes.shares(place)).transpose()?,
+        });
+        if let Some(impedance) = &self.impedance {
+            place.check_impedance(self.gain, CartesianSettings::default().gain)?;
+            task = task.impedance(place.model, impedance.build(place)?);
+        }
+        Ok(task)
+    }
+
+    /// Returns the contact during whose lift the task is active.
+    fn lifted(&self, place: &TaskPlace<'_>) -> Result<Option<usize>, ConfigError> {
+        self.while_lifted.as_ref().map(|name| place.contact("while_lifted", name)).transpose()
+    }
+}
+
+impl TaskKind for CartesianConfig {
+    /// The gain, or spring and damper, and the weights.
+    fn parameters(&self) -> Vec<TaskParameter> {
+        let mut parameters = self.live();
+        if let Some(CartesianImpedanceConfig { stiffness, damping, .. }) = self.impedance {
+            let springs = [
+                TaskParameter::new("stiffness", stiffness, SPRINGS, "N/m", "stiffness towards the target"),
+                TaskParameter::new("damping", damping, SPRINGS, "N s/m", "damping of the motion"),
+            ];
+            drop(parameters.splice(..1, springs));
+        }
+        parameters
+    }
+
+    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
+        self.lifted(place)?;
+        self.build(place).map(drop)
+    }
+
+    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+        let (task, input) = (self.build(place)?, setup.input(&self.target)?);
+        let (pull, weights) = match &self.impedance {
+            None => {
+                let [gain, position, orientation] = self.open(setup)?;
+                (Pull::Gain(gain), [position, orientation])
+            }
+            Some(impedance) => {
+                let [stiffness, damping, position, orientation] = self.open(setup)?;
+                let spring = impedance.build(place)?;
+                (Pull::Spring { spring, stiffness, damping }, [position, orientation])
+            }
+        };
+        // free directions cannot miss
+        let [position, orientation] = task.settings().counts();
+        let tolerance = GoalTolerance {
+            position: if position { self.position_tolerance } else { f64::INFINITY },
+            orientation: if orientation { self.orientation_tolerance } else { f64::INFINITY },
+        };
+        let target = TargetInput::new(input, tolerance);
+        Ok(Box::new(HeldCartesian { task, target, pull, weights, lifted: self.lifted(place)? }))
+    }
+}
+
+/// The pull of an error.
+enum Pull {
+    /// Rate of decay of the error.
+    Gain(Ramped),
+    /// A spring and a damper, with parameters of the position.
+    Spring { spring: CartesianImpedance, stiffness: Ramped, damping: Ramped },
+}
+
+/// A frame that follows the poses of one input.
+struct HeldCartesian {
+    task: CartesianTask,
+    target: TargetInput,
+    pull: Pull,
+    /// Weights of position and orientation.
+    weights: [Ramped; 2],
+    /// Contact during whose lift the task is active.
+    lifted: Option<usize>,
+}
+
+impl HeldTask for HeldCartesian {
+    fn begin(&mut self, start: &RobotState<'_>) {
+        if !self.target.is_set() {
+            self.task.set_target(start.kinematics.pose(start.model, self.task.frame()));
+        }
+    }
+
+    fn reset(&mut self) {
+        self.target.reset();
+    }
+
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        let gain = match &mut self.pull {
+            Pull::Gain(gain) => gain.follow(bounds, fades).min(bounds.max_gain),
+            Pull::Spring { spring, stiffness, damping } => {
+                spring.stiffness = stiffness.follow(bounds, fades);
+                spring.damping = damping.follow(bounds, fades);
+                self.task.set_impedance(*spring);
+                self.task.settings().gain
+            }
+        };
+        let [position_weight, orientation_weight] =
+            self.weights.each_mut().map(|parameter| parameter.follow(bounds, fades));
+        let settings = *self.task.settings();
+        self.task.set_settings(CartesianSettings { gain, position_weight, orientation_weight, ..settings });
+    }
+
+    fn prepare(&mut self, bounds: &TaskBounds) {
+        if let Some((pose, velocity)) = self.target.pose(bounds) {
+            self.task.set_moving_target(pose, velocity, Twist::zero());
+        }
+    }
+
+    fn cost(&mut self) -> TaskCost<'_> {
+        TaskCost::Motion(&mut self.task)
+    }
+
+    fn while_lifted(&self) -> Option<usize> {
+        self.lifted
+    }
+
+    fn record(&mut self, measured: &RobotState<'_>, dt: f64) {
+        let pose = measured.kinematics.pose(measured.model, self.task.frame());
+        let (target, settings) = (self.task.target(), self.task.settings());
+        // free directions have no error
+        let (position, orientation) = match &settings.shares {
+            Some(shares) => {
+                let (position, turn) = shares.error(&pose, target);
+                (position.norm(), turn.norm())
+            }
+            None => {
+                let position = target.translation.vector - pose.translation.vector;
+                (position.norm(), pose.rotation.angle_to(&target.rotation))
+            }
+        };
+        let [moved, turned] = settings.counts();
+        let position = if moved { position } else { 0.0 };
+        self.target.observe(GoalError { position, orientation: turned.then_some(orientation) }, dt);
+    }
+
+    fn goals(&self) -> Option<&GoalRecord> {
+        Some(self.target.goals())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let (summary, latest) = (self.target.goals().summary(), self.target.goals().latest());
+        let position = |error: GoalError| self.task.settings().counts()[0].then_some(error.position);
+        Some(serde_json::json!({
+            "goals_reached": summary.reached,
+            "goals_missed": summary.missed,
+            "position_error_m": summary.worst.and_then(position),
+            "orientation_error_rad": summary.worst.and_then(|error| error.orientation),
+            "last_position_error_m": latest.and_then(position),
+            "last_orientation_error_rad": latest.and_then(|error| error.orientation),
+            "targets_refused": self.target.refused(),
+        }))
+    }
 }

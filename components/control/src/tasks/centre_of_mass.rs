@@ -1,10 +1,16 @@
 //! The centre of mass follows a point.
 
+use motorium::prelude::*;
 use motorium_robots::Model;
 use nalgebra::Vector3;
 
+use super::held::{HeldTask, TaskCost};
+use super::kind::{BuiltTask, GAINS, TaskKind, WEIGHTS};
+use super::place::TaskPlace;
+use super::ramp::{Fades, Ramped, TaskBounds};
+use super::target::TargetInput;
 use super::{Cost, Equation, Feedback, JacobianView, Response, Task};
-use crate::{MotionState, RobotState};
+use crate::{GoalError, GoalRecord, GoalTolerance, MotionState, RobotState};
 
 /// Gain and weights of a [`CentreOfMassTask`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -138,4 +144,124 @@ impl Task for CentreOfMassTask {
     }
 
     equation!();
+}
+
+task_config! {
+    /// A centre-of-mass task: the centre of mass of the robot follows a point.
+    CentreOfMassConfig "centre_of_mass" {
+        /// Name of the input port of its target, of which position and linear velocity count. The input is
+        /// optional: without a target the centre of mass stays where it was at the start. Default
+        /// "centre_of_mass_target".
+        target: String = "centre_of_mass_target".to_owned() => target(
+            optional PoseTarget, "position and linear velocity of the centre of mass, in the world frame"
+        );
+        /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
+        gain: f64 = CentreOfMassSettings::default().gain => live(GAINS, "1/s", "rate at which the error decays");
+        /// Cost of a velocity error, 1/(m/s), 0 to 1000. Default 1.
+        weight: f64 = CentreOfMassSettings::default().weight => live(
+            WEIGHTS, "1/(m/s)", "cost of a velocity error"
+        );
+        /// Factors of the weight along x, y and z of the world, 0 to 1; 0 leaves an axis free. Default [1, 1,
+        /// 1].
+        shares: [f64; 3] = CentreOfMassSettings::default().shares;
+        /// Maximum speed of the correction, m/s. Default: no limit.
+        max_speed: Option<f64> = None;
+        /// Levenberg-Marquardt damping, s m/rad^2; prevents oscillation if the target is out of reach.
+        /// Default: 5e-3, or two tick periods times one metre if that is larger.
+        damping: Option<f64> = None;
+        /// Distance from a goal, along the controlled axes, within which it counts as reached, m. Default
+        /// 5e-3.
+        tolerance: f64 = GoalTolerance::default().position => within(0.0..=f64::MAX);
+    }
+}
+
+impl CentreOfMassConfig {
+    fn build(&self, place: &TaskPlace<'_>) -> Result<CentreOfMassTask, ConfigError> {
+        let mass: f64 = place.model.bodies().iter().map(|body| body.inertia.mass).sum();
+        if mass.is_nan() || mass <= 0.0 {
+            let message = format!("robot `{}` has no mass, so no centre of mass", place.model.name());
+            return Err(ConfigError::key(&place.path, message));
+        }
+        for share in self.shares {
+            place.in_range("shares", share, 0.0..=1.0)?;
+        }
+        Ok(CentreOfMassTask::new(place.model).with(CentreOfMassSettings {
+            gain: self.gain,
+            weight: self.weight,
+            shares: self.shares,
+            max_speed: place.max_speed("max_speed", self.max_speed)?,
+            damping: place.damping(self.damping, CentreOfMassSettings::default().damping)?,
+        }))
+    }
+}
+
+impl TaskKind for CentreOfMassConfig {
+    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
+        self.build(place).map(drop)
+    }
+
+    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+        let tolerance = GoalTolerance { position: self.tolerance, ..GoalTolerance::default() };
+        let target = TargetInput::new(setup.input(&self.target)?, tolerance);
+        Ok(Box::new(HeldCentreOfMass { task: self.build(place)?, target, parameters: self.open(setup)? }))
+    }
+}
+
+/// A centre of mass that follows the positions of one input.
+struct HeldCentreOfMass {
+    task: CentreOfMassTask,
+    target: TargetInput,
+    /// Gain and weight.
+    parameters: [Ramped; 2],
+}
+
+impl HeldTask for HeldCentreOfMass {
+    fn begin(&mut self, start: &RobotState<'_>) {
+        if !self.target.is_set() {
+            self.task.set_target(start.kinematics.centre_of_mass(start.model).position);
+        }
+    }
+
+    fn reset(&mut self) {
+        self.target.reset();
+    }
+
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        let [gain, weight] = self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
+        let gain = gain.min(bounds.max_gain);
+        self.task.set_settings(CentreOfMassSettings { gain, weight, ..*self.task.settings() });
+    }
+
+    fn prepare(&mut self, bounds: &TaskBounds) {
+        if let Some((point, velocity)) = self.target.point(bounds) {
+            self.task.set_moving_target(point, velocity, Vector3::zeros());
+        }
+    }
+
+    fn cost(&mut self) -> TaskCost<'_> {
+        TaskCost::Motion(&mut self.task)
+    }
+
+    fn record(&mut self, measured: &RobotState<'_>, dt: f64) {
+        let mut error = self.task.target() - measured.kinematics.centre_of_mass(measured.model).position;
+        for (error, share) in error.iter_mut().zip(self.task.settings().shares) {
+            *error = if share == 0.0 { 0.0 } else { *error };
+        }
+        self.target.observe(GoalError { position: error.norm(), orientation: None }, dt);
+    }
+
+    fn goals(&self) -> Option<&GoalRecord> {
+        Some(self.target.goals())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let (goals, distance) = (self.target.goals(), |error: GoalError| error.position);
+        let summary = goals.summary();
+        Some(serde_json::json!({
+            "goals_reached": summary.reached,
+            "goals_missed": summary.missed,
+            "position_error_m": summary.worst.map(distance),
+            "last_position_error_m": goals.latest().map(distance),
+        }))
+    }
 }

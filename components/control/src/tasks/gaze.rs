@@ -1,10 +1,16 @@
 //! An axis of a frame points at a point.
 
+use motorium::prelude::*;
 use motorium_robots::{FrameId, Model, Reference};
 use nalgebra::{Matrix6xX, Unit, Vector3};
 
+use super::held::{HeldTask, TaskCost};
+use super::kind::{BuiltTask, GAINS, TaskKind, WEIGHTS};
+use super::place::TaskPlace;
+use super::ramp::{Fades, Ramped, TaskBounds};
+use super::target::TargetInput;
 use super::{Cost, Equation, Feedback, JacobianView, Response, Task};
-use crate::{MotionState, RobotState};
+use crate::{GoalError, GoalRecord, GoalTolerance, MotionState, RobotState};
 
 /// Minimum distance from the frame origin to the target \[m\]; closer targets are ignored because the
 /// direction is undefined.
@@ -226,4 +232,118 @@ impl Task for GazeTask {
     }
 
     equation!();
+}
+
+/// Distance of the virtual target used when no target is set, m; large enough that frame motion does not
+/// change the direction.
+const FAR: f64 = 1e6;
+
+task_config! {
+    /// A gaze task: an axis of a frame points at a point.
+    GazeConfig "gaze" {
+        /// Link whose axis points at the target. Default: the robot's only end effector.
+        frame: Option<String> = None;
+        /// The axis in the axes of the frame, of any length but 0. Default [0, 0, 1].
+        axis: [f64; 3] = [0.0, 0.0, 1.0];
+        /// Name of the input port of its target, of which position and linear velocity count. The input is
+        /// optional: without a target the axis keeps its direction. Default "gaze_target".
+        target: String = "gaze_target".to_owned() => target(
+            optional PoseTarget, "position and linear velocity of the point to look at, in the world frame"
+        );
+        /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
+        gain: f64 = GazeSettings::default().gain => live(GAINS, "1/s", "rate at which the error decays");
+        /// Cost of an angular velocity error, 1/(rad/s), 0 to 1000. Default 1.
+        weight: f64 = GazeSettings::default().weight => live(
+            WEIGHTS, "1/(rad/s)", "cost of an angular velocity error"
+        );
+        /// Maximum angular speed of the correction, rad/s. Default: no limit.
+        max_speed: Option<f64> = None;
+        /// Levenberg-Marquardt damping, s/rad; prevents oscillation if the robot cannot look at the target.
+        /// Default: 5e-3, or two tick periods if that is larger.
+        damping: Option<f64> = None;
+        /// Angle from a goal within which it counts as reached, rad. Default 0.02.
+        tolerance: f64 = GoalTolerance::default().orientation => within(0.0..=f64::MAX);
+    }
+}
+
+impl GazeConfig {
+    fn build(&self, place: &TaskPlace<'_>) -> Result<GazeTask, ConfigError> {
+        let frame = place.frame("gaze", self.frame.as_deref())?;
+        Ok(GazeTask::new(place.model, frame, place.axis("axis", self.axis)?).with(GazeSettings {
+            gain: self.gain,
+            weight: self.weight,
+            max_speed: place.max_speed("max_speed", self.max_speed)?,
+            damping: place.damping(self.damping, GazeSettings::default().damping)?,
+        }))
+    }
+}
+
+impl TaskKind for GazeConfig {
+    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
+        self.build(place).map(drop)
+    }
+
+    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+        let tolerance = GoalTolerance { position: f64::INFINITY, orientation: self.tolerance };
+        let target = TargetInput::new(setup.input(&self.target)?, tolerance);
+        Ok(Box::new(HeldGaze { task: self.build(place)?, target, parameters: self.open(setup)? }))
+    }
+}
+
+/// An axis that points at the positions of one input.
+struct HeldGaze {
+    task: GazeTask,
+    target: TargetInput,
+    /// Gain and weight.
+    parameters: [Ramped; 2],
+}
+
+impl HeldTask for HeldGaze {
+    fn begin(&mut self, start: &RobotState<'_>) {
+        if !self.target.is_set() {
+            let pose = start.kinematics.pose(start.model, self.task.frame());
+            let ahead = pose.rotation * self.task.axis().into_inner();
+            self.task.set_target(pose.translation.vector + ahead * FAR);
+        }
+    }
+
+    fn reset(&mut self) {
+        self.target.reset();
+    }
+
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        let [gain, weight] = self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
+        let gain = gain.min(bounds.max_gain);
+        self.task.set_settings(GazeSettings { gain, weight, ..*self.task.settings() });
+    }
+
+    fn prepare(&mut self, bounds: &TaskBounds) {
+        if let Some((point, velocity)) = self.target.point(bounds) {
+            self.task.set_moving_target(point, velocity);
+        }
+    }
+
+    fn cost(&mut self) -> TaskCost<'_> {
+        TaskCost::Motion(&mut self.task)
+    }
+
+    fn record(&mut self, measured: &RobotState<'_>, dt: f64) {
+        let orientation = Some(self.task.angle_at(measured));
+        self.target.observe(GoalError { position: 0.0, orientation }, dt);
+    }
+
+    fn goals(&self) -> Option<&GoalRecord> {
+        Some(self.target.goals())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let (goals, angle) = (self.target.goals(), |error: GoalError| error.orientation);
+        let summary = goals.summary();
+        Some(serde_json::json!({
+            "goals_reached": summary.reached,
+            "goals_missed": summary.missed,
+            "orientation_error_rad": summary.worst.and_then(angle),
+            "last_orientation_error_rad": goals.latest().and_then(angle),
+        }))
+    }
 }

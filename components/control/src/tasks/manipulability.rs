@@ -1,9 +1,13 @@
 //! The joints move to where a frame is moved more easily, or exerts forces more easily.
 
+use motorium::prelude::*;
 use motorium_robots::{FrameId, Model, TaskRows};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::held::Driven;
+use super::kind::{ActsOn, BuiltTask, TaskHead, TaskKind, TaskTable, WEIGHTS};
+use super::place::TaskPlace;
 use super::{Cost, Equation, RATE, Response, Task, differentiate_velocities};
 use crate::{MotionState, RobotState};
 
@@ -143,4 +147,65 @@ impl Task for ManipulabilityTask {
     }
 
     equation!();
+}
+
+task_config! {
+    /// A manipulability task: the joints move to where a frame is moved, or exerts forces, more easily.
+    ManipulabilityConfig "manipulability" {
+        /// Link of the evaluated frame. Default: the robot's only end effector.
+        frame: Option<String> = None;
+        /// Motions of the frame that count. Default "position".
+        rows: ManipulabilityRows = ManipulabilityRows::Position;
+        /// The measure that grows. Default "velocity".
+        of: Measure = Measure::Velocity;
+        /// Speed per slope of the measure, (rad/s)^2, 0 to 1000. Default 1.
+        gain: f64 = 1.0 => live(WEIGHTS, "(rad/s)^2", "speed per slope of the measure");
+        /// Cost of a joint velocity error, 1/(rad/s), 0 to 1000. Default 1e-2.
+        weight: f64 = 1e-2 => live(WEIGHTS, "1/(rad/s)", "cost of a joint velocity error");
+        /// Maximum norm of the commanded joint velocities, rad/s. Default 0.5.
+        max_speed: f64 = 0.5 => within(1e-6..=f64::MAX);
+        /// With `inverse_dynamics`: decay rate of joint velocity errors, 1/s, 0 to 1000; limited to half the
+        /// tick rate. Default 20.
+        rate: Option<f64> = None;
+    }
+}
+
+/// Motions of a frame that count for its manipulability.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ManipulabilityRows {
+    /// The velocity of its origin.
+    Position,
+    /// Its angular velocity.
+    Orientation,
+    /// Both; metres and radians are weighed alike.
+    Pose,
+}
+
+impl ManipulabilityConfig {
+    fn build(&self, place: &TaskPlace<'_>) -> Result<ManipulabilityTask, ConfigError> {
+        let frame = place.frame("manipulability", self.frame.as_deref())?;
+        let rows = match self.rows {
+            ManipulabilityRows::Position => TaskRows::POSITION,
+            ManipulabilityRows::Orientation => TaskRows::ORIENTATION,
+            ManipulabilityRows::Pose => TaskRows::POSE,
+        };
+        let (task, rate) = (ManipulabilityTask::new(place.model, frame, rows), place.rate(self.rate)?);
+        Ok(task.with_measure(self.of).max_speed(self.max_speed).rate(rate))
+    }
+}
+
+impl TaskKind for ManipulabilityConfig {
+    fn head(&self) -> TaskHead<'_> {
+        self.table_head().acts_on(ActsOn::Joints)
+    }
+
+    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
+        self.build(place).map(drop)
+    }
+
+    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+        let (task, parameters) = (self.build(place)?, self.open(setup)?);
+        Ok(Box::new(Driven::motion(task, parameters, |task, [gain, weight], _| task.set(gain, weight))))
+    }
 }

@@ -3,6 +3,9 @@
 //! Most tasks are a [`Task`], for velocities and for accelerations alike. Those that implement only
 //! [`VelocityTask`] are for velocities.
 
+#[macro_use]
+mod kind;
+
 /// Defines the methods of a task with settings, which determine its response.
 macro_rules! settings {
     ($task:ident, $settings:ident) => {
@@ -69,42 +72,181 @@ macro_rules! equation {
     };
 }
 
+mod admittance;
 mod axes;
+mod capture_point;
 mod cartesian;
 mod centre_of_mass;
 mod contact;
+mod contact_force;
+mod contact_wrench;
 mod gaze;
+mod held;
+mod limit;
 mod manipulability;
+mod minimum;
+mod minimum_acceleration;
 mod minimum_effort;
+mod minimum_torque;
 mod minimum_velocity;
 mod momentum;
+mod place;
 mod posture;
+mod ramp;
 mod relative;
 mod rigid_rotation;
 mod rolling;
+mod target;
 mod unicycle;
 
-pub use axes::{AxisShares, PoseAxes};
-pub use cartesian::{CartesianImpedance, CartesianSettings, CartesianTask, PoseError};
+pub use admittance::{Admittance, AdmittanceSettings};
+pub use axes::{AxesConfig, AxisShares, PoseAxes, SharesConfig};
+pub use capture_point::CapturePoint;
+pub use cartesian::{
+    CartesianImpedance, CartesianImpedanceConfig, CartesianSettings, CartesianTask, PoseError,
+};
 pub use centre_of_mass::{CentreOfMassSettings, CentreOfMassTask};
 pub use contact::ContactTask;
+pub use contact_force::{ContactForce, ForceRegularisation};
+pub use contact_wrench::ContactWrench;
 pub use gaze::{GazeSettings, GazeTask};
-pub use manipulability::{ManipulabilityTask, Measure};
+pub(crate) use held::{Held, TaskCost};
+pub(crate) use kind::{ActsOn, Formulations, TaskHead, TaskKind};
+pub use manipulability::{ManipulabilityRows, ManipulabilityTask, Measure};
+pub use minimum::MinimumOf;
+pub use minimum_acceleration::AccelerationMinimum;
 pub use minimum_effort::MinimumEffortTask;
+pub use minimum_torque::TorqueMinimum;
 pub use minimum_velocity::MinimumVelocityTask;
 pub use momentum::MomentumTask;
-pub use posture::{PostureSettings, PostureTask};
+pub(crate) use place::TaskPlace;
+pub use posture::{JointImpedanceConfig, PostureSettings, PostureTask};
+pub(crate) use ramp::{Fades, TaskBounds};
 pub use relative::{RelativeSettings, RelativeTask};
 pub use rigid_rotation::RigidRotationTask;
 pub use rolling::RollingTask;
 pub use unicycle::{UnicycleSettings, UnicycleTask};
 
+use motorium::declare::ConfigError;
 use nalgebra::{Const, Dyn, MatrixView, U1};
+use schemars::JsonSchema;
+use serde::Deserialize;
 
 use crate::MotionState;
 pub use crate::cost::Cost;
 pub use crate::formulation::{Equation, Feedback, Response, Task, VelocityTask};
 pub use crate::levels::Rows;
+
+/// Defines [`TaskConfig`]: for each kind of task its key in the configuration, its variant, and the file and
+/// the type of its table.
+macro_rules! task_kinds {
+    (
+        $( $(#[$doc:meta])* $key:literal => $variant:ident($file:ident::$config:ident), )*
+        constraint,
+        $( $(#[$other_doc:meta])* $other_key:literal => $other:ident($other_file:ident::$other_config:ident), )*
+    ) => {
+        $( pub use $file::$config; )*
+        $( pub use $other_file::$other_config; )*
+
+        /// One task of `control.qp`.
+        #[derive(Debug, Clone, Deserialize, JsonSchema)]
+        pub enum TaskConfig {
+            $( $(#[$doc])* #[serde(rename = $key)] $variant($config), )*
+            /// A task holds exactly, above all levels.
+            #[serde(rename = "constraint")]
+            Constraint(ConstraintConfig),
+            $( $(#[$other_doc])* #[serde(rename = $other_key)] $other($other_config), )*
+        }
+
+        impl TaskConfig {
+            /// The key of the task and its table, or the task that is a constraint.
+            fn table(&self) -> Result<(&'static str, &dyn TaskKind), &TaskConfig> {
+                match self {
+                    $( Self::$variant(config) => Ok(($key, config)), )*
+                    $( Self::$other(config) => Ok(($other_key, config)), )*
+                    Self::Constraint(constraint) => Err(&constraint.task),
+                }
+            }
+        }
+    };
+}
+
+task_kinds! {
+    /// A frame yields to a measured wrench like a mass on a spring and a damper.
+    "admittance" => Admittance(admittance::AdmittanceConfig),
+    /// The point where the robot would have to step to come to rest follows a point; torques only.
+    "capture_point" => CapturePoint(capture_point::CapturePointConfig),
+    /// A frame follows a pose target.
+    "cartesian" => Cartesian(cartesian::CartesianConfig),
+    /// The centre of mass follows a point.
+    "centre_of_mass" => CentreOfMass(centre_of_mass::CentreOfMassConfig),
+    constraint,
+    /// Force and torque of a contact follow a target; torques only.
+    "contact_wrench" => ContactWrench(contact_wrench::ContactWrenchConfig),
+    /// An axis of a frame points at a point.
+    "gaze" => Gaze(gaze::GazeConfig),
+    /// Soft limits; velocities only.
+    "limit" => Limit(limit::LimitConfig),
+    /// The joints move to where a frame is moved, or exerts forces, more easily.
+    "manipulability" => Manipulability(manipulability::ManipulabilityConfig),
+    /// Velocities, accelerations, efforts, torques or contact forces are small.
+    "minimum" => Minimum(minimum::MinimumConfig),
+    /// The momentum about the centre of mass decays to zero; torques only.
+    "momentum" => Momentum(momentum::MomentumConfig),
+    /// The joints keep a posture.
+    "posture" => Posture(posture::PostureConfig),
+    /// A frame reaches a pose in another frame of the robot.
+    "relative" => Relative(relative::RelativeConfig),
+    /// A steered wheel turns into the direction of motion of its base.
+    "rigid_rotation" => RigidRotation(rigid_rotation::RigidRotationConfig),
+    /// A wheel rolls without slipping.
+    "rolling" => Rolling(rolling::RollingConfig),
+    /// A frame drives forward and turns, and never sideways.
+    "unicycle" => Unicycle(unicycle::UnicycleConfig),
+}
+
+/// A task as a constraint: it holds exactly, above all levels. Rows with zero weight stay free; otherwise
+/// weights and damping are ignored.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ConstraintConfig {
+    /// The task, a table with one key as in `tasks`; its `level` is ignored.
+    pub task: Box<TaskConfig>,
+}
+
+/// A configured task: its table, and the path of the table in the configuration.
+pub(crate) struct Configured<'a> {
+    pub(crate) path: String,
+    pub(crate) kind: &'a dyn TaskKind,
+    /// `true` if the task holds exactly, above all levels.
+    pub(crate) is_constraint: bool,
+}
+
+impl TaskConfig {
+    /// The table of the task with this index in the configuration.
+    ///
+    /// # Errors
+    /// The task cannot hold exactly.
+    pub(crate) fn configured(&self, index: usize) -> Result<Configured<'_>, ConfigError> {
+        let task = match self.table() {
+            Ok((key, kind)) => {
+                return Ok(Configured { path: format!("tasks[{index}].{key}"), kind, is_constraint: false });
+            }
+            Err(task) => task,
+        };
+        let path = format!("tasks[{index}].constraint.task");
+        match task.table() {
+            Ok((key, kind)) if !matches!(task, Self::Limit(_)) => {
+                Ok(Configured { path: format!("{path}.{key}"), kind, is_constraint: true })
+            }
+            other => {
+                let key = other.map_or("constraint", |(key, _)| key);
+                Err(ConfigError::key(path, format!("`{key}` is not a task that can hold exactly"))
+                    .advise("name a task, such as task = { cartesian = {} }"))
+            }
+        }
+    }
+}
 
 /// The Jacobian of a task with `R` rows, R x nv.
 pub type JacobianView<'a, const R: usize> = MatrixView<'a, f64, Const<R>, Dyn, U1, Dyn>;

@@ -1,8 +1,12 @@
 //! The centroidal momentum follows a target.
 
+use motorium::prelude::*;
 use motorium_robots::{Dynamics, Model, Momentum};
 use nalgebra::Vector3;
 
+use super::held::Driven;
+use super::kind::{BuiltTask, Formulations, GAINS, TaskHead, TaskKind, TaskTable, WEIGHTS};
+use super::place::TaskPlace;
 use super::{Cost, Equation, Response, Task};
 use crate::{MotionState, RobotState};
 
@@ -103,4 +107,33 @@ impl Task for MomentumTask {
     }
 
     equation!();
+}
+
+task_config! {
+    /// A momentum task: the momentum of the whole robot about its centre of mass comes to rest.
+    MomentumConfig "momentum" {
+        /// Rate at which the momentum decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 5.
+        gain: f64 = 5.0 => live(GAINS, "1/s", "rate at which the momentum decays");
+        /// Cost of a force, the rate of the linear momentum, 1/N, 0 to 1000. Default 0.
+        linear_weight: f64 = 0.0 => live(WEIGHTS, "1/N", "cost of a force, the rate of the linear momentum");
+        /// Cost of a torque, the rate of the angular momentum, 1/Nm, 0 to 1000. Default 0.1.
+        angular_weight: f64 = 0.1 => live(WEIGHTS, "1/Nm", "cost of a torque, the rate of the angular momentum");
+    }
+}
+
+impl TaskKind for MomentumConfig {
+    fn head(&self) -> TaskHead<'_> {
+        self.table_head().only(Formulations::Torque)
+    }
+
+    fn check(&self, _: &TaskPlace<'_>) -> Result<(), ConfigError> {
+        Ok(())
+    }
+
+    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+        let (task, parameters) = (MomentumTask::angular(place.model), self.open(setup)?);
+        Ok(Box::new(Driven::motion(task, parameters, |task, [gain, linear, angular], bounds| {
+            task.set(gain.min(bounds.max_gain), linear, angular);
+        })))
+    }
 }

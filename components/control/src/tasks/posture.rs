@@ -1,9 +1,18 @@
 //! The joints keep a posture.
 
-use motorium_robots::Model;
+use motorium::prelude::*;
+use motorium_robots::{Model, PerJoint, ProfileError};
 use nalgebra::DVector;
+use schemars::JsonSchema;
+use serde::Deserialize;
 
+use super::cartesian::SPRINGS;
+use super::held::{HeldTask, TaskCost};
+use super::kind::{ActsOn, BuiltTask, GAINS, TaskHead, TaskKind, TaskParameter, TaskTable, WEIGHTS};
+use super::place::TaskPlace;
+use super::ramp::{Fades, Ramped, TaskBounds};
 use super::{Cost, Equation, Feedback, Response, Task};
+use crate::checks::per_joint;
 use crate::{MotionState, RobotState};
 
 /// Gain and weight of a [`PostureTask`].
@@ -143,4 +152,148 @@ impl Task for PostureTask {
     }
 
     equation!();
+}
+
+task_config! {
+    /// A posture task: the joints keep a posture.
+    PostureConfig "posture" {
+        /// A pose of the robot's profile. Default: its home pose, or the first measured pose if it has no
+        /// profile.
+        pose: Option<String> = None;
+        /// The posture itself, rad or m: one number for all joints, or one for each. This or `pose`.
+        positions: Option<PerJoint> = None;
+        /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 1.
+        gain: f64 = PostureSettings::default().gain => live(GAINS, "1/s", "rate at which the error decays");
+        /// Springs and dampers replacing the gain. Default: none.
+        impedance: Option<JointImpedanceConfig> = None;
+        /// Cost of a joint velocity error, 1/(rad/s) or 1/(m/s), 0 to 1000. Default 1e-3.
+        weight: f64 = PostureSettings::default().weight => live(
+            WEIGHTS, "1/(rad/s)", "cost of a joint velocity error"
+        );
+    }
+}
+
+/// Springs and dampers that pull the joints to their posture, replacing `gain`. Requires `inverse_dynamics`.
+///
+/// ```toml
+/// impedance = { stiffness = 100.0, damping = 10.0 }
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct JointImpedanceConfig {
+    /// Stiffness of the joints, N m/rad or N/m, 0 to 1e6: one number, or one per joint.
+    pub stiffness: PerJoint,
+    /// Damping of the joints, N m s/rad or N s/m, 0 to 1e6: one number, or one per joint.
+    pub damping: PerJoint,
+}
+
+impl JointImpedanceConfig {
+    /// Stiffness and damping of each joint, checked.
+    fn build(&self, place: &TaskPlace<'_>) -> Result<[DVector<f64>; 2], ConfigError> {
+        let of = |name: &str, given: &PerJoint| {
+            let key = format!("impedance.{name}");
+            let values = per_joint(&place.key(&key), given, place.model)?;
+            for value in &values {
+                place.in_range(&key, *value, SPRINGS)?;
+            }
+            Ok(values)
+        };
+        Ok([of("stiffness", &self.stiffness)?, of("damping", &self.damping)?])
+    }
+}
+
+impl PostureConfig {
+    /// Builds the task; also returns `true` if the posture comes from the first joint state.
+    fn build(&self, place: &TaskPlace<'_>) -> Result<(PostureTask, bool), ConfigError> {
+        let TaskPlace { model, profile, .. } = *place;
+        let refused = |error: ProfileError| ConfigError::key(place.key("pose"), error.to_string());
+        let (target, from_start) = match (&self.pose, &self.positions, profile) {
+            (Some(_), Some(_), _) => {
+                let message = "both `pose` and `positions` are given";
+                return Err(ConfigError::key(place.key("positions"), message).advise("keep one of them"));
+            }
+            (Some(_), None, None) => {
+                let message = format!("robot `{}` has no profile, so its poses have no names", model.name());
+                return Err(ConfigError::key(place.key("pose"), message)
+                    .advise("give `positions`, or put a profile next to the URDF"));
+            }
+            (Some(name), None, Some(profile)) => (profile.pose(model, name).map_err(refused)?, false),
+            (None, Some(positions), _) => (per_joint(&place.key("positions"), positions, model)?, false),
+            (None, None, Some(profile)) => (profile.home(model).map_err(refused)?, false),
+            (None, None, None) => (DVector::zeros(model.joint_count()), true),
+        };
+        let mut task = PostureTask::new(model, target.as_slice());
+        if let Some(impedance) = &self.impedance {
+            place.check_impedance(self.gain, PostureSettings::default().gain)?;
+            let [stiffness, damping] = impedance.build(place)?;
+            task = task.impedance(model, stiffness.as_slice(), damping.as_slice());
+        }
+        Ok((task, from_start))
+    }
+}
+
+impl TaskKind for PostureConfig {
+    fn head(&self) -> TaskHead<'_> {
+        self.table_head().acts_on(ActsOn::Joints)
+    }
+
+    /// The gain, unless there is an impedance, and the weight.
+    fn parameters(&self) -> Vec<TaskParameter> {
+        self.live().into_iter().skip(usize::from(self.impedance.is_some())).collect()
+    }
+
+    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
+        self.build(place).map(drop)
+    }
+
+    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+        let (task, from_start) = self.build(place)?;
+        let (gain, weight) = match self.impedance {
+            None => {
+                let [gain, weight] = self.open(setup)?;
+                (Some(gain), weight)
+            }
+            Some(_) => {
+                let [weight] = self.open(setup)?;
+                (None, weight)
+            }
+        };
+        Ok(Box::new(HeldPosture { task, keeps_start: from_start, from_start, gain, weight }))
+    }
+}
+
+/// A task that keeps the joints at a posture.
+struct HeldPosture {
+    task: PostureTask,
+    /// `true` if the posture is defined by the first joint state.
+    keeps_start: bool,
+    /// `true` until the posture has been set from the first joint state.
+    from_start: bool,
+    /// `None` with springs.
+    gain: Option<Ramped>,
+    weight: Ramped,
+}
+
+impl HeldTask for HeldPosture {
+    fn begin(&mut self, start: &RobotState<'_>) {
+        if self.from_start {
+            self.task.set_target(start.model.joints_of_q(start.q));
+            self.from_start = false;
+        }
+    }
+
+    fn reset(&mut self) {
+        self.from_start = self.keeps_start;
+    }
+
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        let gain = self.gain.as_mut().map(|gain| gain.follow(bounds, fades).min(bounds.max_gain));
+        let gain = gain.unwrap_or(self.task.settings().gain);
+        let weight = self.weight.follow(bounds, fades);
+        self.task.set_settings(PostureSettings { gain, weight });
+    }
+
+    fn cost(&mut self) -> TaskCost<'_> {
+        TaskCost::Motion(&mut self.task)
+    }
 }

@@ -1,10 +1,16 @@
 //! A frame reaches a pose relative to another frame.
 
+use motorium::prelude::*;
 use motorium_robots::{FrameId, Model, Reference, lie::se3};
 use nalgebra::{Isometry3, Matrix6xX, Vector6};
 
 use super::cartesian::{differentiate_error, stacked};
+use super::held::{HeldTask, TaskCost};
+use super::kind::{ActsOn, BuiltTask, GAINS, TaskHead, TaskKind, TaskTable, WEIGHTS};
+use super::place::TaskPlace;
+use super::ramp::{Fades, Ramped, TaskBounds};
 use super::{Cost, Equation, Feedback, PoseError, Response, Task};
+use crate::checks::pose_of;
 use crate::{MotionState, RobotState};
 
 /// Gain and weights of a [`RelativeTask`].
@@ -192,4 +198,137 @@ impl Task for RelativeTask {
     }
 
     equation!();
+}
+
+task_config! {
+    /// A relative task: a frame reaches a pose in another frame of the same robot.
+    RelativeConfig "relative" {
+        /// Link whose frame moves. Default: the robot's only end effector.
+        frame: Option<String> = None;
+        /// Link in whose frame the target is given.
+        other: String = String::new();
+        /// Name of the input port of the target: the pose of `frame` in `other`; its velocity is ignored.
+        /// Without a target the initial pose is kept. Default "relative_target".
+        target: String = "relative_target".to_owned() => target(
+            optional PoseTarget, "pose of the frame in the other frame"
+        );
+        /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
+        gain: f64 = RelativeSettings::default().gain => live(GAINS, "1/s", "rate at which the error decays");
+        /// Cost of a velocity error, 1/(m/s), 0 to 1000. Default 1.
+        position_weight: f64 = RelativeSettings::default().position_weight => live(
+            WEIGHTS, "1/(m/s)", "cost of a velocity error"
+        );
+        /// Cost of an angular velocity error, 1/(rad/s), 0 to 1000. Default 0.5.
+        orientation_weight: f64 = RelativeSettings::default().orientation_weight => live(
+            WEIGHTS, "1/(rad/s)", "cost of an angular velocity error"
+        );
+    }
+}
+
+impl RelativeConfig {
+    fn build(&self, place: &TaskPlace<'_>) -> Result<RelativeTask, ConfigError> {
+        let frame = place.frame("relative", self.frame.as_deref())?;
+        let other = place.named_frame("other", &self.other)?;
+        if frame == other {
+            let message = format!("`{}` relative to itself", self.other);
+            return Err(ConfigError::key(place.key("other"), message).advise("name another link"));
+        }
+        let settings = RelativeSettings { error: place.pose_error(), ..RelativeSettings::default() };
+        Ok(RelativeTask::new(place.model, other, frame).with(settings))
+    }
+}
+
+impl TaskKind for RelativeConfig {
+    fn head(&self) -> TaskHead<'_> {
+        self.table_head().acts_on(ActsOn::Joints)
+    }
+
+    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
+        self.build(place).map(drop)
+    }
+
+    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+        Ok(Box::new(HeldRelative {
+            task: self.build(place)?,
+            input: setup.input(&self.target)?,
+            parameters: self.open(setup)?,
+            is_set: false,
+            refused: 0,
+            counts: [self.position_weight, self.orientation_weight].map(|weight| weight > 0.0),
+            error: None,
+        }))
+    }
+}
+
+/// A frame that follows poses relative to another frame.
+struct HeldRelative {
+    task: RelativeTask,
+    input: Input<PoseTarget>,
+    /// Gain, and weights of position and orientation.
+    parameters: [Ramped; 3],
+    /// `true` after the first valid target.
+    is_set: bool,
+    /// Number of invalid target poses: the orientation is not a unit quaternion, or a number is not finite.
+    refused: u64,
+    /// `true` for the position, and for the orientation, if it is controlled.
+    counts: [bool; 2],
+    /// Error of the measured robot at the last step: position \[m\], orientation \[rad\].
+    error: Option<[f64; 2]>,
+}
+
+impl HeldRelative {
+    /// The pose of the frame in the other one.
+    fn pose(&self, state: &RobotState<'_>) -> Isometry3<f64> {
+        let [a, b] = self.task.frames().map(|frame| state.kinematics.pose(state.model, frame));
+        a.inv_mul(&b)
+    }
+}
+
+impl HeldTask for HeldRelative {
+    fn begin(&mut self, start: &RobotState<'_>) {
+        if !self.is_set {
+            self.task.set_target(self.pose(start));
+        }
+    }
+
+    fn reset(&mut self) {
+        (self.is_set, self.refused, self.error) = (false, 0, None);
+    }
+
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        let [gain, position_weight, orientation_weight] =
+            self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
+        let gain = gain.min(bounds.max_gain);
+        let settings = *self.task.settings();
+        self.task.set_settings(RelativeSettings { gain, position_weight, orientation_weight, ..settings });
+    }
+
+    fn prepare(&mut self, _: &TaskBounds) {
+        let Some(target) = self.input.latest() else { return };
+        match pose_of(target.position, target.orientation) {
+            Some(target) => {
+                self.task.set_target(target);
+                self.is_set = true;
+            }
+            None => self.refused += 1,
+        }
+    }
+
+    fn cost(&mut self) -> TaskCost<'_> {
+        TaskCost::Motion(&mut self.task)
+    }
+
+    fn record(&mut self, measured: &RobotState<'_>, _: f64) {
+        let off = self.pose(measured).inv_mul(self.task.target());
+        self.error = Some([off.translation.vector.norm(), off.rotation.angle()]);
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let error = |part: usize| self.error.filter(|_| self.counts[part]).map(|error| error[part]);
+        Some(serde_json::json!({
+            "last_position_error_m": error(0),
+            "last_orientation_error_rad": error(1),
+            "targets_refused": self.refused,
+        }))
+    }
 }

@@ -1,8 +1,13 @@
 //! Steers a wheel into the direction of motion of its base.
 
+use motorium::prelude::*;
+use motorium::state::TwistTarget;
 use motorium_robots::{FrameId, Model, Reference};
 use nalgebra::{Matrix6xX, Unit, Vector3};
 
+use super::held::Driven;
+use super::kind::{ActsOn, BuiltTask, GAINS, TaskHead, TaskKind, TaskTable, WEIGHTS};
+use super::place::TaskPlace;
 use super::{Cost, Equation, Feedback, Response, Task};
 use crate::{MotionState, RobotState};
 
@@ -132,4 +137,62 @@ impl Task for RigidRotationTask {
     }
 
     equation!();
+}
+
+task_config! {
+    /// A rigid rotation task: a steered wheel turns until it rolls in the direction in which its base moves
+    /// it.
+    RigidRotationConfig "rigid_rotation" {
+        /// Link of the wheel: the origin of its frame is the centre of the wheel.
+        frame: String = String::new();
+        /// Link of the base, in whose axes the target is given.
+        base: String = String::new();
+        /// Axis of the wheel, in the axes of its frame. Default [0, 1, 0].
+        axis: [f64; 3] = [0.0, 1.0, 0.0];
+        /// Normal of the ground, in the axes of the world. Default [0, 0, 1].
+        normal: [f64; 3] = [0.0, 0.0, 1.0];
+        /// Name of the input port of the velocity of the base: `linear` x and y and `angular` z, in the axes
+        /// of `base`. Without a target, or with a stale one (`target_timeout`), the task is inactive. Default
+        /// "base_target".
+        target: String = "base_target".to_owned() => target(
+            optional TwistTarget, "velocity of the base: linear x and y, angular z, in its own axes"
+        );
+        /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
+        gain: f64 = 10.0 => live(GAINS, "1/s", "rate at which the error decays");
+        /// Cost of an angular velocity error, 1/(rad/s), 0 to 1000. Default 1.
+        weight: f64 = 1.0 => live(WEIGHTS, "1/(rad/s)", "cost of an angular velocity error");
+    }
+}
+
+impl RigidRotationConfig {
+    fn build(&self, place: &TaskPlace<'_>) -> Result<RigidRotationTask, ConfigError> {
+        let (wheel, base) =
+            (place.named_frame("frame", &self.frame)?, place.named_frame("base", &self.base)?);
+        let (axis, normal) = (place.axis("axis", self.axis)?, place.axis("normal", self.normal)?);
+        Ok(RigidRotationTask::new(place.model, wheel, base, axis).on(normal))
+    }
+}
+
+impl TaskKind for RigidRotationConfig {
+    fn head(&self) -> TaskHead<'_> {
+        self.table_head().acts_on(ActsOn::Joints)
+    }
+
+    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
+        self.build(place).map(drop)
+    }
+
+    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+        let mut input = setup.input::<TwistTarget>(&self.target)?;
+        let task = Driven::motion(self.build(place)?, self.open(setup)?, |task, [gain, weight], bounds| {
+            task.set(gain.min(bounds.max_gain), weight);
+        });
+        let task = task.with_result(|task| Some(serde_json::json!({ "last_error_rad": task.error() })));
+        Ok(Box::new(task.following(move |task, bounds| {
+            let fresh = input.latest().filter(|target| target.age_ns() <= bounds.target_timeout_ns);
+            let [x, y, yaw] =
+                fresh.map_or([0.0; 3], |target| [target.linear[0], target.linear[1], target.angular[2]]);
+            task.set_twist(x, y, yaw);
+        })))
+    }
 }

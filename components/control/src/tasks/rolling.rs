@@ -1,8 +1,12 @@
 //! A wheel rolls without slipping.
 
+use motorium::prelude::*;
 use motorium_robots::{FrameId, Model, Reference};
 use nalgebra::{Matrix6xX, Unit, Vector3};
 
+use super::held::Driven;
+use super::kind::{ActsOn, BuiltTask, TaskHead, TaskKind, TaskTable, WEIGHTS};
+use super::place::TaskPlace;
 use super::{Cost, Equation, RATE, Response, Task};
 use crate::{MotionState, RobotState};
 
@@ -136,4 +140,47 @@ impl Task for RollingTask {
     }
 
     equation!();
+}
+
+task_config! {
+    /// A rolling task: the point of a wheel that touches the ground rests.
+    RollingConfig "rolling" {
+        /// Link of the wheel: the origin of its frame is the centre of the wheel.
+        frame: String = String::new();
+        /// Axis of the wheel, in the axes of its frame. Default [0, 1, 0].
+        axis: [f64; 3] = [0.0, 1.0, 0.0];
+        /// Radius of the wheel, m, more than 0.
+        radius: f64 = 0.0 => within(1e-6..=1e3);
+        /// Normal of the ground, in the axes of the world. Default [0, 0, 1].
+        normal: [f64; 3] = [0.0, 0.0, 1.0];
+        /// Cost of a velocity of the contact point, 1/(m/s), 0 to 1000. Default 1.
+        weight: f64 = 1.0 => live(WEIGHTS, "1/(m/s)", "cost of a velocity of the contact point");
+        /// With `inverse_dynamics`: decay rate of velocity errors of the contact point, 1/s, 0 to 1000;
+        /// limited to half the tick rate. Default 20.
+        rate: Option<f64> = None;
+    }
+}
+
+impl RollingConfig {
+    fn build(&self, place: &TaskPlace<'_>) -> Result<RollingTask, ConfigError> {
+        let frame = place.named_frame("frame", &self.frame)?;
+        let (axis, normal) = (place.axis("axis", self.axis)?, place.axis("normal", self.normal)?);
+        let rate = place.rate(self.rate)?;
+        Ok(RollingTask::new(place.model, frame, axis, self.radius).on(normal).rate(rate))
+    }
+}
+
+impl TaskKind for RollingConfig {
+    fn head(&self) -> TaskHead<'_> {
+        self.table_head().acts_on(ActsOn::Joints)
+    }
+
+    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
+        self.build(place).map(drop)
+    }
+
+    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+        let (task, parameters) = (self.build(place)?, self.open(setup)?);
+        Ok(Box::new(Driven::motion(task, parameters, |task, [weight], _| task.set_weight(weight))))
+    }
 }

@@ -1,8 +1,13 @@
 //! A base drives like a unicycle.
 
+use motorium::prelude::*;
+use motorium::state::TwistTarget;
 use motorium_robots::{FrameId, Model, Reference};
 use nalgebra::Matrix6xX;
 
+use super::held::Driven;
+use super::kind::{BuiltTask, TaskKind, WEIGHTS};
+use super::place::TaskPlace;
 use super::{Cost, Equation, RATE, Response, Task};
 use crate::{MotionState, RobotState};
 
@@ -131,4 +136,59 @@ impl Task for UnicycleTask {
     }
 
     equation!();
+}
+
+task_config! {
+    /// A unicycle task: a frame moves forward and turns as commanded, and never sideways.
+    UnicycleConfig "unicycle" {
+        /// Link whose frame drives along its x and turns about its z.
+        frame: String = String::new();
+        /// Name of the input port of the target, of which `linear` x and `angular` z are used, in the axes of
+        /// the frame. Without a target, or with a stale one (`target_timeout`), the frame stands still.
+        /// Default "unicycle_target".
+        target: String = "unicycle_target".to_owned() => target(
+            optional TwistTarget, "forward speed (linear x) and yaw rate (angular z), in the axes of the frame"
+        );
+        /// Cost of an error of the forward speed, 1/(m/s), 0 to 1000. Default 1.
+        forward_weight: f64 = 1.0 => live(WEIGHTS, "1/(m/s)", "cost of an error of the forward speed");
+        /// Cost of a motion sideways, 1/(m/s), 0 to 1000. Default 1.
+        sideways_weight: f64 = 1.0 => live(WEIGHTS, "1/(m/s)", "cost of a motion sideways");
+        /// Cost of an error of the yaw rate, 1/(rad/s), 0 to 1000. Default 1.
+        yaw_weight: f64 = 1.0 => live(WEIGHTS, "1/(rad/s)", "cost of an error of the yaw rate");
+        /// With `inverse_dynamics`: decay rate of velocity errors, 1/s, 0 to 1000; limited to half the tick
+        /// rate. Default 20.
+        rate: Option<f64> = None;
+    }
+}
+
+impl UnicycleConfig {
+    fn build(&self, place: &TaskPlace<'_>) -> Result<UnicycleTask, ConfigError> {
+        let rate = place.rate(self.rate)?;
+        Ok(UnicycleTask::new(place.model, place.named_frame("frame", &self.frame)?).rate(rate))
+    }
+}
+
+impl TaskKind for UnicycleConfig {
+    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
+        self.build(place).map(drop)
+    }
+
+    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+        let mut input = setup.input::<TwistTarget>(&self.target)?;
+        let task =
+            Driven::motion(self.build(place)?, self.open(setup)?, |task, [forward, sideways, yaw], _| {
+                task.set_settings(UnicycleSettings {
+                    forward_weight: forward,
+                    sideways_weight: sideways,
+                    yaw_weight: yaw,
+                    ..*task.settings()
+                });
+            });
+        Ok(Box::new(task.following(move |task, bounds| {
+            let fresh = input.latest().filter(|target| target.age_ns() <= bounds.target_timeout_ns);
+            let (forward, yaw_rate) =
+                fresh.map_or((0.0, 0.0), |target| (target.linear[0], target.angular[2]));
+            task.set_settings(UnicycleSettings { forward, yaw_rate, ..*task.settings() });
+        })))
+    }
 }

@@ -3,7 +3,8 @@
 
 use motorium::launcher::Report;
 use motorium_control::{
-    DifferentialIk, IkConstraint, IkError, IkRows, IkSettings, RobotState,
+    DifferentialIk, IkError, IkRows, IkSettings, RobotState,
+    inverse_dynamics::ConstraintName,
     limits::VelocityLimit,
     solver::SolveError,
     tasks::{CartesianSettings, CartesianTask, PostureSettings, PostureTask, VelocityTask},
@@ -16,7 +17,7 @@ use crate::graph::{Targets, controller, graph, run};
 use crate::robot::Panda;
 
 /// Result of a step, its conflict, and its distance from the least-squares solution.
-type Contradiction = (Result<DVector<f64>, IkError>, Option<(f64, Vec<IkConstraint>)>, f64);
+type Contradiction = (Result<DVector<f64>, IkError>, Option<(f64, Vec<ConstraintName>)>, f64);
 
 /// The hand is to stay where it is, and all joints are to move at 0.1 rad/s: no velocity does both.
 fn contradiction(relaxation: Option<f64>) -> Contradiction {
@@ -58,10 +59,10 @@ fn contradictions_without_relaxation_have_no_solution() {
     let (slack, named) = conflict.unwrap();
     assert_eq!(slack, 0.0);
     assert!(
-        !named.is_empty() && named.iter().all(|found| matches!(found, IkConstraint::Held { .. })),
+        !named.is_empty() && named.iter().all(|found| matches!(found, ConstraintName::Task { .. })),
         "{named:?}"
     );
-    assert!(named.iter().any(|found| matches!(found, IkConstraint::Held { row } if *row < 6)), "{named:?}");
+    assert!(named.iter().any(|found| matches!(found, ConstraintName::Task { row } if *row < 6)), "{named:?}");
 }
 
 #[test]

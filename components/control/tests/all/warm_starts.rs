@@ -1,9 +1,10 @@
 //! The working set from one solve to the next: a solve only has to find the changes of the problem.
 
-use motorium_control::inverse_dynamics::{Contact, InverseDynamics, MotionState, tasks::Feedback};
+use motorium_control::inverse_dynamics::{Contact, InverseDynamics, MotionState};
 use motorium_control::solver::{
     ActiveSetSettings, ActiveSetSolver, KktResidual, Problem, QpSolver, Sides, Structure,
 };
+use motorium_control::tasks::Feedback;
 use motorium_control::tasks::{CentreOfMassTask, PostureTask};
 use motorium_robots::{Kinematics, load};
 

@@ -1,9 +1,10 @@
 //! Wheels, efforts and forces as tasks of velocities; tasks that are constraints, and limits that are tasks.
 
 use motorium_control::tasks::CartesianSettings;
+use motorium_control::tasks::Feedback;
 use motorium_control::{
     DifferentialIk, IkRows, IkSettings, RobotState,
-    inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings, tasks::Feedback},
+    inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings},
     limits::{CartesianVelocityLimit, RowLimit, VelocityLimit},
     tasks::{
         CartesianTask, ContactTask, ManipulabilityTask, MinimumEffortTask, MinimumVelocityTask, PostureTask,

@@ -1,11 +1,9 @@
 //! Weights of a pose by axis, and the regularisation of levels, on accelerations.
 
+use motorium_control::tasks::Feedback;
 use motorium_control::tasks::{CartesianSettings, CartesianTask, PostureTask};
 use motorium_control::{
-    inverse_dynamics::{
-        InverseDynamics,
-        tasks::{AccelerationTask, Feedback},
-    },
+    inverse_dynamics::{AccelerationTask, InverseDynamics},
     tasks::{AxisShares, PoseAxes},
 };
 use motorium_robots::Twist;

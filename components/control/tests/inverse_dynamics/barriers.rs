@@ -1,10 +1,11 @@
 //! Limits as control barriers: from every state in which they hold they hold forever, whatever the tasks
 //! request.
 
+use motorium_control::tasks::Feedback;
 use motorium_control::tasks::{CartesianSettings, CentreOfMassTask};
 use motorium_control::{
     DifferentialIk, RobotState,
-    inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings, tasks::Feedback},
+    inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings},
     limits::{
         CartesianPositionLimit, CartesianVelocityLimit, CollisionLimit, CollisionSettings, PositionLimit,
         RowLimit, SupportLimit, Supported, VelocityLimit,

@@ -1,10 +1,8 @@
 //! Closed loops with ideal integration.
 
-use motorium_control::inverse_dynamics::{
-    InverseDynamics,
-    tasks::{Feedback, ForceRegularisation},
-};
+use motorium_control::inverse_dynamics::InverseDynamics;
 use motorium_control::tasks::{CartesianSettings, CartesianTask, CentreOfMassTask, PostureTask};
+use motorium_control::tasks::{Feedback, ForceRegularisation};
 
 use crate::robots::Robot;
 

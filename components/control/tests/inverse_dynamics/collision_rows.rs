@@ -1,11 +1,11 @@
 //! Rows of distances: recovery of contradictory ones, witnesses, and ignored distances.
 
+use motorium_control::tasks::Feedback;
 use motorium_control::tasks::PostureTask;
 use motorium_control::{
     DifferentialIk, IkRows, IkSettings, RobotState,
     inverse_dynamics::{
         DynamicsRows, InverseDynamics, InverseDynamicsSettings, JointAccelerationLimits, MotionState,
-        tasks::Feedback,
     },
     limits::{CartesianPositionLimit, CollisionLimit, CollisionSettings, RowLimit},
 };

@@ -2,10 +2,10 @@
 
 use motorium_control::inverse_dynamics::{
     ConstraintName, InverseDynamics, InverseDynamicsError, InverseDynamicsSettings, JointAccelerationLimits,
-    tasks::{Feedback, ForceRegularisation},
 };
 use motorium_control::solver::KktResidual;
 use motorium_control::tasks::{CartesianSettings, CartesianTask, CentreOfMassTask, PostureTask};
+use motorium_control::tasks::{Feedback, ForceRegularisation};
 use motorium_robots::{Dynamics, Wrench};
 use nalgebra::{DVector, Vector3};
 
@@ -213,8 +213,7 @@ fn lower_levels_use_only_the_freedom_left_by_higher_ones() {
     reach.set_target(target);
     let against: Vec<f64> = robot.q[7..].iter().map(|q| q - 0.4).collect();
     let solve =
-        |levels: &[usize],
-         tasks: &mut [&mut dyn motorium_control::inverse_dynamics::tasks::AccelerationTask]| {
+        |levels: &[usize], tasks: &mut [&mut dyn motorium_control::inverse_dynamics::AccelerationTask]| {
             let settings = InverseDynamicsSettings { damping: 1e-6, ..Default::default() };
             let mut control = InverseDynamics::with_settings(model, robot.feet(), settings).levels(levels);
             control.begin(&state, 1e-3);

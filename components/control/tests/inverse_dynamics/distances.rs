@@ -3,11 +3,10 @@
 
 use std::sync::Arc;
 
+use motorium_control::tasks::Feedback;
 use motorium_control::{
     DifferentialIk, RobotState,
-    inverse_dynamics::{
-        DynamicsRows, InverseDynamics, InverseDynamicsSettings, MotionState, tasks::Feedback,
-    },
+    inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings, MotionState},
     limits::{CollisionLimit, CollisionSettings, PositionLimit, RowLimit, VelocityLimit},
     tasks::{CartesianSettings, CartesianTask, CentreOfMassTask, ContactTask, PostureTask},
 };

@@ -3,8 +3,8 @@
 use motorium_control::inverse_dynamics::{
     ConstraintName, Contact, ContactShape, FrictionModel, InverseDynamics, InverseDynamicsError,
     InverseDynamicsSettings, MotionState,
-    tasks::{AccelerationMinimum, Feedback, ForceRegularisation},
 };
+use motorium_control::tasks::{AccelerationMinimum, Feedback, ForceRegularisation};
 use motorium_control::tasks::{CentreOfMassTask, MomentumTask, PostureTask};
 use motorium_robots::{BaseMode, Dynamics, Kinematics, LoadOptions, Model, Momentum, parse_urdf_with};
 use nalgebra::{UnitQuaternion, Vector3};

@@ -1,9 +1,7 @@
 //! Springs and dampers in place of rates.
 
-use motorium_control::inverse_dynamics::{
-    InverseDynamics,
-    tasks::{AccelerationTask, Feedback},
-};
+use motorium_control::inverse_dynamics::{AccelerationTask, InverseDynamics};
+use motorium_control::tasks::Feedback;
 use motorium_control::tasks::{CartesianImpedance, CartesianSettings, CartesianTask, PostureTask};
 use motorium_robots::Reference;
 use nalgebra::{DVector, Isometry3, Matrix6xX, Vector3, Vector6};

@@ -1,10 +1,8 @@
 //! Tasks that move points: the gaze and the capture point, compared with finite differences and the requested
 //! decay.
 
-use motorium_control::inverse_dynamics::{
-    InverseDynamics,
-    tasks::{AccelerationTask, CapturePoint, Feedback, ForceRegularisation},
-};
+use motorium_control::inverse_dynamics::{AccelerationTask, InverseDynamics};
+use motorium_control::tasks::{CapturePoint, Feedback, ForceRegularisation};
 use motorium_control::tasks::{
     CartesianSettings, CartesianTask, CentreOfMassSettings, CentreOfMassTask, GazeTask, MomentumTask,
     PostureTask,

@@ -1,13 +1,11 @@
 //! Velocity tasks in their acceleration form, compared with finite differences of motions and the requested
 //! decay.
 
+use motorium_control::tasks::Feedback;
 use motorium_control::tasks::{PostureTask, RelativeSettings, RelativeTask, RigidRotationTask, UnicycleTask};
 use motorium_control::{
     RobotState,
-    inverse_dynamics::{
-        InverseDynamics,
-        tasks::{AccelerationTask, Feedback},
-    },
+    inverse_dynamics::{AccelerationTask, InverseDynamics},
     tasks::{
         ManipulabilityTask, MinimumEffortTask, MinimumVelocityTask, RollingTask, UnicycleSettings,
         VelocityTask,

@@ -2,10 +2,10 @@
 //! falls.
 
 use motorium_control::inverse_dynamics::{
-    Contact, InverseDynamics, InverseDynamicsError, InverseDynamicsSettings, MotionState,
-    tasks::{AccelerationTask, Feedback},
+    AccelerationTask, Contact, InverseDynamics, InverseDynamicsError, InverseDynamicsSettings, MotionState,
 };
 use motorium_control::solver::SolveError;
+use motorium_control::tasks::Feedback;
 use motorium_control::tasks::{
     CartesianSettings, CartesianTask, CentreOfMassTask, MomentumTask, PostureTask,
 };

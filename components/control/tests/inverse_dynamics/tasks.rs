@@ -3,14 +3,12 @@
 //! A task with the request `A x = b` predicts that the second derivative of its quantity is `wanted + A x -
 //! b`; this is compared with differences of the quantity along an accelerated motion.
 
-use motorium_control::inverse_dynamics::{
-    Contact, ContactShape, InverseDynamics,
-    tasks::{AccelerationTask, ContactForce, Cost, Feedback, ForceRegularisation, TorqueMinimum},
-};
+use motorium_control::inverse_dynamics::{AccelerationTask, Contact, ContactShape, InverseDynamics};
 use motorium_control::tasks::{
     AxisShares, CartesianSettings, CartesianTask, CentreOfMassTask, MomentumTask, PoseAxes, PostureTask,
     VelocityTask,
 };
+use motorium_control::tasks::{ContactForce, Cost, Feedback, ForceRegularisation, TorqueMinimum};
 use motorium_robots::{Dynamics, Momentum, Twist};
 use nalgebra::{DVector, Isometry3, UnitQuaternion, Vector3, Vector6};
 

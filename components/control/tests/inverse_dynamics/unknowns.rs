@@ -1,11 +1,11 @@
 //! Contact forces alone and accelerations alone, against analytic answers and against inverse dynamics.
 
 use motorium_control::inverse_dynamics::{
-    ConstraintName, ContactShape, DynamicsRows, FrictionModel, InverseDynamics, InverseDynamicsError,
-    InverseDynamicsSettings, Unknowns,
-    tasks::{AccelerationTask, ContactWrench, Feedback},
+    AccelerationTask, ConstraintName, ContactShape, DynamicsRows, FrictionModel, InverseDynamics,
+    InverseDynamicsError, InverseDynamicsSettings, Unknowns,
 };
 use motorium_control::tasks::{CartesianSettings, CartesianTask, CentreOfMassTask, PostureTask};
+use motorium_control::tasks::{ContactWrench, Feedback};
 use motorium_robots::{Dynamics, Reference, Twist};
 use nalgebra::{DMatrix, DVector, Matrix6xX, Vector3};
 

@@ -1,10 +1,10 @@
 //! Limits of the whole wrench of a sole, and friction cones below the first of several levels.
 
 use motorium_control::tasks::{CartesianSettings, CartesianTask, CentreOfMassTask, PostureTask};
+use motorium_control::tasks::{ContactWrench, Feedback};
 use motorium_control::{
     inverse_dynamics::{
         Contact, ContactShape, FrictionModel, InverseDynamics, InverseDynamicsSettings, WrenchCone,
-        tasks::{ContactWrench, Feedback},
     },
     solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Structure},
 };

@@ -1,12 +1,10 @@
 //! Wrenches of contacts, accelerations that are small, wheels that roll.
 
 use motorium_control::tasks::PostureTask;
+use motorium_control::tasks::{AccelerationMinimum, ContactWrench, Feedback};
 use motorium_control::{
     DifferentialIk, RobotState,
-    inverse_dynamics::{
-        InverseDynamics,
-        tasks::{AccelerationMinimum, AccelerationTask, ContactWrench, Feedback},
-    },
+    inverse_dynamics::{AccelerationTask, InverseDynamics},
     tasks::{CartesianSettings, CartesianTask, RollingTask, VelocityTask},
 };
 use motorium_robots::{BaseMode, Dynamics, Kinematics, LoadOptions, Twist, parse_urdf_with};

@@ -6,7 +6,7 @@ use motorium_robots::{Foot, Loaded, Model};
 use nalgebra::Vector3;
 
 use super::config::{GaitConfig, GroundConfig, MpcConfig};
-use crate::component::checks::in_range;
+use crate::checks::in_range;
 use crate::component::measured::load_robot;
 use crate::inverse_dynamics::Contact;
 use crate::mpc::{

@@ -8,8 +8,8 @@ use motorium::prelude::*;
 use motorium_robots::{Kinematics, Loaded, Spin};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
-use super::checks::in_range;
 use super::measured::load_robot;
+use crate::checks::in_range;
 use crate::multirotor::{Flight, FlightControl, FlightSettings, FlightTarget, Mixer, Propeller};
 use crate::{GoalError, GoalRecord, GoalTolerance};
 

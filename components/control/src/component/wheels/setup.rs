@@ -4,9 +4,9 @@ use motorium::prelude::*;
 use motorium_robots::{Gains, Kinematics, Loaded, MobileBase, Model, Profile, Steering};
 use nalgebra::{Isometry3, Vector3};
 
-use super::super::checks::in_range;
 use super::super::measured::load_robot;
 use super::config::WheelsConfig;
+use crate::checks::in_range;
 use crate::wheels::{PlanarPose, Wheel, WheelBase, WheelDrive, WheelLimits};
 
 /// Ratio of proportional to derivative gain for wheels without a gain in the profile, 1/s.

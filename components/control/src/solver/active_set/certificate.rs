@@ -2,20 +2,9 @@
 
 use super::constraints::name;
 use super::kernels::{Arithmetic, largest};
-use super::rounds::POOR;
 use super::run::Run;
-use super::working_set::NO_RATE;
+use super::tolerances::TOLERANCES;
 use crate::solver::{Conflict, Problem, SolveError};
-
-/// Relative disagreement of constraints that exceeds rounding.
-const CONFLICT: f64 = 1e-9;
-/// Multiple of the magnitude of the first minimum (at least one) within which a certificate must exclude
-/// every `x` for unbounded variables.
-const FAR: f64 = 1e6;
-/// Multiple of the same magnitude beyond which no minimum is sought if the constraint is nearly a combination
-/// of members: squared relative remainder.
-const OUT_OF_REACH: f64 = 1e4;
-const NEARLY: f64 = 1e-6;
 
 impl Run<'_> {
     /// Conflict between the last examined constraint and the members on which it depends. `sign` is the
@@ -27,13 +16,13 @@ impl Run<'_> {
         sign: f64,
         value: f64,
     ) -> SolveError {
-        self.work.is_certain = self.is_proven::<F>(sign, value);
+        self.work.progress.is_certain = self.is_proven::<F>(sign, value);
         let working = &self.work.working;
         let mut strongest = [(0.0, constraint, sign); Conflict::CAPACITY - 1];
         let mut found = 0;
         for (member, r) in working.members.iter().zip(&working.projection) {
             let weight = r.abs();
-            if weight <= NO_RATE {
+            if weight <= TOLERANCES.no_rate {
                 continue;
             }
             let mut place = found.min(strongest.len());
@@ -60,11 +49,11 @@ impl Run<'_> {
     /// With the normal `a = N r + e` and shares `r` of the members whose signs press against the constraint,
     /// every `x` that satisfies the members has `a x` beyond `r b + e x`: that is beyond the value by the gap
     /// between both, but for `|e x|`. Farkas' lemma, for all `x` within their bounds, and without bounds not
-    /// farther away than [`FAR`] times what is known of them.
+    /// farther away than `far` times what is known of them.
     #[inline(always)]
     fn is_proven<F: Arithmetic>(&mut self, sign: f64, value: f64) -> bool {
         let problem = self.problem;
-        let reach = FAR * self.work.first_size.max(1.0);
+        let reach = TOLERANCES.far * self.work.progress.first_size.max(1.0);
         let working = &mut self.work.working;
         let (mut implied, mut size) = (0.0, value.abs());
         for (member, r) in working.members.iter().zip(&mut working.projection) {
@@ -82,7 +71,7 @@ impl Run<'_> {
             let farthest = if farthest < Problem::INFINITE { farthest } else { reach };
             unexplained += working.left_of_normal::<F>(variable).abs() * farthest;
         }
-        gap > CONFLICT * (1.0 + size) && gap > unexplained
+        gap > TOLERANCES.conflict * (1.0 + size) && gap > unexplained
     }
 
     /// True if the constraint examined last is so nearly a combination of members that all of them hold
@@ -93,12 +82,13 @@ impl Run<'_> {
     #[inline(always)]
     pub(super) fn is_out_of_reach<F: Arithmetic>(&mut self, excess: f64) -> bool {
         let work = &mut *self.work;
-        let is_weak = work.working.left_share < NEARLY && work.shift == 0.0;
-        if !is_weak || work.hessian.weakest() > POOR {
+        let is_weak = work.working.left_share < TOLERANCES.nearly && work.shift == 0.0;
+        if !is_weak || work.hessian.weakest() > TOLERANCES.poor {
             return false;
         }
         work.residual.copy_from_slice(&work.working.left);
         work.hessian.solve_transposed::<F>(&mut work.residual);
-        excess * largest(&work.residual) > OUT_OF_REACH * work.first_size * work.working.left_squared
+        excess * largest(&work.residual)
+            > TOLERANCES.out_of_reach * work.progress.first_size * work.working.left_squared
     }
 }

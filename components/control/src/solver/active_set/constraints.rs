@@ -2,10 +2,8 @@
 
 use super::kernels::Arithmetic;
 use super::run::Run;
+use super::tolerances::TOLERANCES;
 use crate::solver::{Accuracy, Constraint, Side};
-
-/// Share of the terms of a sum that is rounding.
-const ROUNDING: f64 = 1e-14;
 
 /// The constraint that is violated most.
 pub(super) struct Violated {
@@ -130,7 +128,7 @@ impl Run<'_> {
             } else {
                 value.abs()
             };
-            if excess > tolerance * (1.0 + side.abs()) + ROUNDING * terms {
+            if excess > tolerance * (1.0 + side.abs()) + TOLERANCES.sum * terms {
                 found = Some(Violated { constraint, sign, value: side, excess });
                 worst = excess;
             }
@@ -173,7 +171,8 @@ impl Run<'_> {
                 solution.x[constraint - m - p] = member.value;
             }
         }
-        solution.iterations = self.work.iterations;
-        solution.accuracy = if self.work.tied { Accuracy::Reduced } else { Accuracy::Full };
+        solution.iterations = self.work.progress.iterations;
+        solution.accuracy =
+            if self.work.progress.within_rounding { Accuracy::Reduced } else { Accuracy::Full };
     }
 }

@@ -4,22 +4,12 @@ use pulp::{Simd, WithSimd};
 
 use super::constraints::Violated;
 use super::kernels::{Arithmetic, Fused, Separate, largest};
+use super::progress::Progress;
 use super::rounds::Next;
 use super::run::Run;
-use super::working_set::{Member, NO_RATE};
+use super::tolerances::TOLERANCES;
+use super::working_set::Member;
 use crate::solver::{Accuracy, Problem, SolveError};
-
-/// Smallest share of a diagonal entry that is left of it in the factorisation of a positive definite Hessian.
-const SINGULAR: f64 = 1e-12;
-/// Wrong signs of multipliers up to this share of the largest are rounding.
-const SIGN: f64 = 1e-13;
-/// Wrong signs up to this share of the largest number may be rounding where a constraint joins and leaves by
-/// turns.
-const NOISE: f64 = 1e-9;
-/// Relative violation that triggers a refinement of the minimum before it counts.
-const UNSURE: f64 = 1e-6;
-/// Relative violation that may be rounding if the multipliers agree.
-const TIE: f64 = 1e-8;
 
 impl WithSimd for Run<'_> {
     type Output = Result<(), SolveError>;
@@ -38,10 +28,8 @@ impl Run<'_> {
         let (most, all) =
             (self.settings.max_iterations, self.work.is_member.len() + self.problem.gradient.len());
         // without an explicit limit, half of the iterations are reserved for a second attempt
-        (self.work.iterations, self.work.limit) = (0, most.unwrap_or(5 * all as u32 + 25));
-        (self.work.is_certain, self.work.first_size, self.work.bounces) = (false, 0.0, 0);
-        (self.work.tied, self.work.joined) = (false, None);
-        (self.work.newest, self.work.bounced) = (None, None);
+        self.work.progress =
+            Progress { limit: most.unwrap_or(5 * all as u32 + 25), refined: true, ..Progress::default() };
         self.work.shift = 0.0;
         self.work.centre.fill(0.0);
         let mut factorize = true;
@@ -89,7 +77,7 @@ impl Run<'_> {
             row[i..].fill(0.0);
             lower.set_diagonal(i, column[i] + self.work.shift);
         }
-        Some(lower.factorize::<F>(n, SINGULAR)).filter(|rows| *rows < n)
+        Some(lower.factorize::<F>(n, TOLERANCES.singular)).filter(|rows| *rows < n)
     }
 
     /// Computes `g = L^-1 q`, and starts with the previous working set, or with the equalities alone.
@@ -115,7 +103,7 @@ impl Run<'_> {
             let held = if constraint < m { !self.is_empty(constraint) } else { self.is_fixed(constraint) };
             if held && self.work.working.len() < n {
                 let value = self.value(constraint, 0.0);
-                let member = Member { constraint, sign: 0.0, value, multiplier: 0.0, stays: false };
+                let member = Member { constraint, sign: 0.0, value, multiplier: 0.0, pinned: false };
                 self.work.working.members.push(member);
             }
         }
@@ -171,7 +159,7 @@ impl Run<'_> {
         (has_room && value.abs() < Problem::INFINITE && !self.is_fixed(before.constraint)).then_some(Member {
             sign,
             value,
-            stays: false,
+            pinned: false,
             ..before
         })
     }
@@ -186,7 +174,7 @@ impl Run<'_> {
             let value = self.problem.equality_value[constraint];
             let work = &mut *self.work;
             if independent {
-                let member = Member { constraint, sign: 0.0, value, multiplier: 0.0, stays: false };
+                let member = Member { constraint, sign: 0.0, value, multiplier: 0.0, pinned: false };
                 work.working.push::<F>(member, &work.g);
                 work.is_member[constraint] = true;
                 return Ok(());
@@ -198,7 +186,8 @@ impl Run<'_> {
                 .filter(|i| members[*i].sign != 0.0)
                 .max_by(|a, b| projection[*a].abs().total_cmp(&projection[*b].abs()));
             let largest = largest(&projection[..members.len()]);
-            if let Some(i) = blocking.filter(|i| projection[*i].abs() > NO_RATE * (1.0 + largest)) {
+            if let Some(i) = blocking.filter(|i| projection[*i].abs() > TOLERANCES.no_rate * (1.0 + largest))
+            {
                 self.remove::<F>(i);
                 continue;
             }
@@ -215,11 +204,11 @@ impl Run<'_> {
         let n = self.problem.gradient.len();
         let all = self.work.is_member.len() + n;
         // From here on ties are broken by index, so no working set recurs forever.
-        let careful = self.work.iterations + 3 * all as u32;
+        let careful = self.work.progress.iterations + 3 * all as u32;
         loop {
-            let iterations = self.work.iterations;
-            let at_limit = iterations >= self.work.limit;
-            let by_number = self.work.iterations >= careful;
+            let iterations = self.work.progress.iterations;
+            let at_limit = iterations >= self.work.progress.limit;
+            let by_number = self.work.progress.iterations >= careful;
             if self.has_broken_down() {
                 return Err(SolveError::Numerical { iterations });
             }
@@ -229,47 +218,47 @@ impl Run<'_> {
                 if at_limit {
                     return Err(SolveError::MaxIterations { iterations });
                 }
-                self.work.iterations += 1;
+                self.work.progress.iterations += 1;
                 continue;
             }
             let work = &mut *self.work;
             work.working.scaled_minimum::<F>(&work.g, &mut work.x);
             work.hessian.solve_transposed::<F>(&mut work.x);
-            if self.work.first_size == 0.0 {
-                self.work.first_size = 1.0 + largest(&self.work.x);
+            if self.work.progress.first_size == 0.0 {
+                self.work.progress.first_size = 1.0 + largest(&self.work.x);
             }
             let mut violated = None;
             if !by_number {
                 self.work.working.keep_multipliers();
                 violated = self.violated::<F>(by_number);
             }
-            self.work.size = largest(&self.work.x);
+            self.work.progress.size = largest(&self.work.x);
             // A small violation may be an error of an unrefined x: the constraint would join and leave
             // forever.
             if violated
                 .as_ref()
-                .is_none_or(|violated| violated.excess <= UNSURE * (1.0 + violated.value.abs()))
+                .is_none_or(|violated| violated.excess <= TOLERANCES.unsure * (1.0 + violated.value.abs()))
             {
                 self.refine::<F>();
                 if self.drop_wrong::<F>(by_number) {
                     if at_limit {
                         return Err(SolveError::MaxIterations { iterations });
                     }
-                    self.work.iterations += 1;
+                    self.work.progress.iterations += 1;
                     continue;
                 }
                 self.work.working.keep_multipliers();
                 violated = self.violated::<F>(by_number);
             }
             let Some(violated) = violated else {
-                let found = self.is_feasible() && (self.work.settled || self.is_stationary::<F>());
+                let found = self.is_feasible() && (self.work.progress.refined || self.is_stationary::<F>());
                 return if found { Ok(()) } else { Err(SolveError::Numerical { iterations }) };
             };
             if at_limit {
                 return Err(SolveError::MaxIterations { iterations });
             }
             self.add::<F>(&violated)?;
-            self.work.iterations += 1;
+            self.work.progress.iterations += 1;
         }
     }
 
@@ -282,7 +271,7 @@ impl Run<'_> {
         let (mut step, mut which, mut worst) = (f64::INFINITY, usize::MAX, 0.0);
         for (i, (member, solved)) in working.members.iter().zip(&working.solved).enumerate() {
             let (from, to) = (member.sign * member.multiplier, member.sign * solved);
-            if member.sign == 0.0 || member.stays || to >= -SIGN * largest {
+            if member.sign == 0.0 || member.pinned || to >= -TOLERANCES.sign * largest {
                 continue;
             }
             let fraction = from.max(0.0) / (from.max(0.0) - to);
@@ -300,28 +289,35 @@ impl Run<'_> {
             return false;
         }
         let constraint = working.members[which].constraint;
-        let at_once = self.work.newest == Some(constraint);
-        if at_once && self.work.bounced == Some(constraint) && worst >= -NOISE * (largest + self.work.size) {
-            working.members[which].stays = true;
-            (self.work.newest, self.work.joined, self.work.tied) = (None, None, true);
+        let at_once = self.work.progress.last_added == Some(constraint);
+        if at_once
+            && self.work.progress.last_dropped == Some(constraint)
+            && worst >= -TOLERANCES.noise * (largest + self.work.progress.size)
+        {
+            working.members[which].pinned = true;
+            (
+                self.work.progress.last_added,
+                self.work.progress.last_added_in_doubt,
+                self.work.progress.within_rounding,
+            ) = (None, None, true);
             return true;
         }
-        self.work.bounced = at_once.then_some(constraint);
-        self.work.bounces += u32::from(at_once && step == 0.0);
-        self.work.newest = None;
+        self.work.progress.last_dropped = at_once.then_some(constraint);
+        self.work.progress.degenerate_steps += u32::from(at_once && step == 0.0);
+        self.work.progress.last_added = None;
         for (member, solved) in working.members.iter_mut().zip(&working.solved) {
             member.multiplier += step * (solved - member.multiplier);
         }
         // A constraint that joins and leaves without a step is violated by rounding only and counts as
         // implied.
-        if step == 0.0 && self.work.joined == Some(constraint) {
+        if step == 0.0 && self.work.progress.last_added_in_doubt == Some(constraint) {
             working.remove::<F>(which);
             self.work.implied.push(constraint);
-            self.work.tied = true;
+            self.work.progress.within_rounding = true;
         } else {
             self.remove::<F>(which);
         }
-        self.work.joined = None;
+        self.work.progress.last_added_in_doubt = None;
         true
     }
 
@@ -336,11 +332,12 @@ impl Run<'_> {
                 let Violated { constraint, value, .. } = *violated;
                 let sign = if self.is_fixed(constraint) { 0.0 } else { violated.sign };
                 let work = &mut *self.work;
-                let member = Member { constraint, sign, value, multiplier, stays: false };
+                let member = Member { constraint, sign, value, multiplier, pinned: false };
                 work.working.push::<F>(member, &work.g);
                 work.is_member[constraint] = true;
-                work.newest = Some(constraint);
-                work.joined = (violated.excess <= TIE * (1.0 + value.abs())).then_some(constraint);
+                work.progress.last_added = Some(constraint);
+                work.progress.last_added_in_doubt =
+                    (violated.excess <= TOLERANCES.tie * (1.0 + value.abs())).then_some(constraint);
                 return Ok(());
             }
             let work = &mut *self.work;
@@ -357,7 +354,7 @@ impl Run<'_> {
             let (mut step, mut which) = (f64::INFINITY, None);
             for (i, (member, r)) in working.members.iter().zip(&working.projection).enumerate() {
                 let rate = -violated.sign * r * member.sign;
-                if member.sign == 0.0 || rate >= -NO_RATE * largest {
+                if member.sign == 0.0 || rate >= -TOLERANCES.no_rate * largest {
                     continue;
                 }
                 let length = (member.sign * member.multiplier).max(0.0) / -rate;
@@ -373,7 +370,7 @@ impl Run<'_> {
             }
             multiplier += violated.sign * step;
             self.remove::<F>(which);
-            self.work.iterations += 1;
+            self.work.progress.iterations += 1;
         }
     }
 

@@ -33,14 +33,17 @@ mod certificate;
 mod constraints;
 mod iterate;
 mod kernels;
+mod progress;
 mod refine;
 mod rounds;
 mod row_scales;
 mod run;
+mod tolerances;
 mod working_set;
 
 use super::{Constraint, Problem, QpSolver, Side, Solution, SolveError, Structure, UpdateError};
 use kernels::{Lower, padded};
+use progress::Progress;
 use row_scales::RowScales;
 use run::Run;
 use working_set::{Member, WorkingSet};
@@ -118,30 +121,9 @@ struct Work {
     is_member: Vec<bool>,
     /// Constraints that the members imply.
     implied: Vec<usize>,
-    /// Constraint that joined last, if its violation may be rounding.
-    joined: Option<usize>,
-    /// Constraint that joined last, if no member has left since; and the one that left last, if it had just
-    /// joined.
-    newest: Option<usize>,
-    bounced: Option<usize>,
-    /// Largest number of the last minimum.
-    size: f64,
-    /// `true` if the last refinement converged.
-    settled: bool,
-    /// True if a constraint was left out as satisfied that `x` violates by more than the tolerance, within
-    /// rounding.
-    tied: bool,
     /// The members of the solve before.
     previous: Vec<Member>,
-    iterations: u32,
-    /// Number of iterations at which this attempt ends.
-    limit: u32,
-    /// Number of violated constraints that joined and left without a step, so far.
-    bounces: u32,
-    /// One plus the magnitude of the first minimum of this solve; 0 before it.
-    first_size: f64,
-    /// `true` if the problem data prove infeasibility.
-    is_certain: bool,
+    progress: Progress,
 }
 
 impl ActiveSetSolver {
@@ -163,18 +145,8 @@ impl ActiveSetSolver {
             rows: vec![0.0; structure.row_sides().len()],
             is_member: vec![false; all],
             implied: Vec::with_capacity(all),
-            joined: None,
-            newest: None,
-            bounced: None,
-            size: 0.0,
-            settled: true,
-            tied: false,
             previous: Vec::with_capacity(n),
-            iterations: 0,
-            limit: 0,
-            bounces: 0,
-            first_size: 0.0,
-            is_certain: false,
+            progress: Progress::default(),
         };
         Self {
             problem: Problem::new(&structure),
@@ -228,12 +200,12 @@ impl ActiveSetSolver {
     /// let (mut one, mut other) = (new(), new());
     /// one.update(&problem)?;
     /// assert_eq!(one.solve()?.iterations, 2);
-    /// other.begin_with(one.working_set());
+    /// other.warm_start(one.working_set());
     /// other.update(&problem)?;
     /// assert_eq!(other.solve()?.iterations, 0);
     /// # Ok::<_, Box<dyn std::error::Error>>(())
     /// ```
-    pub fn begin_with(&mut self, constraints: impl IntoIterator<Item = (Constraint, f64)>) {
+    pub fn warm_start(&mut self, constraints: impl IntoIterator<Item = (Constraint, f64)>) {
         let (m, p) = (self.structure.equality_count(), self.structure.row_sides().len());
         let working = &mut self.work.working;
         working.clear();
@@ -247,7 +219,7 @@ impl ActiveSetSolver {
             };
             let sign = if side == Side::Upper { 1.0 } else { -1.0 };
             let multiplier = multiplier / self.scales.get(constraint);
-            working.members.push(Member { constraint, sign, value: 0.0, multiplier, stays: false });
+            working.members.push(Member { constraint, sign, value: 0.0, multiplier, pinned: false });
         }
     }
 }
@@ -278,7 +250,7 @@ impl QpSolver for ActiveSetSolver {
     }
 
     fn iterations(&self) -> u32 {
-        self.work.iterations
+        self.work.progress.iterations
     }
 
     fn reset(&mut self) {

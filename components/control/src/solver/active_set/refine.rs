@@ -2,22 +2,15 @@
 
 use super::kernels::{Arithmetic, add_scaled, largest};
 use super::run::Run;
-
-/// Largest number of refinements of a candidate.
-const REFINEMENTS: usize = 4;
-/// Share of the solution up to which a correction is the last.
-const CONVERGED: f64 = 1e-7;
-/// Residual, as a share of one and of the largest number of the solution, above which an unrefined minimum is
-/// rejected.
-const EXACT: f64 = 1e-9;
+use super::tolerances::TOLERANCES;
 
 impl Run<'_> {
     /// Corrects the minimum and the multipliers by their residuals in the numbers of the problem.
     #[inline(always)]
     pub(super) fn refine<F: Arithmetic>(&mut self) {
         let n = self.problem.gradient.len();
-        self.work.settled = false;
-        for _ in 0..REFINEMENTS {
+        self.work.progress.refined = false;
+        for _ in 0..TOLERANCES.refinements {
             self.residuals::<F>(n);
             let work = &mut *self.work;
             work.hessian.solve::<F>(&mut work.residual, 0);
@@ -26,8 +19,8 @@ impl Run<'_> {
             add_scaled::<F>(1.0, &work.residual, &mut work.x);
             // The next correction would be smaller by the same factor once more.
             let (step, size) = (largest(&work.residual), largest(&work.x));
-            if step <= CONVERGED * size {
-                work.settled = true;
+            if step <= TOLERANCES.converged * size {
+                work.progress.refined = true;
                 break;
             }
         }
@@ -65,8 +58,8 @@ impl Run<'_> {
         let work = &*self.work;
         let size = 1.0 + largest(&work.x);
         let force = size + largest(&work.working.solved[..work.working.len()]);
-        let near = |gap: &f64| gap.abs() <= EXACT * size;
+        let near = |gap: &f64| gap.abs() <= TOLERANCES.exact * size;
         work.gaps[..work.working.len()].iter().all(near)
-            && work.residual[..n].iter().all(|residual| residual.abs() <= EXACT * force)
+            && work.residual[..n].iter().all(|residual| residual.abs() <= TOLERANCES.exact * force)
     }
 }

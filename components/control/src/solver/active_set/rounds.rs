@@ -2,29 +2,8 @@
 
 use super::kernels::{Arithmetic, largest};
 use super::run::Run;
+use super::tolerances::TOLERANCES;
 use crate::solver::{Accuracy, Problem, ROUNDING, SolveError};
-
-/// Ratio of the smallest to the largest entry of the factor up to which an outcome without a solution is not
-/// believed.
-pub(super) const POOR: f64 = 1e-3;
-/// Number of constraints that may join and leave immediately before the arithmetic counts as broken down.
-const BOUNCES: u32 = 8;
-/// Initial shift of a singular Hessian, relative to the largest diagonal entry.
-const FIRST_SHIFT: f64 = 1e-4;
-/// Solves with one shift, the factor of the next one, and solves in all.
-const ROUNDS_A_SHIFT: usize = 10;
-const LOWER_SHIFT: f64 = 0.1;
-const ROUNDS: usize = 60;
-/// Relative change of the solution between rounds at which the iteration ends.
-const CLOSE: f64 = 1e-10;
-/// Force of the proximal term, as a share of the numbers of the cost's slope, that is rounding.
-const NO_FORCE: f64 = 1e-12;
-/// Maximum relative force at which the last round is a solution of reduced accuracy.
-const LITTLE_FORCE: f64 = 1e-10;
-/// Relative tolerance below which a rate of change along a direction counts as zero.
-const RECESSION: f64 = 1e-9;
-/// Relative violation that only a breakdown of the arithmetic leaves.
-const GROSS: f64 = 1e-6;
 
 /// Next action after a round of the proximal point method.
 pub(super) enum Next {
@@ -48,14 +27,15 @@ impl Run<'_> {
         let n = self.problem.gradient.len();
         if let Err(error) = outcome {
             let (curvature, slope) = (self.largest_curvature(), self.problem.gradient.amax());
-            let poor = self.work.hessian.weakest() <= POOR || curvature <= POOR * POOR * slope;
+            let poor = self.work.hessian.weakest() <= TOLERANCES.poor
+                || curvature <= TOLERANCES.poor * TOLERANCES.poor * slope;
             let at_limit = matches!(error, SolveError::MaxIterations { .. });
             let is_last = self.work.shift > 0.0 || at_limit && self.settings.max_iterations.is_some();
-            if is_last || !poor || self.work.is_certain {
+            if is_last || !poor || self.work.progress.is_certain {
                 return Err(error);
             }
-            self.work.limit = self.settings.max_iterations.unwrap_or(2 * self.work.limit);
-            self.work.iterations += 1;
+            self.work.progress.limit = self.settings.max_iterations.unwrap_or(2 * self.work.progress.limit);
+            self.work.progress.iterations += 1;
             // A poor condition may be the reason: the same problem, solved in well-conditioned steps,
             // decides.
             self.work.working.clear();
@@ -71,23 +51,23 @@ impl Run<'_> {
         // well.
         let force = self.work.shift * step;
         let slope = self.problem.gradient.amax() + self.largest_curvature() * size;
-        if step <= CLOSE * (1.0 + size) || force <= NO_FORCE * slope {
+        if step <= TOLERANCES.close * (1.0 + size) || force <= TOLERANCES.no_force * slope {
             return Ok(Next::Done(Accuracy::Full));
         }
         if let Some(variable) = self.recession() {
             return Err(SolveError::Unbounded { variable });
         }
-        if round >= ROUNDS && force <= LITTLE_FORCE * slope {
+        if round >= TOLERANCES.rounds && force <= TOLERANCES.little_force * slope {
             return Ok(Next::Done(Accuracy::Reduced));
         }
-        if round >= ROUNDS || self.work.iterations >= self.work.limit {
-            return Err(SolveError::MaxIterations { iterations: self.work.iterations });
+        if round >= TOLERANCES.rounds || self.work.progress.iterations >= self.work.progress.limit {
+            return Err(SolveError::MaxIterations { iterations: self.work.progress.iterations });
         }
-        let factorize = round % ROUNDS_A_SHIFT == ROUNDS_A_SHIFT - 1;
+        let factorize = round % TOLERANCES.rounds_per_shift == TOLERANCES.rounds_per_shift - 1;
         if factorize {
-            self.work.shift *= LOWER_SHIFT;
+            self.work.shift *= TOLERANCES.lower_shift;
         }
-        self.work.iterations += 1;
+        self.work.progress.iterations += 1;
         Ok(Next::Solve { factorize })
     }
 
@@ -95,7 +75,9 @@ impl Run<'_> {
     /// Hessian, a second attempt in well-conditioned steps decides.
     #[inline(always)]
     pub(super) fn has_broken_down(&self) -> bool {
-        self.work.bounces > BOUNCES && self.work.shift == 0.0 && self.work.hessian.weakest() <= POOR
+        self.work.progress.degenerate_steps > TOLERANCES.degenerate_steps
+            && self.work.shift == 0.0
+            && self.work.hessian.weakest() <= TOLERANCES.poor
     }
 
     /// Shifts a singular Hessian.
@@ -126,7 +108,8 @@ impl Run<'_> {
     /// Sets the share of the largest numbers of the problem that is added to the diagonal of the Hessian.
     pub(super) fn shift(&mut self) {
         let largest = self.largest_curvature().max(self.problem.gradient.amax());
-        self.work.shift = if largest > 0.0 { FIRST_SHIFT * largest } else { FIRST_SHIFT };
+        self.work.shift =
+            if largest > 0.0 { TOLERANCES.first_shift * largest } else { TOLERANCES.first_shift };
     }
 
     /// Tests for an unbounded cost along `residual`, the last step. Returns the variable that moves most if
@@ -136,7 +119,7 @@ impl Run<'_> {
         let n = problem.gradient.len();
         let d = &self.work.residual[..n];
         let size = largest(d);
-        let nothing = |value: f64, scale: f64| value.abs() <= RECESSION * scale * size;
+        let nothing = |value: f64, scale: f64| value.abs() <= TOLERANCES.recession * scale * size;
         let product = |matrix: &nalgebra::DMatrix<f64>, row: usize| {
             let entries = (0..n).map(|j| (matrix[(row, j)], d[j]));
             entries.fold((0.0, 0.0_f64), |(sum, most), (a, d)| (sum + a * d, most.max(a.abs())))
@@ -149,12 +132,12 @@ impl Run<'_> {
             }
         }
         let slope: f64 = problem.gradient.iter().zip(d).map(|(q, d)| q * d).sum();
-        if slope >= -RECESSION * size * problem.gradient.amax() {
+        if slope >= -TOLERANCES.recession * size * problem.gradient.amax() {
             return None;
         }
         let escapes = |rate: f64, scale: f64, lower: f64, upper: f64| {
-            (upper >= Problem::INFINITE || rate <= RECESSION * scale * size)
-                && (lower <= -Problem::INFINITE || rate >= -RECESSION * scale * size)
+            (upper >= Problem::INFINITE || rate <= TOLERANCES.recession * scale * size)
+                && (lower <= -Problem::INFINITE || rate >= -TOLERANCES.recession * scale * size)
         };
         for i in 0..self.equalities() {
             let (rate, scale) = product(&problem.equality_matrix, i);
@@ -176,11 +159,12 @@ impl Run<'_> {
         (0..n).max_by(|a, b| d[*a].abs().total_cmp(&d[*b].abs()))
     }
 
-    /// True if `x`, whose rows `G x` were computed last, satisfies all rows and bounds within [`GROSS`].
+    /// True if `x`, whose rows `G x` were computed last, satisfies all rows and bounds within `gross`.
     pub(super) fn is_feasible(&self) -> bool {
         let problem = self.problem;
         let within = |value: f64, lower: f64, upper: f64| {
-            value >= lower - GROSS * (1.0 + lower.abs()) && value <= upper + GROSS * (1.0 + upper.abs())
+            value >= lower - TOLERANCES.gross * (1.0 + lower.abs())
+                && value <= upper + TOLERANCES.gross * (1.0 + upper.abs())
         };
         let all_within = |values: &[f64], lower: &[f64], upper: &[f64]| {
             values

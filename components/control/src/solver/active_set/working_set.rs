@@ -1,18 +1,7 @@
 //! The working set: constraints held as equalities, with the factor of their Schur complement.
 
 use super::kernels::{Arithmetic, Lower, add_scaled, dot, gram, padded};
-
-/// Relative length of the remainder below which a constraint counts as dependent.
-const DEPENDENT: f64 = 1e-10;
-/// Relative disagreement of a constraint with those on which it depends beyond which they contradict each
-/// other.
-const CONFLICT: f64 = 1e-9;
-/// Share of a member in a combination of members that is rounding.
-pub(super) const NO_RATE: f64 = 1e-8;
-/// Relative squared pivot of the Gram matrix below which the pivot is recomputed.
-const WEAK: f64 = 1e-7;
-/// Share of its length below which the projection of a constraint is repeated.
-const REPEAT: f64 = 0.3;
+use super::tolerances::TOLERANCES;
 
 /// A constraint of the working set: its number among all, and its side.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +15,7 @@ pub(super) struct Member {
     /// Its multiplier.
     pub(super) multiplier: f64,
     /// True if it stays although its multiplier has the wrong sign, by rounding.
-    pub(super) stays: bool,
+    pub(super) pinned: bool,
 }
 
 /// The members with their normals `N`, with `B = L^-1 N`, where `P = L L'`, and with the Cholesky factor of
@@ -130,7 +119,7 @@ impl WorkingSet {
         }
         hessian.solve_many::<F>(&mut self.scaled, self.stride, width);
         gram::<F>(&self.scaled, self.stride, count, &mut self.factor);
-        let taken = self.factor.factorize::<F>(count, WEAK);
+        let taken = self.factor.factorize::<F>(count, TOLERANCES.weak);
         self.factor.size = taken;
         // Columns that are not adopted are cleared: entries beyond the members must be zero.
         for matrix in [&mut self.scaled, &mut self.normals] {
@@ -227,13 +216,13 @@ impl WorkingSet {
             let after = dot::<F>(&left, &left);
             self.left = left;
             self.solved = part;
-            if after > REPEAT * REPEAT * before {
+            if after > TOLERANCES.repeat * TOLERANCES.repeat * before {
                 break;
             }
         }
         let left = dot::<F>(&self.left, &self.left);
         (self.left_squared, self.left_share) = (left, left / size);
-        left > DEPENDENT * DEPENDENT * size && left > 0.0 && count < self.capacity
+        left > TOLERANCES.dependent * TOLERANCES.dependent * size && left > 0.0 && count < self.capacity
     }
 
     /// Returns an entry of `a - N r`, the remainder of the last examined normal.
@@ -253,7 +242,7 @@ impl WorkingSet {
             implied += r * member.value;
             size += (r * member.value).abs();
         }
-        sign * (implied - value) > CONFLICT * (1.0 + size)
+        sign * (implied - value) > TOLERANCES.conflict * (1.0 + size)
     }
 
     /// Adds the last examined constraint, which must be independent.

@@ -10,10 +10,31 @@ use clarabel::{
     solver::{DefaultSolution, SupportedConeT},
 };
 
-use super::{
-    super::{Constraint, Problem, Side, Sides, Solution, Structure},
-    FrictionCone, Scaling,
-};
+use super::super::{Constraint, Problem, Side, Sides, Solution, Structure};
+
+/// Three variables of a problem that are a contact force within its friction cone: `|(x_t, x_u)| <= mu x_n`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrictionCone {
+    /// The variables `t` and `u` of the tangential force.
+    pub tangents: [usize; 2],
+    /// The variable `n` of the normal force.
+    pub normal: usize,
+}
+
+/// Factors between a problem and its scaled form.
+#[derive(Debug)]
+pub(super) struct Scaling {
+    /// `D`, one per variable.
+    pub(super) variable: Vec<f64>,
+    /// One factor per row of the layout; zero for an infinite side and a disabled cone.
+    pub(super) constraint: Vec<f64>,
+    /// Coefficient of each friction cone; zero if disabled.
+    pub(super) friction: Vec<f64>,
+    /// Factor of the cost; `D` suffices wherever there is curvature.
+    pub(super) cost: f64,
+    /// Typical size of `D^-1 x`.
+    pub(super) length: f64,
+}
 
 /// The fixed map from a problem to Clarabel's vectors.
 #[derive(Debug)]

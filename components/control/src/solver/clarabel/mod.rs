@@ -15,8 +15,8 @@ use clarabel::solver::{DefaultSettings, DefaultSettingsBuilder, DefaultSolver, I
 use super::{
     Accuracy, Conflict, Constraint, Problem, QpSolver, Solution, SolveError, Structure, UpdateError,
 };
-use layout::Layout;
-use scaling::Scaling;
+pub use layout::FrictionCone;
+use layout::{Layout, Scaling};
 
 /// Stopping criteria of Clarabel, on the problem scaled to numbers around one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,15 +68,6 @@ impl ClarabelSettings {
 
 /// Relative distance to the surface of a cone at which a point counts as being on it.
 const ON_CONE: f64 = 1e-4;
-
-/// Three variables of a problem that are a contact force within its friction cone: `|(x_t, x_u)| <= mu x_n`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FrictionCone {
-    /// The variables `t` and `u` of the tangential force.
-    pub tangents: [usize; 2],
-    /// The variable `n` of the normal force.
-    pub normal: usize,
-}
 
 /// A [`QpSolver`] based on Clarabel. The only solver with friction cones.
 ///

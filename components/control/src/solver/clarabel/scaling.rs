@@ -6,23 +6,8 @@
 
 use super::{
     super::{Constraint, Problem},
-    layout::{Layout, signed_limit},
+    layout::{Layout, Scaling, signed_limit},
 };
-
-/// Factors between a problem and its scaled form.
-#[derive(Debug)]
-pub(super) struct Scaling {
-    /// `D`, one per variable.
-    pub(super) variable: Vec<f64>,
-    /// One factor per row of the layout; zero for an infinite side and a disabled cone.
-    pub(super) constraint: Vec<f64>,
-    /// Coefficient of each friction cone; zero if disabled.
-    pub(super) friction: Vec<f64>,
-    /// Factor of the cost; `D` suffices wherever there is curvature.
-    pub(super) cost: f64,
-    /// Typical size of `D^-1 x`.
-    pub(super) length: f64,
-}
 
 impl Scaling {
     /// Smallest diagonal entry of `P` believed, relative to the largest.

@@ -1,0 +1,150 @@
+//! The formulations of `control.qp`: the unknowns of a step, and how the joints move by them.
+
+mod contact_switches;
+mod torque;
+mod velocity;
+
+pub(super) use torque::Torque;
+pub(super) use velocity::Velocity;
+
+use motorium::prelude::*;
+use motorium::state::ControlDiagnostics;
+
+use super::config::QpControllerConfig;
+use super::dynamics_config::InfeasiblePolicy;
+use super::measured::MeasuredState;
+use super::setup::{ControllerSetup, RowLimits};
+use crate::JointSetpoint;
+use crate::inverse_dynamics::{Conflicting, ConstraintName, Contact, Slack};
+use crate::tasks::{Held, TaskBounds};
+
+/// A formulation: a problem of the tasks and limits of a step, and the motion of the joints by its solution.
+pub(super) trait Formulation: Sized {
+    /// `true` if the kinematics are evaluated with velocities.
+    const NEEDS_VELOCITIES: bool;
+
+    /// Builds the problem, and opens its own inputs and parameters. All memory is allocated here.
+    fn configure(
+        config: &QpControllerConfig,
+        parts: &ControllerSetup,
+        room: &Room,
+        setup: &mut Setup,
+    ) -> Result<Self, ConfigureError>;
+
+    /// Places the setpoint at the measured state, or at the setpoint before a crash.
+    fn begin(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint);
+
+    /// Applies parameters and inputs, once per step, after those of the tasks.
+    fn prepare(
+        &mut self,
+        measured: &MeasuredState,
+        setpoint: &JointSetpoint,
+        velocity_fraction: Option<f64>,
+        bounds: &TaskBounds,
+    );
+
+    /// Poses the problem of a step of `dt` seconds with the current weights.
+    fn pose(&mut self, parts: Parts<'_>, dt: f64);
+
+    /// Solves the problem as posed. The error contains the conflict of contradictory constraints.
+    fn solve(&mut self) -> Result<(), Option<Conflicting>>;
+
+    /// SolveStats of the last solution.
+    fn stats(&self) -> SolveStats;
+
+    /// Adds the last solution to a mixture, weighted by `share`.
+    fn mix(&mut self, share: f64);
+
+    /// Makes the mixture the solution.
+    fn take_mixture(&mut self);
+
+    /// Begins a new mixture.
+    fn drop_mixture(&mut self);
+
+    /// Moves the setpoint by the solution.
+    fn apply(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint, tasks: &mut [Held], dt: f64);
+
+    /// Reacts to a step without a solution; the setpoint was stopped.
+    fn hold(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint, policy: InfeasiblePolicy);
+
+    /// Records the step after its setpoint is known.
+    fn record(&mut self, measured: &MeasuredState, setpoint: &JointSetpoint);
+
+    /// Share of the gains of the joints in a step with a solution.
+    fn gain_share(&self) -> f64 {
+        1.0
+    }
+
+    /// Feed-forward torques of the joints.
+    fn torque(&mut self, measured: &MeasuredState, setpoint: &JointSetpoint, dt: f64) -> &[f64];
+
+    /// Residual of a task in the last solution; `None` if the task is inactive.
+    fn residual(&self, held: &mut Held) -> Option<f64>;
+
+    /// Calls `visit` with each constraint that is active in the last solution.
+    fn visit_active(&self, visit: &mut dyn FnMut(ConstraintName));
+
+    /// Number of active constraints.
+    fn active(&self) -> usize;
+
+    /// Adds a constraint to a message.
+    fn push(&self, message: &mut ControlDiagnostics, name: ConstraintName);
+
+    /// The contacts that names of constraints refer to.
+    fn contacts(&self) -> Vec<Contact> {
+        Vec::new()
+    }
+
+    /// Forgets the step before, at the beginning of an episode.
+    fn reset(&mut self);
+
+    /// Adds the entries of the formulation to the result of a run.
+    fn add_to(&self, result: &mut serde_json::Value);
+}
+
+/// Computation in one step, summed over its solutions.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct SolveStats {
+    /// Iterations of all solvers.
+    pub(super) iterations: u32,
+    /// Levels without a solution.
+    pub(super) undecided: u32,
+    /// Largest violations, if a solution was relaxed.
+    pub(super) slack: Option<Slack>,
+}
+
+/// Parts of a controller that a problem is posed of.
+pub(super) struct Parts<'a> {
+    pub(super) measured: &'a MeasuredState,
+    pub(super) setpoint: &'a JointSetpoint,
+    pub(super) tasks: &'a mut [Held],
+    pub(super) limits: &'a mut RowLimits,
+}
+
+/// Numbers of rows of the tasks and limits of a controller.
+pub(super) struct Room {
+    /// Rows of the tasks and soft limits of each level, highest first.
+    pub(super) levels: Vec<usize>,
+    /// Rows of tasks that are constraints.
+    pub(super) constrained: usize,
+    /// Rows of soft limits.
+    pub(super) soft: usize,
+    /// Rows of limits.
+    pub(super) limits: usize,
+}
+
+impl Room {
+    pub(super) fn new(tasks: &mut [Held], limits: &RowLimits, levels: usize) -> Self {
+        let mut room = Self { levels: vec![0; levels], constrained: 0, soft: 0, limits: limits.count() };
+        for held in tasks {
+            let (rows, soft) = held.task.cost().rows();
+            if held.is_constraint {
+                room.constrained += rows;
+            } else {
+                room.soft += soft;
+                room.levels[held.level] += rows + soft;
+            }
+        }
+        room
+    }
+}

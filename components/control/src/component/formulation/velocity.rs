@@ -1,0 +1,206 @@
+//! Velocities as unknowns: differential inverse kinematics, whose solution moves the setpoint.
+
+use motorium::prelude::*;
+use motorium::state::ControlDiagnostics;
+use motorium_robots::Kinematics;
+use serde_json::{Value, json};
+
+use super::{Formulation, Parts, Room, SolveStats};
+use crate::component::config::{Feedback, QpControllerConfig};
+use crate::component::diagnostics_output::push_name;
+use crate::component::dynamics_config::InfeasiblePolicy;
+use crate::component::measured::MeasuredState;
+use crate::component::setup::ControllerSetup;
+use crate::inverse_dynamics::{Conflicting, ConstraintName, Slack};
+use crate::limits::{AccelerationLimit, PositionLimit, VelocityLimit};
+use crate::tasks::{Held, TaskBounds, TaskCost};
+use crate::{DifferentialIk, FeedForward, IkRows, IkSettings, JointSetpoint, RobotState};
+
+/// Cost of violating a constraint task when it is relaxed, 1/(m/s) or 1/(rad/s).
+const RELAXATION: f64 = 100.0;
+
+/// Velocities; see [`DifferentialIk`].
+pub(in crate::component) struct Velocity {
+    ik: DifferentialIk,
+    /// Kinematics at the setpoint, if the tasks are evaluated there.
+    at_setpoint: Option<Kinematics>,
+    position: PositionLimit,
+    velocity: VelocityLimit,
+    acceleration: Option<AccelerationLimit>,
+    feed_forward: FeedForward,
+    max_lead: f64,
+    checkpoint: Checkpoint,
+    /// The setpoint before a crash.
+    remembered: Option<Vec<f64>>,
+    /// Steps beyond the acceleration limit.
+    hurried: u64,
+}
+
+impl Formulation for Velocity {
+    const NEEDS_VELOCITIES: bool = false;
+
+    fn configure(
+        config: &QpControllerConfig,
+        parts: &ControllerSetup,
+        room: &Room,
+        setup: &mut Setup,
+    ) -> Result<Self, ConfigureError> {
+        let Room { levels, constrained, soft, limits } = room;
+        let rows = IkRows { held: *constrained, limits: *limits, soft: *soft };
+        let relaxation = (config.policy() == InfeasiblePolicy::Relax).then_some(RELAXATION);
+        let settings = IkSettings { damping: config.damping, relaxation };
+        let mut checkpoint = setup.checkpoint(parts.model.nv())?;
+        Ok(Self {
+            ik: DifferentialIk::with_room(&parts.model, rows, settings)
+                .levels(levels)
+                .level_damping(&parts.level_damping(config)?),
+            at_setpoint: (config.feedback == Feedback::Setpoint).then(|| Kinematics::new(&parts.model)),
+            position: config.limits.position,
+            velocity: config.limits.velocity,
+            acceleration: parts.acceleration_limit(config)?,
+            feed_forward: parts.feed_forward.clone(),
+            max_lead: config.max_lead,
+            remembered: checkpoint.resume(),
+            checkpoint,
+            hurried: 0,
+        })
+    }
+
+    fn begin(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint) {
+        let q = measured.joints().0;
+        let near = |remembered: &&Vec<f64>| {
+            remembered.iter().zip(q).all(|(setpoint, q)| (setpoint - q).abs() <= self.max_lead)
+        };
+        setpoint.reset(self.remembered.as_ref().filter(near).map_or(q, Vec::as_slice));
+        // it becomes stale now; emptied in place, because memory must not be freed within a step
+        if let Some(remembered) = &mut self.remembered {
+            remembered.fill(f64::NAN);
+        }
+        self.feed_forward.reset();
+    }
+
+    fn prepare(
+        &mut self,
+        measured: &MeasuredState,
+        setpoint: &JointSetpoint,
+        velocity_fraction: Option<f64>,
+        _: &TaskBounds,
+    ) {
+        self.velocity.fraction = velocity_fraction.unwrap_or(self.velocity.fraction);
+        if let Some(kinematics) = &mut self.at_setpoint {
+            kinematics.update(&measured.model, setpoint.position());
+        }
+    }
+
+    fn pose(&mut self, Parts { measured, setpoint, tasks, limits }: Parts<'_>, dt: f64) {
+        let Self { ik, at_setpoint, position, velocity, acceleration, .. } = self;
+        let state = match at_setpoint {
+            None => measured.robot(),
+            Some(kinematics) => RobotState { model: &measured.model, kinematics, q: setpoint.position() },
+        };
+        ik.begin();
+        for held in tasks {
+            let (level, constraint) = (held.level, held.is_constraint);
+            match held.task.cost() {
+                TaskCost::Motion(mut task) if constraint => ik.constrain(&state, &mut task),
+                TaskCost::Motion(mut task) => ik.add_task(&state, level, &mut task),
+                TaskCost::Limits(limits, weight) => {
+                    for limit in limits {
+                        ik.add_soft_limit(&state, level, limit.as_mut(), weight, dt);
+                    }
+                }
+                TaskCost::Forces(_) => {}
+            }
+        }
+        ik.add_limit(&state, position, dt);
+        ik.add_limit(&state, velocity, dt);
+        if let Some(limit) = acceleration {
+            ik.add_acceleration_limit(&state, limit, setpoint.velocity(), dt);
+        }
+        for limit in limits.iter_mut() {
+            ik.add_row_limit(&state, limit, dt);
+        }
+    }
+
+    fn solve(&mut self) -> Result<(), Option<Conflicting>> {
+        match self.ik.solve() {
+            Ok(_) => Ok(()),
+            Err(_) => Err(self.ik.conflict().map(|conflict| conflict.names)),
+        }
+    }
+
+    fn stats(&self) -> SolveStats {
+        let slack = self.ik.conflict().map(|conflict| Slack {
+            task: conflict.slack,
+            conflict: conflict.names,
+            ..Slack::default()
+        });
+        SolveStats { iterations: self.ik.iterations(), undecided: self.ik.undecided(), slack }
+    }
+
+    fn mix(&mut self, share: f64) {
+        self.ik.mix(share);
+    }
+
+    fn take_mixture(&mut self) {
+        self.ik.take_mixture();
+    }
+
+    fn drop_mixture(&mut self) {
+        self.ik.drop_mixture();
+    }
+
+    fn apply(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint, tasks: &mut [Held], dt: f64) {
+        setpoint.integrate(self.ik.velocity(), dt);
+        setpoint.limit_tracking_error(measured.joints().0, self.max_lead);
+        tasks.iter_mut().for_each(|held| held.task.solved(self.ik.velocity()));
+        self.hurried += u64::from(self.ik.is_hurried());
+    }
+
+    fn hold(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint, policy: InfeasiblePolicy) {
+        let q = measured.joints().0;
+        setpoint.limit_tracking_error(q, self.max_lead);
+        // the drives move on their own, so the next setpoint starts from there
+        if policy == InfeasiblePolicy::SafeStop {
+            setpoint.reset(q);
+            self.feed_forward.reset();
+        }
+    }
+
+    fn record(&mut self, _: &MeasuredState, setpoint: &JointSetpoint) {
+        self.checkpoint.save(setpoint.position().iter().copied());
+    }
+
+    fn torque(&mut self, measured: &MeasuredState, setpoint: &JointSetpoint, dt: f64) -> &[f64] {
+        self.feed_forward.update(setpoint, dt);
+        self.feed_forward.effort(&measured.model, measured.joints().0, setpoint)
+    }
+
+    fn residual(&self, held: &mut Held) -> Option<f64> {
+        held.task.cost().residual(self.ik.velocity())
+    }
+
+    fn visit_active(&self, visit: &mut dyn FnMut(ConstraintName)) {
+        self.ik.visit_active(visit);
+    }
+
+    fn active(&self) -> usize {
+        let mut active = 0;
+        self.ik.visit_active(&mut |_| active += 1);
+        active
+    }
+
+    fn push(&self, message: &mut ControlDiagnostics, name: ConstraintName) {
+        // a robot controlled by velocities has a fixed base and no contacts
+        push_name(message, name, |_, point| point);
+    }
+
+    fn reset(&mut self) {
+        self.ik.reset();
+        (self.remembered, self.hurried) = (None, 0);
+    }
+
+    fn add_to(&self, result: &mut Value) {
+        result["solver"]["steps_beyond_acceleration"] = json!(self.hurried);
+    }
+}

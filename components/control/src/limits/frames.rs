@@ -1,0 +1,96 @@
+//! The list `limits.frames` of `control.qp`: limits of position and velocity of frames.
+
+use motorium::declare::ConfigError;
+use motorium_robots::{Model, Profile};
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::{CartesianPositionLimit, CartesianVelocityLimit, RowLimit};
+use crate::checks::in_range;
+
+/// Limits of one frame, in all levels of tasks: a box of the world that its origin does not leave, and
+/// largest velocities.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct FrameLimitConfig {
+    /// Link whose frame is limited. Default: the robot's only end effector.
+    pub frame: Option<String>,
+    /// Least and largest coordinate of its origin along x of the world, m. Default: no limit.
+    pub x: Option<[f64; 2]>,
+    /// The same along y.
+    pub y: Option<[f64; 2]>,
+    /// The same along z.
+    pub z: Option<[f64; 2]>,
+    /// Distance kept from the sides of the box, m, at least 0. Default 0.
+    pub margin: f64,
+    /// Share of the remaining distance to a side that may be covered per second, 1/s, at least 1e-3. Default
+    /// 5.
+    pub rate: f64,
+    /// Largest velocity along each axis of the world, m/s, at least 0. Default: no limit.
+    pub max_linear: Option<f64>,
+    /// Largest angular velocity about each axis of the world, rad/s, at least 0. Default: no limit.
+    pub max_angular: Option<f64>,
+}
+
+impl Default for FrameLimitConfig {
+    fn default() -> Self {
+        Self {
+            frame: None,
+            x: None,
+            y: None,
+            z: None,
+            margin: 0.0,
+            rate: 5.0,
+            max_linear: None,
+            max_angular: None,
+        }
+    }
+}
+
+impl FrameLimitConfig {
+    /// Builds, checks and appends the limits; `path` is the path of the table.
+    pub(crate) fn build(
+        &self,
+        path: &str,
+        model: &Model,
+        profile: Option<&Profile>,
+        limits: &mut Vec<Box<dyn RowLimit>>,
+    ) -> Result<(), ConfigError> {
+        let key = |name: &str| format!("{path}.{name}");
+        let frame = model
+            .end_effector(profile, self.frame.as_deref())
+            .map_err(|error| ConfigError::key(key("frame"), error.to_string()))?;
+        let margin = in_range(&key("margin"), self.margin, 0.0..=1e3)?;
+        let rate = in_range(&key("rate"), self.rate, 1e-3..=1e6)?;
+        let (mut lower, mut upper) = (Vector3::repeat(f64::NEG_INFINITY), Vector3::repeat(f64::INFINITY));
+        for (axis, (name, range)) in [("x", self.x), ("y", self.y), ("z", self.z)].into_iter().enumerate() {
+            let Some([least, most]) = range else { continue };
+            if most - least < 2.0 * margin {
+                let message = format!("from {least} to {most}, with a margin of {margin}");
+                return Err(
+                    ConfigError::key(key(name), message).advise("the least first, and room between both")
+                );
+            }
+            (lower[axis], upper[axis]) = (least, most);
+        }
+        let speed = |name: &str, speed: Option<f64>| match speed {
+            None => Ok(f64::INFINITY),
+            Some(speed) => in_range(&key(name), speed, 0.0..=f64::MAX),
+        };
+        let (linear, angular) =
+            (speed("max_linear", self.max_linear)?, speed("max_angular", self.max_angular)?);
+        let within = CartesianPositionLimit::within(model, frame, lower, upper).with(rate, margin);
+        let bounded = within.rows() > 0;
+        if bounded {
+            limits.push(Box::new(within));
+        }
+        if linear.is_finite() || angular.is_finite() {
+            limits.push(Box::new(CartesianVelocityLimit::new(model, frame, linear, angular)));
+        } else if !bounded {
+            return Err(ConfigError::key(key("frame"), "a limit that limits nothing")
+                .advise("add `x`, `y`, `z`, `max_linear` or `max_angular`"));
+        }
+        Ok(())
+    }
+}

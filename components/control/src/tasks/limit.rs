@@ -1,0 +1,85 @@
+//! Soft limits as a task.
+
+use motorium::prelude::*;
+use motorium_robots::World;
+
+use super::held::{HeldTask, TaskCost};
+use super::kind::{BuiltTask, Formulations, TaskHead, TaskKind, TaskTable, WEIGHTS};
+use super::place::TaskPlace;
+use super::ramp::{Fades, Ramped, TaskBounds};
+use crate::limits::{CollisionConfig, FrameLimitConfig, RowLimit};
+
+task_config! {
+    /// A task of soft limits: they yield to tasks of smaller level numbers, and partially to tasks of the
+    /// same level.
+    LimitConfig "limit" {
+        /// Cost of a velocity beyond a limit, 1/(m/s) or 1/(rad/s), more than 0, at most 1000. Default 10.
+        weight: f64 = 10.0 => live(1e-6..=*WEIGHTS.end(), "1/(m/s)", "cost of a velocity beyond a limit");
+        /// Boxes and speeds of frames, as in `limits.frames`.
+        frames: Vec<FrameLimitConfig> = Vec::new();
+        /// Distances between links, as in `limits.collision`.
+        collision: Option<CollisionConfig> = None;
+    }
+}
+
+impl LimitConfig {
+    fn build(&self, place: &TaskPlace<'_>) -> Result<Vec<Box<dyn RowLimit>>, ConfigError> {
+        let mut limits = Vec::new();
+        for (index, frame) in self.frames.iter().enumerate() {
+            let path = place.key(&format!("frames[{index}]"));
+            frame.build(&path, place.model, place.profile, &mut limits)?;
+        }
+        if let Some(collision) = &self.collision {
+            limits.push(Box::new(collision.build(
+                &place.key("collision"),
+                place.model,
+                place.profile,
+                place.world,
+            )?));
+        }
+        if limits.is_empty() {
+            return Err(ConfigError::key(&place.path, "a task without a limit")
+                .advise("add `frames` or `collision`, as under `limits`"));
+        }
+        Ok(limits)
+    }
+}
+
+impl TaskKind for LimitConfig {
+    fn head(&self) -> TaskHead<'_> {
+        self.table_head().only(Formulations::Velocity(
+            "with `inverse_dynamics` limits stand under `limits`, where they give way by the policy of `on_infeasible`",
+        ))
+    }
+
+    fn has_moving_objects(&self, world: &World) -> bool {
+        self.collision.as_ref().is_some_and(|collision| collision.has_moving_objects(world))
+    }
+
+    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
+        self.build(place).map(drop)
+    }
+
+    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+        let [weight] = self.open(setup)?;
+        Ok(Box::new(SoftLimits { limits: self.build(place)?, weight, cost: self.weight }))
+    }
+}
+
+/// Soft limits.
+struct SoftLimits {
+    limits: Vec<Box<dyn RowLimit>>,
+    weight: Ramped,
+    /// Cost at this step.
+    cost: f64,
+}
+
+impl HeldTask for SoftLimits {
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        self.cost = self.weight.follow(bounds, fades);
+    }
+
+    fn cost(&mut self) -> TaskCost<'_> {
+        TaskCost::Limits(&mut self.limits, self.cost)
+    }
+}

@@ -1,0 +1,139 @@
+//! A quantity is small: the task kind that selects one of several costs.
+
+use motorium::prelude::*;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::held::{Driven, HeldTask, TaskCost};
+use super::kind::{ActsOn, BuiltTask, Formulations, TaskHead, TaskKind, TaskParameter, TaskTable, WEIGHTS};
+use super::place::TaskPlace;
+use super::ramp::{Fades, Ramped, TaskBounds};
+use super::{
+    AccelerationMinimum, ForceRegularisation, MinimumEffortTask, MinimumVelocityTask, TorqueMinimum,
+};
+use crate::RobotState;
+
+task_config! {
+    /// A minimum task: velocities, accelerations, efforts, torques or contact forces are small.
+    MinimumConfig "minimum" {
+        /// The quantity that is small. Default "acceleration".
+        of: MinimumOf = MinimumOf::Acceleration;
+        /// Cost of the quantity, in the inverse of its unit, 0 to 1000. Default 1e-2.
+        weight: f64 = 1e-2 => live(WEIGHTS, "", "cost of the quantity, in the inverse of its unit");
+        /// For efforts only: speed per gradient of their sum, (rad/s)^2, 0 to 1000. Default 1.
+        gain: f64 = 1.0 => live(WEIGHTS, "(rad/s)^2", "speed per slope of the efforts");
+        /// For velocities and efforts with `inverse_dynamics`: decay rate of joint velocity errors, 1/s, 0 to
+        /// 1000; limited to half the tick rate. Default 20.
+        rate: Option<f64> = None;
+    }
+}
+
+/// The minimised quantity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MinimumOf {
+    /// Velocities; with `inverse_dynamics` the joints are damped.
+    Velocity,
+    /// Accelerations; without `inverse_dynamics` the change of the velocities from step to step.
+    Acceleration,
+    /// Efforts that hold the robot's weight, relative to their limits; for robots with a fixed base.
+    Effort,
+    /// Torques of the drives, as shares of their limits; with `inverse_dynamics`.
+    Torque,
+    /// Contact forces; with `inverse_dynamics`.
+    Force,
+}
+
+impl TaskKind for MinimumConfig {
+    fn head(&self) -> TaskHead<'_> {
+        let head = self.table_head();
+        match self.of {
+            MinimumOf::Torque | MinimumOf::Force => head.only(Formulations::Torque).acts_on(ActsOn::Forces),
+            MinimumOf::Velocity | MinimumOf::Effort => head.acts_on(ActsOn::Joints),
+            MinimumOf::Acceleration => head,
+        }
+    }
+
+    /// The weight, and the gain of efforts.
+    fn parameters(&self) -> Vec<TaskParameter> {
+        self.live().into_iter().take(if self.of == MinimumOf::Effort { 2 } else { 1 }).collect()
+    }
+
+    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
+        match self.of {
+            MinimumOf::Velocity | MinimumOf::Effort => place.rate(self.rate).map(drop)?,
+            _ if self.rate.is_some() => {
+                let message =
+                    "of a quantity other than `velocity` and `effort`, which alone have a use for it";
+                return Err(ConfigError::key(place.key("rate"), message).advise("leave it out"));
+            }
+            _ => {}
+        }
+        if self.of == MinimumOf::Effort && place.model.base().floating {
+            let message =
+                "`effort` of a robot whose base floats: what its drives hold depends on its contact forces";
+            return Err(ConfigError::key(place.key("of"), message)
+                .advise("of = \"torque\" makes the torques of the drives themselves small"));
+        }
+        Ok(())
+    }
+
+    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+        let model = place.model;
+        Ok(match self.of {
+            MinimumOf::Velocity => {
+                let task = MinimumVelocityTask::new(model).rate(place.rate(self.rate)?);
+                Box::new(Driven::motion(task, self.open(setup)?, |task, [weight], _| task.set_weight(weight)))
+            }
+            MinimumOf::Effort => {
+                let task = MinimumEffortTask::new(model, place.gravity).rate(place.rate(self.rate)?);
+                let parameters = self.open(setup)?;
+                Box::new(Driven::motion(task, parameters, |task, [weight, gain], _| task.set(gain, weight)))
+            }
+            MinimumOf::Acceleration if place.torque => {
+                let task = AccelerationMinimum::new(model);
+                Box::new(Driven::forces(task, self.open(setup)?, |task, [weight], _| task.set_weight(weight)))
+            }
+            MinimumOf::Acceleration => {
+                let [weight] = self.open(setup)?;
+                Box::new(Smooth { task: MinimumVelocityTask::new(model), weight })
+            }
+            MinimumOf::Torque => {
+                let task = TorqueMinimum::for_contacts(model, place.contacts);
+                Box::new(Driven::forces(task, self.open(setup)?, |task, [weight], _| task.set_weight(weight)))
+            }
+            MinimumOf::Force => {
+                let task = ForceRegularisation::for_contacts(model, place.contacts);
+                Box::new(Driven::forces(task, self.open(setup)?, |task, [weight], _| task.set_weight(weight)))
+            }
+        })
+    }
+}
+
+/// Velocities that change little from step to step.
+struct Smooth {
+    task: MinimumVelocityTask,
+    weight: Ramped,
+}
+
+impl HeldTask for Smooth {
+    fn begin(&mut self, _: &RobotState<'_>) {
+        self.task.set_rest();
+    }
+
+    fn reset(&mut self) {
+        self.task.set_rest();
+    }
+
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        self.task.set_weight(self.weight.follow(bounds, fades));
+    }
+
+    fn cost(&mut self) -> TaskCost<'_> {
+        TaskCost::Motion(&mut self.task)
+    }
+
+    fn solved(&mut self, velocity: &[f64]) {
+        self.task.set_target(velocity);
+    }
+}

@@ -1,0 +1,60 @@
+//! Accelerations are small.
+
+use motorium_robots::Model;
+
+use super::Cost;
+use crate::MotionState;
+use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
+
+/// Minimises accelerations:
+///
+/// ```text
+/// A = 1 on all accelerations,   b = 0,   W = weight diag(shares)       1/(rad/s2) or 1/(m/s2)
+/// ```
+///
+/// (PyRoboLearn's task.) It does not stop a moving robot; use a posture task without `kp` for that.
+#[derive(Clone, Debug)]
+pub struct AccelerationMinimum {
+    weight: f64,
+    shares: Vec<f64>,
+    cost: Cost,
+}
+
+impl AccelerationMinimum {
+    /// A task for all accelerations of `model`, a floating base included, with weight 1e-2.
+    pub fn new(model: &Model) -> Self {
+        Self { weight: 1e-2, shares: vec![1.0; model.nv()], cost: Cost::identity(0, model.nv()) }
+    }
+
+    /// The same task with a weight \[1/(rad/s2) or 1/(m/s2)\].
+    #[must_use]
+    pub fn weight(mut self, weight: f64) -> Self {
+        self.weight = weight;
+        self
+    }
+
+    /// Changes the weight from the next update on.
+    pub fn set_weight(&mut self, weight: f64) {
+        self.weight = weight;
+    }
+
+    /// Sets the weight factor of one acceleration; zero leaves it free.
+    ///
+    /// # Panics
+    /// If the acceleration does not exist.
+    pub fn set_share(&mut self, acceleration: usize, share: f64) {
+        self.shares[acceleration] = share;
+    }
+}
+
+impl AccelerationTask for AccelerationMinimum {
+    fn update(&mut self, _: &MotionState<'_>, _: &InverseDynamics) {
+        for (weight, share) in self.cost.weights_mut().iter_mut().zip(&self.shares) {
+            *weight = self.weight * share;
+        }
+    }
+
+    fn cost(&self) -> &Cost {
+        &self.cost
+    }
+}
