@@ -6,6 +6,7 @@
 //! - [`onnx`]: reads and writes networks as ONNX files.
 //! - [`policy`]: the folder of a trained policy.
 //! - [`safetensors`]: reads and writes named tensors.
+//! - [`sha256`]: digests of files.
 //! - [`kernel`], [`gp`]: covariance functions and Gaussian processes.
 //! - [`gplvm`]: latent spaces shared by several robots and a human.
 //! - [`hmm`]: hidden Markov models.
@@ -22,3 +23,4 @@ pub mod networks;
 pub mod onnx;
 pub mod optimise;
 pub mod policy;
+pub mod sha256;
