@@ -48,13 +48,14 @@
 //! | `geometry` | distances between links |
 //! | `profile`, `options` | poses, gains, end effectors; options of loading |
 //! | `urdf`, `mjcf`, `world` | readers of files |
-//! | `load`, `catalogue`, `settings`, `draft`, `drawn`, `rays` | robots ready to use, and their pictures and rays |
+//! | `load`, `catalogue`, `settings`, `digest`, `draft`, `drawn`, `rays` | robots ready to use, and their pictures and rays |
 
 mod actuator;
 mod algebra;
 mod appearance;
 mod catalogue;
 mod configuration;
+mod digest;
 mod draft;
 mod drawn;
 mod dynamics;
@@ -79,7 +80,6 @@ mod per_joint;
 mod postures;
 mod profile;
 mod rays;
-pub mod safetensors;
 mod setting_error;
 mod settings;
 mod source;

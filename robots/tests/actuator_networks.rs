@@ -3,9 +3,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use motorium_robots::safetensors::{self, SafetensorsError};
+use motorium_networks::safetensors::{self, SafetensorsError};
 use motorium_robots::{
-    Activation, ActuatorNetwork, ActuatorTable, InputOrder, NetworkSettings, NetworkTable, NetworkWeights,
+    Activation, ActuatorNetwork, ActuatorTable, InputOrder, NetworkError, NetworkSettings, NetworkTable,
+    NetworkWeights,
 };
 
 const FILE: &[u8] = include_bytes!("golden/actuator_network.safetensors");
@@ -91,23 +92,26 @@ fn layers_that_do_not_fit_are_named_with_the_shape_that_would() {
     assert_eq!(refused(good, 6), "tensor \"a.0.weight\" is [3, 4], expected [N, 6]");
     assert_eq!(refused(&good[..3], 4), "tensor \"a.10.bias\" is missing, expected [1]");
     assert_eq!(refused(&good[..2], 4), "tensor \"a.0.weight\" is [3, 4], expected [1, 4]");
-    assert!(refused(&[("bias", "F32", &[1])], 1).starts_with("no tensor whose name ends in `.weight`"));
-    assert!(
-        refused(&[("0.weight", "BF16", &[1, 1])], 1).contains("numbers of type BF16, expected F32 or F64")
-    );
+    let read = |tensors: &[(&str, &str, &[usize])]| NetworkWeights::read(&file(tensors), 1, Activation::Tanh);
+    assert_eq!(read(&[("bias", "F32", &[1])]), Err(NetworkError::Empty));
+    let integers = SafetensorsError::Type { name: "0.weight".to_owned(), found: "I64".to_owned() };
+    assert_eq!(read(&[("0.weight", "I64", &[1, 1])]), Err(NetworkError::File(integers)));
 }
 
 #[test]
 fn damaged_files_are_refused_and_nothing_is_read_beyond_them() {
-    assert!(matches!(safetensors::read(&FILE[..5]), Err(SafetensorsError::Short { found: 5, .. })));
-    let cut = safetensors::read(&FILE[..FILE.len() - 1]).unwrap_err();
+    assert!(matches!(safetensors::read::<f64>(&FILE[..5]), Err(SafetensorsError::Short { found: 5, .. })));
+    let cut = safetensors::read::<f64>(&FILE[..FILE.len() - 1]).unwrap_err();
     assert!(matches!(cut, SafetensorsError::Bytes { .. }), "{cut}");
     let mut long = FILE.to_vec();
     long[..8].copy_from_slice(&u64::MAX.to_le_bytes());
-    assert!(matches!(safetensors::read(&long), Err(SafetensorsError::Short { expected: u64::MAX, .. })));
+    assert!(matches!(
+        safetensors::read::<f64>(&long),
+        Err(SafetensorsError::Short { expected: u64::MAX, .. })
+    ));
     let mut broken = FILE.to_vec();
     broken[9] = b'{';
-    assert!(matches!(safetensors::read(&broken), Err(SafetensorsError::Header(_))));
+    assert!(matches!(safetensors::read::<f64>(&broken), Err(SafetensorsError::Header(_))));
 }
 
 #[test]

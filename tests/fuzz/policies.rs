@@ -25,9 +25,16 @@ fn networks() {
         .map(|bytes| Policy::parse(&String::from_utf8_lossy(bytes)).expect("a policy of the repository"))
         .collect();
     target("networks", &files(&FOLDERS, &[".onnx"]), |bytes| {
-        let options = ImportOptions { rate: 50.0, history: 1, robot: None };
+        let options = ImportOptions {
+            rate: 50.0,
+            history: None,
+            robot: None,
+            height_points: None,
+            height_scale: Some(0.2),
+            height_offset: 0.0,
+        };
         match import_mjlab(bytes, options) {
-            Ok(policy) => assert!(policy.to_toml().is_ok_and(|text| Policy::parse(&text) == Ok(policy))),
+            Ok((policy, _)) => assert!(policy.to_toml().is_ok_and(|text| Policy::parse(&text) == Ok(policy))),
             Err(error) => assert!(!error.to_string().is_empty()),
         }
         let Ok(program) = Model::read(bytes).and_then(|model| model.program(1)) else { return };

@@ -24,6 +24,7 @@ use motorium::session::Session;
 use motorium::state::{Action, BaseState, JointCommand, JointState, TwistTarget};
 use motorium_learners::imitation::{ImitationSettings, Regression};
 use motorium_learners::random::{Counter, Purpose};
+use motorium_learners::task::robot_digest;
 use motorium_models::onnx::Model;
 use motorium_models::policy::{
     BaseMotion, JointTargets, Measurements, Numbers, Observer, Policy, PolicyFolder, PolicyNetwork,
@@ -347,7 +348,16 @@ fn main() -> anyhow::Result<()> {
     let file = recipe.join("teacher.toml");
     let read = |path: &Path| std::fs::read_to_string(path).with_context(|| path.display().to_string());
     let policy = PolicyFolder::read(&recipe)?.policy;
-    let description = read(&recipe.join("policy.toml"))?;
+    let robot = policy.robot.clone().context("the policy names no robot")?;
+    let loaded = motorium_robots::load(&robot, Path::new("."))?;
+    let digest = robot_digest(&loaded, &policy.action.joints).context("the robot lacks a joint")?;
+    // the digests of the robot as it is now
+    let replaced = policy
+        .robot_digest
+        .map_or_else(Vec::new, |old| vec![(old.joints, digest.joints), (old.dynamics, digest.dynamics)]);
+    let description = replaced.iter().fold(read(&recipe.join("policy.toml"))?, |text, (old, new)| {
+        text.replace(&format!("{old:016x}"), &format!("{new:016x}"))
+    });
     std::fs::create_dir_all(&arguments.output)?;
     let folder = std::path::absolute(&arguments.output)?;
     std::fs::write(folder.join("policy.toml"), description)?;
@@ -373,8 +383,7 @@ fn main() -> anyhow::Result<()> {
     };
     // the graph is checked with a network
     write(&regression)?;
-    let robot = policy.robot.clone().context("the policy names no robot")?;
-    let joints = motorium_robots::load(&robot, Path::new("."))?.model.joint_names().to_vec();
+    let joints = loaded.model.joint_names().to_vec();
     let mut student = Student { policy: policy.clone(), joints, network: None, beta: 1.0 };
     let (seed, seconds) = (arguments.seed, arguments.seconds);
     let judged = (seed, u64::MAX, JUDGED);

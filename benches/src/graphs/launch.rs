@@ -21,6 +21,8 @@ pub struct Ran {
     pub report: Report,
     /// Release lateness of each component, ns.
     pub lateness: Vec<Distribution>,
+    /// Duration of the steps of each component, ns.
+    pub execution: Vec<Distribution>,
     /// Each latency budget, ns.
     pub latencies: Vec<Distribution>,
 }
@@ -29,6 +31,12 @@ impl Ran {
     /// Returns a value from the result of a component.
     pub fn result<T: DeserializeOwned>(&self, component: &str, what: &str) -> Option<T> {
         serde_json::from_value(self.report.results.get(component)?.get(what)?.clone()).ok()
+    }
+
+    /// Returns the duration of a component's steps, ns.
+    pub fn steps_of(&self, component: &str) -> Option<Distribution> {
+        let index = self.report.components.iter().position(|found| found.name == component)?;
+        self.execution.get(index).cloned()
     }
 
     /// Causes of its components' lateness.
@@ -91,6 +99,7 @@ fn run_plan(program: &Path, registry: &Registry, plan: Plan) -> Result<Ran, Meas
     Ok(Ran {
         report,
         lateness: blocks.iter().map(|block| Distribution::from_histogram(&block.lateness)).collect(),
+        execution: blocks.iter().map(|block| Distribution::from_histogram(&block.execution)).collect(),
         latencies: region
             .latencies()
             .iter()

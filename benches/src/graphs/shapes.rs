@@ -1,6 +1,7 @@
 //! Measured graphs as texts of graph files.
 
 use std::fmt::Write as _;
+use std::path::Path;
 
 /// The arm moved by the README's first command.
 const PANDA: &str = include_str!("panda-reach.toml");
@@ -100,10 +101,47 @@ pub fn panda(seconds: u32) -> String {
     PANDA.replace("duration = \"10 s\"", &format!("duration = \"{seconds} s\""))
 }
 
+/// The Panda held by a policy in a folder: physics at 1 kHz, encoder, policy, joint targets. The policy runs
+/// at its rate of 50 Hz beside the chain, or with `in_loop` at each state as a part of it.
+pub fn policy(folder: &Path, in_loop: bool, seconds: u32) -> String {
+    let (pace, trigger) = match in_loop {
+        true => ("trigger   = \"panda/joint_state\"", "panda/action"),
+        false => ("rate      = \"50 Hz\"", "panda/joint_state"),
+    };
+    let folder = folder.display().to_string();
+    let chain = PANDA.split("[component.policy]").next().unwrap_or_default();
+    let safety = PANDA.split("[safety]").nth(1).unwrap_or_default();
+    format!(
+        r#"{chain}[component.policy]
+kind      = "policy.network"
+robot     = "panda"
+{pace}
+budget    = "200 us"
+subscribe = {{ joint_state = "panda/joint_state" }}
+publish   = {{ action = "panda/action" }}
+config    = {{ policy = {folder:?} }}
+
+[component.targets]
+kind      = "policy.joint_targets"
+robot     = "panda"
+trigger   = "{trigger}"
+budget    = "50 us"
+subscribe = {{ joint_state = "panda/joint_state", action = "panda/action" }}
+publish   = {{ joint_command = "panda/joint_command" }}
+config    = {{ policy = {folder:?}, gravity_compensation = true }}
+
+[[latency]]
+from = "panda/true_joint_state"
+to   = "panda/joint_command"
+max  = "600 us"
+
+[safety]{safety}"#
+    )
+    .replace("duration = \"10 s\"", &format!("duration = \"{seconds} s\""))
+}
+
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use motorium::declare::{ConfigError, RobotReference};
     use motorium::graph::{self, Machine};
     use motorium::worker::{Registry, RobotSource};
@@ -144,6 +182,17 @@ mod tests {
         assert_eq!(text.matches("[component.").count(), 17);
         for i in 1..=8 {
             assert_eq!(text.matches(&format!("trigger = \"bench/{i}\"")).count(), if i == 8 { 1 } else { 2 });
+        }
+    }
+
+    #[test]
+    fn policies_keep_the_chain_of_the_panda() {
+        for (in_loop, pace) in [(true, "trigger   = \"panda/joint_state\""), (false, "rate      = \"50 Hz\"")]
+        {
+            let text = policy(Path::new("/tmp/policy"), in_loop, 3);
+            assert_eq!(text.matches("[component.").count(), 4);
+            assert!(text.contains("duration = \"3 s\"") && text.contains(pace), "{text}");
+            assert!(text.contains("policy = \"/tmp/policy\"") && text.contains("stale_after"));
         }
     }
 

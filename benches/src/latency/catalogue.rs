@@ -1,7 +1,7 @@
 //! Everything that is measured, by name.
 
 use super::{Bench, Outcome, Samples};
-use crate::graphs::{self, Ran};
+use crate::graphs::{self, PolicyFiles, Ran};
 use crate::pair::{self, PingPong, Transport};
 use crate::raw_chain::{self, RawChain};
 use crate::read::Reader;
@@ -38,6 +38,8 @@ enum Kind {
     Episode { first: bool },
     RawPorts { slices: bool },
     Panda,
+    PandaPolicy,
+    JointTargets,
     Read { bytes: usize, reader: Reader },
 }
 
@@ -69,7 +71,7 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("command gate", &["floor.gate", "gate"]),
     ("first step of an episode", &["floor.episode", "episode"]),
     ("blocking across cores, 1 kHz", &["floor.futex.across.1khz", "hop.blocking.across.1khz.512"]),
-    ("Panda loop", &["panda", "panda.loaded"]),
+    ("Panda loop", &["panda", "panda.policy", "panda.loaded"]),
     ("release at 1 kHz, under load", &["floor.timer.loaded", "release.1khz.loaded"]),
     ("blocking on one core, under load", &["floor.futex.same.loaded", "hop.blocking.same.512.loaded"]),
 ];
@@ -181,7 +183,11 @@ pub fn catalogue() -> Vec<Case> {
         let what = format!("raw port, {name} at 10 kHz: publication to reading, none lost");
         add(format!("raw.{name}.10khz"), what, false, Kind::RawPorts { slices });
     }
+    let what = "step of policy.joint_targets at 1 kHz, with its policy at 50 Hz".to_string();
+    add("joint-targets".into(), what, false, Kind::JointTargets);
     add("panda".into(), "Panda loop, state to command".into(), false, Kind::Panda);
+    let what = "the same with a policy of 54,464 weights in the loop".to_string();
+    add("panda.policy".into(), what, false, Kind::PandaPolicy);
     for name in
         ["floor.timer", "floor.futex.same", "hop.blocking.same.512", "release.1khz", "chain.4", "panda"]
     {
@@ -303,6 +309,17 @@ impl Case {
                     Some(0) => Ok(graph(&ran, age)),
                     lost => Err(MeasureError::Lost { lost: lost.unwrap_or_default(), read: age.count }),
                 }
+            }
+            Kind::JointTargets => {
+                let folder = PolicyFiles::new(50)?;
+                let ran = bench.launch(graphs::policy(folder.path(), false, bench.seconds))?;
+                let none = || MeasureError::Ended("`targets` has made no step".to_string());
+                Ok(graph(&ran, ran.steps_of("targets").ok_or_else(none)?))
+            }
+            Kind::PandaPolicy => {
+                let folder = PolicyFiles::new(1_000)?;
+                let ran = bench.launch(graphs::policy(folder.path(), true, bench.panda_seconds))?;
+                Ok(graph(&ran, ran.latencies.first().cloned().unwrap_or_default()))
             }
             Kind::Panda => {
                 let ran = bench.launch(graphs::panda(bench.panda_seconds))?;

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use motorium_models::policy::RobotDigest;
+
 use crate::files::{self, FileError};
 use crate::learner::TrainedNetwork;
 use crate::task::{NETWORK, Task, TaskError};
@@ -75,14 +77,15 @@ pub(crate) fn base(file: &Path) -> PathBuf {
     std::path::absolute(base).unwrap_or_else(|_| base.to_path_buf())
 }
 
-/// Writes the policy of a run.
+/// Writes the policy of a run on a task, whose robot has a digest.
 pub(crate) fn write_policy(
     folder: &Path,
-    task: &Task,
+    (task, robot): (&Task, Option<RobotDigest>),
     policy: &TrainedNetwork,
     algorithm: &str,
 ) -> Result<(), FolderError> {
-    let text = task.policy_text().map_err(|source| FolderError::Task { file: folder.join(TASK), source })?;
+    let text =
+        task.policy_text(robot).map_err(|source| FolderError::Task { file: folder.join(TASK), source })?;
     let metadata = [("task", &task.title[..]), ("algorithm", algorithm)];
     files::write(&folder.join("policy.toml"), text.as_bytes())?;
     files::write(&folder.join(NETWORK), &policy.to_onnx(&metadata))?;

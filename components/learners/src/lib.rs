@@ -32,7 +32,6 @@ pub mod reinforce;
 pub mod replay;
 pub mod sac;
 pub mod search;
-mod sha256;
 pub mod task;
 pub mod td3;
 mod trained;

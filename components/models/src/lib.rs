@@ -2,24 +2,25 @@
 //!
 //! - [`approximator`]: the common interface of models, and the properties of each kind.
 //! - [`networks`]: neural networks with seeded training on the CPU.
-//! - [`inference`]: networks as lists of operations that run without allocation.
+//! - [`inference`], [`arithmetic`]: networks as lists of operations that run without allocation.
 //! - [`onnx`]: reads and writes networks as ONNX files.
 //! - [`policy`]: the folder of a trained policy.
 //! - [`safetensors`]: reads and writes named tensors.
+//! - [`sha256`]: digests of files.
 //! - [`kernel`], [`gp`]: covariance functions and Gaussian processes.
 //! - [`gplvm`]: latent spaces shared by several robots and a human.
 //! - [`hmm`]: hidden Markov models.
 //! - [`optimise`]: minimisation of smooth functions by L-BFGS.
 
+pub use motorium_networks::{arithmetic, inference, safetensors};
+
 pub mod approximator;
-pub mod arithmetic;
 pub mod gp;
 pub mod gplvm;
 pub mod hmm;
-pub mod inference;
 pub mod kernel;
 pub mod networks;
 pub mod onnx;
 pub mod optimise;
 pub mod policy;
-pub mod safetensors;
+pub mod sha256;

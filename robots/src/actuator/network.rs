@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
+use motorium_networks::inference::{LayerSizeError, Program, Unary};
+use motorium_networks::safetensors::{self, SafetensorsError, Tensor, Tensors};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::Delay;
-use crate::safetensors::{self, SafetensorsError, Tensor};
 
 /// The function between the layers of a network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
@@ -23,19 +24,13 @@ pub enum Activation {
     Elu,
 }
 
-impl Activation {
-    fn apply(self, x: f64) -> f64 {
-        match self {
-            Self::Softsign => x / (1.0 + x.abs()),
-            Self::Tanh => x.tanh(),
-            Self::Relu => x.max(0.0),
-            Self::Elu => {
-                if x > 0.0 {
-                    x
-                } else {
-                    x.exp_m1()
-                }
-            }
+impl From<Activation> for Unary {
+    fn from(activation: Activation) -> Self {
+        match activation {
+            Activation::Softsign => Self::Softsign,
+            Activation::Tanh => Self::Tanh,
+            Activation::Relu => Self::Relu,
+            Activation::Elu => Self::Elu(1.0),
         }
     }
 }
@@ -51,19 +46,19 @@ pub enum InputOrder {
     VelocityPosition,
 }
 
-/// The weights of a multilayer perceptron with one output.
-#[derive(Clone, Debug, PartialEq)]
+/// A multilayer perceptron with one output, in double precision.
+#[derive(Clone, Debug)]
 pub struct NetworkWeights {
-    layers: Vec<Layer>,
+    /// Weights (one row per output) and bias of each layer.
+    layers: Vec<(Vec<f64>, Vec<f64>)>,
     activation: Activation,
+    program: Program<f64>,
 }
 
-#[derive(Clone, Debug, PartialEq)]
-struct Layer {
-    /// One row per output.
-    weight: Vec<f64>,
-    bias: Vec<f64>,
-    inputs: usize,
+impl PartialEq for NetworkWeights {
+    fn eq(&self, other: &Self) -> bool {
+        (&self.layers, self.activation) == (&other.layers, other.activation)
+    }
 }
 
 /// The file is not an actuator network.
@@ -72,6 +67,9 @@ pub enum NetworkError {
     /// A file that cannot be read.
     #[error("{0}")]
     File(#[from] SafetensorsError),
+    /// The layers do not fit.
+    #[error(transparent)]
+    Size(#[from] LayerSizeError),
     /// A layer has the wrong shape.
     #[error("tensor \"{tensor}\" is {found}, expected {expected}")]
     Layer {
@@ -98,8 +96,8 @@ impl NetworkWeights {
     ///
     /// [`NetworkError`].
     pub fn read(bytes: &[u8], inputs: usize, activation: Activation) -> Result<Self, NetworkError> {
-        let tensors = safetensors::read(bytes)?;
-        let shape = |tensor: Option<&Tensor>| {
+        let Tensors { tensors, .. } = safetensors::read(bytes)?;
+        let shape = |tensor: Option<&Tensor<f64>>| {
             tensor.map_or_else(|| "missing".to_owned(), |tensor| format!("{:?}", tensor.shape))
         };
         let mut names: Vec<&str> = tensors.keys().filter_map(|name| name.strip_suffix(".weight")).collect();
@@ -126,29 +124,14 @@ impl NetworkWeights {
             if let Some(value) = weight.iter().chain(&bias).find(|value| !value.is_finite()) {
                 return wrong(format!("{name}.weight"), format!("{value}"), "finite numbers".to_owned());
             }
-            layers.push(Layer { weight, bias, inputs: width });
+            layers.push((weight, bias));
             width = outputs;
         }
-        if layers.is_empty() { Err(NetworkError::Empty) } else { Ok(Self { layers, activation }) }
-    }
-
-    fn widest(&self) -> usize {
-        self.layers.iter().map(|layer| layer.inputs).max().unwrap_or(0)
-    }
-
-    /// Returns the output for the inputs at the beginning of `values`; both buffers have room for the widest
-    /// layer.
-    fn output<'a>(&self, mut values: &'a mut [f64], mut next: &'a mut [f64]) -> f64 {
-        for (index, Layer { weight, bias, inputs }) in self.layers.iter().enumerate() {
-            let is_last = index + 1 == self.layers.len();
-            for ((row, bias), out) in weight.chunks_exact(*inputs).zip(bias).zip(next.iter_mut()) {
-                let sum =
-                    row.iter().zip(values.iter()).fold(*bias, |sum, (weight, value)| sum + weight * value);
-                *out = if is_last { sum } else { self.activation.apply(sum) };
-            }
-            core::mem::swap(&mut values, &mut next);
+        if layers.is_empty() {
+            return Err(NetworkError::Empty);
         }
-        values[0]
+        let program = Program::mlp(1, inputs, &layers, activation.into())?;
+        Ok(Self { layers, activation, program })
     }
 }
 
@@ -183,35 +166,35 @@ pub struct NetworkSettings {
 pub struct ActuatorNetwork {
     settings: Arc<NetworkSettings>,
     past: Vec<Delay<Option<[f64; 2]>>>,
-    values: Vec<f64>,
-    next: Vec<f64>,
+    program: Program<f64>,
     first: Option<[f64; 2]>,
 }
 
 impl ActuatorNetwork {
     /// Creates a network without measurements.
     pub fn new(settings: Arc<NetworkSettings>) -> Self {
-        let width = settings.weights.widest().max(1);
         let past = settings.times.iter().map(|age| Delay::new(*age, None)).collect();
-        Self { past, values: vec![0.0; width], next: vec![0.0; width], first: None, settings }
+        Self { past, program: settings.weights.program.clone(), first: None, settings }
     }
 
     /// The effort \[Nm or N\] for a position error \[rad or m\] and a velocity \[rad/s or m/s\] that are
     /// measured now.
     pub fn effort(&mut self, error: f64, velocity: f64) -> f64 {
-        let (settings, newest) = (&*self.settings, [error, velocity]);
-        let first = self.first.unwrap_or(newest);
-        let count = self.past.len();
-        for (index, past) in self.past.iter().enumerate() {
+        let Self { settings, past, program, first } = self;
+        let newest = [error, velocity];
+        let first = first.unwrap_or(newest);
+        let (count, values) = (past.len(), program.input_mut(0));
+        for (index, past) in past.iter().enumerate() {
             let [error, velocity] = past.acting(Some(newest)).unwrap_or(first);
             let (at_error, at_velocity) = match settings.input_order {
                 InputOrder::PositionVelocity => (index, count + index),
                 InputOrder::VelocityPosition => (count + index, index),
             };
-            self.values[at_error] = settings.position_scale * error;
-            self.values[at_velocity] = settings.velocity_scale * velocity;
+            values[at_error] = settings.position_scale * error;
+            values[at_velocity] = settings.velocity_scale * velocity;
         }
-        settings.effort_scale * settings.weights.output(&mut self.values, &mut self.next)
+        program.run();
+        settings.effort_scale * program.output(0)[0]
     }
 
     /// Advances by `dt` \[s\] after a measurement.

@@ -8,10 +8,13 @@ use crate::tokens::{self, Token};
 /// Wings that may use other wings, as CONTRIBUTING.md lists them; all others meet in topics only.
 const BETWEEN_WINGS: [(&str, &[&str]); 4] = [
     ("library", &["algebra", "primitives", "recordings"]),
-    ("models", &["algebra"]),
+    ("models", &["algebra", "networks"]),
     ("learners", &["algebra", "primitives", "library", "models", "physics", "recordings"]),
     ("policies", &["primitives", "library", "models", "learners", "recordings"]),
 ];
+
+/// The wings below `robots`: plain libraries that use no other crate of the workspace.
+const BELOW_ROBOTS: [&str; 1] = ["networks"];
 
 /// Wings without algorithms.
 const COMPONENTS_ALONE: [&str; 3] = ["components/policies", "components/interfaces", "components/bridges"];
@@ -40,7 +43,9 @@ fn read(path: &Path) -> toml::Table {
 fn may_use(from: &str, to: &str) -> bool {
     let wing = |folder: &str| folder.strip_prefix("components/").map(str::to_string);
     match (wing(from), wing(to)) {
+        (_, Some(to)) if from == "robots" => BELOW_ROBOTS.contains(&to.as_str()),
         _ if matches!(from, "runtime" | "robots") => false,
+        (Some(from), _) if BELOW_ROBOTS.contains(&from.as_str()) => false,
         (Some(from), Some(to)) => {
             BETWEEN_WINGS.iter().any(|(wing, others)| *wing == from && others.contains(&to.as_str()))
         }

@@ -44,6 +44,7 @@ const CEILINGS: [(&str, [usize; 8]); 22] = [
     ("components/sensors", [5, 0, 0, 0, 0, 3, 0, 0]),
     ("components/control", [2, 2, 0, 1, 1, 17, 0, 1]),
     ("components/algebra", [2, 0, 0, 0, 0, 0, 0, 0]),
+    ("components/networks", [0, 0, 0, 0, 0, 0, 0, 0]),
     ("components/recordings", [0, 1, 0, 0, 0, 4, 0, 0]),
     ("components/primitives", [5, 1, 1, 0, 0, 1, 0, 0]),
     ("components/library", [0, 0, 0, 2, 0, 3, 0, 0]),

@@ -372,6 +372,7 @@ fn mistakes_in_yaml_have_a_line_and_a_column() {
         ),
         ("quadruped/last_action_in]", "quadruped/action_in]", "found \"quadruped/action_in\""),
         ("[[qx, qy, qz, qw]]", "[[a, b, c, d]]", "expected qx, qy, qz and qw"),
+        ("sha256sum: d9fc", "sha256sum: d9fd", "quadruped.onnx has the SHA-256 d9fc"),
     ] {
         changed("leapp/quadruped.yaml", from, to);
         let found = complaint(&["model", "import", &file, "--env", &environment, "--output", &output]);
@@ -380,6 +381,62 @@ fn mistakes_in_yaml_have_a_line_and_a_column() {
     let found = complaint(&["model", "import", &fixture("leapp"), "--output", &output]);
     assert!(found.contains("no default pose, expected `--env env.yaml`"), "{found}");
     assert!(!std::fs::exists(&output).expect("readable"), "nothing is written");
+}
+
+#[test]
+fn height_scans_of_mjlab_are_served() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).to_str().expect("a plain path").to_owned();
+    let metadata = [
+        ("joint_names", "elbow_joint"),
+        ("default_joint_pos", "1.000"),
+        ("joint_stiffness", "20.000"),
+        ("joint_damping", "0.500"),
+        ("action_scale", "0.250"),
+        ("observation_names", "height_scan"),
+    ];
+    // the sum of 1 x, 2 x and so on: mjlab orders the points from the right, each column from the back
+    let layers = [((1..=6).map(|k| k as f32).collect(), vec![0.0])];
+    std::fs::write(path("net.onnx"), onnx::write_mlp(6, &layers, Unary::Elu(1.0), &metadata))
+        .expect("a file");
+    let (file, policy) = (path("net.onnx"), path("policy"));
+    let import = ["model", "import", &file, "--output", &policy];
+    assert!(complaint(&import).contains("`--height-scale`"));
+    let scaled = [&import[..], &["--height-scale", "0.5"]].concat();
+    assert!(complaint(&scaled).contains("the height scan has 6 points"));
+    printed(&[&scaled[..], &["--height-points", "3,2", "--height-offset", "0.25"]].concat());
+    let report = json(&["model", "check", &policy, "--robot", "ur5e", "--json"]);
+    assert_eq!((&report["terms"][0]["term"], &report["inputs"]), (&"height_scan".into(), &6.into()));
+    assert_eq!(report["equals_trained"], serde_json::Value::Null);
+    // rows of motorium from the back, each from right to left, times the scale of policy.toml
+    let heights = [-0.5, -0.75, -1.0, -1.25, -1.5, -1.75];
+    let inputs = serde_json::json!({ "obs": [heights.map(|height| -0.5 * height)] });
+    let found = evaluated(folder.path(), &path("policy/policy.onnx"), &inputs);
+    let above = |height: f64| 0.5 * (-height - 0.25);
+    let ordered = [0, 2, 4, 1, 3, 5].map(|index| above(heights[index]));
+    let expected: f64 = ordered.iter().zip(1..).map(|(value, factor)| value * f64::from(factor)).sum();
+    assert!((found[0] - expected).abs() < 1e-5, "{found:?} {expected}");
+}
+
+#[test]
+fn robots_are_compared_with_the_digest() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let policy = folder.path().join("go1").to_str().expect("a plain path").to_owned();
+    printed(&["model", "import", &fixture("mjlab-go1.onnx"), "--output", &policy, "--robot", "quadruped"]);
+    let report = json(&["model", "check", &policy, "--json"]);
+    assert_eq!(report["equals_trained"], true);
+    let file = folder.path().join("go1/policy.toml");
+    let text = std::fs::read_to_string(&file).expect("a policy");
+    let digest = |name: &str| report["robot_digest"][name].as_str().expect("a digest").to_owned();
+    let other = "0123456789abcdef";
+    std::fs::write(&file, text.replace(&digest("dynamics"), other)).expect("written");
+    let output = run(&["model", "check", &policy, "--json"]);
+    assert!(output.status.success());
+    let warning = String::from_utf8_lossy(&output.stderr);
+    assert!(warning.contains("masses, drives or gains of quadruped differ"), "{warning}");
+    std::fs::write(&file, text.replace(&digest("joints"), other)).expect("written");
+    let found = complaint(&["model", "check", &policy]);
+    assert!(found.contains("joint axes or limits of quadruped differ"), "{found}");
 }
 
 #[test]

@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
+use motorium_models::policy::RobotDigest;
 use motorium_physics::{ArticulatedSimulator, BuildError, Options, RobotSetup};
 use motorium_robots::{LoadError, ModelWarning, UnknownFrame, World, WorldError, load};
 
-use crate::task::Task;
+use crate::task::{Task, robot_digest};
 
 /// A robot that cannot be loaded.
 #[derive(Debug, thiserror::Error)]
@@ -37,6 +38,7 @@ pub struct Scene {
     robot: RobotSetup,
     world: World,
     warnings: Vec<ModelWarning>,
+    digest: Option<RobotDigest>,
     start: Vec<f64>,
 }
 
@@ -54,12 +56,19 @@ impl Scene {
             .map_err(|source| SceneError::Frame { robot: robot(), source })?;
         let mut world = task.world.clone();
         let warnings = world.locate(base)?;
-        Ok(Self { robot: setup, world, warnings, start: task.start.position.clone() })
+        let policy = task.policy().ok();
+        let digest = policy.and_then(|policy| robot_digest(&loaded, &policy.action.joints));
+        Ok(Self { robot: setup, world, warnings, digest, start: task.start.position.clone() })
     }
 
     /// Warnings of elements of the world's file that are left out.
     pub fn warnings(&self) -> &[ModelWarning] {
         &self.warnings
+    }
+
+    /// Digest of the robot for the policies of the task; `None` if it lacks a joint of the action.
+    pub fn robot_digest(&self) -> Option<RobotDigest> {
+        self.digest
     }
 
     /// Builds a simulation of the robot.

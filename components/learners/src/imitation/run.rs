@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use motorium_models::policy::RobotDigest;
 use motorium_physics::Articulated;
 use motorium_robots::ModelWarning;
 use serde::Serialize;
@@ -51,6 +52,7 @@ pub struct Run {
     folder: PathBuf,
     algorithm: Algorithm,
     task: Task,
+    robot: Option<RobotDigest>,
     warnings: Vec<ModelWarning>,
     imitation: Imitation<Articulated>,
     progress: String,
@@ -93,8 +95,8 @@ impl Run {
         files::write(&folder.join(RUN), description.to_string().as_bytes())?;
         let progress = "iteration,labels,beta,episodes,mean_return,loss\n".to_owned();
         let folder = folder.to_path_buf();
-        let warnings = scene.warnings().to_vec();
-        Ok(Self { folder, algorithm, task, warnings, imitation, progress, last: None })
+        let (robot, warnings) = (scene.robot_digest(), scene.warnings().to_vec());
+        Ok(Self { folder, algorithm, task, robot, warnings, imitation, progress, last: None })
     }
 
     /// The task.
@@ -121,7 +123,8 @@ impl Run {
         let mean = mean_return.map_or_else(String::new, |mean| mean.to_string());
         let _ = writeln!(self.progress, "{iteration},{labels},{beta},{episodes},{mean},{loss}");
         files::write(&self.folder.join(PROGRESS), self.progress.as_bytes())?;
-        folder::write_policy(&self.folder, &self.task, &self.imitation.policy(), self.algorithm.name())?;
+        let policy = self.imitation.policy();
+        folder::write_policy(&self.folder, (&self.task, self.robot), &policy, self.algorithm.name())?;
         self.last = Some(found);
         Ok(self.last)
     }

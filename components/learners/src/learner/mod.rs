@@ -122,7 +122,7 @@ pub trait Learner {
 /// SHA-256 of some numbers, in hexadecimal.
 pub(crate) fn numbers_sha256<'a>(numbers: impl IntoIterator<Item = &'a [f32]>) -> String {
     let bytes: Vec<u8> = numbers.into_iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
-    crate::sha256::sha256_hex(&bytes)
+    motorium_models::sha256::sha256_hex(&bytes)
 }
 
 /// Checks that a term of a loss is finite.

@@ -38,10 +38,11 @@ mod points;
 mod push;
 mod quantity;
 mod rhythm;
+mod robot;
 mod terms;
 mod trial;
 
-use motorium_models::policy::{Pattern, Policy, PolicyError};
+use motorium_models::policy::{Pattern, Policy, PolicyError, RobotDigest};
 use motorium_physics::randomise::{RandomiseConfig, RangeError};
 use motorium_robots::World;
 use serde::Deserialize;
@@ -52,6 +53,7 @@ pub use points::{PointMotion, Points};
 pub use push::Pushes;
 pub use quantity::{Quantity, Reward, Shape, Termination, Verdict};
 pub use rhythm::Rhythm;
+pub use robot::{robot_difference, robot_digest};
 pub use terms::{Outcome, RobotState, Terms};
 pub use trial::{End, Step, Trial};
 
@@ -232,12 +234,12 @@ impl Task {
         (self.duration * self.rate()).round() as usize
     }
 
-    /// The text of the `policy.toml` of policies for this task.
+    /// The text of the `policy.toml` of policies for this task, with the digest of the robot if it is given.
     ///
     /// # Errors
     ///
     /// [`TaskError::Parse`] where the terms do not serialise.
-    pub fn policy_text(&self) -> Result<String, TaskError> {
+    pub fn policy_text(&self, robot: Option<RobotDigest>) -> Result<String, TaskError> {
         let mut table = toml::Table::new();
         table.insert("network".into(), NETWORK.into());
         table.insert("rate".into(), self.rate().into());
@@ -249,6 +251,10 @@ impl Task {
                 toml::Value::try_from(pattern).map_err(|error| TaskError::Parse(error.to_string()))?;
             table.insert("pattern".into(), pattern);
         }
+        if let Some(robot) = robot {
+            let digest = toml::Value::try_from(robot).map_err(|error| TaskError::Parse(error.to_string()))?;
+            table.insert("robot_digest".into(), digest);
+        }
         toml::to_string(&table).map_err(|error| TaskError::Parse(error.to_string()))
     }
 
@@ -258,7 +264,7 @@ impl Task {
     ///
     /// [`TaskError`].
     pub fn policy(&self) -> Result<Policy, TaskError> {
-        Ok(Policy::parse(&self.policy_text()?)?)
+        Ok(Policy::parse(&self.policy_text(None)?)?)
     }
 
     /// Lowest and highest reward of a step.

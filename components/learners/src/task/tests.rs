@@ -71,7 +71,7 @@ fn mistakes_in_a_task_are_named() {
 #[test]
 fn the_policy_of_a_task_has_its_terms() {
     let task = Task::parse(TEXT).expect("a task");
-    let policy = Policy::parse(&task.policy_text().expect("a policy")).expect("a policy");
+    let policy = Policy::parse(&task.policy_text(None).expect("a policy")).expect("a policy");
     assert_eq!((policy.rate, policy.inputs()), (50.0, Ok(4)));
     assert_eq!(policy.robot.as_deref(), Some("cart-pole"));
     assert_eq!(policy.network, NETWORK);

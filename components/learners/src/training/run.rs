@@ -11,6 +11,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use motorium_models::policy::RobotDigest;
 use motorium_robots::ModelWarning;
 use serde::{Deserialize, Serialize};
 
@@ -95,28 +96,34 @@ pub struct Summary {
 pub struct Run {
     folder: PathBuf,
     task: Task,
+    robot: Option<RobotDigest>,
     warnings: Vec<ModelWarning>,
     learner: Box<dyn Learner>,
     last: Option<Progress>,
 }
 
-/// A learner of the task in a file, whose robot is relative to `base`, and the warnings of its world.
+/// A learner of the task in a file, whose robot is relative to `base`, and its scene.
 fn build(
     algorithm: Algorithm,
     (task, file): (&Task, &Path),
     base: &Path,
     steps: Option<u64>,
     run: (u64, usize),
-) -> Result<(Box<dyn Learner>, Vec<ModelWarning>), RunError> {
+) -> Result<(Box<dyn Learner>, Scene), RunError> {
     let scene = Scene::load(task, base)?;
     let learner = super::start(algorithm, task, &scene, steps, run).map_err(|error| match error {
         EnvironmentError::Task(source) => FolderError::Task { file: file.to_path_buf(), source }.into(),
         other => RunError::Environment(other),
     })?;
-    Ok((learner, scene.warnings().to_vec()))
+    Ok((learner, scene))
 }
 
 impl Run {
+    fn new(folder: &Path, task: Task, scene: &Scene, learner: Box<dyn Learner>) -> Self {
+        let (robot, warnings) = (scene.robot_digest(), scene.warnings().to_vec());
+        Self { folder: folder.to_path_buf(), task, robot, warnings, learner, last: None }
+    }
+
     /// Starts a run of an algorithm on the task in a file, with its settings in `[algorithms]`; `steps`
     /// replaces theirs.
     ///
@@ -133,9 +140,9 @@ impl Run {
         let (task, text) = folder::read_task(file)?;
         folder::check_empty(folder)?;
         let base = folder::base(file);
-        let (learner, warnings) = build(algorithm, (&task, file), &base, steps, (seed, threads))?;
+        let (learner, scene) = build(algorithm, (&task, file), &base, steps, (seed, threads))?;
         let description = Description { algorithm, seed, steps: learner.total_steps(), base };
-        let run = Self { folder: folder.to_path_buf(), task, warnings, learner, last: None };
+        let run = Self::new(folder, task, &scene, learner);
         files::create_folder(folder)?;
         files::write(&folder.join(TASK), text.as_bytes())?;
         let mut header = HEADER.to_owned();
@@ -165,7 +172,7 @@ impl Run {
             .map_err(|error| RunError::Description { file: file.clone(), message: error.to_string() })?;
         let (task, _) = folder::read_task(&folder.join(TASK))?;
         let Description { algorithm, seed, steps, base } = description;
-        let (mut learner, warnings) =
+        let (mut learner, scene) =
             build(algorithm, (&task, &folder.join(TASK)), &base, Some(steps), (seed, threads))?;
         let file = folder.join(CHECKPOINT);
         let bytes = files::read(&file)?;
@@ -178,7 +185,7 @@ impl Run {
         };
         let kept: String = progress.lines().filter(is_kept).flat_map(|line| [line, "\n"]).collect();
         files::write(&folder.join(PROGRESS), kept.as_bytes())?;
-        Ok(Self { folder: folder.to_path_buf(), task, warnings, learner, last: None })
+        Ok(Self::new(folder, task, &scene, learner))
     }
 
     /// The task.
@@ -251,7 +258,7 @@ impl Run {
             .checkpoint()
             .map_err(|source| RunError::Checkpoint { file: file.clone(), source: Box::new(source) })?;
         let algorithm = self.learner.algorithm().name();
-        folder::write_policy(&self.folder, &self.task, &self.learner.policy(), algorithm)?;
+        folder::write_policy(&self.folder, (&self.task, self.robot), &self.learner.policy(), algorithm)?;
         files::write(&file, &bytes)?;
         Ok(())
     }

@@ -6,12 +6,12 @@ use std::fs::File;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+use motorium_models::sha256::sha256_hex;
 use serde::{Deserialize, Serialize};
 
 use super::{Parameter, ParameterError, Settings};
 use crate::files::{self, FileError};
 use crate::search::{Evaluation, Outcome, RestoreError, Search, StartError, TellError, Workers, maximise};
-use crate::sha256::sha256_hex;
 
 const DESCRIPTION: &str = "tuning.json";
 const CHECKPOINT: &str = "checkpoint.json";

@@ -27,9 +27,11 @@ pub struct Part {
     /// Name of the input.
     pub input: String,
     /// Index in the observation of each value of the input. With an orientation: of the three values of the
-    /// direction of gravity.
+    /// direction of gravity. Empty for an input of constants, which are `add`.
     pub picks: Vec<usize>,
-    /// Values added; empty for none.
+    /// Factors of the values; empty for 1.
+    pub scale: Vec<f32>,
+    /// Values added after the factors; empty for none.
     pub add: Vec<f32>,
     /// The input is a unit quaternion: order of its values as indices of x, y, z, w. It has the direction of
     /// gravity of the observation, and a heading of 0.
@@ -147,7 +149,14 @@ fn adapt(model: &ModelProto, inputs: &[Input], adapter: &Adapter) -> Result<Vec<
     };
     let mut graph = GraphProto { name: source.name.clone(), ..GraphProto::default() };
     graph.initializer.clone_from(&source.initializer);
-    for Part { input, picks, add, orientation: order } in &adapter.parts {
+    for Part { input, picks, scale, add, orientation: order } in &adapter.parts {
+        let lengths: Vec<i64> = shape(input)?.into_iter().map(|length| length as i64).collect();
+        if picks.is_empty() {
+            let lengths = integers(&mut graph, &mut names, &lengths);
+            let value = constant(&mut graph, &mut names, &[add.len()], add);
+            graph.node.push(node("Reshape", &[&value, &lengths], &[input]));
+            continue;
+        }
         let indices: Vec<i64> = picks.iter().map(|index| *index as i64).collect();
         let indices = integers(&mut graph, &mut names, &indices);
         let mut value = names.next();
@@ -157,13 +166,14 @@ fn adapt(model: &ModelProto, inputs: &[Input], adapter: &Adapter) -> Result<Vec<
         if let Some(order) = order {
             value = orientation(&mut graph, &mut names, &value, *order);
         }
-        if !add.is_empty() {
-            let offsets = constant(&mut graph, &mut names, &[add.len()], add);
-            let sum = names.next();
-            graph.node.push(node("Add", &[&value, &offsets], &[&sum]));
-            value = sum;
+        for (operator, numbers) in [("Mul", scale), ("Add", add)] {
+            if !numbers.is_empty() {
+                let numbers = constant(&mut graph, &mut names, &[numbers.len()], numbers);
+                let result = names.next();
+                graph.node.push(node(operator, &[&value, &numbers], &[&result]));
+                value = result;
+            }
         }
-        let lengths: Vec<i64> = shape(input)?.into_iter().map(|length| length as i64).collect();
         let lengths = integers(&mut graph, &mut names, &lengths);
         graph.node.push(node("Reshape", &[&value, &lengths], &[input]));
     }
@@ -192,6 +202,33 @@ fn adapt(model: &ModelProto, inputs: &[Input], adapter: &Adapter) -> Result<Vec<
     Ok(model.encode_to_vec())
 }
 
+/// Returns the bytes of a network with inputs of these names and shapes in place of its observation, which is
+/// all of them in a row.
+#[cfg(test)]
+pub(crate) fn split_input(bytes: &[u8], inputs: &[(&str, &[usize])]) -> Vec<u8> {
+    let mut model = ModelProto::decode(bytes).expect("a model");
+    let mut graph = model.graph.take().expect("a graph");
+    let observation = core::mem::take(&mut graph.input).swap_remove(0).name;
+    let mut names = Names { prefix: "split_".to_owned(), count: 0 };
+    let (mut nodes, mut rows) = (Vec::new(), Vec::new());
+    for (name, shape) in inputs {
+        let shape: Vec<(usize, &str)> = shape.iter().map(|length| (*length, "")).collect();
+        graph.input.push(port(name, &shape));
+        let lengths = integers(&mut graph, &mut names, &[1, -1]);
+        let row = names.next();
+        nodes.push(node("Reshape", &[name, &lengths], &[&row]));
+        rows.push(row);
+    }
+    let rows: Vec<&str> = rows.iter().map(String::as_str).collect();
+    let mut concat = node("Concat", &rows, &[&observation]);
+    concat.attribute.push(integer("axis", 1));
+    nodes.push(concat);
+    nodes.append(&mut graph.node);
+    graph.node = nodes;
+    model.graph = Some(graph);
+    model.encode_to_vec()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -218,13 +255,20 @@ mod tests {
 
     #[test]
     fn inputs_are_picked_and_shifted() {
-        let part = Part { picks: vec![3, 0], add: vec![10.0, 20.0], ..Part::new("obs") };
+        let (scale, add) = (vec![2.0, 1.0], vec![10.0, 20.0]);
+        let part = Part { picks: vec![3, 0], scale, add, ..Part::new("obs") };
         let adapter = Adapter { subtract: vec![1.0, 2.0], ..adapter(4, part) };
         let bytes = identity(2).adapt(&adapter).expect("a network");
-        assert_eq!(run(&bytes, &[0.5, 7.0, 7.0, -0.25]), [8.75, 18.5]);
+        assert_eq!(run(&bytes, &[0.5, 7.0, 7.0, -0.25]), [8.5, 18.5]);
         let names: Vec<String> =
             Model::read(&bytes).expect("a model").inputs().into_iter().map(|input| input.name).collect();
         assert_eq!(names, ["obs_"], "the name of the old input is taken");
+    }
+
+    #[test]
+    fn inputs_without_picks_are_constant() {
+        let bytes = identity(2).adapt(&adapter(1, Part { add: vec![3.0, -4.0], ..Part::new("obs") }));
+        assert_eq!(run(&bytes.expect("a network"), &[7.0]), [3.0, -4.0]);
     }
 
     #[test]

@@ -28,11 +28,17 @@ impl Compiler {
         Ok(())
     }
 
-    /// Allocates a buffer for a tensor.
-    pub(super) fn buffer(&mut self, node: &Node<'_>, shape: &[usize]) -> Result<Buffer, OnnxError> {
+    /// Counts the numbers of a tensor against the limit, and returns their number.
+    fn length(&mut self, node: &Node<'_>, shape: &[usize]) -> Result<usize, OnnxError> {
         let length =
             count(shape).ok_or_else(|| node.error(format!("a tensor of shape {shape:?} is too large")))?;
         self.reserve(node, length)?;
+        Ok(length)
+    }
+
+    /// Allocates a buffer for a tensor.
+    pub(super) fn buffer(&mut self, node: &Node<'_>, shape: &[usize]) -> Result<Buffer, OnnxError> {
+        let length = self.length(node, shape)?;
         Ok(self.program.buffer(length))
     }
 
@@ -44,7 +50,7 @@ impl Compiler {
         shape: Vec<usize>,
     ) -> Result<Computed, OnnxError> {
         let buffer = self.buffer(node, &shape)?;
-        self.program.operations.push((buffer, operation));
+        self.program.push_into(operation, buffer);
         Ok(Computed { shape, buffer })
     }
 
@@ -53,8 +59,8 @@ impl Compiler {
         match value {
             Value::Computed(computed) => Ok(computed.clone()),
             Value::Constant(constant) => {
-                let buffer = self.buffer(node, &constant.shape)?;
-                self.program.buffers[buffer] = constant.to_reals();
+                self.length(node, &constant.shape)?;
+                let buffer = self.program.constant(constant.to_reals());
                 Ok(Computed { shape: constant.shape.clone(), buffer })
             }
         }
@@ -76,12 +82,9 @@ impl Compiler {
         if !known {
             return self.push(node, operation, shape).map(Value::Computed);
         }
-        let earlier = core::mem::take(&mut self.program.operations);
-        let computed = self.push(node, operation, shape)?;
-        self.program.run();
-        self.program.operations = earlier;
-        let numbers = Numbers::Real(core::mem::take(&mut self.program.buffers[computed.buffer]));
-        Ok(Value::Constant(Constant { shape: computed.shape, numbers }))
+        let length = self.length(node, &shape)?;
+        let numbers = Numbers::Real(self.program.evaluate(operation, length));
+        Ok(Value::Constant(Constant { shape, numbers }))
     }
 
     /// Returns a tensor with the elements of `value` at `offsets`.
@@ -166,7 +169,7 @@ pub(super) fn compile(
             return Err(error(format!("more than {MAX_NUMBERS} numbers in all inputs")));
         }
         let buffer = compiler.program.buffer(length);
-        compiler.program.inputs.push(Port { name: input.name.clone(), shape: shape.clone(), buffer });
+        compiler.program.push_input(Port { name: input.name.clone(), shape: shape.clone(), buffer });
         let name = info.map_or("", |info| &info.name);
         values.insert(name, Value::Computed(Computed { shape, buffer }));
     }
@@ -197,11 +200,10 @@ pub(super) fn compile(
         let (shape, buffer) = match value {
             Value::Computed(computed) => (computed.shape.clone(), computed.buffer),
             Value::Constant(constant) => {
-                compiler.program.buffers.push(constant.to_reals());
-                (constant.shape.clone(), compiler.program.buffers.len() - 1)
+                (constant.shape.clone(), compiler.program.constant(constant.to_reals()))
             }
         };
-        compiler.program.outputs.push(Port { name: output.name.clone(), shape, buffer });
+        compiler.program.push_output(Port { name: output.name.clone(), shape, buffer });
     }
     Ok(compiler.program)
 }

@@ -42,8 +42,8 @@ impl Compiler {
             return Ok(vec![Value::Constant(Constant { shape: shape.clone(), numbers })]);
         }
         let Computed { shape, buffer } = self.operand(node, 0)?;
-        let factor = self.buffer(node, &[1])?;
-        self.program.buffers[factor].fill(-1.0);
+        self.reserve(node, 1)?;
+        let factor = self.program.constant(vec![-1.0]);
         let operation = Operation::Binary([buffer, factor], Binary::Mul, [Operand::Aligned, Operand::Single]);
         Ok(vec![self.fold(node, operation, shape)?])
     }

@@ -26,6 +26,8 @@ mod write;
 use prost::Message as _;
 
 use crate::inference::Program;
+#[cfg(test)]
+pub(crate) use adapt::split_input;
 pub use adapt::{Adapter, Part};
 use proto::ModelProto;
 pub use write::{GruLayer, write_choice, write_gru, write_mlp};

@@ -34,6 +34,7 @@ mod import;
 mod numbers;
 mod observer;
 mod pattern;
+mod robot;
 mod targets;
 
 use serde::{Deserialize, Serialize};
@@ -52,6 +53,7 @@ pub use numbers::Numbers;
 use numbers::{finite, one};
 pub use observer::{BaseMotion, Measurements, Observer, projected_gravity};
 pub use pattern::{Pattern, PatternJoint};
+pub use robot::{RobotDifference, RobotDigest};
 pub use targets::{JointTarget, JointTargets};
 
 /// A policy as described by `policy.toml`.
@@ -74,6 +76,8 @@ pub struct Policy {
     pub action: Action,
     /// Pattern generator that the action commands. Default: the action commands the joints directly.
     pub pattern: Option<Pattern>,
+    /// Digest of the robot the policy was trained for. Default: robots are compared by joint names only.
+    pub robot_digest: Option<RobotDigest>,
 }
 
 /// A part of the observation.

@@ -13,10 +13,10 @@ use motorium::state::{
     TwistTarget,
 };
 use motorium::transport::{Input, Output, ParameterArray, Reading};
-use motorium_learners::task::Points;
+use motorium_learners::task::{Points, robot_difference};
 use motorium_models::policy::{
     BaseMotion, JointTargets, Measurements, Observer, Policy, PolicyError, PolicyFolder, PolicyFolderError,
-    PolicyNetwork, Term, projected_gravity,
+    PolicyNetwork, RobotDifference, Term, projected_gravity,
 };
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -104,6 +104,8 @@ struct Loaded {
     targets: JointTargets,
     observer: Observer,
     points: Points,
+    /// A difference of the robot's dynamics.
+    warning: Option<String>,
 }
 
 pub(crate) fn refused(key: &str, error: &PolicyFolderError) -> ConfigError {
@@ -147,13 +149,30 @@ fn load(
         let message = format!("{rays} rays, but a height scan holds {MAX_HEIGHTS}");
         return Err(ConfigError::key("policy", message));
     }
-    let model = crate::robot::load(robot)?.model;
+    let loaded = crate::robot::load(robot)?;
+    let difference = robot_difference(&policy, &loaded);
+    let model = loaded.model;
     let invalid = |error: PolicyError| match error {
         PolicyError::Joints { message } => ConfigError::key("policy", message)
             .advise("rename the joints in `action.joints`, in the order of the network's outputs"),
         other => ConfigError::key("policy", other.to_string()),
     };
     let targets = policy.joint_targets(model.joint_names()).map_err(invalid)?;
+    if difference == Some(RobotDifference::Joints) {
+        let message = format!(
+            "joint axes or limits of `{}` differ from the policy's robot (`robot_digest.joints`)",
+            robot.name
+        );
+        return Err(ConfigError::key("policy", message).advise(
+            "train again, or remove `robot_digest` from policy.toml if the policy suits both robots",
+        ));
+    }
+    let warning = difference.map(|_| {
+        format!(
+            "masses, drives or gains of `{}` differ from the policy's robot (`robot_digest.dynamics`)",
+            robot.name
+        )
+    });
     let observer = Observer::new(&policy, model.joint_names()).map_err(invalid)?;
     let points =
         Points::new(&policy, &model).map_err(|error| ConfigError::key("policy", error.to_string()))?;
@@ -162,7 +181,7 @@ fn load(
         return Err(ConfigError::key("policy", message)
             .advise("name links or \"target\" in `points`, or evaluate it with `motorium learn evaluate`"));
     }
-    Ok(Loaded { policy, network, targets, observer, points })
+    Ok(Loaded { policy, network, targets, observer, points, warning })
 }
 
 impl Component for NetworkPolicy {
@@ -172,7 +191,13 @@ impl Component for NetworkPolicy {
     type Config = NetworkPolicyConfig;
 
     fn declare(config: &NetworkPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let Loaded { policy, points, .. } = load(config, declare.folder(), declare.robot())?;
+        let Loaded { policy, points, warning, .. } = load(config, declare.folder(), declare.robot())?;
+        if let Some(warning) = warning {
+            declare
+                .warn(warning)
+                .key("policy")
+                .advise("evaluate the policy on this robot; `motorium model check` compares it, too");
+        }
         if let Some(period) = declare.period() {
             let found = period.as_secs_f64().recip();
             if (found / policy.rate - 1.0).abs() > 1e-3 {
@@ -215,7 +240,7 @@ impl Component for NetworkPolicy {
 
     fn configure(config: NetworkPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
-        let Loaded { policy, network, targets, observer, points } =
+        let Loaded { policy, network, targets, observer, points, .. } =
             load(&config, setup.folder(), Some(&robot))?;
         let needs = |port| config.needs(&policy, port);
         let inputs = Inputs {

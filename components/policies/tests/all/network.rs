@@ -8,6 +8,8 @@ use motorium::declare::{ConfigError, Declare, Placement, RobotReference, StepErr
 use motorium::state::{Action, BaseState, ImuSample, JointState};
 use motorium::transport::{Input, Output};
 use motorium::worker::Kind;
+use motorium_learners::task::robot_digest;
+use motorium_models::policy::{PolicyFolder, PolicyFolderError, RobotDigest};
 use motorium_models::{inference::Unary, onnx};
 use motorium_policies::{JointTargetsPolicy, NetworkPolicy};
 use serde_json::json;
@@ -224,8 +226,12 @@ fn a_missing_policy_is_refused_with_its_file() {
     let config = json!({ "policy": "nowhere" });
     let error = support::refusal::<NetworkPolicy>(config, Some("planar-3r"), Path::new("."));
     assert_eq!(error.key.as_deref(), Some("policy"));
-    assert!(error.message.contains("nowhere/policy.toml: "), "{}", error.message);
-    assert!(error.advice.unwrap().contains("folder with policy.toml"));
+    let expected = PolicyFolder::read(Path::new("./nowhere")).unwrap_err();
+    assert!(
+        matches!(&expected, PolicyFolderError::Read { path, .. } if path.ends_with("nowhere/policy.toml"))
+    );
+    assert_eq!(error.message, expected.to_string());
+    assert!(error.advice.is_some());
 }
 
 #[test]
@@ -241,7 +247,35 @@ fn points_on_objects_are_refused_by_name() {
         folder.path(),
     );
     assert_eq!(error.key.as_deref(), Some("policy"));
-    assert!(error.message.starts_with("\"ball\" is no link of the robot"), "{}", error.message);
+    let expected = "\"ball\" is no link of the robot, and no topic has the motion of objects";
+    assert_eq!(error.message, expected);
+}
+
+#[test]
+fn robots_are_compared_with_the_digest() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), [0, 1]);
+    let loaded = motorium_robots::load("planar-3r", Path::new(".")).unwrap();
+    let digest = robot_digest(&loaded, &["joint3", "joint1"]).unwrap();
+    let declared = |RobotDigest { joints, dynamics }: RobotDigest| {
+        let digest = format!("[robot_digest]\njoints = \"{joints:016x}\"\ndynamics = \"{dynamics:016x}\"\n");
+        std::fs::write(folder.path().join("policy.toml"), format!("{TERMS}{digest}")).unwrap();
+        let robot = RobotReference {
+            name: "arm".into(),
+            urdf: "planar-3r".into(),
+            base: folder.path().into(),
+            ..RobotReference::default()
+        };
+        let placement = Placement { folder: folder.path().into(), ..Placement::default() };
+        let mut declare = Declare::new(Some(robot)).placed(placement);
+        let config = serde_json::from_value(json!({ "policy": "." })).unwrap();
+        NetworkPolicy::declare(&config, &mut declare).map(|()| declare.into_declaration().warnings.len())
+    };
+    assert_eq!(declared(digest).unwrap(), 0);
+    assert_eq!(declared(RobotDigest { dynamics: 1, ..digest }).unwrap(), 1, "a warning");
+    let error = declared(RobotDigest { joints: 1, ..digest }).unwrap_err();
+    assert_eq!(error.key.as_deref(), Some("policy"));
+    assert!(error.advice.is_some());
 }
 
 #[test]

@@ -44,7 +44,7 @@ fn write_policy(task: &Task, folder: &Path, largest: f32) {
     };
     let layers = [(random(16 * inputs), random(16)), (random(outputs * 16), random(outputs))];
     std::fs::create_dir(folder).unwrap();
-    std::fs::write(folder.join("policy.toml"), task.policy_text().unwrap()).unwrap();
+    std::fs::write(folder.join("policy.toml"), task.policy_text(None).unwrap()).unwrap();
     let network = onnx::write_mlp(inputs, &layers, Unary::Tanh, &[]);
     std::fs::write(folder.join(&policy.network), network).unwrap();
 }

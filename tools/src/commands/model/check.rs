@@ -4,18 +4,19 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
-use motorium_learners::task::Points;
-use motorium_models::policy::PolicyFolder;
+use motorium_learners::task::{Points, robot_difference, robot_digest};
+use motorium_models::policy::{PolicyFolder, RobotDifference, RobotDigest};
 use motorium_robots::{LoadOptions, load_with};
 use serde::Serialize;
 
-use crate::out::outln;
+use crate::out::{errln, outln};
+use crate::style;
 
 /// Difference of poses that is reported [rad or m].
 const POSE_TOLERANCE: f64 = 1e-3;
 
 /// Check the folder of a policy against a robot: the widths of its network, the source of each observation
-/// term, and the joint of each action.
+/// term, the joint of each action, and the digest of its robot.
 ///
 /// Example: motorium model check policy/ --robot quadruped
 #[derive(Debug, clap::Args)]
@@ -38,6 +39,10 @@ pub(super) struct Check {
 struct Report {
     robot: String,
     rate_hz: f64,
+    /// `false` if masses, drives or gains differ from the policy's robot; null without a digest.
+    equals_trained: Option<bool>,
+    /// Digest of the robot, as in `policy.toml`.
+    robot_digest: Option<RobotDigest>,
     inputs: usize,
     terms: Vec<Term>,
     joints: Vec<Joint>,
@@ -101,6 +106,21 @@ impl Check {
                 }
             }
         }
+        let difference = robot_difference(&policy, &robot);
+        if difference == Some(RobotDifference::Joints) {
+            bail!(
+                "{place}: joint axes or limits of {name} differ from the policy's robot (`robot_digest.joints`); \
+                 help: train again, or remove `robot_digest` if the policy suits both robots"
+            );
+        }
+        if difference.is_some() {
+            errln!(
+                "{} {place}: masses, drives or gains of {name} differ from the policy's robot \
+                 (`robot_digest.dynamics`)",
+                style::warning("warning:")
+            );
+        }
+        let equals_trained = policy.robot_digest.map(|_| difference.is_none());
         let mut first = 0;
         let mut terms = Vec::new();
         for observation in &policy.observations {
@@ -126,7 +146,18 @@ impl Check {
             PatternOutput { name, policy_index, range }
         });
         let pattern = pattern.collect();
-        let report = Report { robot: name, rate_hz: policy.rate, inputs: first, terms, joints, pattern };
+        let rate_hz = policy.rate;
+        let robot_digest = robot_digest(&robot, &policy.action.joints);
+        let report = Report {
+            robot: name,
+            rate_hz,
+            equals_trained,
+            robot_digest,
+            inputs: first,
+            terms,
+            joints,
+            pattern,
+        };
         if self.json {
             outln!("{}", serde_json::to_string(&report)?);
         } else {

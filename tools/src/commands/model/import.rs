@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
+use motorium_learners::task::robot_digest;
 use motorium_models::policy::{
     Bundle, Environment, ImportError, ImportOptions, Policy, import_isaac, import_leapp, import_mjlab,
     import_weights,
@@ -47,10 +48,19 @@ pub(super) struct Import {
     /// The rate of a policy without one in its files, Hz [default: 50 for mjlab]
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// The steps of history of each observation term of mjlab [default: 1]
+    /// The steps of history of each observation term of mjlab [default: as in the file, or 1]
     #[arg(long, value_name = "STEPS")]
     history: Option<usize>,
-    /// The robot: its joints are compared with the policy's, and it is named in policy.toml
+    /// The points of mjlab's height scan along x and y [default: 17,11 for 187 points]
+    #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 2)]
+    height_points: Option<Vec<usize>>,
+    /// The factor of mjlab's height scan [default: as in the file]
+    #[arg(long, value_name = "FACTOR")]
+    height_scale: Option<f64>,
+    /// The offset of mjlab's height scan, m [default: 0]
+    #[arg(long, value_name = "METRES")]
+    height_offset: Option<f64>,
+    /// The robot: its joints are compared with the policy's; policy.toml has its name and digest
     #[arg(long, value_name = "ROBOT", add = crate::complete::robots())]
     robot: Option<String>,
     /// The default pose of a LEAPP bundle without --env: a pose of the robot
@@ -92,6 +102,7 @@ impl Import {
         if let Some(loaded) = robot {
             policy.joint_targets(loaded.model.joint_names()).with_context(|| name(&self.file))?;
             policy.robot.clone_from(&self.robot);
+            policy.robot_digest = robot_digest(&loaded, &policy.action.joints);
         }
         std::fs::create_dir_all(&self.output).with_context(|| name(&self.output))?;
         let file = self.output.join(&policy.network);
@@ -134,9 +145,16 @@ impl Import {
         if self.file.extension().is_some_and(|extension| extension == "safetensors") {
             bail!("{}: weights alone; help: describe them in a file for `--table`", file());
         }
-        let (rate, history) = (self.rate.unwrap_or(50.0), self.history.unwrap_or(1));
-        let options = ImportOptions { rate, history, robot: None };
-        Ok((import_mjlab(&bytes, options).with_context(file)?, bytes))
+        let points = self.height_points.as_deref().map(<[usize; 2]>::try_from).transpose();
+        let options = ImportOptions {
+            rate: self.rate.unwrap_or(50.0),
+            history: self.history,
+            robot: None,
+            height_points: points.context("--height-points: expected two numbers")?,
+            height_scale: self.height_scale,
+            height_offset: self.height_offset.unwrap_or(0.0),
+        };
+        import_mjlab(&bytes, options).with_context(file)
     }
 
     fn import_bundle(

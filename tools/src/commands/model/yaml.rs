@@ -317,6 +317,7 @@ struct ModelEntry {
 struct Parameters {
     backend: Spanned<String>,
     model_path: String,
+    sha256sum: Option<String>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -385,6 +386,7 @@ pub(super) fn bundle(path: &Path) -> anyhow::Result<Bundle> {
         name,
         backend: entry.parameters.backend.value,
         path: entry.parameters.model_path,
+        sha256: entry.parameters.sha256sum,
         inputs: entry.inputs.into_iter().map(port).collect(),
         outputs: entry.outputs.into_iter().map(port).collect(),
     };

@@ -48,6 +48,42 @@ pub enum ImportError {
         /// Number of outputs of the network.
         expected: usize,
     },
+    /// A list of the metadata has a different length from the observation.
+    #[error("`{key}` has {found} entries, expected {expected}, one for each observation")]
+    Terms {
+        /// The list.
+        key: &'static str,
+        /// Number of entries found.
+        found: usize,
+        /// Number of observation terms.
+        expected: usize,
+    },
+    /// A setting of an observation term is unusable.
+    #[error("observation \"{name}\": `{key}`: {message}")]
+    Setting {
+        /// Name of the term.
+        name: String,
+        /// The list of the metadata.
+        key: &'static str,
+        /// The value found, the value expected, and a remedy.
+        message: String,
+    },
+    /// The grid of the height scan is unknown, or has another number of points.
+    #[error(
+        "the height scan has {rays} points, expected {}; help: give the points along x and y by `--height-points`",
+        points.map_or_else(|| "a grid".to_owned(), |[x, y]| format!("{x} x {y}"))
+    )]
+    HeightPoints {
+        /// Numbers that the network reads.
+        rays: usize,
+        /// Points along x and y.
+        points: Option<[usize; 2]>,
+    },
+    /// The factor of the height scan is unknown.
+    #[error(
+        "the file has no scale of the height scan; help: give it by `--height-scale`: 1 / `max_distance` of the sensor in the tasks of mjlab"
+    )]
+    HeightScale,
     /// No topic provides this observation term.
     #[error("observation \"{name}\" is unknown, expected one of {}", known())]
     Term {
@@ -115,9 +151,39 @@ pub enum ImportError {
         /// Name of the input.
         input: String,
     },
+    /// The outputs of the network depend on the position of a height scanner in the world.
+    #[error(
+        "the actions depend on the position of the sensor in the world in `{input}`, which no topic provides; help: train with the heights relative to the sensor, as in `height_scan` of Isaac Lab"
+    )]
+    Place {
+        /// Name of the input.
+        input: String,
+    },
+    /// A file of a bundle has changed since it was written.
+    #[error(
+        "{mark}: {file} has the SHA-256 {found}, expected {expected} as in the bundle; help: export the bundle again"
+    )]
+    Checksum {
+        /// Position of the file in the bundle.
+        mark: Mark,
+        /// The file.
+        file: String,
+        /// SHA-256 of the file.
+        found: String,
+        /// SHA-256 in the bundle.
+        expected: String,
+    },
     /// The table does not parse.
     #[error("{0}")]
     Table(String),
+    /// A key of the table is missing, misplaced or unusable.
+    #[error("`{key}`: {message}")]
+    Key {
+        /// The key.
+        key: &'static str,
+        /// The value found, and the value expected.
+        message: String,
+    },
     /// A tensor is missing or has the wrong shape.
     #[error("tensor \"{name}\": {message}")]
     Tensor {
@@ -143,10 +209,17 @@ fn known() -> String {
 pub struct ImportOptions {
     /// Rate of the policy \[Hz\].
     pub rate: f64,
-    /// Steps of history of each term.
-    pub history: usize,
+    /// Steps of history of each term; `None`: as in the file, or 1.
+    pub history: Option<usize>,
     /// Robot the policy was trained for.
     pub robot: Option<String>,
+    /// Points of the height scan along x and y; `None`: 17 x 11 for 187 points, the grid of mjlab's velocity
+    /// tasks.
+    pub height_points: Option<[usize; 2]>,
+    /// Factor of the height scan in a file without factors.
+    pub height_scale: Option<f64>,
+    /// Height subtracted from the height of the sensor above the surface \[m\]. Default of mjlab: 0.
+    pub height_offset: f64,
 }
 
 /// A position in a file, from 1.

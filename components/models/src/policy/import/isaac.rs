@@ -5,9 +5,10 @@
 //! actuators that Isaac Lab computes itself; `params/env.yaml` of the training run has them.
 
 use super::names::Pattern;
-use super::{ImportError, Mark, NETWORK};
-use crate::onnx::{Adapter, Model, Part};
-use crate::policy::{Action, ActionKind, Numbers, Observation, Policy, PolicyNetwork, Term};
+use super::served::{self, Served};
+use super::{HeightGrid, ImportError, Mark, NETWORK};
+use crate::onnx::Model;
+use crate::policy::{Action, ActionKind, Numbers, Observation, Policy, Term};
 
 /// Observation terms, by the names of their functions in `isaaclab.envs.mdp.observations`.
 const TERMS: [(&str, Term); 9] = [
@@ -130,35 +131,6 @@ pub struct Environment {
     pub actuators: Vec<Actuator>,
     /// Grid of the height scanner.
     pub height_grid: Option<HeightGrid>,
-}
-
-/// The grid of a height scanner, and the offset of its observation.
-#[derive(Clone, Debug, PartialEq)]
-pub struct HeightGrid {
-    /// Number of points along x and along y.
-    points: [usize; 2],
-    /// `true` if neighbouring values are neighbours along x, `false` if along y.
-    is_along_x: bool,
-    /// Height subtracted from the height of the sensor above the surface \[m\].
-    offset: f64,
-}
-
-impl HeightGrid {
-    /// Creates a grid from its lengths along x and y and the distance of its points \[m\], as `grid_pattern`
-    /// of Isaac Lab does. `is_along_x` is `true` for the ordering `xy`.
-    pub fn new(size: [f64; 2], resolution: f64, is_along_x: bool, offset: f64) -> Self {
-        let points = size.map(|length| (length / resolution + 1e-6).clamp(0.0, 999.0) as usize + 1);
-        Self { points, is_along_x, offset }
-    }
-
-    /// The index of each value in a height scan of motorium: from the back, each row from right to left.
-    fn order(&self) -> Vec<usize> {
-        let [along_x, along_y] = self.points;
-        if !self.is_along_x {
-            return (0..along_x * along_y).collect();
-        }
-        (0..along_y).flat_map(|y| (0..along_x).map(move |x| x * along_y + y)).collect()
-    }
 }
 
 /// A group of joints with the same kind of drive.
@@ -444,16 +416,6 @@ fn articulation<'a>(
     })
 }
 
-/// An observation term, the index of each of its values in the order of the policy, and a number to add to
-/// each value.
-struct Served {
-    observation: Observation,
-    order: Vec<usize>,
-    add: f64,
-}
-
-/// A height scan: Isaac Lab observes the height of the sensor above the surface less an offset, motorium the
-/// height of the surface above the sensor.
 fn height_scan(
     term: &ObservationDescriptor,
     environment: Option<&Environment>,
@@ -464,9 +426,8 @@ fn height_scan(
             "the grid is unknown; help: give the env.yaml of the training run, with `scene.height_scanner`";
         return wrong("sensor_cfg", message.to_owned());
     };
-    let order = grid.order();
-    if order.len() != term.width {
-        let message = format!("found {} numbers, expected {} as in env.yaml", term.width, order.len());
+    if grid.count() != term.width {
+        let message = format!("found {} numbers, expected {} as in env.yaml", term.width, grid.count());
         return wrong("shape", message);
     }
     let scale = match &term.scale {
@@ -474,14 +435,7 @@ fn height_scan(
         Some(Numbers::All(scale)) => shortest(*scale),
         Some(Numbers::Each(_)) => return wrong("scale", "found a list, expected one number".to_owned()),
     };
-    let observation = Observation {
-        scale: Numbers::All(-scale),
-        clip: term.clip.map(|[low, high]| [-high - grid.offset, -low - grid.offset]),
-        history: term.history.max(1),
-        rays: Some(order.len()),
-        ..Observation::new(Term::HeightScan)
-    };
-    Ok(Served { observation, order, add: -scale * grid.offset })
+    Ok(grid.served(scale, term.clip, term.history.max(1)))
 }
 
 fn observation(
@@ -614,36 +568,9 @@ pub fn import_isaac(
         observations,
         action,
         pattern: None,
+        robot_digest: None,
     };
-    policy.check()?;
-    let (mut picks, mut added) = (Vec::new(), Vec::new());
-    for Served { observation, order, add } in &served {
-        for _ in 0..observation.history {
-            let first = picks.len();
-            picks.extend(order.iter().map(|index| first + index));
-            added.extend(order.iter().map(|_| *add as f32));
-        }
-    }
-    let model = Model::read(bytes)?;
-    PolicyNetwork::new(&policy, model.program(1)?)?;
-    let inputs: Vec<String> = model.inputs().into_iter().map(|input| input.name).collect();
-    let outputs = model.outputs();
-    let network = match (&inputs[..], &outputs[..]) {
-        ([input, inputs @ ..], [action, outputs @ ..])
-            if !picks.is_sorted() || added.iter().any(|add| *add != 0.0) =>
-        {
-            let adapter = Adapter {
-                width: picks.len(),
-                parts: vec![Part { picks, add: added, ..Part::new(input) }],
-                action: action.clone(),
-                states: inputs.iter().cloned().zip(outputs.iter().cloned()).collect(),
-                ..Adapter::default()
-            };
-            model.adapt(&adapter)?
-        }
-        _ => bytes.to_vec(),
-    };
-    Ok((policy, network))
+    served::finish(policy, &Model::read(bytes)?, bytes, &served)
 }
 
 #[cfg(test)]
@@ -651,6 +578,7 @@ mod tests {
     use super::*;
     use crate::inference::Unary;
     use crate::onnx::write_mlp;
+    use crate::policy::PolicyNetwork;
 
     fn mark(line: usize) -> Mark {
         Mark { line, column: 5 }

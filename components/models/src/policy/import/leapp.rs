@@ -6,7 +6,9 @@
 //! the default pose.
 //!
 //! Sources: LEAPP 0.7.2 (`leapp.compile_graph`, kinds of `leapp/utils/enums.py`);
-//! `isaaclab/utils/leapp/{export_annotator, utils}.py` of Isaac Lab 3.0 (`isaaclab_connection`).
+//! `isaaclab/utils/leapp/{export_annotator, utils}.py` of Isaac Lab 3.0 (`isaaclab_connection`), and
+//! `isaaclab/sensors/ray_caster/base_ray_caster_data.py` for height scans: a network reads the position of
+//! the sensor and of each hit in the world, and takes their difference itself.
 
 use super::isaac::{common_number, gains, shortest};
 use super::{Articulation, Environment, ImportError, Mark, NETWORK};
@@ -14,6 +16,7 @@ use crate::inference::Program;
 use crate::onnx::{Adapter, Model, Part};
 use crate::policy::{Action, ActionKind, Numbers, Observation, Policy, PolicyNetwork, Term};
 use crate::safetensors::Tensors;
+use crate::sha256::sha256_hex;
 
 /// Properties of a robot that an input may be, by the last part of `isaaclab_connection`, or by name.
 const PROPERTIES: [(&str, Term); 9] = [
@@ -28,6 +31,13 @@ const PROPERTIES: [(&str, Term); 9] = [
     ("root_link_quat_w", Term::ProjectedGravity),
 ];
 
+/// Positions of the hits of a height scanner in the world.
+const HITS: &str = "ray_hits_w";
+/// Position of a height scanner in the world.
+const PLACE: &str = "pos_w";
+/// The height scanner whose grid an `env.yaml` has.
+const SCANNER: &str = "height_scanner";
+
 /// Kinds of outputs that command joints.
 const TARGETS: [(&str, ActionKind); 4] = [
     ("target/joint/position", ActionKind::Position),
@@ -36,10 +46,10 @@ const TARGETS: [(&str, ActionKind); 4] = [
     ("target/joint/torques", ActionKind::Effort),
 ];
 
-/// Runs that show whether the actions depend on the heading.
-const HEADING_RUNS: usize = 16;
+/// Runs that show whether the actions depend on an unmeasured quantity.
+const RUNS: usize = 16;
 /// Relative difference of outputs that counts as a dependence.
-const HEADING_TOLERANCE: f32 = 1e-3;
+const TOLERANCE: f32 = 1e-3;
 
 /// The content of the YAML file of a bundle.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -67,6 +77,8 @@ pub struct BundleModel {
     pub backend: String,
     /// Its file.
     pub path: String,
+    /// SHA-256 of the file as hexadecimal digits.
+    pub sha256: Option<String>,
     /// Inputs, in order.
     pub inputs: Vec<BundlePort>,
     /// Outputs, in order.
@@ -101,6 +113,15 @@ impl BundlePort {
 
     fn wrong(&self, message: impl Into<String>) -> ImportError {
         self.mark.entry(&self.name, message)
+    }
+
+    /// Returns the sensor in the scene and its property, if the input is one of a sensor.
+    fn sensor(&self) -> Option<(&str, &str)> {
+        let mut parts = self.connection.as_deref()?.split(':');
+        match (parts.next(), parts.next(), parts.next(), parts.next()) {
+            (Some("state"), Some(sensor), Some(property), None) => Some((sensor, property)),
+            _ => None,
+        }
     }
 
     /// Returns the joint of each number.
@@ -194,19 +215,60 @@ impl Bundle {
     }
 }
 
-/// The source of an input: its term, the index of each number in the term, the numbers added, and the order
-/// of a quaternion.
+/// The source of an input: its term, the index of each number in the term, factors, the numbers added, and
+/// the order of a quaternion.
 struct Source {
-    term: Term,
+    term: Observation,
+    width: usize,
     picks: Vec<usize>,
+    scale: Vec<f32>,
     add: Vec<f32>,
     orientation: Option<[usize; 4]>,
 }
 
-fn source(port: &BundlePort, joints: &[String], default_pose: &[f64]) -> Result<Source, ImportError> {
+impl Source {
+    fn new(term: Term, width: usize, picks: Vec<usize>) -> Self {
+        Self {
+            term: Observation::new(term),
+            width,
+            picks,
+            scale: Vec::new(),
+            add: Vec::new(),
+            orientation: None,
+        }
+    }
+}
+
+/// The heights of a scan as positions of hits. Their horizontal positions are 0, as the sensor's is: the
+/// network does not depend on them.
+fn hits(port: &BundlePort, environment: Option<&Environment>) -> Result<Source, ImportError> {
+    if port.sensor().is_some_and(|(sensor, _)| sensor != SCANNER) {
+        let message = format!("a sensor with an unknown grid, expected `{SCANNER}`");
+        return Err(port.wrong(message));
+    }
+    let Some(grid) = environment.and_then(|environment| environment.height_grid.as_ref()) else {
+        let message =
+            "the grid is unknown; help: give the env.yaml of the training run, with `scene.height_scanner`";
+        return Err(port.wrong(message));
+    };
+    let rays = grid.count();
+    if port.shape.last() != Some(&3) || port.count() != 3 * rays {
+        let message = format!("found {:?} numbers, expected {rays} x 3 as in env.yaml", port.shape);
+        return Err(port.wrong(message));
+    }
+    let picks = grid.order().into_iter().flat_map(|index| [index; 3]).collect();
+    let term = Observation { rays: Some(rays), ..Observation::new(Term::HeightScan) };
+    Ok(Source { term, scale: [0.0, 0.0, 1.0].repeat(rays), ..Source::new(Term::HeightScan, rays, picks) })
+}
+
+fn source(
+    port: &BundlePort,
+    (joints, default_pose): (&[String], &[f64]),
+    environment: Option<&Environment>,
+) -> Result<Source, ImportError> {
     let unknown = || {
         let mut expected = PROPERTIES.map(|(name, _)| name).join(", ");
-        expected += ", a command of three velocities";
+        expected += ", the hits of a height scanner, a command of three velocities";
         ImportError::Observation { mark: port.mark, name: port.name.clone(), expected }
     };
     let connection: Vec<&str> = port.connection.iter().flat_map(|text| text.split(':')).collect();
@@ -216,6 +278,9 @@ fn source(port: &BundlePort, joints: &[String], default_pose: &[f64]) -> Result<
         [] => (&port.name[..], port.kind.as_deref() == Some("command/body/velocity")),
         _ => return Err(unknown()),
     };
+    if property == HITS && !is_command && !port.is_temporal {
+        return hits(port, environment);
+    }
     let term = match PROPERTIES.iter().find(|(name, _)| *name == property) {
         _ if port.is_temporal => return Err(unknown()),
         _ if is_command && port.count() == 3 => Term::Command,
@@ -226,7 +291,7 @@ fn source(port: &BundlePort, joints: &[String], default_pose: &[f64]) -> Result<
         found if found == expected => Ok(()),
         found => Err(port.wrong(format!("found {found} numbers, expected {expected}"))),
     };
-    let all = Source { term, picks: vec![0, 1, 2], add: Vec::new(), orientation: None };
+    let all = Source::new(term, 3, vec![0, 1, 2]);
     if matches!(term, Term::JointPositions | Term::JointVelocities) {
         let index = |joint: &String| {
             joints.iter().position(|name| name == joint).ok_or_else(|| {
@@ -242,7 +307,7 @@ fn source(port: &BundlePort, joints: &[String], default_pose: &[f64]) -> Result<
             Term::JointPositions => picks.iter().map(|index| default_pose[*index] as f32).collect(),
             _ => Vec::new(),
         };
-        return Ok(Source { picks, add, ..all });
+        return Ok(Source { add, ..Source::new(term, joints.len(), picks) });
     }
     if !property.ends_with("quat_w") {
         count(3)?;
@@ -269,33 +334,56 @@ fn random(state: &mut u64) -> f64 {
     (*state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
 }
 
+/// Returns `true` if the outputs of two runs differ. `change` gives the inputs of each run that are not
+/// random: their index and their numbers.
+fn outputs_differ(
+    program: &Program,
+    mut change: impl FnMut(&mut u64) -> [Vec<(usize, Vec<f32>)>; 2],
+) -> bool {
+    let mut program = program.clone();
+    let mut state = 38;
+    (0..RUNS).any(|_| {
+        let lengths = program.inputs().iter().map(|port| port.shape.iter().product::<usize>());
+        let values: Vec<Vec<f32>> =
+            lengths.map(|length| (0..length).map(|_| random(&mut state) as f32).collect()).collect();
+        let [first, second] = change(&mut state).map(|changed| {
+            values.iter().enumerate().for_each(|(index, values)| {
+                program.input_mut(index).copy_from_slice(values);
+            });
+            changed.iter().for_each(|(index, values)| program.input_mut(*index).copy_from_slice(values));
+            program.run();
+            (0..program.outputs().len())
+                .flat_map(|index| program.output(index).to_vec())
+                .collect::<Vec<f32>>()
+        });
+        first.iter().zip(second).any(|(a, b)| (*a - b).abs() > TOLERANCE * (1.0 + a.abs()))
+    })
+}
+
 /// Returns `true` if the outputs change with a turn of the base about the vertical.
 fn depends_on_heading(program: &Program, input: usize, order: [usize; 4]) -> bool {
     use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-    let mut program = program.clone();
-    let mut state = 38;
-    let run = |program: &mut Program, values: &[Vec<f32>]| {
-        for (index, values) in values.iter().enumerate() {
-            program.input_mut(index).copy_from_slice(values);
-        }
-        program.run();
-        (0..program.outputs().len()).flat_map(|index| program.output(index).to_vec()).collect::<Vec<f32>>()
-    };
-    (0..HEADING_RUNS).any(|_| {
-        let lengths = program.inputs().iter().map(|port| port.shape.iter().product::<usize>());
-        let mut values: Vec<Vec<f32>> =
-            lengths.map(|length| (0..length).map(|_| random(&mut state) as f32).collect()).collect();
-        let [x, y, z, w, yaw] = core::array::from_fn(|_| random(&mut state));
+    outputs_differ(program, |state| {
+        let [x, y, z, w, yaw] = core::array::from_fn(|_| random(state));
         let base = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), core::f64::consts::PI * yaw);
-        let mut outputs = [base, turn * base].map(|orientation| {
-            for (value, index) in values[input].iter_mut().zip(order) {
-                *value = orientation.coords[index] as f32;
-            }
-            run(&mut program, &values)
-        });
-        let [first, second] = &mut outputs;
-        first.iter().zip(second).any(|(a, b)| (*a - *b).abs() > HEADING_TOLERANCE * (1.0 + a.abs()))
+        [base, turn * base]
+            .map(|orientation| vec![(input, order.map(|index| orientation.coords[index] as f32).to_vec())])
+    })
+}
+
+/// Returns `true` if the outputs change when a height scanner and the surface move together, or a hit moves
+/// horizontally.
+fn depends_on_place(program: &Program, hits: usize, place: Option<usize>) -> bool {
+    let rays = program.inputs()[hits].shape.iter().product::<usize>() / 3;
+    outputs_differ(program, |state| {
+        let heights: Vec<f64> = (0..rays).map(|_| 0.5 * random(state) - 0.5).collect();
+        [0.0, 5.0 * random(state)].map(|up| {
+            let mut point = |height: f64| [random(state) as f32, random(state) as f32, (height + up) as f32];
+            let mut changed = vec![(hits, heights.iter().flat_map(|height| point(*height)).collect())];
+            changed.extend(place.map(|place| (place, point(0.0).to_vec())));
+            changed
+        })
     })
 }
 
@@ -349,6 +437,13 @@ pub fn import_leapp(
         let message = "no `frequency`, expected the rate of the policy in Hz; help: give it with `--rate`";
         return Err(bundle.pipeline.entry("configs", message));
     };
+    if let Some(expected) = &model.sha256 {
+        let found = sha256_hex(bytes);
+        if !found.eq_ignore_ascii_case(expected) {
+            let (mark, file, expected) = (model.mark, model.path.clone(), expected.clone());
+            return Err(ImportError::Checksum { mark, file, found, expected });
+        }
+    }
     let states = bundle.states(model)?;
     let network = Model::read(bytes)?;
     let program = network.program(1)?;
@@ -363,17 +458,33 @@ pub fn import_leapp(
         if states.iter().any(|(input, _)| *input == port.name) {
             continue;
         }
-        let Source { term, picks, add, orientation } = source(port, &joints, default_pose)?;
-        if let Some(order) = orientation {
-            let input = program.inputs().iter().position(|input| input.name == port.name).unwrap_or(0);
-            if depends_on_heading(&program, input, order) {
-                return Err(ImportError::Heading { input: port.name.clone() });
+        let input = |port: &BundlePort| program.inputs().iter().position(|input| input.name == port.name);
+        // the position of a height scanner, whose hits are relative to it
+        if let Some((scanner, PLACE)) = port.sensor()
+            && model.inputs.iter().any(|other| other.sensor() == Some((scanner, HITS)))
+        {
+            parts.push(Part { add: vec![0.0; port.count()], ..Part::new(&port.name) });
+            continue;
+        }
+        let Source { term, width: numbers, picks, scale, add, orientation } =
+            source(port, (&joints, default_pose), environment)?;
+        if let Some(order) = orientation
+            && input(port).is_some_and(|input| depends_on_heading(&program, input, order))
+        {
+            return Err(ImportError::Heading { input: port.name.clone() });
+        }
+        if term.term == Term::HeightScan {
+            let scanner = port.sensor().map(|(scanner, _)| (scanner, PLACE));
+            let place = model.inputs.iter().find(|other| scanner.is_some() && other.sensor() == scanner);
+            let place = place.and_then(input);
+            if input(port).is_some_and(|hits| depends_on_place(&program, hits, place)) {
+                return Err(ImportError::Place { input: port.name.clone() });
             }
         }
         let picks = picks.into_iter().map(|index| width + index).collect();
-        parts.push(Part { input: port.name.clone(), picks, add, orientation });
-        width += if matches!(term, Term::JointPositions | Term::JointVelocities) { joints.len() } else { 3 };
-        observations.push(Observation::new(term));
+        parts.push(Part { input: port.name.clone(), picks, scale, add, orientation });
+        width += numbers;
+        observations.push(term);
     }
     let kp = constant(model, &program, "kp", &joints)?;
     let kd = constant(model, &program, "kd", &joints)?;
@@ -417,6 +528,7 @@ pub fn import_leapp(
         observations,
         action,
         pattern: None,
+        robot_digest: None,
     };
     policy.check()?;
     let bytes = network.adapt(&adapter)?;
@@ -449,6 +561,7 @@ fn initial_states(
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Actuator, Gain, HeightGrid};
     use super::*;
     use crate::inference::Unary;
     use crate::onnx::write_mlp;
@@ -485,6 +598,7 @@ mod tests {
                 name: "walk".to_owned(),
                 backend: "onnx".to_owned(),
                 path: "walk.onnx".to_owned(),
+                sha256: None,
                 inputs: vec![BundlePort { name: "obs".to_owned(), ..input }],
                 outputs: vec![target],
             }],
@@ -531,6 +645,92 @@ mod tests {
         let blind = write_mlp(4, &[(vec![0.0; 8], vec![0.5, 0.5])], Unary::Relu, &[]);
         let (policy, _) = import_leapp(&blind, &bundle, None, &POSE, None, None).expect("a policy");
         assert_eq!(policy.observations[0].term, Term::ProjectedGravity);
+    }
+
+    /// A bundle of a height scanner and its network on 3 x 2 points. Output `k` is the sum of
+    /// `0.5 (sensor - hit - 0.5)` over rays `3 k` to `3 k + 2`; `sideways` is a factor of the y of each hit.
+    fn scanner(sideways: f32, with_place: bool) -> (Vec<u8>, Bundle) {
+        let rows = |index: usize| {
+            let row = |ray: usize| [0.0, sideways, if ray / 3 == index { -0.5 } else { 0.0 }];
+            let place = if with_place { vec![0.0, 0.0, 1.5] } else { Vec::new() };
+            (0..6).flat_map(row).chain(place).collect::<Vec<f32>>()
+        };
+        let weights: Vec<f32> = (0..2).flat_map(rows).collect();
+        let network = write_mlp(weights.len() / 2, &[(weights, vec![-0.75; 2])], Unary::Relu, &[]);
+        let sensor = |name: &str, shape: &[usize]| BundlePort {
+            connection: Some(format!("state:height_scanner:{name}")),
+            shape: shape.to_vec(),
+            ..port(30, name, 0)
+        };
+        let mut inputs = vec![sensor(HITS, &[1, 6, 3])];
+        inputs.extend(with_place.then(|| sensor(PLACE, &[1, 3])));
+        let shapes: Vec<(&str, &[usize])> =
+            inputs.iter().map(|input| (&input.name[..], &input.shape[..])).collect();
+        let network = crate::onnx::split_input(&network, &shapes);
+        let mut bundle = bundle(port(30, "obs", 1));
+        bundle.models[0].inputs = inputs;
+        (network, bundle)
+    }
+
+    fn environment() -> Environment {
+        Environment {
+            actuators: vec![Actuator {
+                joints: vec![".*".to_owned()],
+                stiffness: Some(Gain::All(20.0)),
+                damping: Some(Gain::All(0.5)),
+                ..Actuator::default()
+            }],
+            // three points along x, two along y
+            height_grid: Some(HeightGrid::new([0.2, 0.1], 0.1, true, 0.5)),
+            ..Environment::default()
+        }
+    }
+
+    #[test]
+    fn height_scans_become_hits_below_the_sensor() {
+        let (bytes, bundle) = scanner(0.0, true);
+        let import =
+            |environment: &Environment| import_leapp(&bytes, &bundle, None, &POSE, Some(environment), None);
+        let (policy, adapted) = import(&environment()).expect("a policy");
+        assert_eq!((policy.observations[0].term, policy.observations[0].rays), (Term::HeightScan, Some(6)));
+        let program = Model::read(&adapted).and_then(|model| model.program(1)).expect("a network");
+        let mut network = PolicyNetwork::new(&policy, program).expect("it fits");
+        // rows from the back, each from right to left
+        network.observation_mut().copy_from_slice(&[-0.5, -0.6, -0.7, -0.8, -1.0, 0.3]);
+        let (right, left) = (0.5 * (0.5 + 0.7 + 1.0 - 1.5), 0.5 * (0.6 + 0.8 - 0.3 - 1.5));
+        let expected = [right - POSE[0] as f32, left - POSE[1] as f32];
+        for (found, expected) in network.run().iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-6, "{found} {expected}");
+        }
+        let line = |result| match result {
+            Err(ImportError::Entry { mark, entry, .. }) => (mark.line, entry),
+            other => panic!("{other:?}"),
+        };
+        let unknown = Environment { height_grid: None, ..environment() };
+        assert_eq!(line(import(&unknown)), (30, HITS.to_owned()));
+        let grid = Some(HeightGrid::new([0.2, 0.2], 0.1, true, 0.5));
+        assert_eq!(line(import(&Environment { height_grid: grid, ..environment() })), (30, HITS.to_owned()));
+    }
+
+    #[test]
+    fn networks_that_read_the_place_of_a_scanner_are_refused() {
+        for (sideways, with_place) in [(0.25, true), (0.0, false)] {
+            let (bytes, bundle) = scanner(sideways, with_place);
+            let found = import_leapp(&bytes, &bundle, None, &POSE, Some(&environment()), None);
+            assert_eq!(found, Err(ImportError::Place { input: HITS.to_owned() }), "{sideways}");
+        }
+    }
+
+    #[test]
+    fn networks_whose_file_has_changed_are_refused() {
+        let mut bundle = bundle(state(10, "joint_pos", &["hip", "knee"]));
+        bundle.models[0].sha256 = Some(sha256_hex(&network(2)).to_uppercase());
+        assert!(import(&bundle, 2).is_ok());
+        bundle.models[0].sha256 = Some("0".repeat(64));
+        let expected = "0".repeat(64);
+        let (mark, file, found) =
+            (Mark { line: 50, column: 7 }, "walk.onnx".to_owned(), sha256_hex(&network(2)));
+        assert_eq!(import(&bundle, 2), Err(ImportError::Checksum { mark, file, found, expected }));
     }
 
     #[test]

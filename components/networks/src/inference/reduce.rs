@@ -4,6 +4,12 @@ use pulp::{Arch, Simd, WithSimd};
 
 use crate::arithmetic::Real;
 
+/// Returns the sum, added in order.
+#[inline(always)]
+fn sum<T: Real>(numbers: impl Iterator<Item = T>) -> T {
+    numbers.fold(T::from_f32(-0.0), |sum, x| sum + x)
+}
+
 /// Operation that reduces the numbers of a part to one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reduction {
@@ -24,14 +30,15 @@ pub struct Parts {
 
 impl Reduction {
     /// Writes one number for each part.
-    pub fn apply(self, parts: &Parts, input: &[f32], output: &mut [f32]) {
+    pub fn apply<T: Real>(self, parts: &Parts, input: &[T], output: &mut [T]) {
         for (range, output) in parts.starts.windows(2).zip(output) {
             let numbers = parts.offsets[range[0] as usize..range[1] as usize].iter();
             let numbers = numbers.map(|offset| input[*offset as usize]);
             *output = match self {
-                Self::Mean => numbers.sum::<f32>() / (range[1] - range[0]) as f32,
+                Self::Mean => sum(numbers) / T::from_f32((range[1] - range[0]) as f32),
                 Self::Max => {
-                    numbers.fold(f32::NEG_INFINITY, |max, x| if x > max || x.is_nan() { x } else { max })
+                    let least = T::from_f32(f32::NEG_INFINITY);
+                    numbers.fold(least, |max, x| if x > max || x.is_nan() { x } else { max })
                 }
             };
         }
@@ -51,16 +58,16 @@ pub struct Along {
 
 /// Normalised exponentials along an axis.
 #[derive(Debug)]
-pub struct Softmax<'a> {
+pub struct Softmax<'a, T = f32> {
     /// The axis.
     pub along: Along,
     /// The tensor.
-    pub input: &'a [f32],
+    pub input: &'a [T],
     /// The result.
-    pub output: &'a mut [f32],
+    pub output: &'a mut [T],
 }
 
-impl WithSimd for Softmax<'_> {
+impl<T: Real> WithSimd for Softmax<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -70,15 +77,16 @@ impl WithSimd for Softmax<'_> {
             self.input.chunks_exact(length * inner).zip(self.output.chunks_exact_mut(length * inner));
         for (input, output) in blocks {
             for column in 0..inner {
-                let max = (0..length).fold(f32::NEG_INFINITY, |max, k| max.max(input[k * inner + column]));
-                let mut sum = 0.0;
+                let least = T::from_f32(f32::NEG_INFINITY);
+                let max = (0..length).fold(least, |max, k| max.max(input[k * inner + column]));
+                let mut sum = T::default();
                 for k in 0..length {
-                    let value = Real::exp(input[k * inner + column] - max);
+                    let value = (input[k * inner + column] - max).exp();
                     output[k * inner + column] = value;
                     sum += value;
                 }
                 for k in 0..length {
-                    output[k * inner + column] /= sum;
+                    output[k * inner + column] = output[k * inner + column] / sum;
                 }
             }
         }
@@ -87,15 +95,15 @@ impl WithSimd for Softmax<'_> {
 
 impl Along {
     /// Writes 1 at the first largest number along the axis, 0 elsewhere.
-    pub fn hardmax(self, input: &[f32], output: &mut [f32]) {
+    pub fn hardmax<T: Real>(self, input: &[T], output: &mut [T]) {
         let Self { length, inner, .. } = self;
-        output.fill(0.0);
+        output.fill(T::default());
         let blocks = input.chunks_exact(length * inner).zip(output.chunks_exact_mut(length * inner));
         for (input, output) in blocks {
             for column in 0..inner {
                 let value = |k: usize| input[k * inner + column];
                 let largest = (1..length).fold(0, |best, k| if value(k) > value(best) { k } else { best });
-                output[largest * inner + column] = 1.0;
+                output[largest * inner + column] = T::from_f32(1.0);
             }
         }
     }
@@ -103,29 +111,29 @@ impl Along {
 
 /// Rows of mean 0 and variance 1, scaled and shifted.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LayerNorm {
+pub struct LayerNorm<T = f32> {
     /// Factor of each column.
-    pub scale: Vec<f32>,
+    pub scale: Vec<T>,
     /// Offset of each column.
-    pub shift: Vec<f32>,
+    pub shift: Vec<T>,
     /// Constant added to the variance.
-    pub epsilon: f32,
+    pub epsilon: T,
 }
 
-impl LayerNorm {
+impl<T: Real> LayerNorm<T> {
     /// Normalises each row.
-    pub fn apply(&self, arch: Arch, input: &[f32], output: &mut [f32]) {
+    pub fn apply(&self, arch: Arch, input: &[T], output: &mut [T]) {
         arch.dispatch(Normalise { norm: self, input, output });
     }
 }
 
-struct Normalise<'a> {
-    norm: &'a LayerNorm,
-    input: &'a [f32],
-    output: &'a mut [f32],
+struct Normalise<'a, T> {
+    norm: &'a LayerNorm<T>,
+    input: &'a [T],
+    output: &'a mut [T],
 }
 
-impl WithSimd for Normalise<'_> {
+impl<T: Real> WithSimd for Normalise<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -133,11 +141,12 @@ impl WithSimd for Normalise<'_> {
         let LayerNorm { scale, shift, epsilon } = self.norm;
         let n = scale.len();
         for (input, output) in self.input.chunks_exact(n).zip(self.output.chunks_exact_mut(n)) {
-            let mean = input.iter().sum::<f32>() / n as f32;
-            let square = input.iter().fold(0.0, |sum, x| (x - mean).mul_add(x - mean, sum));
-            let factor = 1.0 / (square / n as f32 + epsilon).sqrt();
+            let count = T::from_f32(n as f32);
+            let mean = sum(input.iter().copied()) / count;
+            let square = input.iter().fold(T::default(), |sum, x| (*x - mean).mul_add(*x - mean, sum));
+            let factor = T::from_f32(1.0) / (square / count + *epsilon).sqrt();
             for (((output, x), scale), shift) in output.iter_mut().zip(input).zip(scale).zip(shift) {
-                *output = (x - mean) * factor * scale + shift;
+                *output = (*x - mean) * factor * *scale + *shift;
             }
         }
     }
@@ -145,23 +154,23 @@ impl WithSimd for Normalise<'_> {
 
 /// A factor and an offset for each channel (batch normalisation with fixed statistics).
 #[derive(Clone, Debug, PartialEq)]
-pub struct Affine {
+pub struct Affine<T = f32> {
     /// Factor of each channel.
-    pub scale: Vec<f32>,
+    pub scale: Vec<T>,
     /// Offset of each channel.
-    pub shift: Vec<f32>,
+    pub shift: Vec<T>,
     /// Number of consecutive numbers of a channel.
     pub inner: usize,
 }
 
-impl Affine {
+impl<T: Real> Affine<T> {
     /// Scales and shifts all channels.
-    pub fn apply(&self, input: &[f32], output: &mut [f32]) {
+    pub fn apply(&self, input: &[T], output: &mut [T]) {
         let Self { scale, shift, inner } = self;
         let channels = input.chunks_exact(*inner).zip(output.chunks_exact_mut(*inner));
         for ((input, output), (scale, shift)) in channels.zip(scale.iter().zip(shift).cycle()) {
             for (output, x) in output.iter_mut().zip(input) {
-                *output = x * scale + shift;
+                *output = *x * *scale + *shift;
             }
         }
     }

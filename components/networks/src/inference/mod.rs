@@ -3,16 +3,16 @@
 //! Sums have a fixed order (see [`Packed`]): a single row and the same row in a batch give the same bits.
 //!
 //! ```
-//! use motorium_models::inference::{Program, Unary};
+//! use motorium_networks::inference::{Program, Unary};
 //!
 //! // 2 inputs, 2 hidden units, 1 output; weights (outputs x inputs) row by row
 //! let hidden = (vec![1.0, 0.0, 0.0, -1.0], vec![0.0, 0.5]);
 //! let output = (vec![1.0, 2.0], vec![0.25]);
-//! let mut program = Program::mlp(1, 2, &[hidden, output], Unary::Relu)?;
+//! let mut program = Program::<f32>::mlp(1, 2, &[hidden, output], Unary::Relu)?;
 //! program.input_mut(0).copy_from_slice(&[3.0, 0.25]);
 //! program.run();
 //! assert_eq!(program.output(0), [3.75]);
-//! # Ok::<(), motorium_models::inference::LayerSizeError>(())
+//! # Ok::<(), motorium_networks::inference::LayerSizeError>(())
 //! ```
 
 mod convolution;
@@ -22,8 +22,7 @@ mod packed;
 mod recurrent;
 mod reduce;
 
-pub use convolution::Convolution;
-pub(crate) use convolution::PADDING;
+pub use convolution::{Convolution, PADDING};
 pub use elementwise::{Binary, Operand, Unary};
 pub use mlp::LayerSizeError;
 pub use packed::Packed;
@@ -31,6 +30,8 @@ pub use recurrent::{Direction, Gates, Sequence};
 pub use reduce::{Affine, Along, LayerNorm, Parts, Reduction, Softmax};
 
 use pulp::Arch;
+
+use crate::arithmetic::{Lanes, Real};
 
 /// Index of a buffer.
 pub type Buffer = usize;
@@ -59,9 +60,9 @@ pub struct Product {
 
 /// A layer of gated units: its directions and its sizes.
 #[derive(Clone, Debug)]
-pub struct Recurrent {
+pub struct Recurrent<T = f32> {
     /// One or two directions.
-    pub directions: Vec<Direction>,
+    pub directions: Vec<Direction<T>>,
     /// Sizes of the run.
     pub sequence: Sequence,
     /// Buffers of the initial state and the initial cell state.
@@ -72,11 +73,11 @@ pub struct Recurrent {
 
 /// An operation.
 #[derive(Clone, Debug)]
-pub enum Operation {
+pub enum Operation<T = f32> {
     /// Copies runs of numbers.
     Copy(Vec<Run>),
     /// A linear map of each row.
-    Linear(Buffer, Packed),
+    Linear(Buffer, Packed<T>),
     /// Products of computed matrices.
     Product([Buffer; 2], Product),
     /// A function of each number.
@@ -84,7 +85,7 @@ pub enum Operation {
     /// A function of pairs of numbers.
     Binary([Buffer; 2], Binary, [Operand; 2]),
     /// A convolution.
-    Convolution(Buffer, Convolution),
+    Convolution(Buffer, Convolution<T>),
     /// Means or maxima of parts.
     Reduce(Buffer, Reduction, Parts),
     /// Normalised exponentials along an axis.
@@ -92,11 +93,11 @@ pub enum Operation {
     /// 1 at the first largest number along an axis, 0 elsewhere.
     Hardmax(Buffer, Along),
     /// Normalised rows.
-    LayerNorm(Buffer, LayerNorm),
+    LayerNorm(Buffer, LayerNorm<T>),
     /// Factors and offsets of channels.
-    Affine(Buffer, Affine),
+    Affine(Buffer, Affine<T>),
     /// Gated units; the output is the state at each step (steps, directions, batch, hidden).
-    Recurrent(Buffer, Box<Recurrent>),
+    Recurrent(Buffer, Box<Recurrent<T>>),
 }
 
 /// An input or an output of a program.
@@ -107,21 +108,21 @@ pub struct Port {
     /// Length along each axis.
     pub shape: Vec<usize>,
     /// Buffer of the tensor.
-    pub(crate) buffer: Buffer,
+    pub buffer: Buffer,
 }
 
-/// A network ready to run.
+/// A network ready to run, in single precision unless another scalar type is chosen.
 #[derive(Clone, Debug, Default)]
-pub struct Program {
-    pub(crate) buffers: Vec<Vec<f32>>,
+pub struct Program<T = f32> {
+    buffers: Vec<Vec<T>>,
     /// Each operation with its output buffer.
-    pub(crate) operations: Vec<(Buffer, Operation)>,
-    pub(crate) inputs: Vec<Port>,
-    pub(crate) outputs: Vec<Port>,
+    operations: Vec<(Buffer, Operation<T>)>,
+    inputs: Vec<Port>,
+    outputs: Vec<Port>,
     arch: Arch,
 }
 
-impl Program {
+impl<T: Lanes> Program<T> {
     /// Returns the inputs, in the order of the file.
     pub fn inputs(&self) -> &[Port] {
         &self.inputs
@@ -142,7 +143,7 @@ impl Program {
     /// # Panics
     ///
     /// If the index is out of range.
-    pub fn input_mut(&mut self, index: usize) -> &mut [f32] {
+    pub fn input_mut(&mut self, index: usize) -> &mut [T] {
         &mut self.buffers[self.inputs[index].buffer]
     }
 
@@ -151,12 +152,16 @@ impl Program {
     /// # Panics
     ///
     /// If the index is out of range.
-    pub fn output(&self, index: usize) -> &[f32] {
+    pub fn output(&self, index: usize) -> &[T] {
         &self.buffers[self.outputs[index].buffer]
     }
 
     /// Returns `true` if an output is the same in every run.
-    pub(crate) fn is_constant(&self, output: usize) -> bool {
+    ///
+    /// # Panics
+    ///
+    /// If the index is out of range.
+    pub fn is_constant(&self, output: usize) -> bool {
         let buffer = self.outputs[output].buffer;
         let is_input = self.inputs.iter().any(|input| input.buffer == buffer);
         let is_computed = self.operations.iter().any(|(target, operation)| match operation {
@@ -191,21 +196,49 @@ impl Program {
     }
 
     /// Adds a buffer of `length` zeros.
-    pub(crate) fn buffer(&mut self, length: usize) -> Buffer {
-        self.buffers.push(vec![0.0; length]);
+    pub fn buffer(&mut self, length: usize) -> Buffer {
+        self.constant(vec![T::default(); length])
+    }
+
+    /// Adds a buffer with these numbers.
+    pub fn constant(&mut self, numbers: Vec<T>) -> Buffer {
+        self.buffers.push(numbers);
         self.buffers.len() - 1
     }
 
-    /// Adds an operation with an output of `length` numbers.
-    pub(crate) fn push(&mut self, operation: Operation, length: usize) -> Buffer {
-        let buffer = self.buffer(length);
+    /// Adds an operation whose output is an existing buffer. The buffers that it reads have the lengths of
+    /// its inputs.
+    pub fn push_into(&mut self, operation: Operation<T>, buffer: Buffer) {
         self.operations.push((buffer, operation));
+    }
+
+    /// Adds an operation with an output of `length` numbers.
+    pub fn push(&mut self, operation: Operation<T>, length: usize) -> Buffer {
+        let buffer = self.buffer(length);
+        self.push_into(operation, buffer);
         buffer
+    }
+
+    /// Adds an input.
+    pub fn push_input(&mut self, input: Port) {
+        self.inputs.push(input);
+    }
+
+    /// Adds an output.
+    pub fn push_output(&mut self, output: Port) {
+        self.outputs.push(output);
+    }
+
+    /// Returns the `length` numbers of an operation on the present content of the buffers, without adding it.
+    pub fn evaluate(&mut self, mut operation: Operation<T>, length: usize) -> Vec<T> {
+        let mut output = vec![T::default(); length];
+        operation.run(self.arch, &mut self.buffers, &mut output);
+        output
     }
 }
 
-impl Operation {
-    fn run(&mut self, arch: Arch, buffers: &mut [Vec<f32>], output: &mut [f32]) {
+impl<T: Lanes> Operation<T> {
+    fn run(&mut self, arch: Arch, buffers: &mut [Vec<T>], output: &mut [T]) {
         match self {
             Self::Copy(runs) => {
                 for Run { source, from, to, length } in runs {
@@ -232,16 +265,16 @@ impl Operation {
 }
 
 impl Product {
-    fn run(&self, a: &[f32], b: &[f32], output: &mut [f32]) {
+    fn run<T: Real>(&self, a: &[T], b: &[T], output: &mut [T]) {
         let [rows, inner, columns] = self.sizes;
         for ([from_a, from_b], output) in self.offsets.iter().zip(output.chunks_exact_mut(rows * columns)) {
             let (a, b) = (&a[*from_a..from_a + rows * inner], &b[*from_b..from_b + inner * columns]);
-            output.fill(0.0);
+            output.fill(T::default());
             for (row, output) in output.chunks_exact_mut(columns).enumerate() {
                 for k in 0..inner {
                     let factor = a[row * inner + k];
                     for (output, b) in output.iter_mut().zip(&b[k * columns..]) {
-                        *output += factor * b;
+                        *output += factor * *b;
                     }
                 }
             }
@@ -249,8 +282,8 @@ impl Product {
     }
 }
 
-impl Recurrent {
-    fn run(&mut self, arch: Arch, input: Buffer, buffers: &mut [Vec<f32>], output: &mut [f32]) {
+impl<T: Lanes> Recurrent<T> {
+    fn run(&mut self, arch: Arch, input: Buffer, buffers: &mut [Vec<T>], output: &mut [T]) {
         let Self { directions, sequence, initial, last } = self;
         let (state, count) = (sequence.batch * sequence.hidden, directions.len());
         for (index, direction) in directions.iter_mut().enumerate() {

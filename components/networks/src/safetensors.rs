@@ -4,20 +4,22 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-/// A tensor in single precision.
+use crate::arithmetic::Real;
+
+/// A tensor, in single precision unless another scalar type is chosen.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Tensor {
+pub struct Tensor<T = f32> {
     /// Length along each axis.
     pub shape: Vec<usize>,
     /// The numbers, the last axis fastest.
-    pub values: Vec<f32>,
+    pub values: Vec<T>,
 }
 
 /// The content of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Tensors {
+pub struct Tensors<T = f32> {
     /// Tensors by name.
-    pub tensors: BTreeMap<String, Tensor>,
+    pub tensors: BTreeMap<String, Tensor<T>>,
     /// Text by name, such as the name of the task.
     pub metadata: BTreeMap<String, String>,
 }
@@ -82,7 +84,7 @@ struct Entry {
 }
 
 /// Widens an IEEE half.
-pub(crate) fn half(bits: u16) -> f32 {
+pub fn half(bits: u16) -> f32 {
     let (sign, exponent, fraction) = (bits >> 15, (bits >> 10) & 31, bits & 1023);
     let value = match exponent {
         0 => f32::from(fraction) * 2.0_f32.powi(-24),
@@ -94,16 +96,16 @@ pub(crate) fn half(bits: u16) -> f32 {
 }
 
 /// Widens the upper half of an `f32`.
-pub(crate) fn brain_half(bits: u16) -> f32 {
+pub fn brain_half(bits: u16) -> f32 {
     f32::from_bits(u32::from(bits) << 16)
 }
 
-/// Reads all tensors of a file; `F64`, `F16` and `BF16` are converted.
+/// Reads all tensors of a file; numbers of another type, `F64`, `F32`, `F16` or `BF16`, are converted.
 ///
 /// # Errors
 ///
 /// [`SafetensorsError`].
-pub fn read(bytes: &[u8]) -> Result<Tensors, SafetensorsError> {
+pub fn read<T: Real>(bytes: &[u8]) -> Result<Tensors<T>, SafetensorsError> {
     let short = |expected| SafetensorsError::Short { found: bytes.len(), expected };
     let (length, rest) = bytes.split_first_chunk::<8>().ok_or(short(0))?;
     let length = u64::from_le_bytes(*length);
@@ -130,10 +132,16 @@ pub fn read(bytes: &[u8]) -> Result<Tensors, SafetensorsError> {
         };
         let pairs = || numbers.as_chunks::<2>().0.iter().map(|bytes| u16::from_le_bytes(*bytes));
         let values = match &dtype[..] {
-            "F16" => pairs().map(half).collect(),
-            "BF16" => pairs().map(brain_half).collect(),
-            "F32" => numbers.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect(),
-            _ => numbers.as_chunks::<8>().0.iter().map(|bytes| f64::from_le_bytes(*bytes) as f32).collect(),
+            "F16" => pairs().map(|bits| T::from_f32(half(bits))).collect(),
+            "BF16" => pairs().map(|bits| T::from_f32(brain_half(bits))).collect(),
+            "F32" => {
+                let (numbers, _) = numbers.as_chunks::<4>();
+                numbers.iter().map(|bytes| T::from_f32(f32::from_le_bytes(*bytes))).collect()
+            }
+            _ => {
+                let (numbers, _) = numbers.as_chunks::<8>();
+                numbers.iter().map(|bytes| T::from_f64(f64::from_le_bytes(*bytes))).collect()
+            }
         };
         tensors.insert(name, Tensor { shape, values });
     }
@@ -147,7 +155,7 @@ pub fn read(bytes: &[u8]) -> Result<Tensors, SafetensorsError> {
 /// [`SafetensorsError::Shape`] if the number of values does not match a tensor's shape.
 ///
 /// ```
-/// use motorium_models::safetensors::{self, Tensor, Tensors};
+/// use motorium_networks::safetensors::{self, Tensor, Tensors};
 ///
 /// let mut file = Tensors::default();
 /// file.tensors.insert("0.weight".into(), Tensor { shape: vec![1, 2], values: vec![1.5, -2.0] });
@@ -199,12 +207,22 @@ mod tests {
     }
 
     #[test]
+    fn numbers_keep_their_precision() {
+        let header = br#"{"a":{"dtype":"F64","shape":[1],"data_offsets":[0,8]}}"#;
+        let mut file = (header.len() as u64).to_le_bytes().to_vec();
+        file.extend(header);
+        file.extend(0.1_f64.to_le_bytes());
+        let (wide, narrow) = (read::<f64>(&file).expect("a file"), read::<f32>(&file).expect("a file"));
+        assert_eq!((wide.tensors["a"].values[0], narrow.tensors["a"].values[0]), (0.1, 0.1));
+    }
+
+    #[test]
     fn damaged_files_are_errors() {
         let mut file = Tensors::default();
         file.tensors.insert("a".into(), Tensor { shape: vec![3], values: vec![1.0, 2.0, 3.0] });
         let bytes = write(&file).expect("a file");
         for length in 0..bytes.len() {
-            assert!(read(&bytes[..length]).is_err(), "{length}");
+            assert!(read::<f32>(&bytes[..length]).is_err(), "{length}");
         }
         file.tensors.insert("b".into(), Tensor { shape: vec![2, 2], values: vec![1.0] });
         let error = write(&file).expect_err("a wrong shape");

@@ -1,41 +1,37 @@
 //! A matrix packed for products with rows of inputs.
 
+use std::sync::Arc;
+
 use pulp::{Arch, Simd, WithSimd};
+
+use crate::arithmetic::Lanes;
 
 /// Outputs of the widest panel.
 const WIDEST: usize = 64;
 /// Outputs of the narrowest panel: lanes of the widest vectors.
 const NARROWEST: usize = 16;
-/// Numbers in a cache line.
-const LINE: usize = 16;
 
 /// Weights and bias of a linear map, in panels of outputs, each panel with its inputs in order.
 ///
 /// Every output is its bias plus the products in the order of the inputs, each rounded once (fused
 /// multiply-add). The lanes of a vector hold different outputs, so the bits depend neither on the number of
-/// rows nor on the processor.
-#[derive(Debug)]
-pub struct Packed {
+/// rows nor on the processor. Clones share the numbers.
+#[derive(Clone, Debug)]
+pub struct Packed<T = f32> {
     inputs: usize,
     outputs: usize,
     /// Bias of a panel, then one row per input.
-    numbers: Vec<f32>,
+    numbers: Arc<Vec<T>>,
     /// Index of the first number, which is aligned to a cache line.
     start: usize,
     arch: Arch,
 }
 
-impl Clone for Packed {
-    fn clone(&self) -> Self {
-        let (numbers, start) = aligned(&self.numbers[self.start..]);
-        Self { numbers, start, ..*self }
-    }
-}
-
 /// Copies numbers to the start of a cache line.
-fn aligned(numbers: &[f32]) -> (Vec<f32>, usize) {
-    let mut copy = vec![0.0; numbers.len() + LINE];
-    let start = copy.as_ptr().align_offset(4 * LINE).min(LINE);
+fn aligned<T: Lanes>(numbers: &[T]) -> (Vec<T>, usize) {
+    let mut copy = vec![T::default(); numbers.len() + T::LINE];
+    // the offset is in numbers
+    let start = copy.as_ptr().align_offset(size_of::<T>() * T::LINE).min(T::LINE);
     copy[start..start + numbers.len()].copy_from_slice(numbers);
     copy.truncate(start + numbers.len());
     (copy, start)
@@ -56,19 +52,19 @@ fn widths(outputs: usize) -> impl Iterator<Item = usize> {
     })
 }
 
-impl Packed {
+impl<T: Lanes> Packed<T> {
     /// Packs the map from `inputs` to `outputs` numbers with the weight `weight(output, input)` and the bias
     /// `bias(output)`.
     pub fn new(
         (outputs, inputs): (usize, usize),
-        weight: impl Fn(usize, usize) -> f32,
-        bias: impl Fn(usize) -> f32,
+        weight: impl Fn(usize, usize) -> T,
+        bias: impl Fn(usize) -> T,
     ) -> Self {
         let (mut numbers, mut first) = (Vec::new(), 0);
         for width in widths(outputs) {
             let columns = first..first + width;
-            let padded = |column: usize, value: &dyn Fn(usize) -> f32| {
-                if column < outputs { value(column) } else { 0.0 }
+            let padded = |column: usize, value: &dyn Fn(usize) -> T| {
+                if column < outputs { value(column) } else { T::default() }
             };
             numbers.extend(columns.clone().map(|column| padded(column, &bias)));
             for input in 0..inputs {
@@ -77,7 +73,7 @@ impl Packed {
             first += width;
         }
         let (numbers, start) = aligned(&numbers);
-        Self { inputs, outputs, numbers, start, arch: Arch::new() }
+        Self { inputs, outputs, numbers: Arc::new(numbers), start, arch: Arch::new() }
     }
 
     /// Number of inputs.
@@ -92,7 +88,7 @@ impl Packed {
 
     /// Multiplies each row of `input` (rows of [`inputs`](Self::inputs) numbers) into a row of `output`. The
     /// shorter slice determines the number of rows.
-    pub fn apply(&self, input: &[f32], output: &mut [f32]) {
+    pub fn apply(&self, input: &[T], output: &mut [T]) {
         if self.outputs == 0 {
             return;
         }
@@ -116,13 +112,13 @@ impl Packed {
     }
 }
 
-struct Multiply<'a> {
-    packed: &'a Packed,
-    input: &'a [f32],
-    output: &'a mut [f32],
+struct Multiply<'a, T> {
+    packed: &'a Packed<T>,
+    input: &'a [T],
+    output: &'a mut [T],
 }
 
-impl WithSimd for Multiply<'_> {
+impl<T: Lanes> WithSimd for Multiply<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -138,16 +134,16 @@ impl WithSimd for Multiply<'_> {
             for (input, output) in inputs_left.by_ref().zip(outputs_left.by_ref()) {
                 let (a, b) = input.split_at(2 * inputs);
                 let (rows, more) = (a.split_at(inputs), b.split_at(inputs));
-                let mut sums = [[0.0; WIDEST]; 4];
-                panel_rows::<S, 4>(simd, panel, width, [rows.0, rows.1, more.0, more.1], &mut sums);
+                let mut sums = [[T::default(); WIDEST]; 4];
+                panel_rows::<S, T, 4>(simd, panel, width, [rows.0, rows.1, more.0, more.1], &mut sums);
                 for (output, sums) in output.chunks_exact_mut(outputs).zip(&sums) {
                     output[columns.clone()].copy_from_slice(&sums[..columns.len()]);
                 }
             }
             let rows = inputs_left.remainder().chunks_exact(inputs);
             for (input, output) in rows.zip(outputs_left.into_remainder().chunks_exact_mut(outputs)) {
-                let mut sums = [[0.0; WIDEST]; 1];
-                panel_rows::<S, 1>(simd, panel, width, [input], &mut sums);
+                let mut sums = [[T::default(); WIDEST]; 1];
+                panel_rows::<S, T, 1>(simd, panel, width, [input], &mut sums);
                 output[columns.clone()].copy_from_slice(&sums[0][..columns.len()]);
             }
             (panels, first) = (rest, first + width);
@@ -157,51 +153,51 @@ impl WithSimd for Multiply<'_> {
 
 /// Computes the outputs of one panel for some rows, with as many output vectors at once as registers allow.
 #[inline(always)]
-fn panel_rows<S: Simd, const ROWS: usize>(
+fn panel_rows<S: Simd, T: Lanes, const ROWS: usize>(
     simd: S,
-    panel: &[f32],
+    panel: &[T],
     width: usize,
-    rows: [&[f32]; ROWS],
-    sums: &mut [[f32; WIDEST]; ROWS],
+    rows: [&[T]; ROWS],
+    sums: &mut [[T; WIDEST]; ROWS],
 ) {
-    let (panel, stride) = (S::as_simd_f32s(panel).0, width / S::F32_LANES);
+    let (panel, stride) = (T::vectors::<S>(panel), width / T::lanes::<S>());
     let mut first = 0;
     while first < stride {
         let left = stride - first;
         first += match ROWS {
-            1 if left >= 8 => vectors::<S, ROWS, 8>(simd, panel, (stride, first), rows, sums),
+            1 if left >= 8 => vectors::<S, T, ROWS, 8>(simd, panel, (stride, first), rows, sums),
             _ if left >= 4 && ROWS * 4 <= S::REGISTER_COUNT / 2 => {
-                vectors::<S, ROWS, 4>(simd, panel, (stride, first), rows, sums)
+                vectors::<S, T, ROWS, 4>(simd, panel, (stride, first), rows, sums)
             }
-            _ if left >= 2 => vectors::<S, ROWS, 2>(simd, panel, (stride, first), rows, sums),
-            _ => vectors::<S, ROWS, 1>(simd, panel, (stride, first), rows, sums),
+            _ if left >= 2 => vectors::<S, T, ROWS, 2>(simd, panel, (stride, first), rows, sums),
+            _ => vectors::<S, T, ROWS, 1>(simd, panel, (stride, first), rows, sums),
         };
     }
 }
 
 /// Computes the outputs in `COUNT` vectors of a panel; returns `COUNT`.
 #[inline(always)]
-fn vectors<S: Simd, const ROWS: usize, const COUNT: usize>(
+fn vectors<S: Simd, T: Lanes, const ROWS: usize, const COUNT: usize>(
     simd: S,
-    panel: &[S::f32s],
+    panel: &[T::Vector<S>],
     (stride, first): (usize, usize),
-    rows: [&[f32]; ROWS],
-    sums: &mut [[f32; WIDEST]; ROWS],
+    rows: [&[T]; ROWS],
+    sums: &mut [[T; WIDEST]; ROWS],
 ) -> usize {
     let (bias, weights) = panel.split_at(stride);
-    let bias: [S::f32s; COUNT] = core::array::from_fn(|k| bias[first + k]);
+    let bias: [T::Vector<S>; COUNT] = core::array::from_fn(|k| bias[first + k]);
     let mut totals = [bias; ROWS];
     for (input, weights) in weights.chunks_exact(stride).enumerate() {
         let weights = &weights[first..first + COUNT];
         for row in 0..ROWS {
-            let x = simd.splat_f32s(rows[row][input]);
+            let x = rows[row][input].splat(simd);
             for k in 0..COUNT {
-                totals[row][k] = simd.mul_add_f32s(weights[k], x, totals[row][k]);
+                totals[row][k] = T::mul_add_vectors(simd, weights[k], x, totals[row][k]);
             }
         }
     }
     for (sums, totals) in sums.iter_mut().zip(totals) {
-        S::as_mut_simd_f32s(sums).0[first..first + COUNT].copy_from_slice(&totals);
+        T::vectors_mut::<S>(sums)[first..first + COUNT].copy_from_slice(&totals);
     }
     COUNT
 }
@@ -231,6 +227,24 @@ mod tests {
                         .fold(bias(o), |sum, i| weight(o, i).mul_add(input[row * inputs + i], sum));
                     assert_eq!(found.to_bits(), sum.to_bits(), "{inputs} {outputs} {row} {o}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn double_precision_sums_have_the_same_order() {
+        for (inputs, outputs) in [(6, 1), (9, 33), (17, 64), (7, 127)] {
+            let weight = |o: usize, i: usize| f64::from(number(1000 * o + i)) / 3.0;
+            let bias = |o: usize| f64::from(number(77 + o)) / 3.0;
+            let packed = Packed::new((outputs, inputs), weight, bias);
+            let input: Vec<f64> = (0..5 * inputs).map(|k| f64::from(number(31 * k + 5)) / 7.0).collect();
+            let mut output = vec![0.0; 5 * outputs];
+            packed.apply(&input, &mut output);
+            for (k, found) in output.iter().enumerate() {
+                let (row, o) = (k / outputs, k % outputs);
+                let sum =
+                    (0..inputs).fold(bias(o), |sum, i| weight(o, i).mul_add(input[row * inputs + i], sum));
+                assert_eq!(found.to_bits(), sum.to_bits(), "{inputs} {outputs} {row} {o}");
             }
         }
     }

@@ -1,13 +1,18 @@
-//! Arithmetic of networks: single precision for use, double precision to check gradients.
+//! Arithmetic of networks: single precision for use, double precision for reference computations and
+//! simulated actuators.
 //!
 //! The functions on `f32` use only additions, multiplications, divisions and fused multiply-adds, each
 //! rounded once, so that they vectorise and give the same bits on every processor.
 
+use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
+
+use pulp::Simd;
 
 /// A scalar type of a network: `f32`, or `f64` for reference computations.
 pub trait Real:
     Copy
+    + Debug
     + Default
     + PartialOrd
     + Add<Output = Self>
@@ -21,6 +26,8 @@ pub trait Real:
     fn from_f64(value: f64) -> Self;
     /// Widens to `f64`.
     fn to_f64(self) -> f64;
+    /// Widens `value` to this type.
+    fn from_f32(value: f32) -> Self;
     /// `self * a + b`, rounded once.
     #[must_use]
     fn mul_add(self, a: Self, b: Self) -> Self;
@@ -39,6 +46,12 @@ pub trait Real:
     /// Square root.
     #[must_use]
     fn sqrt(self) -> Self;
+    /// `self` to the power of `exponent`.
+    #[must_use]
+    fn powf(self, exponent: Self) -> Self;
+    /// The maximum; the other number if one is NaN.
+    #[must_use]
+    fn max(self, other: Self) -> Self;
     /// `1 / (1 + exp(-self))`.
     #[must_use]
     #[inline(always)]
@@ -51,6 +64,11 @@ pub trait Real:
     #[inline(always)]
     fn larger(self, other: Self) -> Self {
         if self > other { self } else { other }
+    }
+    /// Returns `true` if this value is NaN.
+    #[inline(always)]
+    fn is_nan(self) -> bool {
+        self.partial_cmp(&self).is_none()
     }
     /// The absolute value.
     #[must_use]
@@ -89,6 +107,10 @@ impl Real for f32 {
         f64::from(self)
     }
     #[inline(always)]
+    fn from_f32(value: f32) -> Self {
+        value
+    }
+    #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {
         self.mul_add(a, b)
     }
@@ -117,6 +139,14 @@ impl Real for f32 {
     fn sqrt(self) -> Self {
         self.sqrt()
     }
+    #[inline(always)]
+    fn powf(self, exponent: Self) -> Self {
+        self.powf(exponent)
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.max(other)
+    }
 }
 
 impl Real for f64 {
@@ -127,6 +157,10 @@ impl Real for f64 {
     #[inline(always)]
     fn to_f64(self) -> f64 {
         self
+    }
+    #[inline(always)]
+    fn from_f32(value: f32) -> Self {
+        f64::from(value)
     }
     #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {
@@ -152,7 +186,70 @@ impl Real for f64 {
     fn sqrt(self) -> Self {
         self.sqrt()
     }
+    #[inline(always)]
+    fn powf(self, exponent: Self) -> Self {
+        self.powf(exponent)
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.max(other)
+    }
 }
+
+/// A scalar type with vectors.
+pub trait Lanes: Real + Send + Sync + 'static {
+    /// A vector of the instruction set `S`.
+    type Vector<S: Simd>: Copy;
+    /// Numbers in a cache line of 64 bytes.
+    const LINE: usize = 64 / size_of::<Self>();
+    /// Returns the numbers as vectors; the numbers behind the last whole vector are left out.
+    fn vectors<S: Simd>(numbers: &[Self]) -> &[Self::Vector<S>];
+    /// Returns the numbers as writable vectors; the numbers behind the last whole vector are left out.
+    fn vectors_mut<S: Simd>(numbers: &mut [Self]) -> &mut [Self::Vector<S>];
+    /// Number of lanes of a vector.
+    fn lanes<S: Simd>() -> usize;
+    /// A vector with `self` in every lane.
+    fn splat<S: Simd>(self, simd: S) -> Self::Vector<S>;
+    /// `a * b + c` in every lane, rounded once.
+    fn mul_add_vectors<S: Simd>(
+        simd: S,
+        a: Self::Vector<S>,
+        b: Self::Vector<S>,
+        c: Self::Vector<S>,
+    ) -> Self::Vector<S>;
+}
+
+/// Implements [`Lanes`] by the functions of `pulp` for a type.
+macro_rules! lanes {
+    ($scalar:ty, $vector:ident, $lanes:ident, $as:ident, $as_mut:ident, $splat:ident, $mul_add:ident) => {
+        impl Lanes for $scalar {
+            type Vector<S: Simd> = S::$vector;
+            #[inline(always)]
+            fn vectors<S: Simd>(numbers: &[Self]) -> &[S::$vector] {
+                S::$as(numbers).0
+            }
+            #[inline(always)]
+            fn vectors_mut<S: Simd>(numbers: &mut [Self]) -> &mut [S::$vector] {
+                S::$as_mut(numbers).0
+            }
+            #[inline(always)]
+            fn lanes<S: Simd>() -> usize {
+                S::$lanes
+            }
+            #[inline(always)]
+            fn splat<S: Simd>(self, simd: S) -> S::$vector {
+                simd.$splat(self)
+            }
+            #[inline(always)]
+            fn mul_add_vectors<S: Simd>(simd: S, a: S::$vector, b: S::$vector, c: S::$vector) -> S::$vector {
+                simd.$mul_add(a, b, c)
+            }
+        }
+    };
+}
+
+lanes!(f32, f32s, F32_LANES, as_simd_f32s, as_mut_simd_f32s, splat_f32s, mul_add_f32s);
+lanes!(f64, f64s, F64_LANES, as_simd_f64s, as_mut_simd_f64s, splat_f64s, mul_add_f64s);
 
 #[cfg(test)]
 mod tests {

@@ -48,13 +48,13 @@ pub enum Binary {
     Max,
 }
 
-struct Map<'a, F> {
+struct Map<'a, T, F> {
     function: F,
-    input: &'a [f32],
-    output: &'a mut [f32],
+    input: &'a [T],
+    output: &'a mut [T],
 }
 
-impl<F: Fn(f32) -> f32> WithSimd for Map<'_, F> {
+impl<T: Real, F: Fn(T) -> T> WithSimd for Map<'_, T, F> {
     type Output = ();
 
     #[inline(always)]
@@ -67,31 +67,37 @@ impl<F: Fn(f32) -> f32> WithSimd for Map<'_, F> {
 
 impl Unary {
     /// Writes the function of each input into `output`.
-    pub fn apply(self, arch: Arch, input: &[f32], output: &mut [f32]) {
+    pub fn apply<T: Real>(self, arch: Arch, input: &[T], output: &mut [T]) {
         /// Compiles one loop for the widest instructions.
-        fn map(arch: Arch, input: &[f32], output: &mut [f32], function: impl Fn(f32) -> f32) {
+        fn map<T: Real>(arch: Arch, input: &[T], output: &mut [T], function: impl Fn(T) -> T) {
             arch.dispatch(Map { function, input, output });
         }
+        let (zero, one) = (T::default(), T::from_f32(1.0));
         match self {
-            Self::Relu => map(arch, input, output, |x| if x <= 0.0 { 0.0 } else { x }),
+            Self::Relu => map(arch, input, output, |x| if x <= zero { zero } else { x }),
             Self::Elu(alpha) => {
-                map(arch, input, output, |x| if x > 0.0 { x } else { alpha * Real::exp_m1(x) });
+                let alpha = T::from_f32(alpha);
+                map(arch, input, output, |x| if x > zero { x } else { alpha * x.exp_m1() });
             }
-            Self::LeakyRelu(alpha) => map(arch, input, output, |x| if x > 0.0 { x } else { alpha * x }),
-            Self::Tanh => map(arch, input, output, Real::tanh),
-            Self::Sigmoid => map(arch, input, output, Real::sigmoid),
+            Self::LeakyRelu(alpha) => {
+                let alpha = T::from_f32(alpha);
+                map(arch, input, output, |x| if x > zero { x } else { alpha * x });
+            }
+            Self::Tanh => map(arch, input, output, T::tanh),
+            Self::Sigmoid => map(arch, input, output, T::sigmoid),
             Self::Softplus => {
-                map(arch, input, output, |x| x.larger(0.0) + Real::ln_1p(Real::exp(-x.magnitude())));
+                map(arch, input, output, |x| x.larger(zero) + (-x.magnitude()).exp().ln_1p());
             }
             Self::Clip(low, high) => {
+                let (low, high) = (T::from_f32(low), T::from_f32(high));
                 map(arch, input, output, |x| {
                     let x = if x < low { low } else { x };
                     if x > high { high } else { x }
                 });
             }
-            Self::Sqrt => map(arch, input, output, |x: f32| x.sqrt()),
+            Self::Sqrt => map(arch, input, output, T::sqrt),
             Self::Square => map(arch, input, output, |x| x * x),
-            Self::Softsign => map(arch, input, output, |x| x / (1.0 + x.magnitude())),
+            Self::Softsign => map(arch, input, output, |x| x / (one + x.magnitude())),
         }
     }
 }
@@ -107,14 +113,17 @@ pub enum Operand {
     At(Vec<u32>),
 }
 
-struct Both<'a, F> {
+/// Numbers and their layout.
+type Numbers<'a, T> = (&'a [T], &'a Operand);
+
+struct Both<'a, T, F> {
     function: F,
-    a: (&'a [f32], &'a Operand),
-    b: (&'a [f32], &'a Operand),
-    output: &'a mut [f32],
+    a: Numbers<'a, T>,
+    b: Numbers<'a, T>,
+    output: &'a mut [T],
 }
 
-impl<F: Fn(f32, f32) -> f32> WithSimd for Both<'_, F> {
+impl<T: Real, F: Fn(T, T) -> T> WithSimd for Both<'_, T, F> {
     type Output = ();
 
     #[inline(always)]
@@ -147,21 +156,24 @@ impl<F: Fn(f32, f32) -> f32> WithSimd for Both<'_, F> {
 
 impl Binary {
     /// Writes the function of each pair of operands into `output`.
-    pub fn apply(self, arch: Arch, a: (&[f32], &Operand), b: (&[f32], &Operand), output: &mut [f32]) {
+    pub fn apply<T: Real>(self, arch: Arch, a: (&[T], &Operand), b: (&[T], &Operand), output: &mut [T]) {
+        /// Compiles one loop for the widest instructions.
+        fn map<T: Real>(
+            arch: Arch,
+            (a, b): (Numbers<'_, T>, Numbers<'_, T>),
+            output: &mut [T],
+            function: impl Fn(T, T) -> T,
+        ) {
+            arch.dispatch(Both { function, a, b, output });
+        }
         match self {
-            Self::Add => arch.dispatch(Both { function: |a, b| a + b, a, b, output }),
-            Self::Sub => arch.dispatch(Both { function: |a, b| a - b, a, b, output }),
-            Self::Mul => arch.dispatch(Both { function: |a, b| a * b, a, b, output }),
-            Self::Div => arch.dispatch(Both { function: |a, b| a / b, a, b, output }),
-            Self::Pow => arch.dispatch(Both { function: |a: f32, b: f32| a.powf(b), a, b, output }),
-            Self::Min => {
-                let function = |a: f32, b: f32| if a < b || a.is_nan() { a } else { b };
-                arch.dispatch(Both { function, a, b, output });
-            }
-            Self::Max => {
-                let function = |a: f32, b: f32| if a > b || a.is_nan() { a } else { b };
-                arch.dispatch(Both { function, a, b, output });
-            }
+            Self::Add => map(arch, (a, b), output, |a, b| a + b),
+            Self::Sub => map(arch, (a, b), output, |a, b| a - b),
+            Self::Mul => map(arch, (a, b), output, |a, b| a * b),
+            Self::Div => map(arch, (a, b), output, |a, b| a / b),
+            Self::Pow => map(arch, (a, b), output, T::powf),
+            Self::Min => map(arch, (a, b), output, |a, b| if a < b || a.is_nan() { a } else { b }),
+            Self::Max => map(arch, (a, b), output, |a, b| if a > b || a.is_nan() { a } else { b }),
         }
     }
 }

@@ -3,7 +3,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::Packed;
-use crate::arithmetic::Real;
+use crate::arithmetic::{Lanes, Real};
 
 /// Sizes of a recurrent layer's run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,61 +18,61 @@ pub struct Sequence {
 
 /// The maps of a recurrent layer in one direction.
 #[derive(Clone, Debug)]
-pub enum Gates {
+pub enum Gates<T = f32> {
     /// Update, reset and candidate; the reset gate scales the recurrent product (as in PyTorch).
     Gru {
         /// Map from inputs to the three gates.
-        input: Packed,
+        input: Packed<T>,
         /// Map from the state to the three gates.
-        state: Packed,
+        state: Packed<T>,
     },
     /// Update, reset and candidate; the reset gate scales the state.
     GruResetFirst {
         /// Map from inputs to the three gates.
-        input: Packed,
+        input: Packed<T>,
         /// Map from the state to update and reset.
-        state: Packed,
+        state: Packed<T>,
         /// Map from the scaled state to the candidate.
-        candidate: Packed,
+        candidate: Packed<T>,
     },
     /// Input, output, forget and cell.
     Lstm {
         /// Map from inputs to the four gates.
-        input: Packed,
+        input: Packed<T>,
         /// Map from the state to the four gates.
-        state: Packed,
+        state: Packed<T>,
     },
 }
 
 /// One direction of a recurrent layer, with the numbers it works in.
 #[derive(Clone, Debug)]
-pub struct Direction {
-    gates: Gates,
+pub struct Direction<T = f32> {
+    gates: Gates<T>,
     /// True to run from the last step to the first.
     reversed: bool,
     /// Gates of all steps from the inputs.
-    from_input: Vec<f32>,
+    from_input: Vec<T>,
     /// Gates of one step from the state.
-    from_state: Vec<f32>,
+    from_state: Vec<T>,
     /// The scaled state, and its candidate.
-    scaled: Vec<f32>,
-    hidden: Vec<f32>,
-    cell: Vec<f32>,
+    scaled: Vec<T>,
+    hidden: Vec<T>,
+    cell: Vec<T>,
 }
 
-impl Direction {
+impl<T: Lanes> Direction<T> {
     /// Creates a direction that runs from the first step to the last, or in reverse.
-    pub fn new(gates: Gates, reversed: bool, sequence: Sequence) -> Self {
+    pub fn new(gates: Gates<T>, reversed: bool, sequence: Sequence) -> Self {
         let (rows, state) = (sequence.steps * sequence.batch, sequence.batch * sequence.hidden);
         let count = if matches!(gates, Gates::Lstm { .. }) { 4 } else { 3 };
         Self {
             gates,
             reversed,
-            from_input: vec![0.0; count * rows * sequence.hidden],
-            from_state: vec![0.0; count * state],
-            scaled: vec![0.0; 2 * state],
-            hidden: vec![0.0; state],
-            cell: vec![0.0; state],
+            from_input: vec![T::default(); count * rows * sequence.hidden],
+            from_state: vec![T::default(); count * state],
+            scaled: vec![T::default(); 2 * state],
+            hidden: vec![T::default(); state],
+            cell: vec![T::default(); state],
         }
     }
 
@@ -81,14 +81,14 @@ impl Direction {
     pub fn run(
         &mut self,
         (arch, sequence): (Arch, Sequence),
-        input: &[f32],
-        initial: (Option<&[f32]>, Option<&[f32]>),
-        mut record: impl FnMut(usize, &[f32]),
+        input: &[T],
+        initial: (Option<&[T]>, Option<&[T]>),
+        mut record: impl FnMut(usize, &[T]),
     ) {
         for (state, initial) in [(&mut self.hidden, initial.0), (&mut self.cell, initial.1)] {
             match initial {
                 Some(initial) => state.copy_from_slice(initial),
-                None => state.fill(0.0),
+                None => state.fill(T::default()),
             }
         }
         let (Gates::Gru { input: map, .. }
@@ -128,24 +128,24 @@ impl Direction {
     }
 
     /// Returns the state (batch, hidden) after the last step.
-    pub fn hidden(&self) -> &[f32] {
+    pub fn hidden(&self) -> &[T] {
         &self.hidden
     }
 
     /// Returns the cell state (batch, hidden) after the last step; 0 for gated recurrent units.
-    pub fn cell(&self) -> &[f32] {
+    pub fn cell(&self) -> &[T] {
         &self.cell
     }
 }
 
-struct Gru<'a> {
+struct Gru<'a, T> {
     hidden: usize,
-    from_input: &'a [f32],
-    from_state: &'a [f32],
-    state: &'a mut [f32],
+    from_input: &'a [T],
+    from_state: &'a [T],
+    state: &'a mut [T],
 }
 
-impl WithSimd for Gru<'_> {
+impl<T: Real> WithSimd for Gru<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -159,21 +159,21 @@ impl WithSimd for Gru<'_> {
                 let update = Real::sigmoid(xz[k] + hz[k]);
                 let reset = Real::sigmoid(xr[k] + hr[k]);
                 let candidate = Real::tanh(xc[k] + reset * hc[k]);
-                state[k] = (1.0 - update) * candidate + update * state[k];
+                state[k] = (T::from_f32(1.0) - update) * candidate + update * state[k];
             }
         }
     }
 }
 
-struct Reset<'a> {
+struct Reset<'a, T> {
     hidden: usize,
-    from_input: &'a [f32],
-    from_state: &'a [f32],
-    state: &'a [f32],
-    scaled: &'a mut [f32],
+    from_input: &'a [T],
+    from_state: &'a [T],
+    state: &'a [T],
+    scaled: &'a mut [T],
 }
 
-impl WithSimd for Reset<'_> {
+impl<T: Real> WithSimd for Reset<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -190,15 +190,15 @@ impl WithSimd for Reset<'_> {
     }
 }
 
-struct ResetFirst<'a> {
+struct ResetFirst<'a, T> {
     hidden: usize,
-    from_input: &'a [f32],
-    from_state: &'a [f32],
-    product: &'a [f32],
-    state: &'a mut [f32],
+    from_input: &'a [T],
+    from_state: &'a [T],
+    product: &'a [T],
+    state: &'a mut [T],
 }
 
-impl WithSimd for ResetFirst<'_> {
+impl<T: Real> WithSimd for ResetFirst<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -211,21 +211,21 @@ impl WithSimd for ResetFirst<'_> {
             for k in 0..n {
                 let update = Real::sigmoid(xz[k] + hz[k]);
                 let candidate = Real::tanh(xc[k] + product[k]);
-                state[k] = (1.0 - update) * candidate + update * state[k];
+                state[k] = (T::from_f32(1.0) - update) * candidate + update * state[k];
             }
         }
     }
 }
 
-struct Lstm<'a> {
+struct Lstm<'a, T> {
     hidden: usize,
-    from_input: &'a [f32],
-    from_state: &'a [f32],
-    state: &'a mut [f32],
-    cell: &'a mut [f32],
+    from_input: &'a [T],
+    from_state: &'a [T],
+    state: &'a mut [T],
+    cell: &'a mut [T],
 }
 
-impl WithSimd for Lstm<'_> {
+impl<T: Real> WithSimd for Lstm<'_, T> {
     type Output = ();
 
     #[inline(always)]

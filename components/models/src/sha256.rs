@@ -1,4 +1,4 @@
-//! SHA-256 of FIPS 180-4, used to compare trained weights.
+//! SHA-256 of FIPS 180-4, used to compare trained weights and files.
 
 /// First 32 bits of the fractional parts of the cube roots of the first 64 primes.
 const ROUND: [u32; 64] = [
@@ -69,7 +69,12 @@ const ROUND: [u32; 64] = [
 ];
 
 /// Returns the SHA-256 of the bytes as 64 hexadecimal digits.
-pub(crate) fn sha256_hex(bytes: &[u8]) -> String {
+///
+/// ```
+/// let digits = motorium_models::sha256::sha256_hex(b"abc");
+/// assert!(digits.starts_with("ba7816bf8f01cfea") && digits.len() == 64);
+/// ```
+pub fn sha256_hex(bytes: &[u8]) -> String {
     let mut padded = bytes.to_vec();
     padded.push(0x80);
     padded.resize((padded.len() + 8).next_multiple_of(64) - 8, 0);

@@ -1,6 +1,7 @@
 //! Multilayer perceptrons built from their weights.
 
 use super::{Operation, Packed, Port, Program, Unary};
+use crate::arithmetic::Lanes;
 
 /// The size of a layer does not match its inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -18,7 +19,7 @@ pub struct LayerSizeError {
     pub inputs: usize,
 }
 
-impl Program {
+impl<T: Lanes> Program<T> {
     /// Creates a multilayer perceptron on rows of `inputs` numbers. Each layer consists of its weights
     /// (outputs x inputs, row by row) and its bias; `activation` is applied between layers, but not after the
     /// last.
@@ -29,7 +30,7 @@ impl Program {
     pub fn mlp(
         rows: usize,
         inputs: usize,
-        layers: &[(Vec<f32>, Vec<f32>)],
+        layers: &[(Vec<T>, Vec<T>)],
         activation: Unary,
     ) -> Result<Self, LayerSizeError> {
         let mut program = Self::default();
