@@ -160,7 +160,7 @@ pub fn read<T: Real>(bytes: &[u8]) -> Result<Tensors<T>, SafetensorsError> {
 /// let mut file = Tensors::default();
 /// file.tensors.insert("0.weight".into(), Tensor { shape: vec![1, 2], values: vec![1.5, -2.0] });
 /// file.metadata.insert("task".into(), "trot".into());
-/// assert_eq!(safetensors::read(&safetensors::write(&file)?)?, file);
+/// assert_eq!(safetensors::read::<f32>(&safetensors::write(&file)?)?, file);
 /// # Ok::<(), safetensors::SafetensorsError>(())
 /// ```
 pub fn write(file: &Tensors) -> Result<Vec<u8>, SafetensorsError> {

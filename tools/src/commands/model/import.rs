@@ -15,6 +15,12 @@ use motorium_robots::{LoadOptions, Loaded, load_with};
 use super::yaml;
 use crate::out::outln;
 
+/// Options that conflict with `--descriptors`.
+const NOT_WITH_DESCRIPTORS: [&str; 5] = ["rate", "history", "height_points", "height_scale", "height_offset"];
+/// Options that conflict with `--table`.
+const NOT_WITH_TABLE: [&str; 7] =
+    ["rate", "history", "height_points", "height_scale", "height_offset", "descriptors", "env"];
+
 /// Make a policy folder from the files of a training framework.
 ///
 /// mjlab: an ONNX file, whose metadata has joints, gains and observation terms; --rate gives its rate.
@@ -37,10 +43,10 @@ pub(super) struct Import {
     #[arg(long, short, value_name = "FOLDER")]
     output: PathBuf,
     /// The table of a safetensors file
-    #[arg(long, value_name = "TABLE.toml", conflicts_with_all = ["rate", "history", "descriptors", "env"])]
+    #[arg(long, value_name = "TABLE.toml", conflicts_with_all = NOT_WITH_TABLE)]
     table: Option<PathBuf>,
     /// The description of an ONNX file of Isaac Lab 2
-    #[arg(long, value_name = "IO_descriptors.yaml", conflicts_with_all = ["rate", "history"])]
+    #[arg(long, value_name = "IO_descriptors.yaml", conflicts_with_all = NOT_WITH_DESCRIPTORS)]
     descriptors: Option<PathBuf>,
     /// The environment of a training run of Isaac Lab
     #[arg(long, value_name = "env.yaml")]
@@ -52,7 +58,7 @@ pub(super) struct Import {
     #[arg(long, value_name = "STEPS")]
     history: Option<usize>,
     /// The points of mjlab's height scan along x and y [default: 17,11 for 187 points]
-    #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 2)]
+    #[arg(long, value_name = "X,Y", value_delimiter = ',')]
     height_points: Option<Vec<usize>>,
     /// The factor of mjlab's height scan [default: as in the file]
     #[arg(long, value_name = "FACTOR")]
@@ -112,6 +118,14 @@ impl Import {
         Ok(ExitCode::SUCCESS)
     }
 
+    /// `true` with an option for files of mjlab only.
+    fn has_mjlab_options(&self) -> bool {
+        self.history.is_some()
+            || self.height_points.is_some()
+            || self.height_scale.is_some()
+            || self.height_offset.is_some()
+    }
+
     /// The policy and the bytes of its network.
     fn import(&self, robot: Option<&Loaded>) -> anyhow::Result<(Policy, Vec<u8>)> {
         let file = || name(&self.file);
@@ -120,8 +134,11 @@ impl Import {
             None => None,
         };
         if let Some(path) = bundle_file(&self.file)? {
-            if self.descriptors.is_some() || self.table.is_some() || self.history.is_some() {
-                bail!("{}: a LEAPP bundle, expected no `--descriptors`, `--table` and `--history`", file());
+            if self.descriptors.is_some() || self.table.is_some() || self.has_mjlab_options() {
+                bail!(
+                    "{}: a LEAPP bundle, expected no `--descriptors`, `--table`, `--history` and `--height-...`",
+                    file()
+                );
             }
             return self.import_bundle(&path, environment.as_ref(), robot);
         }
@@ -152,7 +169,7 @@ impl Import {
             robot: None,
             height_points: points.context("--height-points: expected two numbers")?,
             height_scale: self.height_scale,
-            height_offset: self.height_offset.unwrap_or(0.0),
+            height_offset: self.height_offset,
         };
         import_mjlab(&bytes, options).with_context(file)
     }

@@ -84,6 +84,11 @@ pub enum ImportError {
         "the file has no scale of the height scan; help: give it by `--height-scale`: 1 / `max_distance` of the sensor in the tasks of mjlab"
     )]
     HeightScale,
+    /// Settings of a height scan are given for a network without one.
+    #[error(
+        "the file has no height scan; help: remove `--height-points`, `--height-scale` and `--height-offset`"
+    )]
+    NoHeightScan,
     /// No topic provides this observation term.
     #[error("observation \"{name}\" is unknown, expected one of {}", known())]
     Term {
@@ -218,8 +223,8 @@ pub struct ImportOptions {
     pub height_points: Option<[usize; 2]>,
     /// Factor of the height scan in a file without factors.
     pub height_scale: Option<f64>,
-    /// Height subtracted from the height of the sensor above the surface \[m\]. Default of mjlab: 0.
-    pub height_offset: f64,
+    /// Height subtracted from the height of the sensor above the surface \[m\]; `None`: 0, as in mjlab.
+    pub height_offset: Option<f64>,
 }
 
 /// A position in a file, from 1.

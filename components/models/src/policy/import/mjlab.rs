@@ -184,15 +184,22 @@ pub fn import_mjlab(bytes: &[u8], options: ImportOptions) -> Result<(Policy, Vec
             let rays = inputs.saturating_sub(others) / history.max(1);
             let scale = match scale {
                 None => options.height_scale.ok_or(ImportError::HeightScale)?,
-                Some([scale]) => *scale,
+                Some([scale]) => match options.height_scale.filter(|option| option != scale) {
+                    None => *scale,
+                    Some(option) => {
+                        let message = format!("found {scale}, expected {option} as in `--height-scale`");
+                        return Err(settings.wrong(index, SCALE, message));
+                    }
+                },
                 Some(found) => {
                     let message = format!("found {} numbers, expected 1", found.len());
                     return Err(settings.wrong(index, SCALE, message));
                 }
             };
+            let offset = options.height_offset.unwrap_or(0.0);
             let usual = (rays == HEIGHT_POINTS[0] * HEIGHT_POINTS[1]).then_some(HEIGHT_POINTS);
             let points = options.height_points.or(usual);
-            let grid = points.map(|points| HeightGrid::from_points(points, options.height_offset));
+            let grid = points.map(|points| HeightGrid::from_points(points, offset));
             let grid = grid.filter(|grid| grid.count() == rays);
             let grid = grid.ok_or(ImportError::HeightPoints { rays, points })?;
             served.push(grid.served(scale, clip, history));
@@ -215,6 +222,11 @@ pub fn import_mjlab(bytes: &[u8], options: ImportOptions) -> Result<(Policy, Vec
     let expected: usize = policy.observations.iter().map(|term| policy.width(term) * term.history).sum();
     if expected != inputs {
         return Err(ImportError::Width { found: inputs, expected });
+    }
+    let is_given =
+        options.height_points.is_some() || options.height_scale.is_some() || options.height_offset.is_some();
+    if is_given && !terms.contains(&Term::HeightScan) {
+        return Err(ImportError::NoHeightScan);
     }
     served::finish(policy, &model, bytes, &served)
 }
@@ -245,7 +257,7 @@ mod tests {
             robot: Some("go1".to_owned()),
             height_points: Some([7, 1]),
             height_scale: Some(0.2),
-            height_offset: 0.0,
+            height_offset: None,
         }
     }
 
@@ -264,8 +276,10 @@ mod tests {
         let text = policy.to_toml().expect("text");
         assert_eq!(Policy::parse(&text).as_ref(), Ok(&policy), "{text}");
         let terms = METADATA.map(|(key, value)| (key, value.trim_end_matches(",height_scan")));
-        let history = ImportOptions { history: Some(3), ..options() };
         let bytes = network(45, &terms);
+        let history = ImportOptions { history: Some(3), ..options() };
+        assert_eq!(import_mjlab(&bytes, history.clone()), Err(ImportError::NoHeightScan));
+        let history = ImportOptions { height_points: None, height_scale: None, ..history };
         let (policy, written) = import_mjlab(&bytes, history).expect("a policy");
         assert_eq!((policy.inputs(), written == bytes), (Ok(45), true), "the network is unchanged");
     }
@@ -312,6 +326,9 @@ mod tests {
         assert_eq!(setting(error(1, "-inf;inf,1.000,-inf;inf")), ("height_scan".to_owned(), CLIP));
         assert_eq!(setting(error(2, "2.500,0.000,0.000")), ("command".to_owned(), HISTORY));
         assert_eq!(setting(error(3, "0.000,1.000,1.000")), ("command".to_owned(), FLAT));
+        let other = ImportOptions { height_scale: Some(0.5), ..options() };
+        let found = import_mjlab(&network(15, &with_settings(&SETTINGS)), other).expect_err("another scale");
+        assert_eq!(setting(found), ("height_scan".to_owned(), SCALE));
         let other = ImportOptions { history: Some(3), ..options() };
         let found =
             import_mjlab(&network(15, &with_settings(&SETTINGS)), other).expect_err("another history");
@@ -323,7 +340,7 @@ mod tests {
         // 3 points along x, 2 along y; mjlab: x fastest, y from the right; height of the sensor above them
         let settings = [(SCALE, "1.000,0.200,1.000"), (CLIP, "-inf;inf,-1.000;1.000,-inf;inf")];
         let bytes = network(12, &with_settings(&settings));
-        let options = ImportOptions { height_points: Some([3, 2]), height_offset: 0.25, ..options() };
+        let options = ImportOptions { height_points: Some([3, 2]), height_offset: Some(0.25), ..options() };
         let (policy, adapted) = import_mjlab(&bytes, options).expect("a policy");
         // motorium: rows from the back, each from right to left; height of the surface above the sensor
         let heights = [
