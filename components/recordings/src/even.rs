@@ -26,8 +26,8 @@ impl Recording {
         if is_even { self.values.clone() } else { self.interpolated(self.samples()) }
     }
 
-    /// Resamples to `samples` evenly spaced samples (samples x channels) by cubic interpolation, filtered with
-    /// `cutoff` \[Hz\].
+    /// Resamples to `samples` evenly spaced samples (samples x channels) by cubic interpolation, filtered
+    /// with `cutoff` \[Hz\].
     ///
     /// The interpolation is the cubic Hermite one with the slopes of a parabola through each three
     /// neighbours. The filter is a Gaussian of the standard deviation `sqrt(ln 2) / (2 pi cutoff)` in time,

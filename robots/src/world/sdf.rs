@@ -260,8 +260,8 @@ impl Reader<'_> {
         self.warnings.push(ModelWarning::Ignored { what, at, count: 1, reason: because });
     }
 
-    /// Adds a collision of a link with a pose in its model. A fixed one is an object at its own pose; one that
-    /// moves, with a mass, is an object at the pose of the model.
+    /// Adds a collision of a link with a pose in its model. A fixed one is an object at its own pose; one
+    /// that moves, with a mass, is an object at the pose of the model.
     fn collision(
         &mut self,
         collision: Node<'_, '_>,

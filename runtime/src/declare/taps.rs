@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-/// The topics that a component reads by taps: every value, in order, without a port or a change in the writer.
+/// The topics that a component reads by taps: every value, in order, without a port or a change in the
+/// writer.
 ///
 /// ```
 /// use motorium::declare::Taps;

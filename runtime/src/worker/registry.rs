@@ -38,8 +38,8 @@ impl Kind {
     /// The kind of a component type.
     ///
     /// A library returns its kinds from a function that is `#[inline(never)]`, so that their steps are
-    /// compiled and optimised with the library. A short function would be inlined, and the steps compiled with the
-    /// optimisation of each caller.
+    /// compiled and optimised with the library. A short function would be inlined, and the steps compiled
+    /// with the optimisation of each caller.
     pub const fn of<C: Component>() -> Self {
         Self {
             name: C::KIND,

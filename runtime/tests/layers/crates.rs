@@ -79,6 +79,10 @@ pub(crate) fn wrong_dependencies(root: &Path) -> Vec<String> {
     found
 }
 
+/// Modules of a wing that hold equations with the configuration of their component, each in one file: the
+/// tasks and limits of `control.qp`, and the checks of their keys.
+const WITH_CONFIGURATION: [(&str, &[&str]); 1] = [("components/control", &["checks.rs", "limits", "tasks"])];
+
 /// Files of the wings outside of their `component` modules that name the runtime. Its plain units are
 /// allowed: the settings of an algorithm may be the configuration of its component. Policies, interfaces and
 /// bridges are components alone.
@@ -90,7 +94,9 @@ pub(crate) fn runtime_in_algorithms(root: &Path) -> Vec<String> {
         for file in crate::sources(&src) {
             let part = file.strip_prefix(&src).expect("below src");
             let first = part.iter().next().expect("a file").to_string_lossy().into_owned();
-            if first.starts_with("component") {
+            let is_configured =
+                |(area, modules): &(&str, &[&str])| *area == wing && modules.contains(&first.as_str());
+            if first.starts_with("component") || WITH_CONFIGURATION.iter().any(is_configured) {
                 continue;
             }
             let text = std::fs::read_to_string(&file).expect("a source file");

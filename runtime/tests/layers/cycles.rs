@@ -12,7 +12,6 @@ const CYCLES: &[(&str, &str, &[&str])] = &[
     ("benches", "kill", &["outcome", "trial"]),
     ("components/can", "adapter", &["dialogue", "homing", "link"]),
     ("components/can", "component::adapter", &["config", "order"]),
-    ("components/control", "solver::clarabel", &["layout", "scaling"]),
     ("runtime", "state", &["field", "finite"]),
 ];
 
@@ -21,7 +20,7 @@ const PARENTS: &[(&str, usize)] = &[
     ("benches", 1),
     ("components/bridges", 4),
     ("components/can", 25),
-    ("components/control", 22),
+    ("components/control", 9),
     ("components/learners", 1),
     ("components/models", 4),
     ("components/physics", 6),

@@ -148,9 +148,7 @@ fn a_refused_position_names_range_and_correction() {
     rig.run(20);
     let (_, wrong) = rig.adapter.wrong_setting().expect("it reads 7.28 rad");
     let text = wrong.to_string();
-    for part in
-        ["it reads 7.283", "-2.500 to 2.500", "margin of 0.05", "`homing`", "`offset`", "`turns = -1`"]
-    {
+    for part in ["it reads 7.283", "-2.500 to 2.500", "margin 0.05", "`homing`", "`offset`", "`turns = -1`"] {
         assert!(text.contains(part), "{part}: {text}");
     }
 }

@@ -14,23 +14,13 @@ use super::kind::{BuiltTask, GAINS, TaskKind, TaskParameter, TaskTable, WEIGHTS}
 use super::place::TaskPlace;
 use super::ramp::{Fades, Ramped, TaskBounds};
 use super::target::TargetInput;
-use super::{AxesConfig, AxisShares, Cost, Equation, Feedback, JacobianView, PoseAxes, Response, Task};
+use super::{
+    AxesConfig, AxisShares, Cost, Equation, Feedback, JacobianView, PoseAxes, PoseError, Response, Task,
+};
 use crate::{GoalError, GoalRecord, GoalTolerance, MotionState, RobotState};
 
 /// Half the time over which an error is differenced \[s\].
 const STEP: f64 = 1e-4;
-
-/// Form of the error of a pose.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum PoseError {
-    /// Logarithm of the pose of the target in the frame, with its exact derivative: the frame moves along a
-    /// screw.
-    #[default]
-    Logarithm,
-    /// Difference of the positions and rotation vector, with the geometric Jacobian: the origin of the frame
-    /// moves along a straight line.
-    Geometric,
-}
 
 /// Gains and weights of a [`CartesianTask`].
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -91,6 +91,7 @@ mod minimum_torque;
 mod minimum_velocity;
 mod momentum;
 mod place;
+mod pose_error;
 mod posture;
 mod ramp;
 mod relative;
@@ -102,9 +103,7 @@ mod unicycle;
 pub use admittance::{Admittance, AdmittanceSettings};
 pub use axes::{AxesConfig, AxisShares, PoseAxes, SharesConfig};
 pub use capture_point::CapturePoint;
-pub use cartesian::{
-    CartesianImpedance, CartesianImpedanceConfig, CartesianSettings, CartesianTask, PoseError,
-};
+pub use cartesian::{CartesianImpedance, CartesianImpedanceConfig, CartesianSettings, CartesianTask};
 pub use centre_of_mass::{CentreOfMassSettings, CentreOfMassTask};
 pub use contact::ContactTask;
 pub use contact_force::{ContactForce, ForceRegularisation};
@@ -120,6 +119,7 @@ pub use minimum_torque::TorqueMinimum;
 pub use minimum_velocity::MinimumVelocityTask;
 pub use momentum::MomentumTask;
 pub(crate) use place::TaskPlace;
+pub use pose_error::PoseError;
 pub use posture::{JointImpedanceConfig, PostureSettings, PostureTask};
 pub(crate) use ramp::{Fades, TaskBounds};
 pub use relative::{RelativeSettings, RelativeTask};

@@ -31,8 +31,8 @@ impl Setting<'_> {
     }
 }
 
-/// Learns by PoWER from `rollouts` episodes, one at a time, and returns a learning curve. `rollout` returns the
-/// reward of the weights that are tried. `evaluate` makes a point of the mean weights: before the first
+/// Learns by PoWER from `rollouts` episodes, one at a time, and returns a learning curve. `rollout` returns
+/// the reward of the weights that are tried. `evaluate` makes a point of the mean weights: before the first
 /// rollout, after each `interval` of rollouts and after the last one.
 pub(super) fn power_curve<P, E: From<StartError> + From<TellError>>(
     start: Start,

@@ -94,8 +94,8 @@ pub struct Movements {
 }
 
 impl Movements {
-    /// Fits all models to demonstrations of `duration` seconds: evenly spaced samples x dimensions, at least two
-    /// of them.
+    /// Fits all models to demonstrations of `duration` seconds: evenly spaced samples x dimensions, at least
+    /// two of them.
     ///
     /// # Errors
     ///

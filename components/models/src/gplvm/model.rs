@@ -44,8 +44,8 @@ pub(super) struct Fitted {
     pub(super) minimum: Minimum,
 }
 
-/// Iterations from each start, of which only the best continues. The robots of the catalogue's pose data need 20 to
-/// 60 to the end, and the order of their starts does not change after these.
+/// Iterations from each start, of which only the best continues. The paired poses of arms need 20 to 60 to
+/// the end, and the order of their starts does not change after these.
 const TRIAL: usize = 8;
 /// Share of the noise above which a transfer warns.
 const NOISY: f64 = 0.5;
@@ -188,8 +188,8 @@ impl LatentModel {
     /// Adds a robot while the latent points and all other spaces stay fixed. There are three starts: the
     /// hyperparameters of the last space; the standard deviations of the latent points as length scales with
     /// noise 0.01; and these divided by e with noise 0.1. If the latent point is the pose itself
-    /// ([`BackForm::Pose`]), the latter two are longer by the square root of the number of its dimensions. After a
-    /// few iterations from each, only the best start continues.
+    /// ([`BackForm::Pose`]), the latter two are longer by the square root of the number of its dimensions.
+    /// After a few iterations from each, only the best start continues.
     ///
     /// # Errors
     /// If the poses do not match the model or no start has a positive definite covariance.

@@ -25,9 +25,9 @@ use crate::{complete, registry, robots};
 
 /// Record the movement of a policy from several starts, fit models to it, and reproduce it.
 ///
-/// The graph runs in lockstep, an episode for each demonstration. A DMP, a ProMP and a motion library learn the
-/// path of the end effector. From other starts each model then moves the robot in place of the policy; its
-/// path is compared with the policy's from the same start, and with a replay of the first demonstration.
+/// The graph runs in lockstep, an episode for each demonstration. A DMP, a ProMP and a motion library learn
+/// the path of the end effector. From other starts each model then moves the robot in place of the policy;
+/// its path is compared with the policy's from the same start, and with a replay of the first demonstration.
 ///
 /// Example: motorium learn imitate graphs/imitate/loop.toml --output out/imitate
 #[derive(Debug, clap::Args)]

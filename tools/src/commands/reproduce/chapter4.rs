@@ -14,10 +14,10 @@ use crate::chart::{Chart, Series};
 
 /// The shared latent spaces of Delhaisse's thesis (2019), chapter 4: figures 4.3 and 4.5 to 4.10.
 ///
-/// Transfers each robot to a model of the human and WALK-MAN, and trains a model with the robot and one with all
-/// robots, with and without back constraints; then finds how many poses of a robot are needed, compared with a direct Gaussian
-/// process, ridge regression and the nearest pose. Writes each figure as CSV and SVG (bars: standard errors
-/// over splits), and reports which claims hold.
+/// Transfers each robot to a model of the human and WALK-MAN, and trains a model with the robot and one with
+/// all robots, with and without back constraints; then finds how many poses of a robot are needed, compared
+/// with a direct Gaussian process, ridge regression and the nearest pose. Writes each figure as CSV and SVG
+/// (bars: standard errors over splits), and reports which claims hold.
 ///
 /// Example: motorium reproduce chapter4 --data recordings/ --output out/
 #[derive(Debug, clap::Args)]
@@ -77,7 +77,8 @@ struct Pair {
 }
 
 impl Pair {
-    /// Whether an error exceeds that of the model trained for this robot by at most a standard error.
+    /// Returns `true` if an error is at most a standard error larger than with the model trained for this
+    /// robot.
     fn is_no_worse(&self, a: Estimate) -> bool {
         let b = self.result.trained;
         a.mean <= b.mean + a.error.hypot(b.error)

@@ -1,0 +1,13 @@
+//! Forms of the error of a pose.
+
+/// Form of the error of a pose.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PoseError {
+    /// Logarithm of the pose of the target in the frame, with its exact derivative: the frame moves along a
+    /// screw.
+    #[default]
+    Logarithm,
+    /// Difference of the positions and rotation vector, with the geometric Jacobian: the origin of the frame
+    /// moves along a straight line.
+    Geometric,
+}
