@@ -105,30 +105,6 @@ fn progress_is_published_until_a_signal_ends_the_training() {
 }
 
 #[test]
-fn shown_movements_are_fitted_and_reproduced() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let graph = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/imitate/loop.toml");
-    let output = folder.path().join("a").to_str().expect("a path of text").to_string();
-    let imitate = ["learn", "imitate", graph, "--demonstrations", "5", "--tests", "2", "--json", "--output"];
-    let found = json(&[&imitate[..], &[&output]].concat());
-    let models = found["models"].as_array().expect("models");
-    let errors: Vec<f64> = models.iter().map(|model| model["rms_m"].as_f64().expect("a number")).collect();
-    let [dmp, promp, library, replay] = errors[..] else { panic!("{found}") };
-    assert!(dmp < 0.5 * replay && promp < 0.5 * replay && library < 0.5 * replay, "{found}");
-    for name in ["movement.library", "imitation.json", "imitation.svg"] {
-        assert!(folder.path().join("a").join(name).is_file(), "{name}");
-    }
-    for name in ["dmp.json", "promp.json"] {
-        printed(&["primitive", "show", &format!("{output}/{name}")]);
-    }
-    let again = folder.path().join("b").to_str().expect("a path of text").to_string();
-    assert_eq!(json(&[&imitate[..], &[&again]].concat())["models"], found["models"]);
-    let none = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/cart-pole-policy.toml");
-    let none = run(&["learn", "imitate", none, "--output", &output]);
-    assert!(String::from_utf8_lossy(&none.stderr).contains("motorium.PoseTarget"), "no pose targets");
-}
-
-#[test]
 fn policies_are_compared_on_equal_episodes() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = |name: &str| folder.path().join(name).to_str().expect("a path of text").to_string();

@@ -10,7 +10,6 @@
 //! Source: Ross, Gordon, Bagnell, *A reduction of imitation learning and structured prediction to no-regret
 //! online learning*, AISTATS 2011.
 
-pub mod movements;
 mod regression;
 mod run;
 mod settings;
