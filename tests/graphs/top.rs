@@ -292,7 +292,7 @@ fn a_taken_port_stops_a_run_before_it_starts(run: &Serving) {
     let set = format!("name={name}");
     let text = complaint(&["run", GRAPH, "--set", &set, "--for", "1s", "--force", "--metrics", port]);
     assert!(text.contains(&format!("127.0.0.1:{port}: another program has this port")), "{text}");
-    assert!(!text.contains("running"), "nothing was started: {text}");
+    assert!(!text.contains("all ports connected"), "nothing was started: {text}");
     let text = complaint(&["run", GRAPH, "--metrics", "localhost"]);
     assert!(text.contains("neither a port nor an address"), "{text}");
 }

@@ -64,7 +64,7 @@ fn coupling_is_trained_saved_and_writes_at_pen_speed() {
     assert!(csv.starts_with("t,x,y\n0,") && csv.lines().count() == 101, "{csv}");
 
     let error = complaint(&["library", "write", text(&letters), text(&shown)]);
-    assert!(error.contains("this is no coupling; train one with `motorium library couple`"), "{error}");
+    assert!(error.contains("not a coupling; train one with `motorium library couple`"), "{error}");
     let error = complaint(&["library", "write", text(&coupling), text(&letters)]);
     assert!(error.contains("it begins with neither P2 nor P5"), "{error}");
 }

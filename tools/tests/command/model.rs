@@ -410,7 +410,7 @@ fn height_scans_of_mjlab_are_served() {
     assert_eq!(report["equals_trained"], serde_json::Value::Null);
     // rows of motorium from the back, each from right to left, times the scale of policy.toml
     let heights = [-0.5, -0.75, -1.0, -1.25, -1.5, -1.75];
-    let inputs = serde_json::json!({ "obs": [heights.map(|height| -0.5 * height)] });
+    let inputs = serde_json::json!({ "obs_": [heights.map(|height| -0.5 * height)] });
     let found = evaluated(folder.path(), &path("policy/policy.onnx"), &inputs);
     let above = |height: f64| 0.5 * (-height - 0.25);
     let ordered = [0, 2, 4, 1, 3, 5].map(|index| above(heights[index]));
