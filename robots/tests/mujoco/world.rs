@@ -60,9 +60,8 @@ fn bodies_that_are_held_become_connections_at_the_same_points() {
     let world = world();
     let [ball, spike] = &world.connections[..] else { panic!("{:?}", world.connections) };
     assert_eq!((ball.kind, &ball.parts), (ConnectionKind::Ball, &["ball".to_owned(), "world".to_owned()]));
-    // The origin of the object is its geom's, 0.1 m below the body's.
     let point = Vector3::from(ball.point);
-    assert_relative_eq!(point, Vector3::new(-0.3, 0.0, 0.3), epsilon = 1e-12);
+    assert_relative_eq!(point, Vector3::new(-0.3, 0.0, 0.2), epsilon = 1e-12);
     let parts = ["hammer".to_owned(), "ball".to_owned()];
     assert_eq!((spike.kind, &spike.parts), (ConnectionKind::Fixed, &parts));
 }
