@@ -284,6 +284,12 @@ fn engines_with_a_method_of_their_own_refuse_the_choice() {
     if has_mujoco() {
         let refused =
             MujocoSimulator::new(pendulum(), World::default(), &[0.0], options(Integrator::Midpoint));
-        assert!(refused.map(drop).unwrap_err().to_string().contains("MuJoCo engine has a method"));
+        assert!(
+            refused
+                .map(drop)
+                .unwrap_err()
+                .to_string()
+                .contains("MuJoCo engine has its own integration method")
+        );
     }
 }
