@@ -1,7 +1,6 @@
 //! Whole graphs, run as a user runs them.
 
 use std::process::{Command, Stdio};
-use std::time::Duration;
 
 use crate::support::{MOTORIUM, Run, is_root, leftovers, machine, panda_reach, run, workspace};
 use motorium::launcher::{Exit, Report};
@@ -233,7 +232,6 @@ fn tools_look_at_a_running_graph_without_disturbing_it() {
     assert_eq!(echoed.lines().count(), 3, "{echoed}");
     let parameters = tool(&["param", "list", "--json"]);
     assert!(serde_json::from_str::<serde_json::Value>(&parameters).is_ok(), "{parameters}");
-    std::thread::sleep(Duration::from_millis(100));
     let ended = run.finish();
     assert_eq!(ended.report().exit, Exit::Finished);
     assert!(ended.report().components.iter().all(|component| component.restarts == 0));
