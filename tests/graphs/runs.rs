@@ -154,7 +154,10 @@ fn hosted_components_run_in_real_time_too() {
     let _machine = machine();
     let ended = run(&panda_reach(), &["--in-process", "--for", "2 s"]);
     assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Finished));
-    assert!(ended.report().components.iter().all(|component| component.steps > 1_000));
+    // releases that a busy host skipped count: the clock of the run is the machine's
+    let [physics, others @ ..] = &ended.report().components[..] else { panic!("no components") };
+    assert!(physics.steps + physics.misses.skipped > 1_900, "{physics:?}");
+    assert!(others.iter().all(|component| component.steps > physics.steps / 2), "{others:?}");
 }
 
 #[test]
