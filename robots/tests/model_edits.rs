@@ -321,7 +321,9 @@ fn faulty_transmissions_are_named() {
     let coupled = warnings(GEARED.replace("<actuator", "<joint name=\"one\"/><actuator"));
     assert_eq!(
         coupled,
-        ["transmission \"t\" couples 2 joints and 1 actuators; ignored: only one of each is"]
+        [
+            "transmission \"t\" couples 2 joints and 1 actuators; ignored: only transmissions of one joint and one actuator are supported"
+        ]
     );
     let error =
         parse_urdf_with(&GEARED.replace(">50<", ">fifty<"), None, &LoadOptions::default()).unwrap_err();

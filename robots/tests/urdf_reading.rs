@@ -278,7 +278,7 @@ fn the_total_mass_counts_fixed_links() {
 
 #[test]
 fn visuals_and_extensions_do_no_harm() {
-    // A texture without a file and a mesh that is nowhere, in parts nobody here reads.
+    // A texture without a file and a missing mesh, in parts nobody here reads.
     let text = "<robot name=\"r\"><material name=\"m\"><texture/></material><gazebo><plugin/></gazebo>\
                 <link name=\"a\"><visual><geometry><mesh filename=\"package://no/such\"/></geometry>\
                 <material name=\"é\"><texture/></material></visual></link></robot>";

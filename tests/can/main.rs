@@ -164,7 +164,7 @@ fn a_babbling_node_is_counted_and_the_drives_still_answer() {
 }
 
 #[test]
-fn a_bus_that_is_error_passive_is_told_and_goes_on() {
+fn a_bus_that_is_error_passive_is_reported_and_stays_in_use() {
     let Some(row) = row("disturbed") else { return };
     let adapter = &row.results()["adapter"];
     let bus = &adapter["buses"]["can0"];

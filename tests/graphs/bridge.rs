@@ -1,5 +1,6 @@
 //! Python programs of the book and of graphs, in parallel to a running graph.
 
+use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -48,7 +49,12 @@ fn the_python_program_of_the_book_leads_the_arm() {
     write("lift.py", &example("python", 0));
     let program = || {
         let mut program = Command::new(&python);
-        program.arg("lift.py").current_dir(folder.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        program
+            .arg("lift.py")
+            .env("PYTHONUNBUFFERED", "1")
+            .current_dir(folder.path())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
         program
     };
 
@@ -56,7 +62,8 @@ fn the_python_program_of_the_book_leads_the_arm() {
     let name = run.folder.id().to_string();
     // the first program is killed immediately: its slot must be free for the next
     let mut killed = program().spawn().expect("python starts");
-    std::thread::sleep(std::time::Duration::from_millis(700));
+    let mut first = String::new();
+    BufReader::new(killed.stdout.take().expect("it is piped")).read_line(&mut first).expect("its first line");
     killed.kill().expect("it runs");
     killed.wait().expect("it ends");
     let output = program().output().expect("python runs");

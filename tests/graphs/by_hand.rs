@@ -31,8 +31,8 @@ fn a_component_killed_by_hand_restarts_in_the_named_run() {
         assert!(parameters.contains(&"policy.speed".to_string()), "{parameters:?}");
     }
     assert_eq!(completed(&["kill", run.folder.id(), "contr"]), ["controller"]);
-    let told = complaint(&["kill", "killed-by-hand", "polisy"]);
-    assert!(told.contains("did you mean `policy`?"), "{told}");
+    let message = complaint(&["kill", "killed-by-hand", "polisy"]);
+    assert!(message.contains("did you mean `policy`?"), "{message}");
     let killed = json(&["kill", "killed-by-hand", "policy", "--json"]);
     let first = killed["pid"].as_u64().expect("a process");
     let deadline = Instant::now() + Duration::from_secs(20);
@@ -45,8 +45,8 @@ fn a_component_killed_by_hand_restarts_in_the_named_run() {
         assert!(Instant::now() < deadline, "it does not come back");
         std::thread::sleep(Duration::from_millis(100));
     }
-    let told = printed(&["kill", "killed-by-hand", "policy", "--signal", "continue"]);
-    assert!(told.contains("continued") && !told.contains(&format!("process {first} ")), "{told}");
+    let message = printed(&["kill", "killed-by-hand", "policy", "--signal", "continue"]);
+    assert!(message.contains("continued") && !message.contains(&format!("process {first} ")), "{message}");
 
     signal(run.launcher(), Signal::INT);
     let ended = run.finish();
@@ -61,8 +61,8 @@ fn a_component_that_is_a_thread_of_the_launcher_is_not_killed() {
     let graph = workspace().join("graphs/panda-reach.toml");
     let arguments = ["--for", "60 s", "--name", "hosted-by-hand", "--hosting", "threads", "--force"];
     let run = Run::start(&graph, &arguments);
-    let told = complaint(&["kill", "hosted-by-hand", "policy"]);
-    assert!(told.contains("is a thread of the launcher"), "{told}");
+    let message = complaint(&["kill", "hosted-by-hand", "policy"]);
+    assert!(message.contains("is a thread of the launcher"), "{message}");
     signal(run.launcher(), Signal::INT);
     run.finish();
 }

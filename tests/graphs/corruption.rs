@@ -93,7 +93,7 @@ fn round(endings: &[&str], seed: u64) {
         damage(&files, &mut random);
         std::thread::sleep(Duration::from_millis(50));
     }
-    let told = format!("seed {seed}, {endings:?}, launcher {launcher}, physics {physics}");
+    let message = format!("seed {seed}, {endings:?}, launcher {launcher}, physics {physics}");
     // A component that survived the damage is killed: its slots are freed, and it joins again.
     if let Some(pid) = rustix::process::Pid::from_raw(controller as i32) {
         let _ = rustix::process::kill_process(pid, rustix::process::Signal::KILL);
@@ -103,7 +103,7 @@ fn round(endings: &[&str], seed: u64) {
         signal(launcher, rustix::process::Signal::INT);
     }
     let ended = run.finish();
-    let text = format!("{told}: {:?}\n{}{}", ended.code, ended.stdout, ended.stderr);
+    let text = format!("{message}: {:?}\n{}{}", ended.code, ended.stdout, ended.stderr);
     // A regular end, or a safe stop that names its cause; a signal has no code, a panic has 101.
     assert!(matches!(ended.code, Some(0 | 1 | 4)), "{text}");
     assert!(!ended.stderr.contains("the launcher of"), "the guard had to act: {text}");

@@ -1,5 +1,6 @@
 //! The event log of a run: its content, its readers, and its lack of side effects.
 
+use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -9,7 +10,7 @@ use motorium::region::{EventKind, EventSeverity};
 use motorium::session::Session;
 use rustix::process::Signal;
 
-use crate::support::{Ended, MOTORIUM, Run, kill, machine, panda_reach, run, signal, workspace};
+use crate::support::{Ended, MOTORIUM, Run, await_that, kill, machine, panda_reach, run, signal, workspace};
 
 /// Returns the events that `motorium events ARGUMENTS --json` prints for a run.
 fn events(run: &str, arguments: &[&str]) -> Vec<LoggedEvent> {
@@ -43,8 +44,9 @@ fn a_failure_and_its_restart_are_in_the_event_log() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "controller.restart.when=failure"]);
     let id = run.folder.id().to_string();
-    kill(run.pid_of("controller"));
-    std::thread::sleep(Duration::from_millis(50));
+    let killed = run.pid_of("controller");
+    kill(killed);
+    await_that("a restart", || run.pid_of("controller") != killed);
     run.await_running("controller");
     let shown = events(&id, &[]);
     assert_eq!(kinds(&shown)[..2], [EventKind::Created, EventKind::Started]);
@@ -83,7 +85,7 @@ fn entering_and_leaving_the_safe_state_is_in_the_log() {
         kinds(&events(&id, &["--component", "physics", "-k", "entered_safe_state", "-k", "left_safe_state"]))
     };
     let await_changes = |count: usize| {
-        crate::support::await_that("the change is in the log", || changes().len() >= count);
+        await_that("the change is in the log", || changes().len() >= count);
     };
     await_changes(1);
     let before = changes().len();
@@ -106,18 +108,21 @@ fn entering_and_leaving_the_safe_state_is_in_the_log() {
 fn followers_read_what_the_guard_does_without_the_launcher() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "60 s"]);
-    let follower = follow(run.folder.id());
-    std::thread::sleep(Duration::from_millis(300));
+    let mut follower = follow(run.folder.id());
+    let mut events = BufReader::new(follower.stdout.take().expect("it is piped"));
+    let mut shown = String::new();
+    events.read_line(&mut shown).expect("it shows the first event");
     kill(run.launcher());
+    events.read_to_string(&mut shown).expect("text");
     let output = follower.wait_with_output().expect("it ends with the run");
-    let shown = parsed(&String::from_utf8_lossy(&output.stdout));
+    let shown = parsed(&shown);
     let ended = event_of_kind(&shown, EventKind::LauncherEnded);
     assert!(ended.text.contains("was killed") && ended.severity == EventSeverity::Error, "{ended:?}");
     let acted = event_of_kind(&shown, EventKind::GuardActed);
     assert!(acted.text.contains("`physics` in its safe state"), "{acted:?}");
     assert!(acted.time_s > ended.time_s);
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(told.contains("is over"), "{told}");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(errors.contains("is over"), "{errors}");
     drop(run);
 }
 
@@ -130,7 +135,7 @@ fn the_log_of_a_run_that_a_crash_left_behind_is_read_by_its_id() {
     signal(run.launcher(), Signal::STOP);
     kill(run.guard());
     kill(run.launcher());
-    crate::support::await_that("nobody holds the run", || !run.folder.is_alive());
+    await_that("nobody holds the run", || !run.folder.is_alive());
     let shown = events(&id, &[]);
     assert_eq!(kinds(&shown)[..2], [EventKind::Created, EventKind::Started]);
     let follower = follow(&id).wait_with_output().expect("it ends at once: the run is over");
@@ -185,11 +190,12 @@ type Told = (EventKind, Option<f64>, Option<u64>, Option<String>, String);
 
 /// Returns the machine-independent part: everything except times in real time and printed lines.
 fn repeatable(events: &[LoggedEvent]) -> Vec<Told> {
-    let told = events.iter().filter(|event| !matches!(event.kind, EventKind::Output | EventKind::Created));
-    told.map(|event| {
-        (event.kind, event.simulated_s, event.episode, event.component.clone(), event.text.clone())
-    })
-    .collect()
+    let message = events.iter().filter(|event| !matches!(event.kind, EventKind::Output | EventKind::Created));
+    message
+        .map(|event| {
+            (event.kind, event.simulated_s, event.episode, event.component.clone(), event.text.clone())
+        })
+        .collect()
 }
 
 #[test]
@@ -202,13 +208,13 @@ fn equal_lockstep_runs_log_the_same_events_in_any_hosting() {
         let hash = report.state_hash.clone().expect("a hash");
         (hash, repeatable(&report.events))
     };
-    let (hash, told) = of_hosting("processes");
-    assert_eq!((hash.clone(), told.clone()), of_hosting("processes"));
-    assert_eq!((hash, told.clone()), of_hosting("inline"));
-    let reset = told.iter().find(|(kind, ..)| *kind == EventKind::Reset).expect("a reset");
+    let (hash, message) = of_hosting("processes");
+    assert_eq!((hash.clone(), message.clone()), of_hosting("processes"));
+    assert_eq!((hash, message.clone()), of_hosting("inline"));
+    let reset = message.iter().find(|(kind, ..)| *kind == EventKind::Reset).expect("a reset");
     assert_eq!((reset.1, reset.2), (Some(0.0), Some(1)));
-    let entries = told.iter().filter(|(kind, ..)| *kind == EventKind::EnteredSafeState).count();
-    assert_eq!(entries, 0, "a reset is no outage: {told:#?}");
+    let entries = message.iter().filter(|(kind, ..)| *kind == EventKind::EnteredSafeState).count();
+    assert_eq!(entries, 0, "a reset is no outage: {message:#?}");
 }
 
 #[test]
@@ -217,12 +223,12 @@ fn refused_commands_are_in_the_log_with_their_reason() {
     let (_folder, graph) =
         crate::commands::rogue(config, Path::new(crate::commands::ROGUE), "limits = \"refuse\"");
     let ended = lockstep_events(&graph, &["--for", "2 s"]);
-    let told: Vec<&LoggedEvent> =
+    let message: Vec<&LoggedEvent> =
         ended.report().events.iter().filter(|event| event.kind == EventKind::Refused).collect();
-    let sum: f64 = told.iter().map(|event| event.value).sum();
-    assert_eq!(sum, 300.0, "{told:#?}");
-    assert!(told.len() < 5, "they are told together: {told:#?}");
-    assert!(told[0].text.contains("beyond a limit"), "{}", told[0].text);
+    let sum: f64 = message.iter().map(|event| event.value).sum();
+    assert_eq!(sum, 300.0, "{message:#?}");
+    assert!(message.len() < 5, "they are message together: {message:#?}");
+    assert!(message[0].text.contains("beyond a limit"), "{}", message[0].text);
     let entered = event_of_kind(&ended.report().events, EventKind::EnteredSafeState);
     assert_eq!(entered.text, "`physics` entered its safe state: its commands are refused");
     assert!((0.3..0.45).contains(&entered.simulated_s.expect("simulated time")), "{entered:?}");

@@ -115,16 +115,16 @@ fn a_run_asks_for_as_many_processes_and_threads_as_it_takes() {
     {
         return eprintln!("skipped: needs root, and a program that other users can start");
     }
-    let told = text(&shell(command).uid(LONELY).gid(LONELY).output().expect("bash runs"));
-    let needs = told.split_once("the graph needs ").and_then(|(_, rest)| rest.split_once(" more"));
-    let needs: u64 = needs.and_then(|(number, _)| number.parse().ok()).unwrap_or_else(|| panic!("{told}"));
+    let message = text(&shell(command).uid(LONELY).gid(LONELY).output().expect("bash runs"));
+    let needs = message.split_once("the graph needs ").and_then(|(_, rest)| rest.split_once(" more"));
+    let needs: u64 = needs.and_then(|(number, _)| number.parse().ok()).unwrap_or_else(|| panic!("{message}"));
     let run = Run::start(&panda_reach(), &["--for", "60 s"]);
     let components = ["physics", "encoder", "policy", "controller"];
     let takes = threads(run.launcher(), Some(&["relay", "ending"]))
         + threads(run.guard(), None)
         + components.map(|component| threads(run.pid_of(component), None)).iter().sum::<u64>();
     // One more frees the slots of dead processes.
-    assert_eq!(needs, takes + 1, "{told}");
+    assert_eq!(needs, takes + 1, "{message}");
 }
 
 #[test]
@@ -139,8 +139,8 @@ fn exhausted_files_of_a_component_follow_the_policy() {
     let output = shell(&run).output().expect("bash runs");
     let text = text(&output);
     assert_eq!(output.status.code(), Some(0), "{text}");
-    let told = ["`faulty` at tick 200", "Too many open files", "`faulty` steps again after"];
-    assert!(told.iter().all(|words| text.contains(words)), "{text}");
+    let message = ["`faulty` at tick 200", "Too many open files", "`faulty` steps again after"];
+    assert!(message.iter().all(|words| text.contains(words)), "{text}");
     assert_eq!(leftovers(NAME), Vec::<String>::new(), "{text}");
 }
 
@@ -270,8 +270,8 @@ fn a_component_out_of_memory_dies_alone() {
     let output = shell(&line).output().expect("bash runs");
     let text = text(&output);
     assert_eq!(output.status.code(), Some(0), "{text}");
-    let told = ["`faulty` at tick 200", "memory allocation of", "SIGABRT", "`faulty` steps again after"];
-    assert!(told.iter().all(|words| text.contains(words)), "{text}");
+    let message = ["`faulty` at tick 200", "memory allocation of", "SIGABRT", "`faulty` steps again after"];
+    assert!(message.iter().all(|words| text.contains(words)), "{text}");
     assert_eq!(leftovers(NAME), Vec::<String>::new(), "{text}");
 }
 
@@ -285,8 +285,8 @@ fn a_full_disk_takes_reports_but_not_the_run() {
         Ended::from_output(&shell(&format!("{run} --json 2>/dev/full")).output().expect("bash runs"));
     assert_eq!((events.code, &events.report().exit), (Some(0), &Exit::Finished));
     let report = shell(&format!("{run} --json >/dev/full")).output().expect("bash runs");
-    let told = text(&report);
-    assert_eq!(report.status.code(), Some(1), "{told}");
-    assert!(told.contains("No space left on device"), "{told}");
-    assert_eq!(leftovers(NAME), Vec::<String>::new(), "{told}");
+    let message = text(&report);
+    assert_eq!(report.status.code(), Some(1), "{message}");
+    assert!(message.contains("No space left on device"), "{message}");
+    assert_eq!(leftovers(NAME), Vec::<String>::new(), "{message}");
 }

@@ -24,7 +24,7 @@ fn each_killed_component_restarts_and_goals_are_reached() {
     let run = Run::start(&panda_reach(), &arguments);
     let id = run.folder.id().to_string();
     for component in COMPONENTS {
-        std::thread::sleep(Duration::from_millis(500));
+        run.await_steps(component, 100);
         let pid = run.pid_of(component);
         kill(pid);
         await_end(pid);
@@ -252,8 +252,8 @@ fn a_hung_configuration_can_be_interrupted() {
     drop(machine);
     let ended = Ended::from_output(&forgotten.wait_with_output().expect("it ends"));
     assert_eq!(ended.code, Some(1));
-    let told = "component `faulty` did not start: it is not ready after 30 s";
-    assert!(ended.stderr.contains(told), "{}", ended.stderr);
+    let message = "component `faulty` did not start: it is not ready after 30 s";
+    assert!(ended.stderr.contains(message), "{}", ended.stderr);
     assert_eq!(runs().count(), 0, "nothing is left");
 }
 
@@ -358,7 +358,7 @@ fn a_slow_stop_is_killed_unless_it_is_given_time() {
     for (settings, stops) in [("", false), ("stop_within = \"10 s\"", true)] {
         let (_folder, graph) = faulty("{ fault = \"slow_stop\" }", settings);
         let ended = run(&graph, &["--for", "500 ms"]);
-        let told = ended.stderr.contains("stopped after three seconds");
-        assert_eq!(told, stops, "{settings}: {}", ended.stderr);
+        let message = ended.stderr.contains("stopped after three seconds");
+        assert_eq!(message, stops, "{settings}: {}", ended.stderr);
     }
 }

@@ -31,8 +31,8 @@ fn an_outside_value_reaches_only_the_topic_of_its_bridge() {
 
     let refused = |topic: &str, value: &str| complaint(&["topic", "pub", topic, value, "--run", &id]);
     let text = refused("panda/joint_command", "effort=[1]");
-    assert!(text.contains("published by component `controller`, whose place no program"), "{text}");
-    assert!(text.contains("from outside one can feed `panda/target`"), "{text}");
+    assert!(text.contains("published by component `controller`, and cannot be published"), "{text}");
+    assert!(text.contains("only `panda/target` can be published from outside"), "{text}");
     let text = refused("panda/target", "positon=[0, 0, 0]");
     assert!(text.contains("no field `positon`; did you mean `position`?"), "{text}");
     let text = refused("panda/target", "position=[0, 0]");

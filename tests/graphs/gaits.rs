@@ -72,7 +72,7 @@ fn gait_parameters_change_together_or_not_at_all() {
     let changes: serde_json::Value = serde_json::from_str(&changes).expect("JSON");
     assert_eq!((&changes[1]["old"], &changes[1]["new"]), (&json!("trot"), &json!("bound")));
     assert_eq!(get("policy.phase_offsets"), "[0, 0.1, 0, -0.1]");
-    std::thread::sleep(Duration::from_millis(200));
+    run.await_steps("policy", 100);
     signal(run.launcher(), Signal::INT);
     let ended = run.finish();
     let policy = &ended.report().results["policy"];

@@ -21,32 +21,31 @@ fn reason(report: &Report) -> &str {
 }
 
 #[test]
-fn each_component_that_is_stopped_is_told_killed_and_restarted() {
+fn each_component_that_is_stopped_is_reported_killed_and_restarted() {
     let _machine = machine();
     let restart: Vec<String> = COMPONENTS.iter().map(|name| format!("{name}.restart.when=failure")).collect();
     let mut arguments = vec!["--for", "60 s", "--set", "realtime.hang_after=50 ms"];
     restart.iter().for_each(|setting| arguments.extend(["--set", setting]));
     let run = Run::start(&panda_reach(), &arguments);
     for component in COMPONENTS {
-        std::thread::sleep(Duration::from_millis(300));
+        run.await_steps(component, 100);
         let pid = run.pid_of(component);
         signal(pid, Signal::STOP);
         await_that(component, || run.pid_of(component) != pid);
         await_end(pid);
-        let steps = run.steps_of(component);
-        await_that(component, || run.steps_of(component) > steps + 100);
+        run.await_steps(component, 100);
     }
     signal(run.launcher(), Signal::INT);
     let ended = run.finish();
     assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Interrupted), "{}", ended.stderr);
     assert!(ended.report().components.iter().all(|c| c.restarts == 1), "{:?}", ended.report().components);
     for component in COMPONENTS {
-        let told = ended.stderr.lines().any(|line| {
+        let message = ended.stderr.lines().any(|line| {
             line.contains(&format!("`{component}`"))
                 && line.contains("hung: ")
                 && line.contains("stopped by a signal")
         });
-        assert!(told, "{component}: {}", ended.stderr);
+        assert!(message, "{component}: {}", ended.stderr);
     }
 }
 
@@ -72,14 +71,14 @@ fn a_stopped_component_leads_to_the_safe_state() {
 }
 
 #[test]
-fn a_step_that_never_ends_is_told_and_follows_the_policy() {
+fn a_step_that_never_ends_is_reported_and_follows_the_policy() {
     let _machine = machine();
     let settings = "hang_after = \"60 ms\"\nrestart = { when = \"failure\" }";
     let (_folder, graph) = faulty("{ fault = \"hang\", at = 200, once = true }", settings);
     let ended = run(&graph, &["--for", "2 s"]);
     assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Finished), "{}", ended.stderr);
-    for told in ["`faulty` at tick 200: hung: its step has not ended after", "(`hang_after` is 60 ms)"] {
-        assert!(ended.stderr.contains(told), "{}", ended.stderr);
+    for message in ["`faulty` at tick 200: hung: its step has not ended after", "(`hang_after` is 60 ms)"] {
+        assert!(ended.stderr.contains(message), "{}", ended.stderr);
     }
 }
 
@@ -146,8 +145,7 @@ fn a_triggered_actuator_reaches_its_safe_state_in_silence() {
     assert!(!run.is_safe("drive"));
     kill(run.pid_of("controller"));
     await_that("the safe state", || run.is_safe("drive"));
-    let steps = run.steps_of("drive");
-    await_that("further steps", || run.steps_of("drive") > steps + 10);
+    run.await_steps("drive", 10);
     signal(run.launcher(), Signal::INT);
     let ended = run.finish();
     let steps = &ended.report().results["drive"]["steps_in_safe_state"];
@@ -202,7 +200,7 @@ fn too_many_lost_steps_are_reported() {
 }
 
 #[test]
-fn a_segmentation_fault_is_told_and_restarted() {
+fn a_segmentation_fault_is_reported_and_restarted() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "policy.restart.when=failure"]);
     let policy = run.pid_of("policy");
@@ -213,8 +211,7 @@ fn a_segmentation_fault_is_told_and_restarted() {
         signal(policy, Signal::SEGV);
     }
     await_that("a restart", || run.pid_of("policy") != policy);
-    let steps = run.steps_of("policy");
-    await_that("further steps", || run.steps_of("policy") > steps + 100);
+    run.await_steps("policy", 100);
     signal(run.launcher(), Signal::INT);
     let ended = run.finish();
     assert!(ended.stderr.contains("SIGSEGV"), "{}", ended.stderr);
@@ -228,8 +225,8 @@ fn an_infeasible_graph_is_refused_unless_forced() {
     let id = first.folder.id().to_string();
     let second = run(&panda_reach(), &["--for", "500 ms"]);
     assert_eq!(second.code, Some(1), "{}", second.stderr);
-    let told = second.stderr.contains("cannot meet its deadlines next to") && second.stderr.contains(&id);
-    assert!(told, "{}", second.stderr);
+    let message = second.stderr.contains("cannot meet its deadlines next to") && second.stderr.contains(&id);
+    assert!(message, "{}", second.stderr);
     let forced = run(&panda_reach(), &["--for", "500 ms", "--force"]);
     assert_eq!(forced.report().exit, Exit::Finished, "{}", forced.stderr);
     // on separate cores they do not interfere

@@ -41,11 +41,11 @@ fn stop_now_works_while_the_launcher_is_stopped() {
     assert_eq!(code, Some(0), "{text}");
     let ended = run.finish();
     assert_eq!(ended.report().exit, Exit::Interrupted);
-    is_told_stopped_and_resumed(&ended, "by `motorium stop --now`; to go on: `motorium resume`");
+    assert_stop_and_resume_reported(&ended, "by `motorium stop --now`; to go on: `motorium resume`");
 }
 
 /// Asserts that the launcher reported the stop and its end with these words.
-fn is_told_stopped_and_resumed(ended: &Ended, words: &str) {
+fn assert_stop_and_resume_reported(ended: &Ended, words: &str) {
     let stopped = ended.stderr.lines().position(|line| line.contains("stopped:") && line.contains(words));
     let resumed = ended.stderr.lines().position(|line| line.contains("resumed: the robot comes back"));
     let in_order = stopped.zip(resumed).is_some_and(|(stopped, resumed)| stopped < resumed);
@@ -77,7 +77,7 @@ fn a_latched_outage_lasts_until_resume() {
     assert_eq!(gate(&run).entries, 1, "one outage, one latch");
     let (code, _) = motorium(&run, &["stop"]);
     assert_eq!(code, Some(0));
-    is_told_stopped_and_resumed(&run.finish(), "since `physics` entered its safe state");
+    assert_stop_and_resume_reported(&run.finish(), "since `physics` entered its safe state");
 }
 
 #[test]
@@ -95,8 +95,9 @@ fn an_adapter_tripped_by_a_drive_is_latched_until_resume() {
         }
     };
     await_latch(Some(Latch::SafeState), GateState::Safe);
-    std::thread::sleep(Duration::from_millis(500));
-    await_latch(Some(Latch::SafeState), GateState::Safe);
+    run.await_steps("adapter", 1_000);
+    let gate = gate_of(&run, "adapter");
+    assert_eq!((gate.latch, gate.state), (Some(Latch::SafeState), GateState::Safe));
     let (code, text) = motorium(&run, &["resume"]);
     // The command reports the state at that moment.
     let reports = ["follows its commands again", "is resuming", "is released"];
@@ -170,5 +171,5 @@ fn a_pressed_emergency_stop_cannot_be_resumed() {
     let (code, _) = motorium(&run, &["stop"]);
     assert_eq!(code, Some(0));
     let words = "by the emergency stop of `rogue` on `stop`; to go on: release the emergency stop, then";
-    is_told_stopped_and_resumed(&run.finish(), words);
+    assert_stop_and_resume_reported(&run.finish(), words);
 }

@@ -53,17 +53,24 @@ fn a_misspelt_key_of_a_program_is_underlined_where_it_stands() {
         std::fs::write(&graph, text).unwrap();
         motorium(&["check", graph.to_str().unwrap()]).2
     };
-    let told = check("kp = [1.0]\nkd = [1.0]\namplitude = 0.1\namplitud = 0.2");
-    assert!(told.contains("graph.toml:12:1"), "{told}");
-    assert!(told.contains("`mine.config.amplitud`: unknown key `amplitud`"), "{told}");
-    assert!(told.contains("^^^^^^^^ refused by") && told.contains("did you mean `amplitude`?"), "{told}");
-    let told = check("amplitude = 0.1\nkd = [1.0]\nkp = [1.0, \"stiff\"]");
+    let message = check("kp = [1.0]\nkd = [1.0]\namplitude = 0.1\namplitud = 0.2");
+    assert!(message.contains("graph.toml:12:1"), "{message}");
+    assert!(message.contains("`mine.config.amplitud`: unknown key `amplitud`"), "{message}");
     assert!(
-        told.contains("graph.toml:11:6") && told.contains("`mine.config.kp`: expected one number, or a"),
-        "{told}"
+        message.contains("^^^^^^^^ refused by") && message.contains("did you mean `amplitude`?"),
+        "{message}"
     );
-    let told = check("kp = [1.0]\nkd = [1.0]");
-    assert!(told.contains("key `amplitude` is missing") && told.contains("motorium kinds --exec"), "{told}");
+    let message = check("amplitude = 0.1\nkd = [1.0]\nkp = [1.0, \"stiff\"]");
+    assert!(
+        message.contains("graph.toml:11:6")
+            && message.contains("`mine.config.kp`: expected one number, or a"),
+        "{message}"
+    );
+    let message = check("kp = [1.0]\nkd = [1.0]");
+    assert!(
+        message.contains("key `amplitude` is missing") && message.contains("motorium kinds --exec"),
+        "{message}"
+    );
 }
 
 #[test]

@@ -51,7 +51,7 @@ fn an_arm_a_quadruped_and_two_arms_run_again_to_the_last_bit() {
 }
 
 #[test]
-fn a_damaged_value_is_found_and_told_with_its_topic_and_field() {
+fn a_damaged_value_is_named_with_its_topic_and_field() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "300 ms"]);
     let mut bytes = std::fs::read(&file).expect("readable");
@@ -104,9 +104,9 @@ fn the_cost_of_a_recording_is_reported() {
     let _machine = machine();
     let graph = workspace().join("graphs/panda-reach.toml");
     let output = motorium(&["bench", "recording", text(&graph), "--turns", "2", "--for", "300 ms", "--json"]);
-    let told: serde_json::Value = serde_json::from_slice(&output.stdout)
+    let shown: serde_json::Value = serde_json::from_slice(&output.stdout)
         .unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&output.stderr)));
-    let times = told["times"].as_array().expect("times");
+    let times = shown["times"].as_array().expect("times");
     let names: Vec<&str> = times.iter().filter_map(|row| row["name"].as_str()).collect();
     let expected =
         ["panda/true_joint_state -> panda/joint_command", "physics", "encoder", "policy", "controller"];
@@ -290,7 +290,7 @@ fn the_score_of_a_recording_shows_a_missed_goal() {
     let file = folder.path().join("a.mcap");
     let arguments = ["--clock", "lockstep", "--for", "5s", "--record", text(&file)];
     let ended = run(&workspace().join("graphs/panda-reach.toml"), &arguments);
-    let told = &ended.report().results["controller"];
+    let reported = &ended.report().results["controller"];
     let scored = |arguments: &[&str]| -> serde_json::Value {
         let output = motorium(&[&["score", text(&file), "--json"], arguments].concat());
         let errors = String::from_utf8_lossy(&output.stderr);
@@ -302,12 +302,15 @@ fn the_score_of_a_recording_shows_a_missed_goal() {
     assert_eq!((&pose["reader"], &pose["frame"]), (&"controller".into(), &"panda_hand_tcp".into()));
     let number = |value: &serde_json::Value| value.as_f64().unwrap_or_else(|| panic!("{value} of {score}"));
     for count in ["goals_reached", "goals_missed"] {
-        assert_eq!(pose[count], told[count], "{count}: {pose}");
+        assert_eq!(pose[count], reported[count], "{count}: {pose}");
     }
     assert!(number(&pose["goals_reached"]) >= 2.0, "{pose}");
     for error in ["position_error_m", "orientation_error_rad"] {
-        let (found, told) = (number(&pose[error]), number(&told[error]));
-        assert!((found - told).abs() < 1e-9, "{error}: {found}, the controller found {told}");
+        let (found, reported_error) = (number(&pose[error]), number(&reported[error]));
+        assert!(
+            (found - reported_error).abs() < 1e-9,
+            "{error}: {found}, the controller found {reported_error}"
+        );
         assert!(found > 0.0);
     }
     assert!(number(&pose["path_position_max_m"]) >= number(&pose["path_position_rms_m"]));
@@ -335,7 +338,7 @@ fn the_score_of_a_recording_shows_a_missed_goal() {
 }
 
 #[test]
-fn a_recording_is_drawn_told_and_exported() {
+fn a_recording_is_drawn_summarised_and_exported() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "300 ms"]);
     let picture = folder.path().join("a.svg");
@@ -350,8 +353,8 @@ fn a_recording_is_drawn_told_and_exported() {
     assert!(String::from_utf8_lossy(&wrong.stderr).contains("did you mean `position`?"));
 
     let page = folder.path().join("a.html");
-    let told = motorium(&["report", text(&file), "--output", text(&page)]);
-    assert!(told.status.success(), "{}", String::from_utf8_lossy(&told.stderr));
+    let output = motorium(&["report", text(&file), "--output", text(&page)]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let page = std::fs::read_to_string(page).expect("written");
     for part in ["<svg", "panda/joint_command", "Tracking", "panda_joint3", "Events", "created"] {
         assert!(page.contains(part), "{part}");

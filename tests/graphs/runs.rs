@@ -1,7 +1,6 @@
 //! Whole graphs, run as a user runs them.
 
 use std::process::{Command, Stdio};
-use std::time::Duration;
 
 use crate::support::{MOTORIUM, Run, is_root, leftovers, machine, panda_reach, run, workspace};
 use motorium::launcher::{Exit, Report};
@@ -155,7 +154,10 @@ fn hosted_components_run_in_real_time_too() {
     let _machine = machine();
     let ended = run(&panda_reach(), &["--in-process", "--for", "2 s"]);
     assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Finished));
-    assert!(ended.report().components.iter().all(|component| component.steps > 1_000));
+    // releases that a busy host skipped count: the clock of the run is the machine's
+    let [physics, others @ ..] = &ended.report().components[..] else { panic!("no components") };
+    assert!(physics.steps + physics.misses.skipped > 1_900, "{physics:?}");
+    assert!(others.iter().all(|component| component.steps > physics.steps / 2), "{others:?}");
 }
 
 #[test]
@@ -233,7 +235,6 @@ fn tools_look_at_a_running_graph_without_disturbing_it() {
     assert_eq!(echoed.lines().count(), 3, "{echoed}");
     let parameters = tool(&["param", "list", "--json"]);
     assert!(serde_json::from_str::<serde_json::Value>(&parameters).is_ok(), "{parameters}");
-    std::thread::sleep(Duration::from_millis(100));
     let ended = run.finish();
     assert_eq!(ended.report().exit, Exit::Finished);
     assert!(ended.report().components.iter().all(|component| component.restarts == 0));

@@ -193,20 +193,20 @@ fn an_aborted_session_cleans_up_and_restores_its_thread() {
 #[test]
 fn what_cannot_be_asked_of_a_session_is_refused_with_a_reason() {
     let mut session = launch(plan("panda-reach.toml", &[]), &Options::inline());
-    let told = |error: SessionError| error.to_string();
-    let topic = session.read::<JointState>("panda/joint_stat").map_err(told).unwrap_err();
+    let message = |error: SessionError| error.to_string();
+    let topic = session.read::<JointState>("panda/joint_stat").map_err(message).unwrap_err();
     assert!(topic.contains("did you mean `panda/joint_state`?"), "{topic}");
-    let other = session.read::<PoseTarget>("panda/joint_state").map_err(told).unwrap_err();
+    let other = session.read::<PoseTarget>("panda/joint_state").map_err(message).unwrap_err();
     assert!(other.contains("another type"), "{other}");
-    let not_ours = session.publish("panda/target", &PoseTarget::default()).map_err(told).unwrap_err();
+    let not_ours = session.publish("panda/target", &PoseTarget::default()).map_err(message).unwrap_err();
     assert!(not_ours.contains("standing_in_for(\"policy\")"), "{not_ours}");
-    let range = session.set("policy", "speed", 9.0).map_err(told).unwrap_err();
+    let range = session.set("policy", "speed", 9.0).map_err(message).unwrap_err();
     assert!(range.contains("expected from 0 to 2"), "{range}");
     assert!(session.pace(Some(0.0)).is_err());
 
     let realtime = Plan { clock: motorium::plan::ClockKind::Realtime, ..plan("panda-reach.toml", &[]) };
     let error = Session::launch(realtime, &motorium_tools::registry(), &Options::inline());
-    let error = error.map(|_| ()).map_err(told).unwrap_err();
+    let error = error.map(|_| ()).map_err(message).unwrap_err();
     assert!(error.contains("hosting inline") && error.contains("real time"), "{error}");
 }
 
@@ -239,15 +239,15 @@ fn an_episode_ends_when_its_policy_has_finished() {
 
 #[test]
 fn check_refuses_episodes_that_cannot_be_reset() {
-    let told = |graph: &std::path::Path, arguments: &[&str]| {
+    let message = |graph: &std::path::Path, arguments: &[&str]| {
         let ended = run(graph, arguments);
         assert_eq!(ended.code, Some(3), "{}", ended.stderr);
         format!("{}{}", ended.stdout, ended.stderr)
     };
     let graph = workspace().join("graphs/panda-bridge.toml");
-    let refused = told(&graph, &["--clock", "lockstep", "--episodes", "2", "--for", "1 s"]);
+    let refused = message(&graph, &["--clock", "lockstep", "--episodes", "2", "--for", "1 s"]);
     assert!(refused.contains("cannot be reset for a new episode"), "{refused}");
-    let ends = told(&panda_reach(), &["--set", "encoder.ends_episode=true", "--clock", "lockstep"]);
+    let ends = message(&panda_reach(), &["--set", "encoder.ends_episode=true", "--clock", "lockstep"]);
     assert!(ends.contains("component `encoder` cannot end an episode"), "{ends}");
 }
 
@@ -282,8 +282,8 @@ fn a_held_run_advances_by_granted_rounds_until_released() {
         let mut command = Command::new(MOTORIUM);
         let output = command.arg("step").args(arguments).args(["--json", "--run", &id]).output();
         let output = output.expect("it starts");
-        let told = String::from_utf8_lossy(&output.stderr);
-        serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{arguments:?}: {told}"))
+        let message = String::from_utf8_lossy(&output.stderr);
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{arguments:?}: {message}"))
     };
     assert_eq!(step(&["--hold"])["held"], true);
     std::thread::sleep(Duration::from_millis(100));

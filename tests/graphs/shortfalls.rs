@@ -109,7 +109,7 @@ fn the_last_moments_are_kept_when_the_launcher_dies() {
 }
 
 #[test]
-fn a_recording_is_not_overwritten_unless_told() {
+fn a_recording_is_overwritten_only_on_request() {
     let _machine = machine();
     let scratch = tempfile::tempdir().expect("a folder");
     let file = scratch.path().join("a.mcap");
@@ -117,8 +117,8 @@ fn a_recording_is_not_overwritten_unless_told() {
     let arguments = ["--clock", "lockstep", "--for", "100 ms", "--no-expect", "--record", text(&file)];
     let ended = run(&panda_reach(), &arguments);
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);
-    let told = format!("{}{}", ended.stdout, ended.stderr);
-    assert!(told.contains("--overwrite"), "{told}");
+    let message = format!("{}{}", ended.stdout, ended.stderr);
+    assert!(message.contains("--overwrite"), "{message}");
     assert_eq!(std::fs::read(&file).expect("it is there"), b"valuable");
     let ended = run(&panda_reach(), &[&arguments[..], &["--overwrite"]].concat());
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);

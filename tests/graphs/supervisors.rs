@@ -30,10 +30,8 @@ fn the_actuator_stays_safe_for_the_settling_time() {
     signal(guard, Signal::TERM);
     signal(run.launcher(), Signal::TERM);
     await_that("the safe state", || run.is_safe("physics"));
-    let steps = run.steps_of("physics");
-    std::thread::sleep(settle / 2 - asked.elapsed().min(settle / 2));
+    run.await_steps("physics", 100);
     assert!(is_alive(physics) && run.is_safe("physics"), "it left before it had settled");
-    assert!(run.steps_of("physics") > steps, "it stands still");
     let ended = run.finish();
     assert!(asked.elapsed() >= settle, "{:?}", asked.elapsed());
     assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Interrupted), "{}", ended.stderr);
@@ -48,10 +46,8 @@ fn an_actuator_that_prints_survives_the_launcher() {
     let (faulty, guard) = (run.pid_of("faulty"), run.guard());
     kill(run.launcher());
     let killed = Instant::now();
-    let steps = run.steps_of("faulty");
-    std::thread::sleep(Duration::from_millis(300));
-    assert!(is_alive(faulty), "it died of its own words");
-    assert!(run.steps_of("faulty") > steps + 10, "it waits for a reader");
+    run.await_steps("faulty", 100);
+    assert!(is_alive(faulty), "it died of its own output");
     await_end(faulty);
     assert!(killed.elapsed() >= Duration::from_millis(800), "{:?}", killed.elapsed());
     await_end(guard);
@@ -141,7 +137,7 @@ fn a_guard_that_is_asked_to_end_stays_and_guards() {
     for how in [Signal::TERM, Signal::INT, Signal::HUP] {
         signal(guard, how);
     }
-    std::thread::sleep(Duration::from_millis(300));
+    run.await_steps("physics", 300);
     assert!(is_alive(guard) && run.guard() == guard, "it left before the run");
     kill(run.launcher());
     await_end(guard);
@@ -156,13 +152,12 @@ fn a_stopped_launcher_resumes_supervision() {
     let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "policy.restart.when=failure"]);
     signal(run.launcher(), Signal::STOP);
     std::thread::sleep(Duration::from_millis(1_500));
-    let steps = run.steps_of("physics");
     signal(run.launcher(), Signal::CONT);
-    await_that("further steps", || run.steps_of("physics") > steps + 300);
+    run.await_steps("physics", 300);
     let policy = run.pid_of("policy");
     kill(policy);
     await_that("a restart", || run.pid_of("policy") != policy);
-    std::thread::sleep(Duration::from_millis(500));
+    run.await_steps("policy", 100);
     signal(run.launcher(), Signal::INT);
     let ended = run.finish();
     assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Interrupted), "{}", ended.stderr);
@@ -188,10 +183,10 @@ fn the_guard_ends_the_run_of_a_stopped_launcher() {
         signal(run.pid_of("controller"), how);
         await_end(guard);
         let ended = run.finish();
-        let told = ended.stderr.contains("did not respond when component `controller`")
+        let is_reported = ended.stderr.contains("did not respond when component `controller`")
             && ended.stderr.contains("`physics`")
             && ended.stderr.contains("in its safe state (hold)");
-        assert!(told, "{}", ended.stderr);
+        assert!(is_reported, "{}", ended.stderr);
         assert_eq!(leftovers(&id), Vec::<String>::new());
     }
 }
@@ -202,8 +197,8 @@ fn a_dead_actuator_is_named_and_not_certified() {
     let run = Run::start(&panda_reach(), &["--for", "60 s"]);
     kill(run.pid_of("physics"));
     let ended = run.finish();
-    let told = "not all actuators are in their safe state: `physics` dead";
-    assert!(ended.stderr.contains(told), "{}", ended.stderr);
+    let warning = "not all actuators are in their safe state: `physics` dead";
+    assert!(ended.stderr.contains(warning), "{}", ended.stderr);
     assert!(!ended.stderr.contains("all actuators in their safe state after"), "{}", ended.stderr);
     // the same by the guard: the state in which it died shows nothing
     let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "physics.on_failure=ignore"]);

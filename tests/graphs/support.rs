@@ -142,6 +142,12 @@ impl Run {
         self.look(component, steps)
     }
 
+    /// Waits until `component` has made more than `count` further steps.
+    pub(crate) fn await_steps(&self, component: &str, count: u64) {
+        let before = self.steps_of(component);
+        await_that(component, || self.steps_of(component) > before + count);
+    }
+
     /// Returns `true` if a component applies its safe state.
     pub(crate) fn is_safe(&self, component: &str) -> bool {
         self.look(component, |block| block.safe.load(std::sync::atomic::Ordering::Relaxed) != 0)

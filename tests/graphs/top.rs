@@ -110,7 +110,7 @@ fn a_running_graph_is_looked_at_from_all_sides() {
     metrics_are_served_beside_a_run(&run, &name);
     a_taken_port_stops_a_run_before_it_starts(&run);
     wrong_names_are_refused(&name);
-    the_end_of_the_run_is_told(run, &name);
+    assert_end_of_run_reported(run, &name);
 }
 
 /// Validates the objects of some data and their keys against a schema.
@@ -304,15 +304,15 @@ fn wrong_names_are_refused(name: &str) {
     assert!(text.contains("expected 100 ms to 1 h"), "{text}");
 }
 
-fn the_end_of_the_run_is_told(run: Serving, name: &str) {
+fn assert_end_of_run_reported(run: Serving, name: &str) {
     let lockstep = Serving::start(graph(&format!("{name}-b"), &["--clock", "lockstep"]));
     lockstep.comes_to_life();
     // Two of ours are at least two, whatever else runs on this machine.
     let text = complaint(&["param", "set", "no.such", "1"]);
     assert!(text.contains("several graphs are running") && text.contains(&format!("graph {name}")), "{text}");
     let newest = motorium(&["top", "--once", "--interval", "100ms"]).output().expect("the program starts");
-    let told = String::from_utf8_lossy(&newest.stderr);
-    assert!(newest.status.success() && told.contains("the newest of several runs: "), "{told}");
+    let message = String::from_utf8_lossy(&newest.stderr);
+    assert!(newest.status.success() && message.contains("the newest of several runs: "), "{message}");
     let twin = format!("{name}-b");
     let top = json(&["top", &twin, "--once", "--json", "--interval", "300ms"]);
     assert_eq!(top["clock"], "lockstep");

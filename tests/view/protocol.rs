@@ -129,8 +129,9 @@ fn camera_pictures_arrive_whole_in_the_announced_form() {
     let calibration = client.subscribe("camera/info/calibration");
     client.hear_until("the calibration", |_, heard| match heard {
         Heard::Message(of, _, message) if *of == calibration => {
-            let told = foxglove::messages::CameraCalibration::decode(&message[..]).expect("a calibration");
-            assert_eq!((told.width, told.k[2], told.k[5]), (160, 79.5, 59.5));
+            let calibration =
+                foxglove::messages::CameraCalibration::decode(&message[..]).expect("a calibration");
+            assert_eq!((calibration.width, calibration.k[2], calibration.k[5]), (160, 79.5, 59.5));
             Some(())
         }
         _ => None,
@@ -138,7 +139,7 @@ fn camera_pictures_arrive_whole_in_the_announced_form() {
 }
 
 #[test]
-fn parameters_are_set_with_the_token_alone_and_told_to_all() {
+fn parameters_are_set_with_the_token_alone_and_sent_to_all() {
     let _machine = machine();
     let (run, viewer) = viewed();
     let mut guest = Client::connect(viewer.port, "?token=wrong", SUBPROTOCOL).unwrap();
@@ -161,7 +162,7 @@ fn parameters_are_set_with_the_token_alone_and_told_to_all() {
         })
         .expect("the graph has such a parameter");
     let before =
-        parameters.iter().find(|one| one["name"] == name.as_str()).expect("it is told")["value"].clone();
+        parameters.iter().find(|one| one["name"] == name.as_str()).expect("it is sent")["value"].clone();
     let wanted = min + 0.625 * (max - min);
     let refused = guest.set(&name, &json!(wanted)).unwrap_err();
     assert!(refused.contains("token"), "{refused}");
@@ -180,7 +181,7 @@ fn parameters_are_set_with_the_token_alone_and_told_to_all() {
     guest.parameters();
     assert_eq!(owner.set(&name, &json!(wanted)), Ok(json!(wanted)));
     assert_eq!(value(&name), json!(wanted));
-    let told = |client: &mut Client, expected: f64| {
+    let await_value = |client: &mut Client, expected: f64| {
         client.hear_until("the new value", |_, heard| match heard {
             Heard::Text(text) if text["op"] == "parameterValues" => {
                 text["parameters"].as_array()?.iter().find(|one| one["name"] == name.as_str())?["value"]
@@ -190,11 +191,11 @@ fn parameters_are_set_with_the_token_alone_and_told_to_all() {
             _ => None,
         })
     };
-    told(&mut guest, wanted);
+    await_value(&mut guest, wanted);
     // values set by others are reported as well
     let table = ParameterTable::open(&run.folder.domain().unwrap(), run.folder.plan().unwrap()).unwrap();
     table.set(&name, min.into()).unwrap();
-    told(&mut guest, min);
+    await_value(&mut guest, min);
     // beyond its range: rejected, and the value stays unchanged
     let refused = owner.set(&name, &json!(max + 1.0)).unwrap_err();
     assert!(refused.contains("expected from"), "{refused}");
@@ -341,9 +342,9 @@ fn the_cost_of_a_recording_that_is_looked_at_is_measured() {
         .unwrap();
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{errors}");
-    let told: Json = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!((&told["view"], &told["turns"]), (&true.into(), &1.into()), "{told}");
-    assert!(told["cpu_s"].as_f64() > Some(0.0), "{told}");
-    let times = told["times"].as_array().unwrap();
-    assert!(times.len() == 5 && times.iter().all(|row| row["p99"]["ratio"].as_f64() > Some(0.0)), "{told}");
+    let report: Json = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&report["view"], &report["turns"]), (&true.into(), &1.into()), "{report}");
+    assert!(report["cpu_s"].as_f64() > Some(0.0), "{report}");
+    let times = report["times"].as_array().unwrap();
+    assert!(times.len() == 5 && times.iter().all(|row| row["p99"]["ratio"].as_f64() > Some(0.0)), "{report}");
 }

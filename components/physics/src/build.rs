@@ -136,7 +136,7 @@ pub enum BuildWarning {
     /// Two links start too close to each other ever to count as touching.
     #[error(
         "links \"{first}\" and \"{second}\" start {apart:.1} mm apart and will never collide with one another; \
-         start farther apart than a centimetre if they should",
+         start more than 1 cm apart if they should",
         apart = distance * 1e3
     )]
     SelfCollisionOff {

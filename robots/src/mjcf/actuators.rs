@@ -55,7 +55,7 @@ pub(crate) fn read_actuators<'a, 'i>(
         if drive.is_some() {
             limit(&actuator, gear, &mut bodies[body].joint.limits.effort)?;
         } else {
-            let reason = "joints are commanded directly; it holds no position that gains could be read of";
+            let reason = "it is not a position servo: no gains are taken from it";
             attributes.ignored(node, format!("<{tag}> of <actuator>"), reason);
         }
         // In addition to a position drive, a motor only adds effort.

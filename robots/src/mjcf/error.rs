@@ -38,12 +38,12 @@ pub enum MjcfProblem {
     Root(String),
     /// The element is not supported.
     #[error(
-        "<{0}> is not among the MJCF read here; let MuJoCo write the file out (mj_saveLastXML) \
+        "<{0}> is not supported; let MuJoCo write the file out (mj_saveLastXML) \
          or use a URDF of the robot"
     )]
     Element(String),
     /// The attribute is not supported.
-    #[error("{attribute}=\"{value}\" of <{element}> is not among the MJCF read here{}", because(.reason))]
+    #[error("{attribute}=\"{value}\" of <{element}> is not supported{}", because(.reason))]
     Attribute {
         /// Element at fault.
         element: String,

@@ -109,7 +109,8 @@ pub enum ModelWarning {
     },
     /// A transmission that joins several joints or motors.
     #[error(
-        "transmission \"{transmission}\" couples {joints} joints and {actuators} actuators; ignored: only one of each is"
+        "transmission \"{transmission}\" couples {joints} joints and {actuators} actuators; ignored: only \
+         transmissions of one joint and one actuator are supported"
     )]
     CoupledTransmission {
         /// The transmission.
@@ -190,7 +191,7 @@ pub enum ModelWarning {
         /// The length \[m\].
         metres: f64,
     },
-    /// A mesh file that is nowhere.
+    /// A missing mesh file.
     #[error("link \"{link}\": mesh \"{uri}\" not found{}", searched(.uri, .tried))]
     MissingMesh {
         /// Link at fault.

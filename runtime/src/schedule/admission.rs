@@ -31,7 +31,7 @@ pub struct Admission {
     pub tasks: Vec<TaskBound>,
     /// Every latency budget, in the order of the plan.
     pub latencies: Vec<LatencyBound>,
-    /// Bounds that do not hold or cannot be proved.
+    /// Bounds that do not hold or cannot be verified.
     pub problems: Vec<Problem>,
 }
 
@@ -171,7 +171,7 @@ pub struct LatencyBound {
     pub arithmetic: String,
 }
 
-/// A bound that does not hold (an error) or cannot be proved (a warning).
+/// A bound that does not hold (an error) or cannot be verified (a warning).
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Problem {
     /// The severity.

@@ -123,9 +123,9 @@ impl Check {
             let errors = if count == 1 { "error" } else { "errors" };
             errln!("{count} {errors}: {file} cannot meet its deadlines");
         } else if drawn.is_some() && picture {
-            errln!("{} {file} is a graph that can run", style::good("ok:"));
+            errln!("{} {file} is valid", style::good("ok:"));
         } else {
-            outln!("{} {file} is a graph that can run", style::good("ok:"));
+            outln!("{} {file} is valid", style::good("ok:"));
         }
     }
 }

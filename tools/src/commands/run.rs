@@ -189,7 +189,7 @@ impl Run {
             err!("{}", problems(&admission));
             if !self.force {
                 errln!("{}", style::dim(format!("overheads of the machine: {}", known.origin)));
-                errln!("nothing was started; `--force` runs it anyway");
+                errln!("not started; use `--force` to start it anyway");
                 let problem = admission.refusals().next().map(|refusal| refusal.message.clone());
                 let reason = problem.unwrap_or_else(|| "the graph cannot meet its deadlines".to_string());
                 return Ok(Failure::new(Kind::Invalid, reason).help("`--force` runs it anyway").print_json());
@@ -332,7 +332,7 @@ impl Run {
             errln!("started anyway (`--force`)");
             return None;
         }
-        errln!("nothing was started; stop the other runs, give the graph separate cores, or use `--force`");
+        errln!("not started; stop the other runs, give the graph separate cores, or use `--force`");
         let reason = format!("the graph cannot meet its deadlines next to {}", names.join(", "));
         Some(Failure::new(Kind::Failed, reason).help("stop the other runs, or use `--force`").print_json())
     }

@@ -28,7 +28,7 @@ fn angle() -> String {
     corners + &faces
 }
 
-/// A robot with a swinging L that only its visual shows, and a base with a mesh that is nowhere.
+/// A robot with a swinging L that only its visual shows, and a base with a missing mesh.
 fn robot(folder: &Path) -> String {
     let inertial = "<inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial>";
     let text = format!(

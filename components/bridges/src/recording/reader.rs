@@ -143,7 +143,8 @@ impl Recording {
         let mut faults = Vec::new();
         if !is_whole {
             faults.push(
-                "has no end: what there is of it is read (`motorium recover` gives it one)".to_string(),
+                "is incomplete: everything that it contains is read (`motorium recover` completes it)"
+                    .to_string(),
             );
         }
         faults.extend(damaged(&damage.chunks, times.map_or(0, |(first, _)| first)));

@@ -87,8 +87,8 @@ impl Episode {
             episode: self.number,
             step: self.trial.step() as u64,
         };
-        let action = (self.trial.action(), self.rhythm.as_mut());
-        let is_stepped = stage.advance(simulation, (counter, action), (self.delay, &self.drives));
+        let actions = ([self.trial.action_before(), self.trial.action()], self.rhythm.as_mut());
+        let is_stepped = stage.advance(simulation, (counter, actions), (self.delay, &self.drives));
         let state = stage.state(simulation, &mut self.surroundings);
         let step = self.trial.judge(&stage.terms, &state, is_stepped);
         self.trial.write(&mut self.observation);

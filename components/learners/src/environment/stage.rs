@@ -22,6 +22,8 @@ pub(super) struct Stage {
     pushes: Option<(Pushes, FrameId)>,
     /// Fewest and most physics steps after which an action takes effect.
     delay: [usize; 2],
+    /// Range and velocity limit of each joint of the action within which its setpoint moves.
+    limits: Option<Vec<SetpointLimits>>,
     position: Vec<f64>,
     velocity: Vec<f64>,
     velocity_spread: f64,
@@ -29,6 +31,25 @@ pub(super) struct Stage {
     /// Physics steps in a step of the policy, and their duration \[s\].
     decimation: usize,
     step: f64,
+}
+
+/// Range of a position setpoint \[rad or m\] and its velocity limit \[rad/s or m/s\].
+#[derive(Clone, Copy, Debug)]
+struct SetpointLimits {
+    lower: f64,
+    upper: f64,
+    velocity: f64,
+}
+
+impl SetpointLimits {
+    /// Moves a command from the position setpoint `before` towards its own for `dt` s, and lets the drive
+    /// brake beyond the velocity limit.
+    fn bound(self, command: JointCommand, before: f64, dt: f64) -> JointCommand {
+        let Self { lower, upper, velocity } = self;
+        let wanted = command.position.max(lower).min(upper);
+        let position = before + (wanted - before).clamp(-velocity * dt, velocity * dt);
+        JointCommand { position, min_velocity: -velocity, max_velocity: velocity, ..command }
+    }
 }
 
 /// Memory for the measurements of a state around its joints.
@@ -91,12 +112,25 @@ impl Stage {
                 simulation.model().frame(&simulation.model().frames()[0].name).ok().map(|base| (pushes, base))
             }
         };
+        let limits = task.within_limits.then(|| {
+            let model = simulation.model();
+            let (range, velocities) = ((model.lower(), model.upper()), model.velocity_limit());
+            let targets = terms.targets().targets().iter();
+            targets
+                .map(|target| SetpointLimits {
+                    lower: range.0[target.joint],
+                    upper: range.1[target.joint],
+                    velocity: velocities[target.joint],
+                })
+                .collect()
+        });
         Ok(Self {
             terms,
             objects,
             draws,
             pushes,
             delay: task.delay,
+            limits,
             position,
             velocity,
             velocity_spread: task.start.velocity_spread,
@@ -153,25 +187,29 @@ impl Stage {
         Ok(())
     }
 
-    /// Applies an action within its bounds for a step of the policy, by the pattern generator where the task
-    /// has one; false where physics could not make it. The step of the counter is its number in the episode.
+    /// Applies an action within its bounds, after the one before, for a step of the policy, by the pattern
+    /// generator where the task has one; false where physics could not make it. The step of the counter is its number in the episode.
     /// The action takes effect after `delay` physics steps; `drives` are the factors of the gain and of the
     /// strength of each drive.
     pub(super) fn advance<E: Engine>(
         &self,
         simulation: &mut Simulation<E>,
-        (counter, (action, mut rhythm)): (Counter, (&[f64], Option<&mut Rhythm>)),
+        (counter, ([before, action], mut rhythm)): (Counter, ([&[f64]; 2], Option<&mut Rhythm>)),
         (delay, drives): (usize, &[[f64; 2]]),
     ) -> bool {
         let targets = self.terms.targets();
         (0..self.decimation).all(|physics_step| {
-            if physics_step == delay {
+            // setpoints within limits move in every physics step, until the delay towards the action before
+            if physics_step == delay || (physics_step > delay && self.limits.is_some()) {
                 self.command(simulation, action, drives);
-                if let Some(rhythm) = &mut rhythm
-                    && !rhythm.command(targets, action)
-                {
-                    return false;
-                }
+            } else if self.limits.is_some() && counter.step > 0 {
+                self.command(simulation, before, drives);
+            }
+            if physics_step == delay
+                && let Some(rhythm) = &mut rhythm
+                && !rhythm.command(targets, action)
+            {
+                return false;
             }
             if let Some(rhythm) = &mut rhythm {
                 rhythm.step(self.step);
@@ -195,17 +233,23 @@ impl Stage {
     fn command<E: Engine>(&self, simulation: &mut Simulation<E>, action: &[f64], drives: &[[f64; 2]]) {
         let targets = self.terms.targets();
         let (kind, gains) = self.terms.drives();
-        let commands = simulation.commands_mut();
         for (index, ((target, action), [kp, kd])) in
             targets.targets().iter().zip(action).zip(gains).enumerate()
         {
             let value = targets.target(index, *action);
             let [gain, strength] = drives[target.joint];
             let (kp, kd) = (kp * gain * strength, kd * gain * strength);
-            commands[target.joint] = match kind {
+            let command = match kind {
                 ActionKind::Effort => JointCommand::effort(value * strength),
                 ActionKind::Velocity => JointCommand { velocity: value, kd, ..JointCommand::default() },
                 ActionKind::Position => JointCommand::hold(value, kp, kd),
+            };
+            let measured = simulation.positions()[target.joint];
+            let slot = &mut simulation.commands_mut()[target.joint];
+            let before = if slot.kp > 0.0 { slot.position } else { measured };
+            *slot = match &self.limits {
+                Some(limits) => limits[index].bound(command, before, self.step),
+                None => command,
             };
         }
     }

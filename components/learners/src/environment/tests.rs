@@ -284,6 +284,49 @@ fn delayed_actions_take_effect_within_their_step() {
     ));
 }
 
+/// Largest speed of a joint of the Panda whose position action jumps by 0.8 rad, and its distance from the
+/// target after a second.
+fn jump(lines: &str) -> [f64; 2] {
+    let text = format!(
+        r#"
+        title = "Jump"
+        robot = "panda"
+        step = 0.002
+        decimation = 2
+        duration = 2.0
+        {lines}
+        world = {{ gravity = [0.0, 0.0, 0.0] }}
+        observations = [{{ term = "joint_positions" }}]
+        rewards = [{{ term = "alive" }}]
+        start = {{ position = [0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0, 0.02, 0.02] }}
+        action = {{ joints = ["panda_joint1"], kind = "position", default_pose = [0.0], kp = 600.0, kd = 40.0 }}
+        "#
+    );
+    let task = Task::parse(&text).expect("a task");
+    let simulation = Scene::load(&task, Path::new(".")).expect("a robot").simulation().expect("a simulation");
+    let mut world = Environment::new(&task, simulation, 1, 0).expect("an environment");
+    world.reset().expect("an episode");
+    let mut fastest = 0.0_f64;
+    for _ in 0..250 {
+        world.step(&[0.8]);
+        fastest = fastest.max(world.simulation().velocities()[0].abs());
+    }
+    [fastest, (world.simulation().positions()[0] - 0.8).abs()]
+}
+
+#[test]
+fn drives_follow_actions_within_their_limits() {
+    let model = load("panda", Path::new(".")).expect("a robot of the catalogue").model;
+    let limit = model.velocity_limit()[0];
+    let ([free, _], [bounded, distance]) = (jump(""), jump("within_limits = true"));
+    assert!(free > 1.5 * limit && bounded < 1.05 * limit, "{free} and {bounded} rad/s of {limit}");
+    assert!(distance < 0.02, "{distance} rad");
+    assert!(matches!(
+        Task::parse(&format!("within_limits = true\n{TEXT}")),
+        Err(TaskError::Value { key, .. }) if key == "within_limits"
+    ));
+}
+
 /// Motion of the base of a falling quadruped after three seconds, in a task with these lines.
 fn fallen(lines: &str) -> [f64; 3] {
     let text = format!(

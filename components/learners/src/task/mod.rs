@@ -42,7 +42,7 @@ mod robot;
 mod terms;
 mod trial;
 
-use motorium_models::policy::{Pattern, Policy, PolicyError, RobotDigest};
+use motorium_models::policy::{ActionKind, Pattern, Policy, PolicyError, RobotDigest};
 use motorium_physics::randomise::{RandomiseConfig, RangeError};
 use motorium_robots::World;
 use serde::Deserialize;
@@ -102,6 +102,10 @@ pub struct Task {
     /// episode. Default: at once.
     #[serde(default)]
     pub delay: [usize; 2],
+    /// Drives follow position actions as behind a command gate: within the range of the joint, at its velocity
+    /// limit at most. Default: false.
+    #[serde(default)]
+    pub within_limits: bool,
     /// Ranges of physical properties and starts, sampled at the start of every episode, as in a graph.
     #[serde(default)]
     pub randomise: RandomiseConfig,
@@ -202,7 +206,7 @@ impl Task {
         if task.rewards.is_empty() {
             return Err(TaskError::value("rewards", "none", "at least one term"));
         }
-        task.policy()?;
+        let policy = task.policy()?;
         if let Some(command) = &task.command {
             command.check()?;
         }
@@ -216,6 +220,10 @@ impl Task {
         if !(fewest <= most && most < task.decimation) {
             let expected = format!("a lower and a higher number of physics steps below {}", task.decimation);
             return Err(TaskError::value("delay", format!("{:?}", task.delay), expected));
+        }
+        if task.within_limits && (task.pattern.is_some() || policy.action.kind != ActionKind::Position) {
+            let expected = "false: it is for joints whose positions the action commands";
+            return Err(TaskError::value("within_limits", true, expected));
         }
         task.reward_range()?;
         for (index, termination) in task.terminations.iter().enumerate() {

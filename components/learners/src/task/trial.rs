@@ -143,6 +143,11 @@ impl Trial {
         self.total
     }
 
+    /// The action of the step before the last, within its bounds.
+    pub(crate) fn action_before(&self) -> &[f64] {
+        &self.before
+    }
+
     /// The action of the last step within its bounds.
     pub(crate) fn action(&self) -> &[f64] {
         &self.newest

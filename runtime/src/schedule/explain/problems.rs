@@ -29,10 +29,10 @@ fn overload(admission: &Admission) -> Vec<Problem> {
     overloaded
         .map(|core| {
             let message = if core.share > 1.0 {
-                format!("the components of core {} need more time than it has", core.core)
+                format!("core {} is overloaded", core.core)
             } else {
                 format!(
-                    "the components of core {} need more time than the kernel grants real-time components",
+                    "core {} is overloaded: the kernel grants its real-time components less time than they need",
                     core.core
                 )
             };
@@ -102,10 +102,10 @@ fn late(admission: &Admission, problems: &mut Vec<Problem>) {
         let since = if task.released_with == task.component {
             String::new()
         } else {
-            format!(", which is released with `{}`,", task.released_with)
+            format!(", released with `{}`,", task.released_with)
         };
         problems.push(error(
-            format!("component `{}`{since} may not be through when its next release comes", task.component),
+            format!("component `{}`{since} may still be running when its next step is due", task.component),
             Some(format!("{}: {}", task.component, task.arithmetic)),
             "lower rates or budgets, raise its priority, shift it by a phase, or move it to another core",
         ));
@@ -139,7 +139,7 @@ fn not_known(analysis: &Analysis<'_>, problems: &mut Vec<Problem>) {
         };
         problems.push(Problem {
             severity: Severity::Warning,
-            message: format!("{words}: response times that depend on it cannot be proved"),
+            message: format!("{words}: response times that depend on it cannot be verified"),
             arithmetic: None,
             advice: advice.to_string(),
         });
@@ -168,7 +168,7 @@ fn unprovable_latencies(analysis: &Analysis<'_>, admission: &Admission, problems
         if latency.verdict == Verdict::NotProvable && latency.bound_ns.is_none() {
             problems.push(Problem {
                 severity: Severity::Warning,
-                message: format!("the latency from `{}` to `{}` cannot be proved", latency.from, latency.to),
+                message: format!("the latency from `{}` to `{}` cannot be verified", latency.from, latency.to),
                 arithmetic: Some(format!("{} -> {}: {}", latency.from, latency.to, latency.arithmetic)),
                 advice: match latency.path.iter().any(by_events) {
                     true => "trigger the components on its way by one another: what is read at a rate may be of any age",

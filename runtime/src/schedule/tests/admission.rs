@@ -82,7 +82,7 @@ fn a_chain_on_one_core_is_the_sum_of_its_steps_and_hand_overs() {
 fn an_overloaded_core_is_refused_with_the_sum() {
     let admission = check(&reach(600), &[]);
     assert!(admission.refuses());
-    assert_eq!(errors(&admission), ["the components of core 1 need more time than it has"]);
+    assert_eq!(errors(&admission), ["core 1 is overloaded"]);
     assert_eq!(
         admission.problems[0].arithmetic.as_deref(),
         Some(
@@ -100,7 +100,7 @@ fn a_graph_the_kernel_would_throttle_is_refused_with_reason() {
     let admission = check(&reach(325), &[]);
     assert_eq!(
         errors(&admission),
-        ["the components of core 1 need more time than the kernel grants real-time components"]
+        ["core 1 is overloaded: the kernel grants its real-time components less time than they need"]
     );
     assert!(admission.cores[0].arithmetic.ends_with("= 0.955 > 0.95"), "{}", admission.cores[0].arithmetic);
     let without = admit(&graph(&reach(325), 100 * US, &[]), &MACHINE, RtLimit::NONE);
@@ -125,7 +125,7 @@ fn a_slow_task_that_is_too_urgent_makes_a_fast_one_late() {
         node("planner", every(100_000), 5_000 * US).priority(60),
     ];
     let admission = check(&nodes, &[]);
-    assert_eq!(errors(&admission), ["component `control` may not be through when its next release comes"]);
+    assert_eq!(errors(&admission), ["component `control` may still be running when its next step is due"]);
     let arithmetic = admission.problems[0].arithmetic.as_deref().unwrap();
     assert!(arithmetic.starts_with("control: 203 us (control) + 5.103 ms (planner)"), "{arithmetic}");
     assert!(arithmetic.contains("> 1 ms"), "{arithmetic}");
@@ -223,7 +223,7 @@ fn components_without_a_budget_are_named_and_not_refused() {
     assert!(errors(&admission).is_empty());
     assert_eq!(
         warnings(&admission),
-        ["component `policy` has no budget: response times that depend on it cannot be proved"]
+        ["component `policy` has no budget: response times that depend on it cannot be verified"]
     );
     let verdicts: Vec<_> = admission.tasks.iter().map(|task| task.verdict).collect();
     // all that shares its priority, and all below, but not what is more urgent
@@ -250,10 +250,13 @@ fn components_that_are_not_real_time_promise_nothing() {
     assert_eq!(admission.verdict, Verdict::Holds);
     assert_eq!(admission.tasks[1].verdict, Verdict::BestEffort);
     assert!(admission.problems.is_empty(), "{:?}", admission.problems);
-    // but a latency through them cannot be proved
+    // but a latency through them cannot be verified
     let admission = check(&nodes, &[(0, 1, 600 * US)]);
     assert_eq!(admission.verdict, Verdict::NotProvable);
-    assert_eq!(warnings(&admission), ["the latency from `topic/physics` to `topic/logger` cannot be proved"]);
+    assert_eq!(
+        warnings(&admission),
+        ["the latency from `topic/physics` to `topic/logger` cannot be verified"]
+    );
 }
 
 #[test]
@@ -264,7 +267,7 @@ fn real_time_behind_what_is_not_is_not_provable() {
     assert_eq!(
         warnings(&admission),
         [
-            "component `control` is triggered by a component that is not real-time: response times that depend on it cannot be proved"
+            "component `control` is triggered by a component that is not real-time: response times that depend on it cannot be verified"
         ]
     );
 }

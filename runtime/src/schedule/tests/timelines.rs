@@ -110,7 +110,7 @@ fn long_hyperperiods_are_cut_and_what_is_left_out_is_said() {
         drawn.notes,
         [
             "only the first 10 ms of a hyperperiod of 999.983 s",
-            "without a budget, drawn as if their steps took no time: `c`",
+            "no budget, drawn with zero length: `c`",
             "not real-time, not drawn: `d`",
         ]
     );

@@ -127,10 +127,7 @@ fn notes(plan: &Plan, tasks: &StaticPlan, hyperperiod_ns: Option<u64>, length_ns
         .filter(|index| tasks.places[*index].is_some() && plan.components[*index].budget_ns.is_none())
         .collect();
     if !guessed.is_empty() {
-        notes.push(format!(
-            "without a budget, drawn as if their steps took no time: {}",
-            words::names(plan, &guessed)
-        ));
+        notes.push(format!("no budget, drawn with zero length: {}", words::names(plan, &guessed)));
     }
     let by_events =
         |index: &usize| matches!(plan.components[*index].activation, Activation::Descriptor { .. });

@@ -71,7 +71,7 @@ fn facts(recording: &Recording, analysis: &Analysis) -> String {
     let of_machine = |name: &str| machine[name].as_str().unwrap_or("unknown").to_string();
     let samples: u64 = analysis.topics.iter().map(|topic| topic.samples).sum();
     let gaps: u64 = analysis.topics.iter().map(|topic| topic.gaps).sum();
-    let end = if recording.is_whole() { "" } else { " (the file has no end)" };
+    let end = if recording.is_whole() { "" } else { " (the file is incomplete)" };
     html::facts([
         ("file", recording.path().display().to_string()),
         ("graph", fact("file")),

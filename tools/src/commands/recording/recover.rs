@@ -8,7 +8,7 @@ use motorium_bridges::recording::recover;
 use crate::out::{errln, outln};
 use crate::{exit, style};
 
-/// Repair a recording that a power cut or a full disk has torn, or whose bytes have changed.
+/// Repair a recording that was cut short by a power failure or a full disk, or whose bytes have changed.
 ///
 /// Writes the readable part to a new file with index and end; reading continues behind damage. The torn file
 /// is not changed. Messages of damaged chunks are copied without a checksum, and the new file lists damaged

@@ -119,10 +119,10 @@ fn fed_from_outside(plan: &Plan, topic: &TopicPlan) -> anyhow::Result<()> {
         .collect();
     let advice = match fed.as_slice() {
         [] => "the graph has no `bridge.iceoryx2` for outside values".to_string(),
-        fed => format!("from outside one can feed {}", fed.join(", ")),
+        fed => format!("only {} can be published from outside", fed.join(", ")),
     };
     bail!(
-        "`{}` is published by component `{}`, whose place no program from outside takes; {advice}",
+        "`{}` is published by component `{}`, and cannot be published from outside; {advice}",
         topic.name,
         writer.name
     )
