@@ -163,6 +163,12 @@ fn the_quadruped_walks_on_its_trained_policy() {
     let [forward, left, heading] = walked(&turning);
     assert!((1.5..3.0).contains(&heading), "{heading} rad");
     assert!(forward.hypot(left) < 0.5, "{forward} m forward, {left} m to the left");
+    // 1.6 m are commanded
+    for (velocity, side) in [("0.2", 1.0), ("-0.2", -1.0)] {
+        let command = format!("component.policy.config.command=[0.0, {velocity}, 0.0]");
+        let [forward, left, _] = walked(&["--set", &command, "--for", "8s"]);
+        assert!(side * left > 1.0 && forward.abs() < 0.5, "{forward} m forward, {left} m to the left");
+    }
 }
 
 #[test]
