@@ -62,6 +62,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+#[macro_use]
+mod defaults;
+
 mod checks;
 mod component;
 mod conflict;

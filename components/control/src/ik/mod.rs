@@ -22,22 +22,18 @@ use crate::{
     tasks::VelocityTask,
 };
 
-/// Settings of [`DifferentialIk`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct IkSettings {
+with_defaults! {
+    /// Settings of [`DifferentialIk`].
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct IkSettings;
+
     /// Tikhonov regularisation: cost of any joint velocity \[1/(rad/s)^2\]. Keeps the solution unique where
     /// the tasks leave a joint open.
-    pub damping: f64,
+    pub damping: f64 = 1e-7;
     /// Weight of held contacts and constraint tasks when constraints are contradictory: cost of violating
     /// them \[1/(m/s) or 1/(rad/s)\]. Limits are never relaxed. With `None`, the default, such a tick has no
     /// solution.
-    pub relaxation: Option<f64>,
-}
-
-impl Default for IkSettings {
-    fn default() -> Self {
-        Self { damping: 1e-7, relaxation: None }
-    }
+    pub relaxation: Option<f64> = None;
 }
 
 /// The tick has no joint velocity. The safe reaction is not to move.

@@ -14,41 +14,27 @@ use super::ramp::{Fades, Ramped, TaskBounds};
 use super::target::TargetInput;
 use crate::{GoalTolerance, RobotState};
 
-/// Mass, damper and spring of an [`Admittance`]; isotropic in translation and in rotation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AdmittanceSettings {
-    /// Mass \[kg\], more than 0. Default 4.
-    pub mass: f64,
-    /// Damping \[N s/m\], at least 0. Default 40.
-    pub damping: f64,
-    /// Stiffness \[N/m\], at least 0; with 0 the frame stays where it was pushed. Default 100.
-    pub stiffness: f64,
-    /// Moment of inertia \[kg m2\], more than 0. Default 0.1.
-    pub inertia: f64,
-    /// Rotational damping \[N m s/rad\], at least 0. Default 2.
-    pub rotational_damping: f64,
-    /// Rotational stiffness \[N m/rad\], at least 0. Default 10.
-    pub rotational_stiffness: f64,
-    /// Largest displacement \[m\]. Default 0.2.
-    pub max_displacement: f64,
-    /// Largest turn \[rad\], less than half a turn. Default 0.8.
-    pub max_rotation: f64,
-}
+with_defaults! {
+    /// Mass, damper and spring of an [`Admittance`]; isotropic in translation and in rotation.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct AdmittanceSettings;
 
-impl Default for AdmittanceSettings {
-    /// Critically damped, with a time constant of 0.2 s along and 0.1 s about the axes.
-    fn default() -> Self {
-        Self {
-            mass: 4.0,
-            damping: 40.0,
-            stiffness: 100.0,
-            inertia: 0.1,
-            rotational_damping: 2.0,
-            rotational_stiffness: 10.0,
-            max_displacement: 0.2,
-            max_rotation: 0.8,
-        }
-    }
+    /// Mass \[kg\], more than 0. Default 4.
+    pub mass: f64 = 4.0;
+    /// Damping \[N s/m\], at least 0. Default 40.
+    pub damping: f64 = 40.0;
+    /// Stiffness \[N/m\], at least 0; with 0 the frame stays where it was pushed. Default 100.
+    pub stiffness: f64 = 100.0;
+    /// Moment of inertia \[kg m2\], more than 0. Default 0.1.
+    pub inertia: f64 = 0.1;
+    /// Rotational damping \[N m s/rad\], at least 0. Default 2.
+    pub rotational_damping: f64 = 2.0;
+    /// Rotational stiffness \[N m/rad\], at least 0. Default 10.
+    pub rotational_stiffness: f64 = 10.0;
+    /// Largest displacement \[m\]. Default 0.2.
+    pub max_displacement: f64 = 0.2;
+    /// Largest turn \[rad\], less than half a turn. Default 0.8.
+    pub max_rotation: f64 = 0.8;
 }
 
 /// A frame that yields to a wrench like a mass on a spring and a damper, independently of the robot's

@@ -161,21 +161,23 @@ fn stacked(linear: Vector3<f64>, angular: Vector3<f64>) -> Vector6<f64> {
     Twist { linear, angular }.vector()
 }
 
-/// Factors of the weights of a pose by axis.
-///
-/// ```toml
-/// axes = { of = "world", position = [0.0, 0.0, 1.0], orientation = [1.0, 1.0, 0.0] }
-/// ```
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct AxesConfig {
+with_defaults! {
+    /// Factors of the weights of a pose by axis.
+    ///
+    /// ```toml
+    /// axes = { of = "world", position = [0.0, 0.0, 1.0], orientation = [1.0, 1.0, 0.0] }
+    /// ```
+    #[derive(Debug, Clone, Deserialize, JsonSchema)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct AxesConfig;
+
     /// Axes in which the error is counted. Default "frame".
-    pub of: PoseAxes,
+    pub of: PoseAxes = PoseAxes::default();
     /// Factors of `position_weight`: one for each axis, 0 to 1, or a matrix, each row a direction, -1 to 1.
     /// Default [1, 1, 1].
-    pub position: SharesConfig,
+    pub position: SharesConfig = SharesConfig::default();
     /// Factors of `orientation_weight`, for the rotations about the axes. Default [1, 1, 1].
-    pub orientation: SharesConfig,
+    pub orientation: SharesConfig = SharesConfig::default();
 }
 
 /// Factors of three axes.
@@ -191,13 +193,6 @@ pub enum SharesConfig {
 impl Default for SharesConfig {
     fn default() -> Self {
         Self::Each([1.0; 3])
-    }
-}
-
-impl Default for AxesConfig {
-    fn default() -> Self {
-        let all = SharesConfig::default();
-        Self { of: PoseAxes::default(), position: all, orientation: all }
     }
 }
 

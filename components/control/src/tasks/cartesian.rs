@@ -22,44 +22,31 @@ use crate::{GoalError, GoalRecord, GoalTolerance, MotionState, RobotState};
 /// Half the time over which an error is differenced \[s\].
 const STEP: f64 = 1e-4;
 
-/// Gains and weights of a [`CartesianTask`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CartesianSettings {
+with_defaults! {
+    /// Gains and weights of a [`CartesianTask`].
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct CartesianSettings;
+
     /// Form of the error. Default logarithm.
-    pub error: PoseError,
+    pub error: PoseError = PoseError::Logarithm;
     /// Rate at which the error decays \[1/s\]. Useful below a tenth of the tick rate. Default 10.
-    pub gain: f64,
+    pub gain: f64 = 10.0;
     /// Cost of a velocity error \[1/(m/s)\], or of an acceleration error \[1/(m/s2)\]; 0 leaves the position
     /// free. Default 1.
-    pub position_weight: f64,
+    pub position_weight: f64 = 1.0;
     /// Cost of an angular velocity error \[1/(rad/s)\], or of an acceleration error \[1/(rad/s2)\]; 0 leaves
     /// the orientation free. Default 0.5.
-    pub orientation_weight: f64,
+    pub orientation_weight: f64 = 0.5;
     /// Largest speed at which the error is corrected \[m/s\]. Default infinite.
-    pub max_linear_speed: f64,
+    pub max_linear_speed: f64 = f64::INFINITY;
     /// Largest angular speed at which the error is corrected \[rad/s\]. Default infinite.
-    pub max_angular_speed: f64,
+    pub max_angular_speed: f64 = f64::INFINITY;
     /// Levenberg-Marquardt damping per speed of correction \[s m/rad^2\]: keeps the robot calm where the
     /// target is out of reach, and vanishes at the target. Should exceed half the tick period times the reach
     /// of the robot. Default 5e-3.
-    pub damping: f64,
+    pub damping: f64 = 5e-3;
     /// Factors of the weights by axis. Default: none, the whole pose counts.
-    pub shares: Option<AxisShares>,
-}
-
-impl Default for CartesianSettings {
-    fn default() -> Self {
-        Self {
-            error: PoseError::Logarithm,
-            gain: 10.0,
-            position_weight: 1.0,
-            orientation_weight: 0.5,
-            max_linear_speed: f64::INFINITY,
-            max_angular_speed: f64::INFINITY,
-            damping: 5e-3,
-            shares: None,
-        }
-    }
+    pub shares: Option<AxisShares> = None;
 }
 
 impl CartesianSettings {
@@ -422,7 +409,8 @@ pub(super) fn stacked((linear, angular): (Vector3<f64>, Vector3<f64>)) -> Vector
 ///
 /// let iiwa = load("iiwa14", std::path::Path::new("."))?.model;
 /// let hand = iiwa.frame("iiwa_link_ee")?;
-/// let soft = CartesianImpedance { stiffness: 300.0, damping: 50.0, rotational_stiffness: 20.0, rotational_damping: 3.0 };
+/// let (stiffness, damping, rotational_stiffness, rotational_damping) = (300.0, 50.0, 20.0, 3.0);
+/// let soft = CartesianImpedance { stiffness, damping, rotational_stiffness, rotational_damping };
 /// let task = CartesianTask::new(&iiwa, hand).with(CartesianSettings::geometric()).impedance(&iiwa, soft);
 /// # let _ = task;
 /// # Ok::<(), Box<dyn std::error::Error>>(())

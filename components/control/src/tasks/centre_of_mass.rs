@@ -12,27 +12,23 @@ use super::target::TargetInput;
 use super::{Cost, Equation, Feedback, JacobianView, Response, Task};
 use crate::{GoalError, GoalRecord, GoalTolerance, MotionState, RobotState};
 
-/// Gain and weights of a [`CentreOfMassTask`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CentreOfMassSettings {
+with_defaults! {
+    /// Gain and weights of a [`CentreOfMassTask`].
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct CentreOfMassSettings;
+
     /// Rate at which the error decays \[1/s\]. Useful below a tenth of the tick rate. Default 10.
-    pub gain: f64,
+    pub gain: f64 = 10.0;
     /// Cost of a velocity error \[1/(m/s)\], or of an acceleration error \[1/(m/s2)\]. Default 1.
-    pub weight: f64,
+    pub weight: f64 = 1.0;
     /// Factors of the weight along x, y and z of the world; 0 leaves an axis free. Default 1.
-    pub shares: [f64; 3],
+    pub shares: [f64; 3] = [1.0; 3];
     /// Largest speed at which the error is corrected \[m/s\]. Default infinite.
-    pub max_speed: f64,
+    pub max_speed: f64 = f64::INFINITY;
     /// Levenberg-Marquardt damping per speed of correction \[s m/rad^2\]: keeps the robot calm where the
     /// target is out of reach, and vanishes at the target. Should exceed half the tick period times the reach
     /// of the robot. Default 5e-3.
-    pub damping: f64,
-}
-
-impl Default for CentreOfMassSettings {
-    fn default() -> Self {
-        Self { gain: 10.0, weight: 1.0, shares: [1.0; 3], max_speed: f64::INFINITY, damping: 5e-3 }
-    }
+    pub damping: f64 = 5e-3;
 }
 
 impl CentreOfMassSettings {

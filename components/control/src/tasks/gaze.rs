@@ -16,25 +16,21 @@ use crate::{GoalError, GoalRecord, GoalTolerance, MotionState, RobotState};
 /// direction is undefined.
 const NEAREST: f64 = 1e-2;
 
-/// Gain and weights of a [`GazeTask`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GazeSettings {
+with_defaults! {
+    /// Gain and weights of a [`GazeTask`].
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct GazeSettings;
+
     /// Rate at which the error decays \[1/s\]. Useful below a tenth of the tick rate. Default 10.
-    pub gain: f64,
+    pub gain: f64 = 10.0;
     /// Cost of an angular velocity error \[1/(rad/s)\], or of an acceleration error \[1/(rad/s2)\]. Default
     /// 1.
-    pub weight: f64,
+    pub weight: f64 = 1.0;
     /// Largest angular speed at which the error is corrected \[rad/s\]. Default infinite.
-    pub max_speed: f64,
+    pub max_speed: f64 = f64::INFINITY;
     /// Levenberg-Marquardt damping per correction speed \[s/rad\]. Prevents oscillation if the robot cannot
     /// look at the target, and vanishes when it does. Default 5e-3.
-    pub damping: f64,
-}
-
-impl Default for GazeSettings {
-    fn default() -> Self {
-        Self { gain: 10.0, weight: 1.0, max_speed: f64::INFINITY, damping: 5e-3 }
-    }
+    pub damping: f64 = 5e-3;
 }
 
 impl GazeSettings {

@@ -15,21 +15,17 @@ use super::{Cost, Equation, Feedback, Response, Task};
 use crate::checks::per_joint;
 use crate::{MotionState, RobotState};
 
-/// Gain and weight of a [`PostureTask`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PostureSettings {
+with_defaults! {
+    /// Gain and weight of a [`PostureTask`]. The default weight pulls an end effector off its target by less
+    /// than a micrometre.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct PostureSettings;
+
     /// Rate at which the error decays \[1/s\].
-    pub gain: f64,
+    pub gain: f64 = 1.0;
     /// Cost of a joint velocity error \[1/(rad/s) or 1/(m/s)\], or of an acceleration error \[1/(rad/s2) or
     /// 1/(m/s2)\].
-    pub weight: f64,
-}
-
-impl Default for PostureSettings {
-    /// Light enough to pull an end effector off its target by less than a micrometre.
-    fn default() -> Self {
-        Self { gain: 1.0, weight: 1e-3 }
-    }
+    pub weight: f64 = 1e-3;
 }
 
 impl PostureSettings {

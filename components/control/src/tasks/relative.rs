@@ -13,24 +13,20 @@ use super::{Cost, Equation, Feedback, PoseError, Response, Task};
 use crate::checks::pose_of;
 use crate::{MotionState, RobotState};
 
-/// Gain and weights of a [`RelativeTask`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RelativeSettings {
+with_defaults! {
+    /// Gain and weights of a [`RelativeTask`].
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct RelativeSettings;
+
     /// Form of the error. Default logarithm.
-    pub error: PoseError,
+    pub error: PoseError = PoseError::Logarithm;
     /// Rate at which the error decays \[1/s\]. Default 10.
-    pub gain: f64,
+    pub gain: f64 = 10.0;
     /// Cost of a velocity error \[1/(m/s)\], or of an acceleration error \[1/(m/s2)\]. Default 1.
-    pub position_weight: f64,
+    pub position_weight: f64 = 1.0;
     /// Cost of an angular velocity error \[1/(rad/s)\], or of an acceleration error \[1/(rad/s2)\]. Default
     /// 0.5.
-    pub orientation_weight: f64,
-}
-
-impl Default for RelativeSettings {
-    fn default() -> Self {
-        Self { error: PoseError::Logarithm, gain: 10.0, position_weight: 1.0, orientation_weight: 0.5 }
-    }
+    pub orientation_weight: f64 = 0.5;
 }
 
 impl RelativeSettings {

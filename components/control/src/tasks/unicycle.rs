@@ -11,25 +11,21 @@ use super::place::TaskPlace;
 use super::{Cost, Equation, RATE, Response, Task};
 use crate::{MotionState, RobotState};
 
-/// Speeds and weights of a [`UnicycleTask`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct UnicycleSettings {
-    /// Speed along the x axis of the frame \[m/s\]. Default 0.
-    pub forward: f64,
-    /// Angular velocity about the z axis of the frame \[rad/s\]. Default 0.
-    pub yaw_rate: f64,
-    /// Cost of an error of the forward speed \[1/(m/s)\]; 0 leaves it to other tasks. Default 1.
-    pub forward_weight: f64,
-    /// Cost of a motion sideways \[1/(m/s)\]. Default 1.
-    pub sideways_weight: f64,
-    /// Cost of an error of the yaw rate \[1/(rad/s)\]; 0 leaves it to other tasks. Default 1.
-    pub yaw_weight: f64,
-}
+with_defaults! {
+    /// Speeds and weights of a [`UnicycleTask`].
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct UnicycleSettings;
 
-impl Default for UnicycleSettings {
-    fn default() -> Self {
-        Self { forward: 0.0, yaw_rate: 0.0, forward_weight: 1.0, sideways_weight: 1.0, yaw_weight: 1.0 }
-    }
+    /// Speed along the x axis of the frame \[m/s\]. Default 0.
+    pub forward: f64 = 0.0;
+    /// Angular velocity about the z axis of the frame \[rad/s\]. Default 0.
+    pub yaw_rate: f64 = 0.0;
+    /// Cost of an error of the forward speed \[1/(m/s)\]; 0 leaves it to other tasks. Default 1.
+    pub forward_weight: f64 = 1.0;
+    /// Cost of a motion sideways \[1/(m/s)\]. Default 1.
+    pub sideways_weight: f64 = 1.0;
+    /// Cost of an error of the yaw rate \[1/(rad/s)\]; 0 leaves it to other tasks. Default 1.
+    pub yaw_weight: f64 = 1.0;
 }
 
 /// Moves a frame forward and turns it as commanded, and never sideways:
