@@ -19,7 +19,7 @@ use super::setup::{ControllerSetup, RowLimits};
 use crate::inverse_dynamics::Conflicting;
 use crate::limits::RowLimit;
 use crate::tasks::{Fades, Held, TaskBounds};
-use crate::{GoalSummary, JointSetpoint};
+use crate::{GoalSummary, JointSetpoint, Mixture};
 
 /// A controller that converts targets to joint commands once per step, by differential inverse kinematics
 /// ([`DifferentialIk`](crate::DifferentialIk)) or, with `inverse_dynamics`, by whole-body inverse dynamics
@@ -118,6 +118,8 @@ struct Controller<F> {
     /// Tasks in the order of the configuration.
     tasks: Vec<Held>,
     fades: Fades,
+    /// Sum of the solutions of a step while tasks fade.
+    mixture: Mixture,
     limits: RowLimits,
     objects: MovingObjects,
     formulation: F,
@@ -169,6 +171,7 @@ impl<F: Formulation> Controller<F> {
             stats: SolveStats::default(),
             tasks,
             fades,
+            mixture: Mixture::new(formulation.unknowns().len()),
             limits,
             objects,
             formulation,
@@ -272,16 +275,16 @@ impl<F: Formulation> Controller<F> {
         if parts == 1 {
             return self.solve_tasks(bounds.dt);
         }
-        self.formulation.drop_mixture();
+        self.mixture.clear();
         for part in 0..parts {
             let share = self.fades.part(part);
             for held in &mut self.tasks {
                 held.task.weigh(bounds, &mut self.fades);
             }
             self.solve_tasks(bounds.dt)?;
-            self.formulation.mix(share);
+            self.mixture.add(share, self.formulation.unknowns());
         }
-        self.formulation.take_mixture();
+        self.formulation.set_unknowns(self.mixture.unknowns());
         Ok(())
     }
 

@@ -2,20 +2,18 @@
 
 mod conflict;
 mod constraints;
-mod mixture;
-mod relaxed;
 mod solve;
 
 pub use conflict::IkConflict;
 
 use motorium_robots::Model;
 use nalgebra::DVector;
-use relaxed::Relaxed;
 
 use crate::{
     RobotState,
     levels::{self, LevelSolver, LowerLevels, Rows},
     limits::Limit,
+    relaxation::{Relaxable, Relaxation},
     solver::{
         ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, SolveError, Structure, UpdateError,
     },
@@ -69,8 +67,6 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     problem: Problem,
     solver: S,
     velocity: Vec<f64>,
-    /// The mixture of solutions so far.
-    mixture: Vec<f64>,
     below: Option<LowerLevels<LevelSolver>>,
     /// First unused row for limits.
     next_row: usize,
@@ -82,7 +78,7 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     next_slack: usize,
     /// Rows of the task that becomes a constraint.
     constrained: Rows,
-    relaxed: Option<Relaxed>,
+    relaxed: Option<Relaxation>,
     conflict: Option<IkConflict>,
     /// Bounds without the acceleration limit, and whether it is set.
     unhurried: [DVector<f64>; 2],
@@ -178,7 +174,10 @@ impl<S: QpSolver> DifferentialIk<S> {
         let problem = Problem::new(solver.structure());
         let variables = solver.structure().variables();
         Self {
-            relaxed: settings.relaxation.map(|weight| Relaxed::new(solver.structure(), weight)),
+            relaxed: settings.relaxation.map(|weight| {
+                let relaxable = Relaxable { first_equality: 0, bounds: 0..0, rows: 0..0 };
+                Relaxation::new(solver.structure(), relaxable, weight)
+            }),
             conflict: None,
             unhurried: [DVector::zeros(variables), DVector::zeros(variables)],
             before: DVector::zeros(variables),
@@ -190,7 +189,6 @@ impl<S: QpSolver> DifferentialIk<S> {
             settings,
             solver,
             velocity: vec![0.0; variables],
-            mixture: vec![0.0; variables],
             below: None,
             next_row: 0,
             next_equality: 0,
@@ -341,6 +339,16 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// Joint velocity of the last [`solve`](Self::solve) \[rad/s or m/s\].
     pub fn velocity(&self) -> &[f64] {
         &self.velocity[..self.motions]
+    }
+
+    /// The unknowns of the last solution: velocities, then the [`slack`](Self::slack) of soft limits.
+    pub fn unknowns(&self) -> &[f64] {
+        &self.velocity
+    }
+
+    /// Makes these unknowns, such as a [mixture](crate::Mixture) of solutions, the solution.
+    pub fn set_unknowns(&mut self, unknowns: &[f64]) {
+        self.velocity.copy_from_slice(unknowns);
     }
 
     /// Total iterations of the last [`solve`](Self::solve): all solutions of the first level, relaxed or not,

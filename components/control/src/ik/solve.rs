@@ -233,19 +233,18 @@ impl<S: QpSolver> DifferentialIk<S> {
         true
     }
 
-    /// Relaxes exact rows if the settings permit it.
+    /// Relaxes exact rows if the settings permit it. Limits admit zero velocity, so there is always a
+    /// solution.
     fn relax(&mut self, conflict: Conflict) -> Result<(), IkError> {
-        let mut found = IkConflict::new(&conflict, self.motions);
-        let relaxed = match &mut self.relaxed {
-            None => Err(IkError::Solve(SolveError::Infeasible { conflict })),
-            Some(relaxed) => {
-                let way = relaxed.solve(&self.problem, &mut self.velocity);
-                self.iterations += relaxed.iterations();
-                way.map(|slack| found.slack = slack)
-            }
-        };
-        self.conflict = Some(found);
-        relaxed?;
+        let Self { relaxed, problem, velocity, iterations, .. } = self;
+        let found = self.conflict.insert(IkConflict::new(&conflict, self.motions));
+        let relaxed = relaxed.as_mut().ok_or(SolveError::Infeasible { conflict })?;
+        relaxed.update(problem, |_| ())?;
+        let solved = relaxed.solve();
+        *iterations += relaxed.iterations();
+        solved?;
+        found.slack = relaxed.missed(problem, 0..problem.equality_value.len());
+        velocity.copy_from_slice(relaxed.solution().x.as_slice());
         self.clamp();
         Ok(())
     }

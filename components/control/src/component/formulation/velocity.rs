@@ -138,16 +138,12 @@ impl Formulation for Velocity {
         SolveStats { iterations: self.ik.iterations(), undecided: self.ik.undecided(), slack }
     }
 
-    fn mix(&mut self, share: f64) {
-        self.ik.mix(share);
+    fn unknowns(&self) -> &[f64] {
+        self.ik.unknowns()
     }
 
-    fn take_mixture(&mut self) {
-        self.ik.take_mixture();
-    }
-
-    fn drop_mixture(&mut self) {
-        self.ik.drop_mixture();
+    fn set_unknowns(&mut self, unknowns: &[f64]) {
+        self.ik.set_unknowns(unknowns);
     }
 
     fn apply(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint, tasks: &mut [Held], dt: f64) {
