@@ -81,12 +81,12 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     relaxed: Option<Relaxation>,
     conflict: Option<IkConflict>,
     /// Bounds without the acceleration limit, and whether it is set.
-    unhurried: [DVector<f64>; 2],
+    wide_bounds: [DVector<f64>; 2],
     is_narrowed: bool,
     /// Velocities of the previous tick, if any.
     before: DVector<f64>,
     /// `true` if the last solution exceeds it.
-    is_hurried: bool,
+    exceeds_acceleration: bool,
     /// For each row, `true` if its limit is soft.
     is_soft: Vec<bool>,
     /// Total iterations of the last solution, and the number of undecided levels below the first.
@@ -179,10 +179,10 @@ impl<S: QpSolver> DifferentialIk<S> {
                 Relaxation::new(solver.structure(), relaxable, weight)
             }),
             conflict: None,
-            unhurried: [DVector::zeros(variables), DVector::zeros(variables)],
+            wide_bounds: [DVector::zeros(variables), DVector::zeros(variables)],
             before: DVector::zeros(variables),
             is_narrowed: false,
-            is_hurried: false,
+            exceeds_acceleration: false,
             is_soft: vec![false; problem.row_lower.len()],
             iterations: 0,
             undecided: 0,
@@ -328,7 +328,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         if let Some(relaxed) = &mut self.relaxed {
             relaxed.reset();
         }
-        (self.conflict, self.is_hurried) = (None, false);
+        (self.conflict, self.exceeds_acceleration) = (None, false);
         (self.iterations, self.undecided) = (0, 0);
         if let Some(below) = &mut self.below {
             below.reset();

@@ -29,7 +29,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// # Errors
     /// [`IkError`]; [`velocity`](Self::velocity) is zero then.
     pub fn solve(&mut self) -> Result<&[f64], IkError> {
-        (self.conflict, self.is_hurried) = (None, false);
+        (self.conflict, self.exceeds_acceleration) = (None, false);
         (self.iterations, self.undecided) = (0, 0);
         self.slow_returns();
         let mut decided = self.solve_first();
@@ -217,7 +217,7 @@ impl<S: QpSolver> DifferentialIk<S> {
             Side::Lower => self.problem.lower[variable] = 0.0,
             Side::Upper => self.problem.upper[variable] = 0.0,
         }
-        self.is_hurried = true;
+        self.exceeds_acceleration = true;
         true
     }
 
@@ -227,9 +227,9 @@ impl<S: QpSolver> DifferentialIk<S> {
         if self.next_equality == 0 || !std::mem::replace(&mut self.is_narrowed, false) {
             return false;
         }
-        self.problem.lower.copy_from(&self.unhurried[0]);
-        self.problem.upper.copy_from(&self.unhurried[1]);
-        self.is_hurried = true;
+        self.problem.lower.copy_from(&self.wide_bounds[0]);
+        self.problem.upper.copy_from(&self.wide_bounds[1]);
+        self.exceeds_acceleration = true;
         true
     }
 

@@ -7,9 +7,9 @@ use motorium_robots::{FrameId, Twist, lie::so3};
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
 
 use super::cartesian::{CartesianSettings, CartesianTask, SPRINGS};
+use super::context::TaskContext;
 use super::held::{HeldTask, TaskCost};
 use super::kind::{BuiltTask, GAINS, TaskKind, WEIGHTS};
-use super::place::TaskPlace;
 use super::ramp::{Fades, Ramped, TaskBounds};
 use super::target::TargetInput;
 use crate::{GoalTolerance, RobotState};
@@ -191,8 +191,8 @@ impl Admittance {
     /// Returns the displaced pose, velocity and acceleration of a target, in world axes.
     pub fn displace(&self, target: &Isometry3<f64>, velocity: &Twist) -> (Isometry3<f64>, Twist, Twist) {
         let turned: UnitQuaternion<f64> = so3::exp(&self.turn);
-        let place = target.translation.vector + self.displacement;
-        let pose = Isometry3::from_parts(place.into(), turned * target.rotation);
+        let position = target.translation.vector + self.displacement;
+        let pose = Isometry3::from_parts(position.into(), turned * target.rotation);
         let moving = Twist {
             linear: velocity.linear + self.velocity,
             angular: self.angular_velocity() + turned * velocity.angular,
@@ -254,9 +254,9 @@ task_config! {
 }
 
 impl AdmittanceConfig {
-    fn build(&self, place: &TaskPlace<'_>) -> Result<(CartesianTask, FrameId, Admittance), ConfigError> {
-        let frame = place.frame("admittance", self.frame.as_deref())?;
-        let sensor = self.sensor.as_ref().map_or(Ok(frame), |name| place.named_frame("sensor", name))?;
+    fn build(&self, context: &TaskContext<'_>) -> Result<(CartesianTask, FrameId, Admittance), ConfigError> {
+        let frame = context.frame("admittance", self.frame.as_deref())?;
+        let sensor = self.sensor.as_ref().map_or(Ok(frame), |name| context.named_frame("sensor", name))?;
         let law = Admittance::new(AdmittanceSettings {
             mass: self.mass,
             damping: self.damping,
@@ -267,12 +267,12 @@ impl AdmittanceConfig {
             max_displacement: self.max_displacement,
             max_rotation: self.max_rotation,
         });
-        let task = CartesianTask::new(place.model, frame).with(CartesianSettings {
-            error: place.pose_error(),
+        let task = CartesianTask::new(context.model, frame).with(CartesianSettings {
+            error: context.pose_error(),
             gain: self.gain,
             position_weight: self.position_weight,
             orientation_weight: self.orientation_weight,
-            damping: place.damping(None, CartesianSettings::default().damping)?,
+            damping: context.damping(None, CartesianSettings::default().damping)?,
             ..CartesianSettings::default()
         });
         Ok((task, sensor, law))
@@ -280,12 +280,12 @@ impl AdmittanceConfig {
 }
 
 impl TaskKind for AdmittanceConfig {
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
-        self.build(place).map(drop)
+    fn check(&self, context: &TaskContext<'_>) -> Result<(), ConfigError> {
+        self.build(context).map(drop)
     }
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
-        let (task, sensor, law) = self.build(place)?;
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
+        let (task, sensor, law) = self.build(context)?;
         Ok(Box::new(HeldAdmittance {
             task,
             law,

@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Matrix3, Vector3, Vector6};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::place::TaskPlace;
+use super::context::TaskContext;
 
 /// Relative weight below which a direction counts as free.
 const FREE: f64 = 1e-9;
@@ -108,9 +108,9 @@ impl AxisShares {
     /// \[m\], rotation vector \[rad\].
     pub fn error(&self, pose: &Isometry3<f64>, target: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let from_world = self.world_to_axes(pose, target);
-        let place = target.translation.vector - pose.translation.vector;
+        let offset = target.translation.vector - pose.translation.vector;
         let turn = (target.rotation * pose.rotation.inverse()).scaled_axis();
-        (self.position.seen * (from_world * place), self.orientation.seen * (from_world * turn))
+        (self.position.seen * (from_world * offset), self.orientation.seen * (from_world * turn))
     }
 
     /// `R'`, from the world to the axes.
@@ -197,18 +197,18 @@ impl Default for SharesConfig {
 }
 
 impl SharesConfig {
-    fn matrix(&self, place: &TaskPlace<'_>, name: &str) -> Result<Matrix3<f64>, ConfigError> {
+    fn matrix(&self, context: &TaskContext<'_>, name: &str) -> Result<Matrix3<f64>, ConfigError> {
         let key = format!("axes.{name}");
         match self {
             Self::Each(shares) => {
                 for share in shares {
-                    place.in_range(&key, *share, 0.0..=1.0)?;
+                    context.in_range(&key, *share, 0.0..=1.0)?;
                 }
                 Ok(Matrix3::from_diagonal(&(*shares).into()))
             }
             Self::Matrix(rows) => {
                 for share in rows.iter().flatten() {
-                    place.in_range(&key, *share, -1.0..=1.0)?;
+                    context.in_range(&key, *share, -1.0..=1.0)?;
                 }
                 Ok(Matrix3::from_row_slice(rows.as_flattened()))
             }
@@ -218,11 +218,12 @@ impl SharesConfig {
 
 impl AxesConfig {
     /// The factors, checked.
-    pub(super) fn shares(&self, place: &TaskPlace<'_>) -> Result<AxisShares, ConfigError> {
-        let position = self.position.matrix(place, "position")?;
-        let shares = AxisShares::matrices(self.of, position, self.orientation.matrix(place, "orientation")?);
+    pub(super) fn shares(&self, context: &TaskContext<'_>) -> Result<AxisShares, ConfigError> {
+        let position = self.position.matrix(context, "position")?;
+        let shares =
+            AxisShares::matrices(self.of, position, self.orientation.matrix(context, "orientation")?);
         if !shares.has_position() && !shares.has_orientation() {
-            return Err(ConfigError::key(place.key("axes"), "they leave the whole pose free")
+            return Err(ConfigError::key(context.key("axes"), "they leave the whole pose free")
                 .advise("give some axis a factor, such as `position = [1, 1, 0]`, or leave the task out"));
         }
         Ok(shares)

@@ -4,9 +4,9 @@ use motorium::prelude::*;
 use motorium_robots::Model;
 use nalgebra::Vector3;
 
+use super::context::TaskContext;
 use super::held::{HeldTask, TaskCost};
 use super::kind::{BuiltTask, GAINS, TaskKind, WEIGHTS};
-use super::place::TaskPlace;
 use super::ramp::{Fades, Ramped, TaskBounds};
 use super::target::TargetInput;
 use super::{Cost, Equation, Feedback, JacobianView, Response, Task};
@@ -172,34 +172,34 @@ task_config! {
 }
 
 impl CentreOfMassConfig {
-    fn build(&self, place: &TaskPlace<'_>) -> Result<CentreOfMassTask, ConfigError> {
-        let mass: f64 = place.model.bodies().iter().map(|body| body.inertia.mass).sum();
+    fn build(&self, context: &TaskContext<'_>) -> Result<CentreOfMassTask, ConfigError> {
+        let mass: f64 = context.model.bodies().iter().map(|body| body.inertia.mass).sum();
         if mass.is_nan() || mass <= 0.0 {
-            let message = format!("robot `{}` has no mass, so no centre of mass", place.model.name());
-            return Err(ConfigError::key(&place.path, message));
+            let message = format!("robot `{}` has no mass, so no centre of mass", context.model.name());
+            return Err(ConfigError::key(&context.path, message));
         }
         for share in self.shares {
-            place.in_range("shares", share, 0.0..=1.0)?;
+            context.in_range("shares", share, 0.0..=1.0)?;
         }
-        Ok(CentreOfMassTask::new(place.model).with(CentreOfMassSettings {
+        Ok(CentreOfMassTask::new(context.model).with(CentreOfMassSettings {
             gain: self.gain,
             weight: self.weight,
             shares: self.shares,
-            max_speed: place.max_speed("max_speed", self.max_speed)?,
-            damping: place.damping(self.damping, CentreOfMassSettings::default().damping)?,
+            max_speed: context.max_speed("max_speed", self.max_speed)?,
+            damping: context.damping(self.damping, CentreOfMassSettings::default().damping)?,
         }))
     }
 }
 
 impl TaskKind for CentreOfMassConfig {
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
-        self.build(place).map(drop)
+    fn check(&self, context: &TaskContext<'_>) -> Result<(), ConfigError> {
+        self.build(context).map(drop)
     }
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         let tolerance = GoalTolerance { position: self.tolerance, ..GoalTolerance::default() };
         let target = TargetInput::new(setup.input(&self.target)?, tolerance);
-        Ok(Box::new(HeldCentreOfMass { task: self.build(place)?, target, parameters: self.open(setup)? }))
+        Ok(Box::new(HeldCentreOfMass { task: self.build(context)?, target, parameters: self.open(setup)? }))
     }
 }
 

@@ -4,9 +4,9 @@ use motorium::prelude::*;
 use motorium_robots::{FrameId, Model, Reference};
 use nalgebra::{Matrix6xX, Unit, Vector3};
 
+use super::context::TaskContext;
 use super::held::{HeldTask, TaskCost};
 use super::kind::{BuiltTask, GAINS, TaskKind, WEIGHTS};
-use super::place::TaskPlace;
 use super::ramp::{Fades, Ramped, TaskBounds};
 use super::target::TargetInput;
 use super::{Cost, Equation, Feedback, JacobianView, Response, Task};
@@ -263,26 +263,26 @@ task_config! {
 }
 
 impl GazeConfig {
-    fn build(&self, place: &TaskPlace<'_>) -> Result<GazeTask, ConfigError> {
-        let frame = place.frame("gaze", self.frame.as_deref())?;
-        Ok(GazeTask::new(place.model, frame, place.axis("axis", self.axis)?).with(GazeSettings {
+    fn build(&self, context: &TaskContext<'_>) -> Result<GazeTask, ConfigError> {
+        let frame = context.frame("gaze", self.frame.as_deref())?;
+        Ok(GazeTask::new(context.model, frame, context.axis("axis", self.axis)?).with(GazeSettings {
             gain: self.gain,
             weight: self.weight,
-            max_speed: place.max_speed("max_speed", self.max_speed)?,
-            damping: place.damping(self.damping, GazeSettings::default().damping)?,
+            max_speed: context.max_speed("max_speed", self.max_speed)?,
+            damping: context.damping(self.damping, GazeSettings::default().damping)?,
         }))
     }
 }
 
 impl TaskKind for GazeConfig {
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
-        self.build(place).map(drop)
+    fn check(&self, context: &TaskContext<'_>) -> Result<(), ConfigError> {
+        self.build(context).map(drop)
     }
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         let tolerance = GoalTolerance { position: f64::INFINITY, orientation: self.tolerance };
         let target = TargetInput::new(setup.input(&self.target)?, tolerance);
-        Ok(Box::new(HeldGaze { task: self.build(place)?, target, parameters: self.open(setup)? }))
+        Ok(Box::new(HeldGaze { task: self.build(context)?, target, parameters: self.open(setup)? }))
     }
 }
 

@@ -52,6 +52,13 @@ pub struct MinimumEffortTask {
     equation: Equation,
 }
 
+methods!(MinimumEffortTask:
+    with("(rad/s)^2 per unit of the measure", "1/(rad/s)"),
+    rate("an error of a joint velocity"),
+    set,
+    cost
+);
+
 impl MinimumEffortTask {
     /// A task for `model` under this acceleration of free fall \[m/s2\], with gain 1 and weight 1e-2.
     pub fn new(model: &Model, gravity: Vector3<f64>) -> Self {
@@ -73,33 +80,9 @@ impl MinimumEffortTask {
         }
     }
 
-    /// The same task with a gain \[(rad/s)^2 per unit of the measure\] and a weight \[1/(rad/s)\].
-    #[must_use]
-    pub fn with(mut self, gain: f64, weight: f64) -> Self {
-        self.set(gain, weight);
-        self
-    }
-
-    /// The same task with a rate \[1/s\] at which accelerations reduce an error of a joint velocity.
-    #[must_use]
-    pub fn rate(mut self, rate: f64) -> Self {
-        self.equation.response = Response::velocity(rate);
-        self
-    }
-
-    /// Changes gain and weight from the next update on.
-    pub fn set(&mut self, gain: f64, weight: f64) {
-        (self.gain, self.weight) = (gain, weight);
-    }
-
     /// `m` at the last update.
     pub fn measure(&self) -> f64 {
         self.measure
-    }
-
-    /// The cost as of the last update.
-    pub fn cost(&self) -> &Cost {
-        self.equation.cost()
     }
 }
 

@@ -5,9 +5,9 @@ use motorium_robots::{FrameId, Model, Reference, lie::se3};
 use nalgebra::{Isometry3, Matrix6xX, Vector6};
 
 use super::cartesian::{differentiate_error, stacked};
+use super::context::TaskContext;
 use super::held::{HeldTask, TaskCost};
 use super::kind::{ActsOn, BuiltTask, GAINS, TaskHead, TaskKind, TaskTable, WEIGHTS};
-use super::place::TaskPlace;
 use super::ramp::{Fades, Ramped, TaskBounds};
 use super::{Cost, Equation, Feedback, PoseError, Response, Task};
 use crate::checks::pose_of;
@@ -222,15 +222,15 @@ task_config! {
 }
 
 impl RelativeConfig {
-    fn build(&self, place: &TaskPlace<'_>) -> Result<RelativeTask, ConfigError> {
-        let frame = place.frame("relative", self.frame.as_deref())?;
-        let other = place.named_frame("other", &self.other)?;
+    fn build(&self, context: &TaskContext<'_>) -> Result<RelativeTask, ConfigError> {
+        let frame = context.frame("relative", self.frame.as_deref())?;
+        let other = context.named_frame("other", &self.other)?;
         if frame == other {
             let message = format!("`{}` relative to itself", self.other);
-            return Err(ConfigError::key(place.key("other"), message).advise("name another link"));
+            return Err(ConfigError::key(context.key("other"), message).advise("name another link"));
         }
-        let settings = RelativeSettings { error: place.pose_error(), ..RelativeSettings::default() };
-        Ok(RelativeTask::new(place.model, other, frame).with(settings))
+        let settings = RelativeSettings { error: context.pose_error(), ..RelativeSettings::default() };
+        Ok(RelativeTask::new(context.model, other, frame).with(settings))
     }
 }
 
@@ -239,13 +239,13 @@ impl TaskKind for RelativeConfig {
         self.table_head().acts_on(ActsOn::Joints)
     }
 
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
-        self.build(place).map(drop)
+    fn check(&self, context: &TaskContext<'_>) -> Result<(), ConfigError> {
+        self.build(context).map(drop)
     }
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         Ok(Box::new(HeldRelative {
-            task: self.build(place)?,
+            task: self.build(context)?,
             input: setup.input(&self.target)?,
             parameters: self.open(setup)?,
             is_set: false,

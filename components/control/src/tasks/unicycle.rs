@@ -5,9 +5,9 @@ use motorium::state::TwistTarget;
 use motorium_robots::{FrameId, Model, Reference};
 use nalgebra::Matrix6xX;
 
+use super::context::TaskContext;
 use super::held::Driven;
 use super::kind::{BuiltTask, TaskKind, WEIGHTS};
-use super::place::TaskPlace;
 use super::{Cost, Equation, RATE, Response, Task};
 use crate::{MotionState, RobotState};
 
@@ -65,6 +65,8 @@ pub struct UnicycleTask {
     equation: Equation,
 }
 
+methods!(UnicycleTask: rate("a velocity error"), cost);
+
 impl UnicycleTask {
     /// Creates a task for `frame` of `model`, initially at rest, with default weights and a rate of 20/s.
     pub fn new(model: &Model, frame: FrameId) -> Self {
@@ -81,13 +83,6 @@ impl UnicycleTask {
         self
     }
 
-    /// The same task with a rate \[1/s\] at which accelerations reduce a velocity error.
-    #[must_use]
-    pub fn rate(mut self, rate: f64) -> Self {
-        self.equation.response = Response::velocity(rate);
-        self
-    }
-
     /// Changes speeds and weights from the next update on.
     pub fn set_settings(&mut self, settings: UnicycleSettings) {
         self.settings = settings;
@@ -96,11 +91,6 @@ impl UnicycleTask {
     /// Speeds and weights.
     pub fn settings(&self) -> &UnicycleSettings {
         &self.settings
-    }
-
-    /// The cost as of the last update.
-    pub fn cost(&self) -> &Cost {
-        self.equation.cost()
     }
 }
 
@@ -158,21 +148,21 @@ task_config! {
 }
 
 impl UnicycleConfig {
-    fn build(&self, place: &TaskPlace<'_>) -> Result<UnicycleTask, ConfigError> {
-        let rate = place.rate(self.rate)?;
-        Ok(UnicycleTask::new(place.model, place.named_frame("frame", &self.frame)?).rate(rate))
+    fn build(&self, context: &TaskContext<'_>) -> Result<UnicycleTask, ConfigError> {
+        let rate = context.rate(self.rate)?;
+        Ok(UnicycleTask::new(context.model, context.named_frame("frame", &self.frame)?).rate(rate))
     }
 }
 
 impl TaskKind for UnicycleConfig {
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
-        self.build(place).map(drop)
+    fn check(&self, context: &TaskContext<'_>) -> Result<(), ConfigError> {
+        self.build(context).map(drop)
     }
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         let mut input = setup.input::<TwistTarget>(&self.target)?;
         let task =
-            Driven::motion(self.build(place)?, self.open(setup)?, |task, [forward, sideways, yaw], _| {
+            Driven::motion(self.build(context)?, self.open(setup)?, |task, [forward, sideways, yaw], _| {
                 task.set_settings(UnicycleSettings {
                     forward_weight: forward,
                     sideways_weight: sideways,

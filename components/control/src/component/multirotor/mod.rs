@@ -9,6 +9,7 @@ use motorium_robots::{Kinematics, Loaded, Spin};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use super::measured::load_robot;
+use super::required_robot;
 use crate::checks::in_range;
 use crate::multirotor::{Flight, FlightControl, FlightSettings, FlightTarget, Mixer, Propeller};
 use crate::{GoalError, GoalRecord, GoalTolerance};
@@ -150,11 +151,7 @@ impl Component for MultirotorController {
     type Config = MultirotorConfig;
 
     fn declare(config: &MultirotorConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let robot = declare.robot().ok_or_else(|| {
-            ConfigError::new("the component names no robot to control")
-                .advise("add `robot = \"NAME\"` to the component")
-        })?;
-        Parts::new(config, robot)?;
+        Parts::new(config, required_robot(declare)?)?;
         declare.input::<BaseState>("base_state", "measured pose and velocity of the base");
         declare.optional_input::<PoseTarget>("target", "target pose; of its orientation the yaw");
         declare.output::<JointCommand>("joint_command", "thrust of each rotor, as its effort");
