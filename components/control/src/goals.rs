@@ -128,6 +128,11 @@ impl GoalRecord {
         if self.rested + 1e-9 >= SETTLE { self.past.merge(self.current()) } else { self.past }
     }
 
+    /// The tolerance of the goals.
+    pub(crate) fn tolerance(&self) -> GoalTolerance {
+        self.tolerance
+    }
+
     /// The error at the last tick.
     pub fn latest(&self) -> Option<GoalError> {
         self.latest

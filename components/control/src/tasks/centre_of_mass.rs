@@ -5,12 +5,11 @@ use motorium_robots::Model;
 use nalgebra::Vector3;
 
 use super::context::TaskContext;
-use super::held::{HeldTask, TaskCost};
+use super::held::{Driven, Reach};
 use super::kind::{BuiltTask, GAINS, TaskKind, WEIGHTS};
-use super::ramp::{Fades, Ramped, TaskBounds};
 use super::target::TargetInput;
 use super::{Cost, Equation, Feedback, JacobianView, Response, Task};
-use crate::{GoalError, GoalRecord, GoalTolerance, MotionState, RobotState};
+use crate::{GoalError, GoalTolerance, MotionState, RobotState};
 
 with_defaults! {
     /// Gain and weights of a [`CentreOfMassTask`].
@@ -197,67 +196,24 @@ impl TaskKind for CentreOfMassConfig {
     }
 
     fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
-        let tolerance = GoalTolerance { position: self.tolerance, ..GoalTolerance::default() };
+        let tolerance = GoalTolerance { position: self.tolerance, orientation: f64::INFINITY };
         let target = TargetInput::new(setup.input(&self.target)?, tolerance);
-        Ok(Box::new(HeldCentreOfMass { task: self.build(context)?, target, parameters: self.open(setup)? }))
-    }
-}
-
-/// A centre of mass that follows the positions of one input.
-struct HeldCentreOfMass {
-    task: CentreOfMassTask,
-    target: TargetInput,
-    /// Gain and weight.
-    parameters: [Ramped; 2],
-}
-
-impl HeldTask for HeldCentreOfMass {
-    fn begin(&mut self, start: &RobotState<'_>) {
-        if !self.target.is_set() {
-            self.task.set_target(start.kinematics.centre_of_mass(start.model).position);
-        }
-    }
-
-    fn reset(&mut self) {
-        self.target.reset();
-    }
-
-    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
-        let [gain, weight] = self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
-        let gain = gain.min(bounds.max_gain);
-        self.task.set_settings(CentreOfMassSettings { gain, weight, ..*self.task.settings() });
-    }
-
-    fn prepare(&mut self, bounds: &TaskBounds) {
-        if let Some((point, velocity)) = self.target.point(bounds) {
-            self.task.set_moving_target(point, velocity, Vector3::zeros());
-        }
-    }
-
-    fn cost(&mut self) -> TaskCost<'_> {
-        TaskCost::Motion(&mut self.task)
-    }
-
-    fn record(&mut self, measured: &RobotState<'_>, dt: f64) {
-        let mut error = self.task.target() - measured.kinematics.centre_of_mass(measured.model).position;
-        for (error, share) in error.iter_mut().zip(self.task.settings().shares) {
-            *error = if share == 0.0 { 0.0 } else { *error };
-        }
-        self.target.observe(GoalError { position: error.norm(), orientation: None }, dt);
-    }
-
-    fn goals(&self) -> Option<&GoalRecord> {
-        Some(self.target.goals())
-    }
-
-    fn result(&self) -> Option<serde_json::Value> {
-        let (goals, distance) = (self.target.goals(), |error: GoalError| error.position);
-        let summary = goals.summary();
-        Some(serde_json::json!({
-            "goals_reached": summary.reached,
-            "goals_missed": summary.missed,
-            "position_error_m": summary.worst.map(distance),
-            "last_position_error_m": goals.latest().map(distance),
-        }))
+        let task = Driven::motion(self.build(context)?, self.open(setup)?, |task, [gain, weight], bounds| {
+            let gain = gain.min(bounds.max_gain);
+            task.set_settings(CentreOfMassSettings { gain, weight, ..*task.settings() });
+        });
+        Ok(Box::new(task.reaching(Reach {
+            target,
+            start: |task, start| task.set_target(start.kinematics.centre_of_mass(start.model).position),
+            follow: |task, point, velocity| task.set_moving_target(point, velocity, Vector3::zeros()),
+            error: |task, measured| {
+                let mut error = task.target() - measured.kinematics.centre_of_mass(measured.model).position;
+                // free axes do not count
+                for (error, share) in error.iter_mut().zip(task.settings().shares) {
+                    *error = if share == 0.0 { 0.0 } else { *error };
+                }
+                GoalError { position: error.norm(), orientation: None }
+            },
+        })))
     }
 }

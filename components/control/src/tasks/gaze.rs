@@ -5,12 +5,11 @@ use motorium_robots::{FrameId, Model, Reference};
 use nalgebra::{Matrix6xX, Unit, Vector3};
 
 use super::context::TaskContext;
-use super::held::{HeldTask, TaskCost};
+use super::held::{Driven, Reach};
 use super::kind::{BuiltTask, GAINS, TaskKind, WEIGHTS};
-use super::ramp::{Fades, Ramped, TaskBounds};
 use super::target::TargetInput;
 use super::{Cost, Equation, Feedback, JacobianView, Response, Task};
-use crate::{GoalError, GoalRecord, GoalTolerance, MotionState, RobotState};
+use crate::{GoalError, GoalTolerance, MotionState, RobotState};
 
 /// Minimum distance from the frame origin to the target \[m\]; closer targets are ignored because the
 /// direction is undefined.
@@ -282,64 +281,19 @@ impl TaskKind for GazeConfig {
     fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         let tolerance = GoalTolerance { position: f64::INFINITY, orientation: self.tolerance };
         let target = TargetInput::new(setup.input(&self.target)?, tolerance);
-        Ok(Box::new(HeldGaze { task: self.build(context)?, target, parameters: self.open(setup)? }))
-    }
-}
-
-/// An axis that points at the positions of one input.
-struct HeldGaze {
-    task: GazeTask,
-    target: TargetInput,
-    /// Gain and weight.
-    parameters: [Ramped; 2],
-}
-
-impl HeldTask for HeldGaze {
-    fn begin(&mut self, start: &RobotState<'_>) {
-        if !self.target.is_set() {
-            let pose = start.kinematics.pose(start.model, self.task.frame());
-            let ahead = pose.rotation * self.task.axis().into_inner();
-            self.task.set_target(pose.translation.vector + ahead * FAR);
-        }
-    }
-
-    fn reset(&mut self) {
-        self.target.reset();
-    }
-
-    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
-        let [gain, weight] = self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
-        let gain = gain.min(bounds.max_gain);
-        self.task.set_settings(GazeSettings { gain, weight, ..*self.task.settings() });
-    }
-
-    fn prepare(&mut self, bounds: &TaskBounds) {
-        if let Some((point, velocity)) = self.target.point(bounds) {
-            self.task.set_moving_target(point, velocity);
-        }
-    }
-
-    fn cost(&mut self) -> TaskCost<'_> {
-        TaskCost::Motion(&mut self.task)
-    }
-
-    fn record(&mut self, measured: &RobotState<'_>, dt: f64) {
-        let orientation = Some(self.task.angle_at(measured));
-        self.target.observe(GoalError { position: 0.0, orientation }, dt);
-    }
-
-    fn goals(&self) -> Option<&GoalRecord> {
-        Some(self.target.goals())
-    }
-
-    fn result(&self) -> Option<serde_json::Value> {
-        let (goals, angle) = (self.target.goals(), |error: GoalError| error.orientation);
-        let summary = goals.summary();
-        Some(serde_json::json!({
-            "goals_reached": summary.reached,
-            "goals_missed": summary.missed,
-            "orientation_error_rad": summary.worst.and_then(angle),
-            "last_orientation_error_rad": goals.latest().and_then(angle),
-        }))
+        let task = Driven::motion(self.build(context)?, self.open(setup)?, |task, [gain, weight], bounds| {
+            let gain = gain.min(bounds.max_gain);
+            task.set_settings(GazeSettings { gain, weight, ..*task.settings() });
+        });
+        Ok(Box::new(task.reaching(Reach {
+            target,
+            start: |task, start| {
+                let pose = start.kinematics.pose(start.model, task.frame());
+                let ahead = pose.rotation * task.axis().into_inner();
+                task.set_target(pose.translation.vector + ahead * FAR);
+            },
+            follow: |task, point, velocity| task.set_moving_target(point, velocity),
+            error: |task, measured| GoalError { position: 0.0, orientation: Some(task.angle_at(measured)) },
+        })))
     }
 }
