@@ -19,7 +19,13 @@ pub(super) fn load_robot(robot: &RobotReference) -> Result<Loaded, ConfigError> 
         packages: &robot.package_path,
         settings: robot.settings.as_ref(),
     };
-    source.load().map_err(|error| ConfigError::key("robot", error.to_string()))
+    let loaded = source.load().map_err(|error| ConfigError::key("robot", error.to_string()))?;
+    match loaded.model.joint_count() {
+        joints if joints > MAX_JOINTS => {
+            Err(ConfigError::key("robot", format!("{joints} joints, expected at most {MAX_JOINTS}")))
+        }
+        _ => Ok(loaded),
+    }
 }
 
 /// Configuration and velocity of a robot, with its kinematics, from the newest states of its joints and its

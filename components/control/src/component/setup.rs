@@ -62,10 +62,6 @@ impl ControllerSetup {
                 "add `inverse_dynamics = {}`: torques and contacts; or fix the base in its URDF or profile";
             return Err(ConfigError::key("robot", message).advise(advice));
         }
-        if model.joint_count() > MAX_JOINTS {
-            let joints = model.joint_count();
-            return Err(ConfigError::key("robot", format!("{joints} joints, at most {MAX_JOINTS} fit")));
-        }
         check_numbers(config)?;
         if let Some(table) = &config.inverse_dynamics {
             refuse_velocity_keys(config)?;

@@ -325,14 +325,10 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// Forgets the tick before, at the beginning of an episode.
     pub fn reset(&mut self) {
         self.solver.reset();
-        if let Some(relaxed) = &mut self.relaxed {
-            relaxed.reset();
-        }
+        self.relaxed.iter_mut().for_each(Relaxation::reset);
         (self.conflict, self.exceeds_acceleration) = (None, false);
         (self.iterations, self.undecided) = (0, 0);
-        if let Some(below) = &mut self.below {
-            below.reset();
-        }
+        self.below.iter_mut().for_each(LowerLevels::reset);
         self.velocity.fill(0.0);
     }
 

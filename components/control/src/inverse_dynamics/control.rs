@@ -285,15 +285,9 @@ impl InverseDynamics {
     /// Forgets the tick before, at the beginning of an episode.
     pub fn reset(&mut self) {
         self.solver.reset();
-        if let Some(reduced) = &mut self.reduced {
-            reduced.reset();
-        }
-        if let Some(relaxed) = &mut self.relaxed {
-            relaxed.reset();
-        }
-        if let Some(below) = &mut self.below {
-            below.reset();
-        }
+        self.reduced.iter_mut().for_each(Reduced::reset);
+        self.relaxed.iter_mut().for_each(Relaxation::reset);
+        self.below.iter_mut().for_each(LowerLevels::reset);
     }
 }
 

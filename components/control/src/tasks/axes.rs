@@ -138,7 +138,7 @@ impl AxisShares {
 
     /// `S v` of a vector in the axes.
     pub(crate) fn weigh(&self, linear: &Vector3<f64>, angular: &Vector3<f64>) -> Vector6<f64> {
-        stacked(self.position.shares * linear, self.orientation.shares * angular)
+        stacked((self.position.shares * linear, self.orientation.shares * angular))
     }
 
     /// `S`: the factors of the position and of the orientation.
@@ -153,11 +153,12 @@ impl AxisShares {
                 |row: usize| if part.shares.row(row).iter().any(|share| *share != 0.0) { 1.0 } else { 0.0 };
             Vector3::new(of(0), of(1), of(2))
         };
-        stacked(counts(&self.position), counts(&self.orientation))
+        stacked((counts(&self.position), counts(&self.orientation)))
     }
 }
 
-fn stacked(linear: Vector3<f64>, angular: Vector3<f64>) -> Vector6<f64> {
+/// The linear and the angular part of a pose error as one vector.
+pub(super) fn stacked((linear, angular): (Vector3<f64>, Vector3<f64>)) -> Vector6<f64> {
     Twist { linear, angular }.vector()
 }
 

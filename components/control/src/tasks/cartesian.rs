@@ -9,6 +9,7 @@ use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3, Vector6};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::axes::stacked;
 use super::context::TaskContext;
 use super::held::{HeldTask, TaskCost};
 use super::kind::{BuiltTask, GAINS, TaskKind, TaskParameter, TaskTable, WEIGHTS};
@@ -388,11 +389,6 @@ pub(super) fn differentiate_error(
     };
     let [behind, now, ahead] = [-STEP, 0.0, STEP].map(after);
     ((ahead - behind) / (2.0 * STEP), (ahead - now * 2.0 + behind) / (STEP * STEP))
-}
-
-/// The linear and the angular part of a pose error as one vector.
-pub(super) fn stacked((linear, angular): (Vector3<f64>, Vector3<f64>)) -> Vector6<f64> {
-    Twist { linear, angular }.vector()
 }
 
 /// A spring and a damper that pull a frame to its target.

@@ -4,7 +4,8 @@ use motorium::prelude::*;
 use motorium_robots::{FrameId, Model, Reference, lie::se3};
 use nalgebra::{Isometry3, Matrix6xX, Vector6};
 
-use super::cartesian::{differentiate_error, stacked};
+use super::axes::stacked;
+use super::cartesian::differentiate_error;
 use super::context::TaskContext;
 use super::held::{HeldTask, TaskCost};
 use super::kind::{ActsOn, BuiltTask, GAINS, TaskHead, TaskKind, TaskTable, WEIGHTS};
