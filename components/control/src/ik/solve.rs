@@ -86,11 +86,12 @@ impl<S: QpSolver> DifferentialIk<S> {
         let mut least: Option<(f64, usize)> = None;
         for constraint in conflict.constraints() {
             let Constraint::Row(row, _) = constraint else { continue };
-            let wanted = self.problem.row_lower[row].max(-self.problem.row_upper[row]);
+            let desired = self.problem.row_lower[row].max(-self.problem.row_upper[row]);
             // among equally fast ones, the nearest pairs, which are first, return
-            let less = least.is_none_or(|(other, before)| wanted < other || wanted == other && row > before);
+            let less =
+                least.is_none_or(|(other, before)| desired < other || desired == other && row > before);
             if self.returns(row) && less {
-                least = Some((wanted, row));
+                least = Some((desired, row));
             }
         }
         if let Some((_, row)) = least {
@@ -158,7 +159,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// Halves the velocity changes of returning rows. Returns `false` if the conflict has no returning row or
     /// no joint that could accelerate more.
     fn ease_returns(&mut self, conflict: &Conflict) -> bool {
-        let names = |wanted: &dyn Fn(Constraint) -> bool| conflict.constraints().any(wanted);
+        let names = |predicate: &dyn Fn(Constraint) -> bool| conflict.constraints().any(predicate);
         let returns = names(&|constraint| matches!(constraint, Constraint::Row(row, _) if self.returns(row)));
         if !returns || !names(&|constraint| matches!(constraint, Constraint::Bound(..))) {
             return false;

@@ -296,7 +296,7 @@ impl CollisionConfig {
         model: &Model,
         world: &World,
     ) -> Result<Vec<(usize, usize, Isometry3<f64>)>, ConfigError> {
-        let Some(wanted) = &self.objects else { return Ok(Vec::new()) };
+        let Some(desired) = &self.objects else { return Ok(Vec::new()) };
         let mistaken = |error: String| ConfigError::key("world", error);
         let plain = World { objects: world.objects.clone(), ..World::default() };
         plain
@@ -307,7 +307,7 @@ impl CollisionConfig {
             return Err(ConfigError::key(key, "the world has no objects")
                 .advise("add them to `[world]`: objects = [{ name = \"box\", shape = { box = { size = [0.1, 0.1, 0.1] } }, position = [0.5, 0.0, 0.05] }]"));
         }
-        if let WorldObjects::Named(names) = wanted
+        if let WorldObjects::Named(names) = desired
             && let Some(unknown) = names.iter().find(|name| !known().any(|known| known == *name))
         {
             return Err(ConfigError::key(key, format!("the world has no object `{unknown}`"))
@@ -315,7 +315,7 @@ impl CollisionConfig {
         }
         let mut added = Vec::new();
         for (index, object) in world.objects.iter().enumerate() {
-            if matches!(wanted, WorldObjects::Named(names) if !names.contains(&object.name)) {
+            if matches!(desired, WorldObjects::Named(names) if !names.contains(&object.name)) {
                 continue;
             }
             if object.is_dynamic() && index >= MAX_OBJECTS {

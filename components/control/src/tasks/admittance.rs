@@ -280,9 +280,7 @@ impl AdmittanceConfig {
 }
 
 impl TaskKind for AdmittanceConfig {
-    fn check(&self, context: &TaskContext<'_>) -> Result<(), ConfigError> {
-        self.build(context).map(drop)
-    }
+    check_by_building!();
 
     fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         let (task, sensor, law) = self.build(context)?;

@@ -127,8 +127,8 @@ impl AccelerationTask for CapturePoint {
         self.rate = (gravity / height).sqrt();
         let velocity = moving.velocity.xy();
         self.point = moving.position.xy() + velocity / self.rate;
-        let wanted = (self.velocity + self.error() * self.gain - velocity) * self.rate;
-        self.cost.desired_mut().copy_from(&(wanted - moving.acceleration.xy()));
+        let desired = (self.velocity + self.error() * self.gain - velocity) * self.rate;
+        self.cost.desired_mut().copy_from(&(desired - moving.acceleration.xy()));
         self.cost.weights_mut().fill(self.weight);
         state.kinematics.com_jacobian(state.model, &mut self.jacobian);
         self.cost.matrix_mut().copy_from(&self.jacobian.fixed_rows::<2>(0));

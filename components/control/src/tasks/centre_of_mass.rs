@@ -191,9 +191,7 @@ impl CentreOfMassConfig {
 }
 
 impl TaskKind for CentreOfMassConfig {
-    fn check(&self, context: &TaskContext<'_>) -> Result<(), ConfigError> {
-        self.build(context).map(drop)
-    }
+    check_by_building!();
 
     fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         let tolerance = GoalTolerance { position: self.tolerance, orientation: f64::INFINITY };

@@ -130,9 +130,7 @@ impl TaskKind for ContactWrenchConfig {
         self.table_head().only(Formulations::Torque).acts_on(ActsOn::Forces)
     }
 
-    fn check(&self, context: &TaskContext<'_>) -> Result<(), ConfigError> {
-        self.build(context).map(drop)
-    }
+    check_by_building!();
 
     fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         let mut input = setup.input::<Wrench>(&self.target)?;

@@ -134,7 +134,7 @@ impl TaskContext<'_> {
             .advise("add `inverse_dynamics = {}`, or use `gain`"));
         }
         if gain != default {
-            return Err(ConfigError::key(self.key("gain"), "beside `impedance`, which takes its place")
+            return Err(ConfigError::key(self.key("gain"), "together with `impedance`, which replaces it")
                 .advise("keep one of the two"));
         }
         Ok(())

@@ -274,9 +274,7 @@ impl GazeConfig {
 }
 
 impl TaskKind for GazeConfig {
-    fn check(&self, context: &TaskContext<'_>) -> Result<(), ConfigError> {
-        self.build(context).map(drop)
-    }
+    check_by_building!();
 
     fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         let tolerance = GoalTolerance { position: f64::INFINITY, orientation: self.tolerance };

@@ -106,6 +106,15 @@ macro_rules! task_key {
     (declare $declare:ident, $value:expr, $rule:ident($($args:tt)*)) => {};
 }
 
+/// Defines [`TaskKind::check`] for a table with a method `build`.
+macro_rules! check_by_building {
+    () => {
+        fn check(&self, context: &$crate::tasks::context::TaskContext<'_>) -> Result<(), ConfigError> {
+            self.build(context).map(drop)
+        }
+    };
+}
+
 /// The keys of a kind of task, as defined by [`task_config!`].
 pub(crate) trait TaskTable {
     /// Name, level and inputs.

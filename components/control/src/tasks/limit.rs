@@ -48,7 +48,7 @@ impl LimitConfig {
 impl TaskKind for LimitConfig {
     fn head(&self) -> TaskHead<'_> {
         self.table_head().only(Formulations::Velocity(
-            "with `inverse_dynamics` limits stand under `limits`, where they give way by the policy of `on_infeasible`",
+            "with `inverse_dynamics`, list limits under `limits`, where they yield by the policy of `on_infeasible`",
         ))
     }
 
@@ -56,9 +56,7 @@ impl TaskKind for LimitConfig {
         self.collision.as_ref().is_some_and(|collision| collision.has_moving_objects(world))
     }
 
-    fn check(&self, context: &TaskContext<'_>) -> Result<(), ConfigError> {
-        self.build(context).map(drop)
-    }
+    check_by_building!();
 
     fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         let [weight] = self.open(setup)?;

@@ -47,7 +47,7 @@ pub struct MinimumEffortTask {
     /// Efforts, the direction, a configuration near `q` and the efforts there.
     effort: Vec<f64>,
     direction: Vec<f64>,
-    beside: Vec<f64>,
+    stepped: Vec<f64>,
     changed: Vec<f64>,
     equation: Equation,
 }
@@ -74,7 +74,7 @@ impl MinimumEffortTask {
             dynamics: Dynamics::new(model),
             effort: vec![0.0; model.nv()],
             direction: vec![0.0; model.nv()],
-            beside: model.neutral(),
+            stepped: model.neutral(),
             changed: vec![0.0; model.nv()],
             equation,
         }
@@ -89,7 +89,7 @@ impl MinimumEffortTask {
 impl Task for MinimumEffortTask {
     fn evaluate(&mut self, state: &RobotState<'_>) {
         let RobotState { model, q, .. } = *state;
-        let Self { dynamics, effort, direction, beside, changed, gravity, .. } = self;
+        let Self { dynamics, effort, direction, stepped, changed, gravity, .. } = self;
         let base = model.nv() - model.joint_count();
         dynamics.gravity(model, q, *gravity, effort);
         let (mut measure, mut length) = (0.0, 0.0_f64);
@@ -107,9 +107,9 @@ impl Task for MinimumEffortTask {
         }
         let mut efforts = |step: f64, out: &mut [f64]| {
             direction.iter_mut().for_each(|entry| *entry *= step);
-            model.integrate(q, direction, beside);
+            model.integrate(q, direction, stepped);
             direction.iter_mut().for_each(|entry| *entry /= step);
-            dynamics.gravity(model, beside, *gravity, out);
+            dynamics.gravity(model, stepped, *gravity, out);
         };
         let step = STEP / length;
         efforts(step, changed);

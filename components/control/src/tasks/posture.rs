@@ -238,9 +238,7 @@ impl TaskKind for PostureConfig {
         self.live().into_iter().skip(usize::from(self.impedance.is_some())).collect()
     }
 
-    fn check(&self, context: &TaskContext<'_>) -> Result<(), ConfigError> {
-        self.build(context).map(drop)
-    }
+    check_by_building!();
 
     fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         let (task, from_start) = self.build(context)?;

@@ -240,9 +240,7 @@ impl TaskKind for RelativeConfig {
         self.table_head().acts_on(ActsOn::Joints)
     }
 
-    fn check(&self, context: &TaskContext<'_>) -> Result<(), ConfigError> {
-        self.build(context).map(drop)
-    }
+    check_by_building!();
 
     fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         Ok(Box::new(HeldRelative {

@@ -161,9 +161,7 @@ impl TaskKind for RigidRotationConfig {
         self.table_head().acts_on(ActsOn::Joints)
     }
 
-    fn check(&self, context: &TaskContext<'_>) -> Result<(), ConfigError> {
-        self.build(context).map(drop)
-    }
+    check_by_building!();
 
     fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         let mut input = setup.input::<TwistTarget>(&self.target)?;

@@ -155,9 +155,7 @@ impl UnicycleConfig {
 }
 
 impl TaskKind for UnicycleConfig {
-    fn check(&self, context: &TaskContext<'_>) -> Result<(), ConfigError> {
-        self.build(context).map(drop)
-    }
+    check_by_building!();
 
     fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         let mut input = setup.input::<TwistTarget>(&self.target)?;

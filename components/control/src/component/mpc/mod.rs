@@ -135,12 +135,12 @@ impl Component for MpcPlanner {
             self.planner.begin(&state);
             self.began_for = 0.0;
         }
-        let wanted = wanted(&mut self.target, &self.config, self.speed_factor.get());
+        let desired = desired(&mut self.target, &self.config, self.speed_factor.get());
         let fit =
             touching(&mut self.contacts, &mut self.planner, self.feet.len(), self.config.state_timeout.ns);
         self.figures.without_contacts += u64::from(!fit);
         let strides = self.strides.get() && self.began_for >= self.stand_for;
-        let solved = self.planner.step(&state, &wanted, strides, dt).is_ok();
+        let solved = self.planner.step(&state, &desired, strides, dt).is_ok();
         self.began_for += dt;
         self.observe(solved, dt);
         self.publish()
@@ -182,7 +182,7 @@ impl Component for MpcPlanner {
 }
 
 /// Returns the newest target velocity; zero without a fresh one, and the configured one without an input.
-fn wanted(target: &mut Input<TwistTarget>, config: &MpcConfig, factor: f64) -> PlanarVelocity {
+fn desired(target: &mut Input<TwistTarget>, config: &MpcConfig, factor: f64) -> PlanarVelocity {
     let [x, y, yaw] = if target.is_wired() {
         let fresh = target.latest().filter(|target| target.age_ns() <= config.target_timeout.ns);
         fresh.map_or([0.0; 3], |target| [target.linear[0], target.linear[1], target.angular[2]])
@@ -215,9 +215,9 @@ impl MpcPlanner {
             figures.unsolved += 1;
         }
         let (state, reference) = (planner.state(), planner.reference());
-        let (wanted, _, heading) = reference.after(0.0);
+        let (desired, _, heading) = reference.after(0.0);
         figures.largest_turn = figures.largest_turn.max(state.turn.norm());
-        figures.largest_error = figures.largest_error.max((state.position - wanted).norm());
+        figures.largest_error = figures.largest_error.max((state.position - desired).norm());
         figures.start.get_or_insert([state.position.x, state.position.y]);
         figures.end = [state.position.x, state.position.y];
         figures.forward += dt * (heading.cos() * state.velocity.x + heading.sin() * state.velocity.y);
