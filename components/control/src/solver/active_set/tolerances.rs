@@ -1,5 +1,7 @@
 //! The tolerances of the method, and the failure that each guards against.
 //!
+//! `tests/all/tolerances.rs` has problems that fail without one of them.
+//!
 //! All are relative: a share of the numbers that they are compared with. Rows are scaled before, so that
 //! their entries are near one.
 //!
