@@ -19,6 +19,15 @@ pub(crate) fn in_range(key: &str, value: f64, range: RangeInclusive<f64>) -> Res
     Err(ConfigError::key(key, format!("{value}, expected {expected}")))
 }
 
+/// The acceleration of gravity of the key `gravity`, m/s2, which must act along -z of the world.
+pub(crate) fn downward_gravity(gravity: [f64; 3]) -> Result<f64, ConfigError> {
+    let [0.0, 0.0, down] = gravity else {
+        let message = format!("{gravity:?}, expected one that acts along -z of the world");
+        return Err(ConfigError::key("gravity", message));
+    };
+    Ok(-in_range("gravity[2]", down, -1000.0..=-0.01)?)
+}
+
 /// One finite number per independent joint of `model`, or one for all.
 pub(crate) fn per_joint(key: &str, given: &PerJoint, model: &Model) -> Result<DVector<f64>, ConfigError> {
     let values = given.resolve(model.joint_count()).map_err(|error| {

@@ -25,34 +25,29 @@ impl GoalError {
     }
 }
 
-/// Maximum error at which a goal counts as reached.
-///
-/// ```
-/// use motorium_control::{GoalError, GoalTolerance};
-///
-/// let tolerance = GoalTolerance { position: 5e-3, orientation: 0.02 };
-/// assert!(tolerance.allows(GoalError { position: 4e-3, orientation: None }));
-/// assert!(!tolerance.allows(GoalError { position: 4e-3, orientation: Some(0.1) }));
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GoalTolerance {
+with_defaults! {
+    /// Maximum error at which a goal counts as reached. Default 5 mm and 0.02 rad.
+    ///
+    /// ```
+    /// use motorium_control::{GoalError, GoalTolerance};
+    ///
+    /// let tolerance = GoalTolerance { position: 5e-3, orientation: 0.02 };
+    /// assert!(tolerance.allows(GoalError { position: 4e-3, orientation: None }));
+    /// assert!(!tolerance.allows(GoalError { position: 4e-3, orientation: Some(0.1) }));
+    /// ```
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct GoalTolerance;
+
     /// Distance \[m\].
-    pub position: f64,
+    pub position: f64 = 5e-3;
     /// Angle \[rad\].
-    pub orientation: f64,
+    pub orientation: f64 = 0.02;
 }
 
 impl GoalTolerance {
     /// True if an error is within the tolerance.
     pub fn allows(&self, error: GoalError) -> bool {
         error.position <= self.position && error.orientation.is_none_or(|angle| angle <= self.orientation)
-    }
-}
-
-impl Default for GoalTolerance {
-    /// 5 mm and 0.02 rad.
-    fn default() -> Self {
-        Self { position: 5e-3, orientation: 0.02 }
     }
 }
 
@@ -131,6 +126,11 @@ impl GoalRecord {
     /// Returns the goals so far as if the run ended now.
     pub fn summary(&self) -> GoalSummary {
         if self.rested + 1e-9 >= SETTLE { self.past.merge(self.current()) } else { self.past }
+    }
+
+    /// The tolerance of the goals.
+    pub(crate) fn tolerance(&self) -> GoalTolerance {
+        self.tolerance
     }
 
     /// The error at the last tick.

@@ -62,6 +62,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+#[macro_use]
+mod defaults;
+
 mod checks;
 mod component;
 mod conflict;
@@ -75,8 +78,10 @@ mod ik;
 pub mod inverse_dynamics;
 mod levels;
 pub mod limits;
+mod mixture;
 pub mod mpc;
 pub mod multirotor;
+mod relaxation;
 mod setpoint;
 pub mod solver;
 mod stacks;
@@ -93,6 +98,7 @@ pub use limits::{
     AccelerationConfig, AllObjects, CentreOfMassLimitConfig, CollisionConfig, FrameLimitConfig, LevelGround,
     LimitsConfig, OfWorld, SupportConfig, SupportedPoint, WorldObjects,
 };
+pub use mixture::Mixture;
 pub use setpoint::JointSetpoint;
 pub use stacks::{StackSample, TaskStack, run_stack};
 pub use state::{MotionState, RobotState};

@@ -63,14 +63,14 @@ impl JointSetpoint {
         assert_eq!(v.len(), self.position.len(), "length of v");
         for (joint, v) in v.iter().enumerate() {
             let from = self.position[joint];
-            let wanted = from + v * dt;
-            if !wanted.is_finite() {
+            let desired = from + v * dt;
+            if !desired.is_finite() {
                 self.velocity[joint] = 0.0;
                 continue;
             }
-            let to = wanted.max(self.lower[joint].min(from)).min(self.upper[joint].max(from));
+            let to = desired.max(self.lower[joint].min(from)).min(self.upper[joint].max(from));
             self.position[joint] = to;
-            self.velocity[joint] = if to == wanted { *v } else { (to - from) / dt };
+            self.velocity[joint] = if to == desired { *v } else { (to - from) / dt };
         }
     }
 

@@ -55,9 +55,9 @@ fn circle(start: &Isometry3<f64>, radius: f64, period: f64, time: f64) -> (Isome
     // accelerates over the first second
     let (phase, speed) = if time < 1.0 { (0.5 * time * time, time) } else { (time - 0.5, 1.0) };
     let (sin, cos) = (rate * phase).sin_cos();
-    let place = Vector3::new(0.0, radius * sin, radius * (1.0 - cos));
+    let offset = Vector3::new(0.0, radius * sin, radius * (1.0 - cos));
     let velocity = Vector3::new(0.0, cos, sin) * (radius * rate * speed);
-    let target = Isometry3::from_parts((start.translation.vector + place).into(), start.rotation);
+    let target = Isometry3::from_parts((start.translation.vector + offset).into(), start.rotation);
     (target, Twist { linear: velocity, angular: Vector3::zeros() })
 }
 

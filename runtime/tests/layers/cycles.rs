@@ -20,7 +20,7 @@ const PARENTS: &[(&str, usize)] = &[
     ("benches", 1),
     ("components/bridges", 4),
     ("components/can", 25),
-    ("components/control", 9),
+    ("components/control", 8),
     ("components/learners", 1),
     ("components/models", 4),
     ("components/physics", 6),

@@ -9,86 +9,64 @@ use super::dynamics_config::{InfeasiblePolicy, InverseDynamicsConfig};
 use crate::limits::LimitsConfig;
 use crate::tasks::TaskConfig;
 
-/// Configuration of `control.qp`. Every key has a default: for a robot of the catalogue the table may stay
-/// empty.
-///
-/// ```toml
-/// tasks = [
-///     { cartesian = { frame = "panda_hand_tcp", gain = 10.0 } },
-///     { posture = { pose = "ready", weight = 1e-3 } },
-/// ]
-/// limits = { position = { margin = 0.02 }, velocity = { fraction = 0.8 } }
-/// ```
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct QpControllerConfig {
+with_defaults! {
+    /// Configuration of `control.qp`. Every key has a default: for a robot of the catalogue the table may
+    /// stay empty.
+    ///
+    /// ```toml
+    /// tasks = [
+    ///     { cartesian = { frame = "panda_hand_tcp", gain = 10.0 } },
+    ///     { posture = { pose = "ready", weight = 1e-3 } },
+    /// ]
+    /// limits = { position = { margin = 0.02 }, velocity = { fraction = 0.8 } }
+    /// ```
+    #[derive(Debug, Clone, Deserialize, JsonSchema)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct QpControllerConfig;
+
     /// Tasks, as a weighted sum, at least one. Default: the only end effector follows `target`, the joints
     /// stay near the home pose.
-    pub tasks: Option<Vec<TaskConfig>>,
+    pub tasks: Option<Vec<TaskConfig>> = None;
     /// Settings per level. Default: none.
-    pub levels: Vec<LevelConfig>,
+    pub levels: Vec<LevelConfig> = Vec::new();
     /// Limits of the commanded motion.
-    pub limits: LimitsConfig,
+    pub limits: LimitsConfig = LimitsConfig::default();
     /// With this table the controller computes torques by whole-body inverse dynamics. Required for robots
     /// with a floating base.
-    pub inverse_dynamics: Option<InverseDynamicsConfig>,
+    pub inverse_dynamics: Option<InverseDynamicsConfig> = None;
     /// Proportional gain of the joints, Nm/rad or N/m: one number, or one per joint. Default: the gains in
     /// the robot's profile.
-    pub kp: Option<PerJoint>,
+    pub kp: Option<PerJoint> = None;
     /// Derivative gain of the joints, Nms/rad or Ns/m: one number, or one per joint. Default: the gains in
     /// the robot's profile.
-    pub kd: Option<PerJoint>,
+    pub kd: Option<PerJoint> = None;
     /// Compensation of the robot's weight by a feed-forward effort. Default true.
-    pub gravity_compensation: bool,
+    pub gravity_compensation: bool = true;
     /// Feed-forward of the efforts for the acceleration of the setpoint. Default false.
-    pub inertia_compensation: bool,
+    pub inertia_compensation: bool = false;
     /// Gravity in the world frame, m/s^2. Default [0, 0, -9.81].
-    pub gravity: [f64; 3],
+    pub gravity: [f64; 3] = [0.0, 0.0, -9.81];
     /// Ground and objects that `limits.collision` is about, in a graph without a `[world]`.
-    pub world: World,
+    pub world: World = World::default();
     /// Joint positions at which the tasks are evaluated. Default "measured".
-    pub feedback: Feedback,
+    pub feedback: Feedback = Feedback::Measured;
     /// Largest distance of the position setpoint from the measured position, rad or m. A blocked joint is
     /// pushed with at most `kp` times this. Default 0.1.
-    pub max_lead: f64,
+    pub max_lead: f64 = 0.1;
     /// Tikhonov regularisation of the joint velocity, 1/(rad/s)^2, 1e-12 to 1, of all levels without their
     /// own. Default 1e-7.
-    pub damping: f64,
+    pub damping: f64 = 1e-7;
     /// Maximum age of the joint state. Beyond it nothing is commanded, and the drives enter their safe state.
     /// Default 10 ms.
-    pub state_timeout: TimeSpan,
+    pub state_timeout: TimeSpan = TimeSpan { ns: 10_000_000 };
     /// Age beyond which a target is treated as stationary. Default 50 ms.
-    pub target_timeout: TimeSpan,
+    pub target_timeout: TimeSpan = TimeSpan { ns: 50_000_000 };
     /// Duration of a linear ramp for changes of a gain or weight. A task whose weight becomes 0, or nonzero,
     /// is faded out or in over this time. Default 200 ms; 0 applies changes immediately.
-    pub task_ramp: TimeSpan,
+    pub task_ramp: TimeSpan = TimeSpan { ns: 200_000_000 };
     /// Policy for contradictory constraints without `inverse_dynamics`, which has its own key. Default
     /// "hold".
-    pub on_infeasible: Option<InfeasiblePolicy>,
-}
-
-impl Default for QpControllerConfig {
-    fn default() -> Self {
-        Self {
-            tasks: None,
-            levels: Vec::new(),
-            limits: LimitsConfig::default(),
-            inverse_dynamics: None,
-            kp: None,
-            kd: None,
-            gravity_compensation: true,
-            inertia_compensation: false,
-            gravity: [0.0, 0.0, -9.81],
-            world: World::default(),
-            feedback: Feedback::Measured,
-            max_lead: 0.1,
-            damping: 1e-7,
-            state_timeout: TimeSpan { ns: 10_000_000 },
-            target_timeout: TimeSpan { ns: 50_000_000 },
-            task_ramp: TimeSpan { ns: 200_000_000 },
-            on_infeasible: None,
-        }
-    }
+    pub on_infeasible: Option<InfeasiblePolicy> = None;
 }
 
 impl QpControllerConfig {

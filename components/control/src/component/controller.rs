@@ -1,6 +1,5 @@
 //! `control.qp`: one controller for every formulation.
 
-use motorium::component::RunClock;
 use motorium::prelude::*;
 use motorium::state::ControlDiagnostics;
 use motorium_robots::Gains;
@@ -12,14 +11,14 @@ use super::diagnostics_output::DiagnosticsOutput;
 use super::dynamics_config::InfeasiblePolicy;
 use super::figures::Figures;
 use super::formulation::{Formulation, Parts, Room, SolveStats, Torque, Velocity};
-use super::measured::{Freshness, MeasuredState};
+use super::measured::{FreshStep, MeasuredState};
 use super::objects::MovingObjects;
-use super::period_ns;
+use super::required_robot;
 use super::setup::{ControllerSetup, RowLimits};
 use crate::inverse_dynamics::Conflicting;
 use crate::limits::RowLimit;
 use crate::tasks::{Fades, Held, TaskBounds};
-use crate::{GoalSummary, JointSetpoint};
+use crate::{GoalSummary, JointSetpoint, Mixture};
 
 /// A controller that converts targets to joint commands once per step, by differential inverse kinematics
 /// ([`DifferentialIk`](crate::DifferentialIk)) or, with `inverse_dynamics`, by whole-body inverse dynamics
@@ -47,10 +46,7 @@ impl Component for QpController {
     type Config = QpControllerConfig;
 
     fn declare(config: &QpControllerConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let robot = declare.robot().ok_or_else(|| {
-            ConfigError::new("the component names no robot to control")
-                .advise("add `robot = \"NAME\"` to the component")
-        })?;
+        let robot = required_robot(declare)?;
         let setup = ControllerSetup::new(config, robot, declare.folder())?;
         declare.input::<JointState>("joint_state", "measured joint state of the robot");
         if setup.model.base().floating {
@@ -65,8 +61,8 @@ impl Component for QpController {
         setup.acceleration_limit(config)?;
         MovingObjects::declare(config, &setup, declare);
         // checks and parameter defaults do not depend on the period
-        for (place, task) in setup.tasks(0.0) {
-            task.declare(&place, declare)?;
+        for (context, task) in setup.tasks(0.0) {
+            task.declare(&context, declare)?;
         }
         declare.float("kp_scale", 1.0, 0.0..=2.0, "", "factor of kp of all joints");
         declare.float("kd_scale", 1.0, 0.0..=2.0, "", "factor of kd of all joints");
@@ -118,6 +114,8 @@ struct Controller<F> {
     /// Tasks in the order of the configuration.
     tasks: Vec<Held>,
     fades: Fades,
+    /// Sum of the solutions of a step while tasks fade.
+    mixture: Mixture,
     limits: RowLimits,
     objects: MovingObjects,
     formulation: F,
@@ -125,16 +123,12 @@ struct Controller<F> {
     setpoint: JointSetpoint,
     gains: Gains,
     policy: InfeasiblePolicy,
-    state_timeout_ns: u64,
     target_timeout_ns: u64,
     task_ramp: f64,
     kp_scale: Parameter<f64>,
     kd_scale: Parameter<f64>,
     /// `None` if no joint moves.
     velocity_fraction: Option<Parameter<f64>>,
-    clock: RunClock,
-    /// Time of the last step with a fresh state, ns since the start of the run.
-    last_ns: Option<u64>,
     rows: ConstraintRows,
     stats: SolveStats,
     figures: Figures,
@@ -146,11 +140,11 @@ impl<F: Formulation> Controller<F> {
         let parts = ControllerSetup::new(config, &robot, setup.folder())?;
         let mut tasks = parts
             .tasks(setup.period().as_secs_f64())
-            .map(|(place, task)| {
+            .map(|(context, task)| {
                 let head = task.head();
                 let level = parts.levels().filter(|level| *level < head.level).count();
-                let (name, is_constraint) = (head.name.to_owned(), place.is_constraint);
-                Ok(Held { name, level, is_constraint, task: task.configure(&place, setup)? })
+                let (name, is_constraint) = (head.name.to_owned(), context.is_constraint);
+                Ok(Held { name, level, is_constraint, task: task.configure(&context, setup)? })
             })
             .collect::<Result<Vec<_>, ConfigureError>>()?;
         let limits = parts.row_limits(config)?;
@@ -169,45 +163,29 @@ impl<F: Formulation> Controller<F> {
             stats: SolveStats::default(),
             tasks,
             fades,
+            mixture: Mixture::new(formulation.unknowns().len()),
             limits,
             objects,
             formulation,
             setpoint,
             gains,
             policy: config.policy(),
-            state_timeout_ns: config.state_timeout.ns,
             target_timeout_ns: config.target_timeout.ns,
             task_ramp: config.task_ramp.as_secs_f64(),
             kp_scale: setup.parameter("kp_scale")?,
             kd_scale: setup.parameter("kd_scale")?,
             velocity_fraction,
-            clock: setup.clock(),
-            last_ns: None,
-            measured: MeasuredState::configure(model, setup)?.velocities(F::NEEDS_VELOCITIES),
+            measured: MeasuredState::configure(model, config.state_timeout.ns, setup)?
+                .velocities(F::NEEDS_VELOCITIES),
         })
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        match self.measured.read(self.state_timeout_ns)? {
-            Freshness::Fresh => {}
-            Freshness::Missing => return Ok(()),
-            Freshness::Stale => {
-                self.figures.stale += 1;
-                self.last_ns = None;
-                return Ok(());
-            }
-        }
-        let longest = self.state_timeout_ns.max(2 * period_ns(tick));
-        let now_ns = self.clock.grid_ns(tick, self.measured.time_ns);
-        let unbroken = self.last_ns.replace(now_ns);
-        let unbroken = unbroken.filter(|last| now_ns.saturating_sub(*last) <= longest);
-        if unbroken.is_none() {
+        let Some(FreshStep { begins, dt }) = self.measured.step(tick)? else { return Ok(()) };
+        if begins {
             self.begin();
         }
-        // after missed steps the setpoints advance by the elapsed time; otherwise they would fall behind the
-        // robot
-        let dt = tick.dt() * f64::from(tick.periods_since(unbroken, now_ns));
-        let bounds = self.prepare(dt, unbroken.is_none())?;
+        let bounds = self.prepare(dt, begins)?;
         let solved = self.solve(&bounds);
         let measured = self.measured.robot();
         for held in &mut self.tasks {
@@ -272,16 +250,16 @@ impl<F: Formulation> Controller<F> {
         if parts == 1 {
             return self.solve_tasks(bounds.dt);
         }
-        self.formulation.drop_mixture();
+        self.mixture.clear();
         for part in 0..parts {
             let share = self.fades.part(part);
             for held in &mut self.tasks {
                 held.task.weigh(bounds, &mut self.fades);
             }
             self.solve_tasks(bounds.dt)?;
-            self.formulation.mix(share);
+            self.mixture.add(share, self.formulation.unknowns());
         }
-        self.formulation.take_mixture();
+        self.formulation.set_unknowns(self.mixture.unknowns());
         Ok(())
     }
 
@@ -355,7 +333,7 @@ impl<F: Formulation> Controller<F> {
         objects.reset(|visit| visit_limits(limits, tasks, visit));
         self.formulation.reset();
         self.figures.reset();
-        self.last_ns = None;
+        self.measured.reset();
     }
 
     fn result(&self) -> serde_json::Value {
@@ -366,6 +344,7 @@ impl<F: Formulation> Controller<F> {
         self.figures.add_to(&mut result, &self.tasks, |conflict| {
             self.rows.describe(conflict, &self.measured.model, &contacts)
         });
+        result["steps_without_fresh_state"] = self.measured.stale().into();
         self.formulation.add_to(&mut result);
         result
     }

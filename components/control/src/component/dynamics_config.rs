@@ -13,77 +13,56 @@ use crate::inverse_dynamics::{
 };
 use crate::limits::LimitsConfig;
 
-/// Whole-body inverse dynamics: torques, contacts, floating bases. Every key has a default: for a robot of
-/// the catalogue with feet the table may stay empty.
-///
-/// ```toml
-/// contacts = [{ foot = "left" }, { foot = "right", friction = 0.5 }]
-/// force_weight = 1e-3
-/// on_infeasible = "relax"
-/// ```
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct InverseDynamicsConfig {
+with_defaults! {
+    /// Whole-body inverse dynamics: torques, contacts, floating bases. Every key has a default: for a robot
+    /// of the catalogue with feet the table may stay empty.
+    ///
+    /// ```toml
+    /// contacts = [{ foot = "left" }, { foot = "right", friction = 0.5 }]
+    /// force_weight = 1e-3
+    /// on_infeasible = "relax"
+    /// ```
+    #[derive(Debug, Clone, Deserialize, JsonSchema)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct InverseDynamicsConfig;
+
     /// Quantities that each step decides. Default "accelerations_and_forces".
-    pub unknowns: Unknowns,
+    pub unknowns: Unknowns = Unknowns::AccelerationsAndForces;
     /// Contacts with the ground. Default: all feet of the robot's profile.
-    pub contacts: Option<Vec<ContactConfig>>,
+    pub contacts: Option<Vec<ContactConfig>> = None;
     /// Cost of a contact force, 1/N, 0 to 1000: spreads the load over the contact points. Default 1e-3.
-    pub force_weight: f64,
+    pub force_weight: f64 = 1e-3;
     /// Deceleration with which a joint can always stop before its limits, rad/s2 or m/s2, 1e-3 to 1e6.
     /// Default 20.
-    pub braking: f64,
+    pub braking: f64 = InverseDynamicsSettings::default().joints.braking;
     /// Largest acceleration of a joint, rad/s2 or m/s2, at least `braking`. Default 1000.
-    pub max_acceleration: f64,
+    pub max_acceleration: f64 = InverseDynamicsSettings::default().joints.max_acceleration;
     /// Fraction of the torque limits that may be used, more than 0, at most 1. Default 1.
-    pub torque_fraction: f64,
+    pub torque_fraction: f64 = InverseDynamicsSettings::default().torque_fraction;
     /// Rate at which the room between a velocity and one of `limits.frames`, `limits.collision` and
     /// `limits.support` may be used up, 1/s, 1e-3 to 1e6; at most the tick rate is used. Default 100.
-    pub barrier_rate: f64,
+    pub barrier_rate: f64 = InverseDynamicsSettings::default().barrier_rate;
     /// Fraction of the joint damping in the robot's file that the torques compensate, 0 to 1. Default 0.
-    pub joint_damping: f64,
+    pub joint_damping: f64 = InverseDynamicsSettings::default().joint_damping;
     /// Rate at which the velocity of a contact that slips decays, 1/s, 0 to 1000. Default 20.
-    pub contact_damping: f64,
+    pub contact_damping: f64 = InverseDynamicsSettings::default().contact_damping;
     /// Time in which a contact that is switched on or off is loaded or unloaded. Default 200 ms.
-    pub contact_ramp: TimeSpan,
+    pub contact_ramp: TimeSpan = TimeSpan { ns: 200_000_000 };
     /// Share of the gains kp and kd with which the drives follow the integrated accelerations, 0 to 1.
     /// Default 0: torques alone; with `unknowns = "accelerations"` 1: positions and velocities, with the
     /// torques as a feed-forward.
-    pub impedance: Option<f64>,
+    pub impedance: Option<f64> = None;
     /// Initial time for which the drives hold their positions by full kp and kd in addition to the torques,
     /// while their actuator leaves its safe state; the gains then fall to `impedance` in half of that time.
     /// Default 600 ms.
-    pub stiff_start: TimeSpan,
+    pub stiff_start: TimeSpan = TimeSpan { ns: 600_000_000 };
     /// Form of the friction of all contacts. Default "pyramid".
-    pub friction_model: FrictionModel,
+    pub friction_model: FrictionModel = FrictionModel::Pyramid;
     /// Largest number of iterations of all solvers in a step together, the bound of its time, 10 to 100000. A
     /// step that needs more has no solution, and its joints are held. Default 500.
-    pub max_iterations: u32,
+    pub max_iterations: u32 = InverseDynamicsSettings::default().max_iterations;
     /// Policy for infeasible constraints. Default "relax".
-    pub on_infeasible: InfeasiblePolicy,
-}
-
-impl Default for InverseDynamicsConfig {
-    fn default() -> Self {
-        let settings = InverseDynamicsSettings::default();
-        Self {
-            unknowns: Unknowns::AccelerationsAndForces,
-            contacts: None,
-            force_weight: 1e-3,
-            braking: settings.joints.braking,
-            max_acceleration: settings.joints.max_acceleration,
-            torque_fraction: settings.torque_fraction,
-            barrier_rate: settings.barrier_rate,
-            joint_damping: settings.joint_damping,
-            contact_damping: settings.contact_damping,
-            contact_ramp: TimeSpan { ns: 200_000_000 },
-            impedance: None,
-            stiff_start: TimeSpan { ns: 600_000_000 },
-            friction_model: FrictionModel::Pyramid,
-            max_iterations: settings.max_iterations,
-            on_infeasible: InfeasiblePolicy::Relax,
-        }
-    }
+    pub on_infeasible: InfeasiblePolicy = InfeasiblePolicy::Relax;
 }
 
 /// Policy for a step with contradictory constraints.

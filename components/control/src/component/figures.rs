@@ -40,7 +40,6 @@ pub(super) struct Figures {
     relaxed: u64,
     undecided: u64,
     unsolved: u64,
-    pub(super) stale: u64,
     /// Largest violations.
     slack: Slack,
     conflict: Option<Conflicting>,
@@ -120,6 +119,5 @@ impl Figures {
             "first_conflict": self.conflict.as_ref().map(describe),
         });
         result["steps_without_solution"] = self.unsolved.into();
-        result["steps_without_fresh_state"] = self.stale.into();
     }
 }

@@ -1,8 +1,10 @@
 //! The measured state of a robot, from topics.
 
+use motorium::component::RunClock;
 use motorium::prelude::*;
 use motorium_robots::{BasePose, Kinematics, Loaded, Model, RobotSource};
 
+use super::period_ns;
 use crate::RobotState;
 use crate::inverse_dynamics::MotionState;
 
@@ -17,7 +19,13 @@ pub(super) fn load_robot(robot: &RobotReference) -> Result<Loaded, ConfigError> 
         packages: &robot.package_path,
         settings: robot.settings.as_ref(),
     };
-    source.load().map_err(|error| ConfigError::key("robot", error.to_string()))
+    let loaded = source.load().map_err(|error| ConfigError::key("robot", error.to_string()))?;
+    match loaded.model.joint_count() {
+        joints if joints > MAX_JOINTS => {
+            Err(ConfigError::key("robot", format!("{joints} joints, expected at most {MAX_JOINTS}")))
+        }
+        _ => Ok(loaded),
+    }
 }
 
 /// Configuration and velocity of a robot, with its kinematics, from the newest states of its joints and its
@@ -30,25 +38,43 @@ pub(super) struct MeasuredState {
     pub(super) kinematics: Kinematics,
     pub(super) q: Vec<f64>,
     pub(super) v: Vec<f64>,
-    /// Time of the joint state, ns.
-    pub(super) time_ns: u64,
+    clock: RunClock,
+    timeout_ns: u64,
+    /// Time of the last step with a fresh state, ns since the start of the run.
+    last_ns: Option<u64>,
+    /// Number of steps without a fresh state, after the first.
+    stale: u64,
     /// `true` if the kinematics include velocities.
     velocities: bool,
 }
 
-/// Age of the newest state.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Freshness {
-    /// Nothing published yet.
-    Missing,
-    /// The state is too old.
-    Stale,
-    /// A new state was read.
-    Fresh,
+/// A step with a fresh state.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FreshStep {
+    /// `true` at the start, and after a break.
+    pub(super) begins: bool,
+    /// Time since the last step, s: several periods after missed steps, so that setpoints do not fall behind
+    /// the robot.
+    pub(super) dt: f64,
+}
+
+/// Checks the number of joints of a message.
+pub(super) fn check_joint_count(found: usize, expected: usize) -> Result<(), StepError> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(StepError::failed(format!(
+        "the joint state does not match the robot's model: expected {expected} joints, found {found}"
+    )))
 }
 
 impl MeasuredState {
-    pub(super) fn configure(model: Model, setup: &mut Setup) -> Result<Self, ConfigureError> {
+    /// Opens the inputs of the state, which is fresh up to an age of `timeout_ns`.
+    pub(super) fn configure(
+        model: Model,
+        timeout_ns: u64,
+        setup: &mut Setup,
+    ) -> Result<Self, ConfigureError> {
         let floating = model.base().floating;
         Ok(Self {
             joint_state: setup.input("joint_state")?,
@@ -56,7 +82,10 @@ impl MeasuredState {
             kinematics: Kinematics::new(&model),
             q: model.neutral(),
             v: vec![0.0; model.nv()],
-            time_ns: 0,
+            clock: setup.clock(),
+            timeout_ns,
+            last_ns: None,
+            stale: 0,
             velocities: true,
             model,
         })
@@ -67,23 +96,29 @@ impl MeasuredState {
         Self { velocities, ..self }
     }
 
-    /// Reads the newest state of joints and base, with a maximum age of `timeout_ns`.
-    pub(super) fn read(&mut self, timeout_ns: u64) -> Result<Freshness, StepError> {
-        let Some(state) = self.joint_state.latest() else { return Ok(Freshness::Missing) };
-        self.time_ns = state.time_ns();
-        let mut stale = state.age_ns() > timeout_ns;
-        if state.count() != self.model.joint_count() {
-            return Err(StepError::failed(
-                "the joint state has another number of joints than the robot's model",
-            ));
-        }
+    /// Starts a step with the newest state. `None` without a fresh one.
+    pub(super) fn step(&mut self, tick: &Tick) -> Result<Option<FreshStep>, StepError> {
+        let Some(time_ns) = self.read()? else { return Ok(None) };
+        let longest = self.timeout_ns.max(2 * period_ns(tick));
+        let now_ns = self.clock.grid_ns(tick, time_ns);
+        let last = self.last_ns.replace(now_ns).filter(|last| now_ns.saturating_sub(*last) <= longest);
+        let dt = tick.dt() * f64::from(tick.periods_since(last, now_ns));
+        Ok(Some(FreshStep { begins: last.is_none(), dt }))
+    }
+
+    /// Reads the newest state of joints and base; the time of the joint state, ns, if it is fresh.
+    fn read(&mut self) -> Result<Option<u64>, StepError> {
+        let Some(state) = self.joint_state.latest() else { return Ok(None) };
+        let time_ns = state.time_ns();
+        let mut stale = state.age_ns() > self.timeout_ns;
+        check_joint_count(state.count(), self.model.joint_count())?;
         let base = self.model.nv() - self.model.joint_count();
         let base_q = self.model.nq() - self.model.joint_count();
         self.q[base_q..].copy_from_slice(state.position());
         self.v[base..].copy_from_slice(state.velocity());
         if let Some(input) = &mut self.base_state {
-            let Some(state) = input.latest() else { return Ok(Freshness::Missing) };
-            stale |= state.age_ns() > timeout_ns;
+            let Some(state) = input.latest() else { return Ok(None) };
+            stale |= state.age_ns() > self.timeout_ns;
             self.q[..3].copy_from_slice(&state.position);
             self.q[3..7].copy_from_slice(&state.orientation);
             self.v[..3].copy_from_slice(&state.linear_velocity);
@@ -91,18 +126,30 @@ impl MeasuredState {
             let length = self.q[3..7].iter().map(|part| part * part).sum::<f64>().sqrt();
             // half the length of a unit quaternion is no rounding error
             if !(0.5..2.0).contains(&length) {
-                return Err(StepError::failed("the orientation of the base state is no unit quaternion"));
+                return Err(StepError::failed("the orientation of the base state is not a unit quaternion"));
             }
             self.q[3..7].iter_mut().for_each(|part| *part /= length);
         }
         if stale {
-            return Ok(Freshness::Stale);
+            self.stale += 1;
+            self.last_ns = None;
+            return Ok(None);
         }
         match self.velocities {
             true => self.kinematics.update_with_velocity(&self.model, &self.q, &self.v),
             false => self.kinematics.update(&self.model, &self.q),
         }
-        Ok(Freshness::Fresh)
+        Ok(Some(time_ns))
+    }
+
+    /// Number of steps without a fresh state, after the first.
+    pub(super) fn stale(&self) -> u64 {
+        self.stale
+    }
+
+    /// Starts over with the next state.
+    pub(super) fn reset(&mut self) {
+        (self.last_ns, self.stale) = (None, 0);
     }
 
     /// The state that was read last.

@@ -27,6 +27,14 @@ pub use wheels::{StartConfig, WheelController, WheelsConfig};
 use motorium::prelude::*;
 use motorium::worker::Kind;
 
+/// The robot of a component that needs one.
+fn required_robot(declare: &Declare) -> Result<&RobotReference, ConfigError> {
+    declare.robot().ok_or_else(|| {
+        ConfigError::new("the component names no robot, but needs one")
+            .advise("add `robot = \"NAME\"` to the component")
+    })
+}
+
 /// Period of a step, ns.
 fn period_ns(tick: &Tick) -> u64 {
     u64::try_from(tick.period.as_nanos()).unwrap_or(u64::MAX)

@@ -50,10 +50,10 @@ struct Refusals {
 impl Refusals {
     /// Reports the objects whose poses started or stopped being rejected since the last poll. Each printed
     /// line is an event of the run.
-    fn tell(&self, told: &mut [u64], is_refused: &mut [bool]) {
+    fn report(&self, reported: &mut [u64], is_refused: &mut [bool]) {
         for (object, name) in self.names.iter().enumerate() {
             let count = self.counts[object].load(Ordering::Relaxed);
-            let more = count > told[object];
+            let more = count > reported[object];
             if more && !is_refused[object] {
                 eprintln!(
                     "object `{name}`: an invalid pose is refused; the object counts as being where its last valid pose was"
@@ -62,7 +62,7 @@ impl Refusals {
             if !more && is_refused[object] {
                 eprintln!("object `{name}`: no more poses are refused, {count} were");
             }
-            (told[object], is_refused[object]) = (count, more);
+            (reported[object], is_refused[object]) = (count, more);
         }
     }
 }
@@ -94,11 +94,11 @@ impl MovingObjects {
             input = Some(setup.input(OBJECTS_INPUT)?);
             let shared = Arc::clone(&refusals);
             setup.helper("object-poses", move |stop| {
-                let (mut told, mut is_refused) =
+                let (mut reported, mut is_refused) =
                     (vec![0; shared.names.len()], vec![false; shared.names.len()]);
                 loop {
                     let last_round = stop.wait(LOOK);
-                    shared.tell(&mut told, &mut is_refused);
+                    shared.report(&mut reported, &mut is_refused);
                     if last_round {
                         return;
                     }

@@ -12,8 +12,8 @@ use crate::checks::{in_range, is_name, per_joint};
 use crate::inverse_dynamics::{Contact, Unknowns};
 use crate::limits::{AccelerationLimit, HeldSupport, RowLimit};
 use crate::tasks::{
-    ActsOn, CartesianConfig, Configured, Formulations, PostureConfig, TaskConfig, TaskHead, TaskKind,
-    TaskPlace,
+    ActsOn, CartesianConfig, Configured, Formulations, PostureConfig, TaskConfig, TaskContext, TaskHead,
+    TaskKind,
 };
 use crate::{FeedForward, check_gains};
 
@@ -61,10 +61,6 @@ impl ControllerSetup {
             let advice =
                 "add `inverse_dynamics = {}`: torques and contacts; or fix the base in its URDF or profile";
             return Err(ConfigError::key("robot", message).advise(advice));
-        }
-        if model.joint_count() > MAX_JOINTS {
-            let joints = model.joint_count();
-            return Err(ConfigError::key("robot", format!("{joints} joints, at most {MAX_JOINTS} fit")));
         }
         check_numbers(config)?;
         if let Some(table) = &config.inverse_dynamics {
@@ -115,9 +111,9 @@ impl ControllerSetup {
     }
 
     /// Tasks with their build context, for a controller with a period of `period` seconds.
-    pub(super) fn tasks(&self, period: f64) -> impl Iterator<Item = (TaskPlace<'_>, &dyn TaskKind)> {
+    pub(super) fn tasks(&self, period: f64) -> impl Iterator<Item = (TaskContext<'_>, &dyn TaskKind)> {
         self.configured().map(move |Configured { path, kind, is_constraint }| {
-            let place = TaskPlace {
+            let context = TaskContext {
                 model: &self.model,
                 profile: self.profile.as_ref(),
                 period,
@@ -128,7 +124,7 @@ impl ControllerSetup {
                 is_constraint,
                 path,
             };
-            (place, kind)
+            (context, kind)
         })
     }
 
@@ -211,7 +207,7 @@ impl ControllerSetup {
         }
         let own = ["joint_state", "base_state", OBJECTS_INPUT];
         let (mut names, mut targets) = (Vec::new(), own.to_vec());
-        for (place, kind) in self.tasks(0.0) {
+        for (context, kind) in self.tasks(0.0) {
             let TaskHead { name, level, target, wrench, formulations, acts_on } = kind.head();
             if !is_name(name) || names.contains(&name) {
                 let message = format!("task name `{name}` is used twice or is invalid");
@@ -221,16 +217,21 @@ impl ControllerSetup {
             names.push(name);
             if !(1..=LEVELS).contains(&level) {
                 let message = format!("level {level} of task `{name}`, where 1 to {LEVELS} are possible");
-                return Err(ConfigError::key(place.key("level"), message).advise("1 is the highest priority"));
+                return Err(
+                    ConfigError::key(context.key("level"), message).advise("1 is the highest priority")
+                );
             }
             if formulations == Formulations::Torque && !self.torque {
-                return Err(ConfigError::key(&place.path, format!("task `{name}` needs `inverse_dynamics`")));
+                return Err(ConfigError::key(
+                    &context.path,
+                    format!("task `{name}` needs `inverse_dynamics`"),
+                ));
             }
             if let Formulations::Velocity(instead) = formulations
                 && self.torque
             {
                 let message = format!("task `{name}` has no form for torques");
-                return Err(ConfigError::key(&place.path, message).advise(instead));
+                return Err(ConfigError::key(&context.path, message).advise(instead));
             }
             let unused = match (self.unknowns, acts_on) {
                 (Unknowns::Accelerations, ActsOn::Forces) => Some(("forces", "accelerations")),
@@ -239,19 +240,19 @@ impl ControllerSetup {
             };
             if let Some((what, unknowns)) = unused {
                 let message = format!("task `{name}` is about {what}, where {unknowns} alone are decided");
-                return Err(ConfigError::key(&place.path, message)
+                return Err(ConfigError::key(&context.path, message)
                     .advise("leave it out, or decide both: unknowns = \"accelerations_and_forces\""));
             }
             for (key, input) in [("target", target), ("wrench", wrench)] {
                 let Some(input) = input else { continue };
                 if targets[own.len()..].contains(&input) {
                     let message = format!("two tasks take their {key} from `{input}`");
-                    return Err(ConfigError::key(place.key(key), message)
+                    return Err(ConfigError::key(context.key(key), message)
                         .advise(format!("give each its own input, such as `{key} = \"left_{key}\"`")));
                 }
                 if own.contains(&input) || !is_name(input) {
                     let message = format!("`{input}` cannot be the name of an input");
-                    return Err(ConfigError::key(place.key(key), message)
+                    return Err(ConfigError::key(context.key(key), message)
                         .advise(format!("use lower-case letters, digits and underscores, such as `{key}`")));
                 }
                 targets.push(input);

@@ -1,58 +1,48 @@
 //! Limits of the whole wrench of a sole.
 
-/// Limits of the wrench that the world exerts on a sole, force `f` and torque `t` about the origin of its
-/// frame, in its axes:
-///
-/// ```text
-/// min_force <= f_z <= max_force                                    N
-/// |f_x|, |f_y| <= mu f_z                                           mu = friction / sqrt(2)
-/// |t_x| <= Y f_z,   |t_y| <= X f_z                                 centre of pressure in 2 X by 2 Y
-/// |t_z| <= max_yaw                                                 Nm
-/// -mu (X + Y) f_z + |Y f_x - mu t_x| + |X f_y - mu t_y|  <=  t_z   yaw torque of the same sole
-///  mu (X + Y) f_z - |Y f_x + mu t_x| - |X f_y + mu t_y|  >=  t_z
-/// ```
-///
-/// Forces at the four corners of the rectangle within their friction pyramids have exactly these wrenches as
-/// their sums, so for a whole sole with its own friction the limits add nothing. They tighten the corners'
-/// limits: a smaller rectangle or friction than the contact's, a minimum force that keeps the foot loaded, a
-/// maximum force of the whole foot, or a maximum yaw torque. Caron, Pham and Nakamura, *Stability of surface
-/// contacts for humanoid robots: closed-form formulae of the contact wrench for rectangular support areas*,
-/// ICRA 2015.
-///
-/// ```
-/// use motorium_control::inverse_dynamics::WrenchCone;
-///
-/// let cone = WrenchCone { sides: [0.2, 0.1], friction: 0.7, min_force: 20.0, ..WrenchCone::default() };
-/// // 100 N, 4 cm ahead of the middle
-/// assert!(cone.excess(&[0.0, 0.0, 100.0, 0.0, -4.0, 0.0]) <= 0.0);
-/// // 6 cm to the side: it tips
-/// assert!(cone.excess(&[0.0, 0.0, 100.0, 6.0, 0.0, 0.0]) > 0.0);
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WrenchCone {
+with_defaults! {
+    /// Limits of the wrench that the world exerts on a sole, force `f` and torque `t` about the origin of its
+    /// frame, in its axes:
+    ///
+    /// ```text
+    /// min_force <= f_z <= max_force                                    N
+    /// |f_x|, |f_y| <= mu f_z                                           mu = friction / sqrt(2)
+    /// |t_x| <= Y f_z,   |t_y| <= X f_z                                 centre of pressure in 2 X by 2 Y
+    /// |t_z| <= max_yaw                                                 Nm
+    /// -mu (X + Y) f_z + |Y f_x - mu t_x| + |X f_y - mu t_y|  <=  t_z   yaw torque of the same sole
+    ///  mu (X + Y) f_z - |Y f_x + mu t_x| - |X f_y + mu t_y|  >=  t_z
+    /// ```
+    ///
+    /// Forces at the four corners of the rectangle within their friction pyramids have exactly these wrenches
+    /// as their sums, so for a whole sole with its own friction the limits add nothing. They tighten the
+    /// corners' limits: a smaller rectangle or friction than the contact's, a minimum force that keeps the
+    /// foot loaded, a maximum force of the whole foot, or a maximum yaw torque. Caron, Pham and Nakamura,
+    /// *Stability of surface contacts for humanoid robots: closed-form formulae of the contact wrench for
+    /// rectangular support areas*, ICRA 2015.
+    ///
+    /// ```
+    /// use motorium_control::inverse_dynamics::WrenchCone;
+    ///
+    /// let cone = WrenchCone { sides: [0.2, 0.1], friction: 0.7, min_force: 20.0, ..WrenchCone::default() };
+    /// // 100 N, 4 cm ahead of the middle
+    /// assert!(cone.excess(&[0.0, 0.0, 100.0, 0.0, -4.0, 0.0]) <= 0.0);
+    /// // 6 cm to the side: it tips
+    /// assert!(cone.excess(&[0.0, 0.0, 100.0, 6.0, 0.0, 0.0]) > 0.0);
+    /// ```
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct WrenchCone;
+
     /// Sides `2 X` and `2 Y` of the rectangle along x and y, centred at the origin of the frame \[m\].
-    pub sides: [f64; 2],
+    pub sides: [f64; 2] = [0.2, 0.1];
     /// Coefficient of friction.
-    pub friction: f64,
+    pub friction: f64 = 0.6;
     /// Minimum normal force of the whole sole \[N\]. Default 0. It is relaxed if constraints conflict, and
     /// while the contact is lifted.
-    pub min_force: f64,
+    pub min_force: f64 = 0.0;
     /// Largest normal force of the whole sole \[N\]. Default infinite.
-    pub max_force: f64,
+    pub max_force: f64 = f64::INFINITY;
     /// Largest torque about the normal \[Nm\]. Default infinite.
-    pub max_yaw: f64,
-}
-
-impl Default for WrenchCone {
-    fn default() -> Self {
-        Self {
-            sides: [0.2, 0.1],
-            friction: 0.6,
-            min_force: 0.0,
-            max_force: f64::INFINITY,
-            max_yaw: f64::INFINITY,
-        }
-    }
+    pub max_yaw: f64 = f64::INFINITY;
 }
 
 impl WrenchCone {

@@ -158,16 +158,16 @@ impl<S: QpSolver> DifferentialIk<S> {
         dt: f64,
     ) {
         assert_eq!(before.len(), self.motions, "velocities of the tick before");
-        self.unhurried[0].copy_from(&self.problem.lower);
-        self.unhurried[1].copy_from(&self.problem.upper);
+        self.wide_bounds[0].copy_from(&self.problem.lower);
+        self.wide_bounds[1].copy_from(&self.problem.upper);
         self.is_narrowed = true;
         self.before.rows_mut(0, self.motions).copy_from_slice(before);
         limit.narrow(state, before, dt, &mut self.problem);
     }
 
     /// Returns `true` if the last [`solve`](Self::solve) exceeded the acceleration limit.
-    pub fn is_hurried(&self) -> bool {
-        self.is_hurried
+    pub fn exceeds_acceleration(&self) -> bool {
+        self.exceeds_acceleration
     }
 
     /// Adds the rows of `limit` for a tick of `dt` seconds.

@@ -2,42 +2,36 @@
 
 mod conflict;
 mod constraints;
-mod mixture;
-mod relaxed;
 mod solve;
 
 pub use conflict::IkConflict;
 
 use motorium_robots::Model;
 use nalgebra::DVector;
-use relaxed::Relaxed;
 
 use crate::{
     RobotState,
     levels::{self, LevelSolver, LowerLevels, Rows},
     limits::Limit,
+    relaxation::{Relaxable, Relaxation},
     solver::{
         ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, SolveError, Structure, UpdateError,
     },
     tasks::VelocityTask,
 };
 
-/// Settings of [`DifferentialIk`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct IkSettings {
+with_defaults! {
+    /// Settings of [`DifferentialIk`].
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct IkSettings;
+
     /// Tikhonov regularisation: cost of any joint velocity \[1/(rad/s)^2\]. Keeps the solution unique where
     /// the tasks leave a joint open.
-    pub damping: f64,
+    pub damping: f64 = 1e-7;
     /// Weight of held contacts and constraint tasks when constraints are contradictory: cost of violating
     /// them \[1/(m/s) or 1/(rad/s)\]. Limits are never relaxed. With `None`, the default, such a tick has no
     /// solution.
-    pub relaxation: Option<f64>,
-}
-
-impl Default for IkSettings {
-    fn default() -> Self {
-        Self { damping: 1e-7, relaxation: None }
-    }
+    pub relaxation: Option<f64> = None;
 }
 
 /// The tick has no joint velocity. The safe reaction is not to move.
@@ -73,8 +67,6 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     problem: Problem,
     solver: S,
     velocity: Vec<f64>,
-    /// The mixture of solutions so far.
-    mixture: Vec<f64>,
     below: Option<LowerLevels<LevelSolver>>,
     /// First unused row for limits.
     next_row: usize,
@@ -86,15 +78,15 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     next_slack: usize,
     /// Rows of the task that becomes a constraint.
     constrained: Rows,
-    relaxed: Option<Relaxed>,
+    relaxed: Option<Relaxation>,
     conflict: Option<IkConflict>,
     /// Bounds without the acceleration limit, and whether it is set.
-    unhurried: [DVector<f64>; 2],
+    wide_bounds: [DVector<f64>; 2],
     is_narrowed: bool,
     /// Velocities of the previous tick, if any.
     before: DVector<f64>,
     /// `true` if the last solution exceeds it.
-    is_hurried: bool,
+    exceeds_acceleration: bool,
     /// For each row, `true` if its limit is soft.
     is_soft: Vec<bool>,
     /// Total iterations of the last solution, and the number of undecided levels below the first.
@@ -182,19 +174,21 @@ impl<S: QpSolver> DifferentialIk<S> {
         let problem = Problem::new(solver.structure());
         let variables = solver.structure().variables();
         Self {
-            relaxed: settings.relaxation.map(|weight| Relaxed::new(solver.structure(), weight)),
+            relaxed: settings.relaxation.map(|weight| {
+                let relaxable = Relaxable { first_equality: 0, bounds: 0..0, rows: 0..0 };
+                Relaxation::new(solver.structure(), relaxable, weight)
+            }),
             conflict: None,
-            unhurried: [DVector::zeros(variables), DVector::zeros(variables)],
+            wide_bounds: [DVector::zeros(variables), DVector::zeros(variables)],
             before: DVector::zeros(variables),
             is_narrowed: false,
-            is_hurried: false,
+            exceeds_acceleration: false,
             is_soft: vec![false; problem.row_lower.len()],
             iterations: 0,
             undecided: 0,
             settings,
             solver,
             velocity: vec![0.0; variables],
-            mixture: vec![0.0; variables],
             below: None,
             next_row: 0,
             next_equality: 0,
@@ -331,20 +325,26 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// Forgets the tick before, at the beginning of an episode.
     pub fn reset(&mut self) {
         self.solver.reset();
-        if let Some(relaxed) = &mut self.relaxed {
-            relaxed.reset();
-        }
-        (self.conflict, self.is_hurried) = (None, false);
+        self.relaxed.iter_mut().for_each(Relaxation::reset);
+        (self.conflict, self.exceeds_acceleration) = (None, false);
         (self.iterations, self.undecided) = (0, 0);
-        if let Some(below) = &mut self.below {
-            below.reset();
-        }
+        self.below.iter_mut().for_each(LowerLevels::reset);
         self.velocity.fill(0.0);
     }
 
     /// Joint velocity of the last [`solve`](Self::solve) \[rad/s or m/s\].
     pub fn velocity(&self) -> &[f64] {
         &self.velocity[..self.motions]
+    }
+
+    /// The unknowns of the last solution: velocities, then the [`slack`](Self::slack) of soft limits.
+    pub fn unknowns(&self) -> &[f64] {
+        &self.velocity
+    }
+
+    /// Makes these unknowns, such as a [mixture](crate::Mixture) of solutions, the solution.
+    pub fn set_unknowns(&mut self, unknowns: &[f64]) {
+        self.velocity.copy_from_slice(unknowns);
     }
 
     /// Total iterations of the last [`solve`](Self::solve): all solutions of the first level, relaxed or not,

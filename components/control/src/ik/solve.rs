@@ -29,7 +29,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// # Errors
     /// [`IkError`]; [`velocity`](Self::velocity) is zero then.
     pub fn solve(&mut self) -> Result<&[f64], IkError> {
-        (self.conflict, self.is_hurried) = (None, false);
+        (self.conflict, self.exceeds_acceleration) = (None, false);
         (self.iterations, self.undecided) = (0, 0);
         self.slow_returns();
         let mut decided = self.solve_first();
@@ -86,11 +86,12 @@ impl<S: QpSolver> DifferentialIk<S> {
         let mut least: Option<(f64, usize)> = None;
         for constraint in conflict.constraints() {
             let Constraint::Row(row, _) = constraint else { continue };
-            let wanted = self.problem.row_lower[row].max(-self.problem.row_upper[row]);
+            let desired = self.problem.row_lower[row].max(-self.problem.row_upper[row]);
             // among equally fast ones, the nearest pairs, which are first, return
-            let less = least.is_none_or(|(other, before)| wanted < other || wanted == other && row > before);
+            let less =
+                least.is_none_or(|(other, before)| desired < other || desired == other && row > before);
             if self.returns(row) && less {
-                least = Some((wanted, row));
+                least = Some((desired, row));
             }
         }
         if let Some((_, row)) = least {
@@ -158,7 +159,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// Halves the velocity changes of returning rows. Returns `false` if the conflict has no returning row or
     /// no joint that could accelerate more.
     fn ease_returns(&mut self, conflict: &Conflict) -> bool {
-        let names = |wanted: &dyn Fn(Constraint) -> bool| conflict.constraints().any(wanted);
+        let names = |predicate: &dyn Fn(Constraint) -> bool| conflict.constraints().any(predicate);
         let returns = names(&|constraint| matches!(constraint, Constraint::Row(row, _) if self.returns(row)));
         if !returns || !names(&|constraint| matches!(constraint, Constraint::Bound(..))) {
             return false;
@@ -217,7 +218,7 @@ impl<S: QpSolver> DifferentialIk<S> {
             Side::Lower => self.problem.lower[variable] = 0.0,
             Side::Upper => self.problem.upper[variable] = 0.0,
         }
-        self.is_hurried = true;
+        self.exceeds_acceleration = true;
         true
     }
 
@@ -227,25 +228,24 @@ impl<S: QpSolver> DifferentialIk<S> {
         if self.next_equality == 0 || !std::mem::replace(&mut self.is_narrowed, false) {
             return false;
         }
-        self.problem.lower.copy_from(&self.unhurried[0]);
-        self.problem.upper.copy_from(&self.unhurried[1]);
-        self.is_hurried = true;
+        self.problem.lower.copy_from(&self.wide_bounds[0]);
+        self.problem.upper.copy_from(&self.wide_bounds[1]);
+        self.exceeds_acceleration = true;
         true
     }
 
-    /// Relaxes exact rows if the settings permit it.
+    /// Relaxes exact rows if the settings permit it. Limits admit zero velocity, so there is always a
+    /// solution.
     fn relax(&mut self, conflict: Conflict) -> Result<(), IkError> {
-        let mut found = IkConflict::new(&conflict, self.motions);
-        let relaxed = match &mut self.relaxed {
-            None => Err(IkError::Solve(SolveError::Infeasible { conflict })),
-            Some(relaxed) => {
-                let way = relaxed.solve(&self.problem, &mut self.velocity);
-                self.iterations += relaxed.iterations();
-                way.map(|slack| found.slack = slack)
-            }
-        };
-        self.conflict = Some(found);
-        relaxed?;
+        let Self { relaxed, problem, velocity, iterations, .. } = self;
+        let found = self.conflict.insert(IkConflict::new(&conflict, self.motions));
+        let relaxed = relaxed.as_mut().ok_or(SolveError::Infeasible { conflict })?;
+        relaxed.update(problem, |_| ())?;
+        let solved = relaxed.solve();
+        *iterations += relaxed.iterations();
+        solved?;
+        found.slack = relaxed.missed(problem, 0..problem.equality_value.len());
+        velocity.copy_from_slice(relaxed.solution().x.as_slice());
         self.clamp();
         Ok(())
     }

@@ -5,18 +5,17 @@ use nalgebra::{DMatrix, DVector};
 
 use super::cone_level::LowerSolver;
 use super::contact::ContactPlace;
-use super::mixture::Mixture;
 use super::order::Order;
 use super::outcome::{FrictionModel, InverseDynamicsSettings, InverseDynamicsSolution, Unknowns};
 use super::predicted::{DynamicsRows, Predicted};
 use super::reduced::Reduced;
-use super::relaxed::Relaxed;
 use super::solver::FirstLevel;
 use super::{JointAccelerationLimits, MotionState};
 use crate::contact::{Contact, ContactShape, WrenchCone};
 use crate::cost::Cost;
 use crate::formulation::Task;
 use crate::levels::{self, LowerLevels, Rows};
+use crate::relaxation::{Relaxable, Relaxation};
 use crate::solver::{Problem, Sides, Structure};
 
 /// Inverse dynamics of a whole body: the accelerations and contact forces that minimise a weighted sum of
@@ -36,7 +35,7 @@ pub struct InverseDynamics {
     structure: Structure,
     pub(super) solver: FirstLevel,
     pub(super) reduced: Option<Reduced>,
-    pub(super) relaxed: Option<Relaxed>,
+    pub(super) relaxed: Option<Relaxation>,
     pub(super) below: Option<LowerLevels<LowerSolver>>,
     /// Robot state at the next tick, if velocities are limited.
     pub(super) predicted: Option<Predicted>,
@@ -47,7 +46,6 @@ pub struct InverseDynamics {
     pub(super) constrained: Rows,
     /// Accelerations, then forces.
     pub(super) x: DVector<f64>,
-    pub(super) mixture: Mixture,
     pub(super) solution: InverseDynamicsSolution,
 }
 
@@ -82,21 +80,31 @@ impl InverseDynamics {
         let DynamicsRows { constrained, limits } = rows;
         let base = nv - joints;
         let order = Order { base, velocities: nv, joints, motions, points, constrained, wrenches, limits };
-        let mut structure =
-            Structure::new(order.variables()).equalities(order.equalities()).rows(joints, Sides::Both);
         let cones = has_cones(&settings);
-        structure = structure.rows(4 * order.points.len(), FirstLevel::faces(cones));
-        structure = structure.rows(order.wrenches.len() + order.limits, Sides::Both);
-        for variable in order.base..order.variables() {
-            structure = structure.bound(variable, Sides::Both);
-        }
+        let structure = |faces| {
+            let mut structure = Structure::new(order.variables())
+                .equalities(order.equalities())
+                .rows(joints, Sides::Both)
+                .rows(4 * order.points.len(), faces)
+                .rows(order.wrenches.len() + order.limits, Sides::Both);
+            for variable in order.base..order.variables() {
+                structure = structure.bound(variable, Sides::Both);
+            }
+            structure
+        };
+        let relaxed = settings.relaxation.map(|weight| {
+            let (bounds, rows) = (order.base..order.velocities, order.first_limit()..order.rows());
+            let relaxable = Relaxable { first_equality: order.base, bounds, rows };
+            Relaxation::new(&structure(Sides::Upper), relaxable, weight)
+        });
+        let structure = structure(FirstLevel::faces(cones));
         let (reduced, solved) = match Reduced::new(&order, &settings, cones) {
             Some((reduced, structure)) => (Some(reduced), structure),
             None => (None, structure.clone()),
         };
         let forces = if reduced.is_some() { 0 } else { order.velocities };
         Self {
-            relaxed: settings.relaxation.map(|weight| Relaxed::new(&order, weight)),
+            relaxed,
             torque_limit: model.effort_limit() * settings.torque_fraction,
             dynamics: Dynamics::new(model),
             mass: DMatrix::zeros(nv, nv),
@@ -115,7 +123,6 @@ impl InverseDynamics {
             next_constrained: 0,
             constrained: Rows::new(order.variables(), constrained),
             x: DVector::zeros(order.variables()),
-            mixture: Mixture::new(order.variables()),
             solution: InverseDynamicsSolution {
                 acceleration: DVector::zeros(nv),
                 torque: DVector::zeros(joints),
@@ -219,9 +226,16 @@ impl InverseDynamics {
         task.cost().residual(self.x.as_slice())
     }
 
-    /// Unknowns of the last solution: accelerations, then three numbers for each contact point.
-    pub(crate) fn unknowns(&self) -> &[f64] {
+    /// The unknowns of the last solution: accelerations, then contact forces.
+    pub fn unknowns(&self) -> &[f64] {
         self.x.as_slice()
+    }
+
+    /// Makes these unknowns, such as a [mixture](crate::Mixture) of solutions, the
+    /// [`solution`](Self::solution), with their torques.
+    pub fn set_unknowns(&mut self, unknowns: &[f64]) {
+        self.x.copy_from_slice(unknowns);
+        self.write();
     }
 
     /// Number of unknowns: accelerations, then three numbers for each contact point.
@@ -271,49 +285,9 @@ impl InverseDynamics {
     /// Forgets the tick before, at the beginning of an episode.
     pub fn reset(&mut self) {
         self.solver.reset();
-        if let Some(reduced) = &mut self.reduced {
-            reduced.reset();
-        }
-        if let Some(relaxed) = &mut self.relaxed {
-            relaxed.reset();
-        }
-        if let Some(below) = &mut self.below {
-            below.reset();
-        }
-    }
-}
-
-impl InverseDynamics {
-    /// Adds the last [`solution`](Self::solution) to a mixture, weighted by `share`, [as for
-    /// velocities](crate::DifferentialIk::mix). Accelerations and contact forces are mixed. Friction,
-    /// unilateral contacts and torque limits are convex, so a mixture with nonnegative shares that sum to 1
-    /// satisfies them.
-    pub fn mix(&mut self, share: f64) {
-        let Self { mixture, x, solution, .. } = self;
-        mixture.x.axpy(share, x, 1.0);
-        mixture.iterations += solution.iterations;
-        mixture.undecided += solution.undecided;
-        mixture.slack = match (mixture.slack, solution.slack) {
-            (Some(one), Some(other)) => Some(one.worse(&other)),
-            (one, other) => one.or(other),
-        };
-    }
-
-    /// Makes the mixture the [`solution`](Self::solution), with its torques, and starts a new one. Iterations
-    /// and undecided levels are summed over the solutions; the slack is the maximum.
-    pub fn take_mixture(&mut self) -> &InverseDynamicsSolution {
-        self.x.copy_from(&self.mixture.x);
-        let Self { mixture, solution, .. } = self;
-        (solution.slack, solution.iterations, solution.undecided) =
-            (mixture.slack, mixture.iterations, mixture.undecided);
-        mixture.clear();
-        self.write();
-        self.solution()
-    }
-
-    /// Begins a new mixture.
-    pub fn drop_mixture(&mut self) {
-        self.mixture.clear();
+        self.reduced.iter_mut().for_each(Reduced::reset);
+        self.relaxed.iter_mut().for_each(Relaxation::reset);
+        self.below.iter_mut().for_each(LowerLevels::reset);
     }
 }
 

@@ -4,49 +4,45 @@ use motorium_robots::Model;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Acceleration bounds that keep a joint within its position and velocity limits and able to brake.
-///
-/// Over a tick of `dt` with constant acceleration the joint moves from `(q, v)` to `q+ = q + v dt + a dt^2 /
-/// 2`, `v+ = v + a dt`. It must end within its limits, and slowly enough to stop before them with the
-/// deceleration `braking`:
-///
-/// ```text
-/// v+ <= v_max,   v+^2 <= 2 braking (q_max - q+)   or   v+ <= 0
-/// ```
-///
-/// and likewise on the other side (viability; Del Prete, *Joint position and velocity bounds in discrete-time
-/// acceleration/torque control of robot arms*, IEEE RA-L 2018). A joint that is too fast to stop before its
-/// limit, or already beyond it, must stop within the tick, as far as the maximum deceleration allows. It may
-/// stay or return but not move farther.
-///
-/// ```
-/// use motorium_control::inverse_dynamics::JointAccelerationLimits;
-///
-/// let limits = JointAccelerationLimits { braking: 10.0, ..JointAccelerationLimits::default() };
-/// // in the middle of its range a joint at rest may do what it likes
-/// assert_eq!(limits.bounds(0.0, 0.0, (-1.0, 1.0), f64::INFINITY, 1e-3), (-1000.0, 1000.0));
-/// // at 1 rad/s, 5 cm before its end, it must brake: 1^2 / (2 0.05) = 10 rad/s2
-/// let (_, most) = limits.bounds(0.95, 1.0, (-1.0, 1.0), f64::INFINITY, 1e-3);
-/// assert!((most + 10.0).abs() < 0.1, "{most}");
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct JointAccelerationLimits {
+with_defaults! {
+    /// Acceleration bounds that keep a joint within its position and velocity limits and able to brake.
+    ///
+    /// Over a tick of `dt` with constant acceleration the joint moves from `(q, v)` to `q+ = q + v dt + a
+    /// dt^2 / 2`, `v+ = v + a dt`. It must end within its limits, and slowly enough to stop before them with
+    /// the deceleration `braking`:
+    ///
+    /// ```text
+    /// v+ <= v_max,   v+^2 <= 2 braking (q_max - q+)   or   v+ <= 0
+    /// ```
+    ///
+    /// and likewise on the other side (viability; Del Prete, *Joint position and velocity bounds in
+    /// discrete-time acceleration/torque control of robot arms*, IEEE RA-L 2018). A joint that is too fast to
+    /// stop before its limit, or already beyond it, must stop within the tick, as far as the maximum
+    /// deceleration allows. It may stay or return but not move farther.
+    ///
+    /// ```
+    /// use motorium_control::inverse_dynamics::JointAccelerationLimits;
+    ///
+    /// let limits = JointAccelerationLimits { braking: 10.0, ..JointAccelerationLimits::default() };
+    /// // in the middle of its range a joint at rest may do what it likes
+    /// assert_eq!(limits.bounds(0.0, 0.0, (-1.0, 1.0), f64::INFINITY, 1e-3), (-1000.0, 1000.0));
+    /// // at 1 rad/s, 5 cm before its end, it must brake: 1^2 / (2 0.05) = 10 rad/s2
+    /// let (_, most) = limits.bounds(0.95, 1.0, (-1.0, 1.0), f64::INFINITY, 1e-3);
+    /// assert!((most + 10.0).abs() < 0.1, "{most}");
+    /// ```
+    #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct JointAccelerationLimits;
+
     /// Deceleration with which a joint can always stop, rad/s2 or m/s2, more than 0. Default 20.
-    pub braking: f64,
+    pub braking: f64 = 20.0;
     /// Largest acceleration and deceleration, rad/s2 or m/s2, at least `braking`. Default 1000.
-    pub max_acceleration: f64,
+    pub max_acceleration: f64 = 1000.0;
     /// Distance kept from the position limits of the robot, rad or m, at least 0; at most half the range is
     /// taken. Default 0.
-    pub margin: f64,
+    pub margin: f64 = 0.0;
     /// Fraction of the robot's velocity limits that may be used, more than 0, at most 1. Default 1.
-    pub velocity_fraction: f64,
-}
-
-impl Default for JointAccelerationLimits {
-    fn default() -> Self {
-        Self { braking: 20.0, max_acceleration: 1000.0, margin: 0.0, velocity_fraction: 1.0 }
-    }
+    pub velocity_fraction: f64 = 1.0;
 }
 
 impl JointAccelerationLimits {

@@ -82,12 +82,10 @@ mod control;
 mod holding;
 mod joints;
 mod limits;
-mod mixture;
 pub(crate) mod order;
 mod outcome;
 mod predicted;
 mod reduced;
-mod relaxed;
 mod solve;
 mod solver;
 

@@ -8,59 +8,42 @@ use super::JointAccelerationLimits;
 use crate::conflict::Conflicting;
 use crate::solver::{SolveError, UpdateError};
 
-/// Settings of [`InverseDynamics`](super::InverseDynamics).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct InverseDynamicsSettings {
+with_defaults! {
+    /// Settings of [`InverseDynamics`](super::InverseDynamics).
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct InverseDynamicsSettings;
+
     /// Acceleration of free fall in the world \[m/s2\]. Default (0, 0, -9.81).
-    pub gravity: Vector3<f64>,
+    pub gravity: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
     /// Tikhonov regularisation: cost of any acceleration \[1/(rad/s2)^2\] and of any contact force \[1/N^2\].
     /// Default 1e-7.
-    pub damping: f64,
+    pub damping: f64 = 1e-7;
     /// Cost of a contact force \[1/N\] in every level: spreads the load over the contact points, and closes
     /// no motion to the levels below. Default 1e-3.
-    pub force_weight: f64,
+    pub force_weight: f64 = 1e-3;
     /// Decay rate of the velocity of a slipping contact \[1/s\]. Default 20.
-    pub contact_damping: f64,
+    pub contact_damping: f64 = 20.0;
     /// Form of the friction of the contacts. Default a pyramid.
-    pub friction_model: FrictionModel,
+    pub friction_model: FrictionModel = FrictionModel::Pyramid;
     /// Quantities that the problem decides. Default both accelerations and contact forces.
-    pub unknowns: Unknowns,
+    pub unknowns: Unknowns = Unknowns::AccelerationsAndForces;
     /// Limits of the joints.
-    pub joints: JointAccelerationLimits,
+    pub joints: JointAccelerationLimits = JointAccelerationLimits::default();
     /// Fraction of the viscous joint damping in the robot's file that is included in the bias and compensated
     /// by the drives. Default 0, because files often state damping that the joint does not have.
-    pub joint_damping: f64,
+    pub joint_damping: f64 = 0.0;
     /// Rate at which the margin between a velocity and its [limit](super::InverseDynamics::add_row_limit) may
     /// shrink \[1/s\]; limited to the tick rate. Default 100.
-    pub barrier_rate: f64,
+    pub barrier_rate: f64 = 100.0;
     /// Fraction of the torque limits to use. Default 1.
-    pub torque_fraction: f64,
+    pub torque_fraction: f64 = 1.0;
     /// Weight of contacts at rest and joint limits when constraints are contradictory: cost of violating them
     /// \[1/(m/s2) or 1/(rad/s2)\]. Equations of motion, torque limits and friction are physical constraints,
     /// are never relaxed, and always admit a solution. With `None` such a tick has no solution. Default 100.
-    pub relaxation: Option<f64>,
+    pub relaxation: Option<f64> = Some(100.0);
     /// Maximum total number of iterations in a tick, which bounds its time. Half of them are reserved for the
     /// relaxation, if enabled; the remainder after the first level is available to lower levels. Default 500.
-    pub max_iterations: u32,
-}
-
-impl Default for InverseDynamicsSettings {
-    fn default() -> Self {
-        Self {
-            gravity: Vector3::new(0.0, 0.0, -9.81),
-            damping: 1e-7,
-            force_weight: 1e-3,
-            contact_damping: 20.0,
-            friction_model: FrictionModel::Pyramid,
-            unknowns: Unknowns::AccelerationsAndForces,
-            joints: JointAccelerationLimits::default(),
-            joint_damping: 0.0,
-            barrier_rate: 100.0,
-            torque_fraction: 1.0,
-            relaxation: Some(100.0),
-            max_iterations: 500,
-        }
-    }
+    pub max_iterations: u32 = 500;
 }
 
 /// The decision variables of a problem.

@@ -1,10 +1,11 @@
 //! Solution of a tick: the first level, its relaxation, and the levels below.
 
 use super::control::InverseDynamics;
+use super::order::Order;
 use super::outcome::{InverseDynamicsError, InverseDynamicsSolution, Slack};
 use super::reduced::Reduced;
 use crate::conflict::Conflicting;
-use crate::solver::{Solution, SolveError};
+use crate::solver::{Problem, Solution, SolveError};
 
 impl InverseDynamics {
     /// Solves the assembled problem.
@@ -46,11 +47,22 @@ impl InverseDynamics {
                 };
                 // the constraints have other indices in a reduced problem
                 let seed = self.reduced.is_none().then(|| self.solver.working_set());
-                let left = self.settings.max_iterations.saturating_sub(self.solution.iterations);
-                relaxed.begin(&self.order, seed.into_iter().flatten(), left);
-                let solved = relaxed.solve(&self.order, &self.problem);
-                self.solution.iterations += relaxed.iterations();
-                let slack = Slack { conflict, ..solved? };
+                let (order, posed, solution) = (&self.order, &self.problem, &mut self.solution);
+                relaxed.set_max_iterations(self.settings.max_iterations.saturating_sub(solution.iterations));
+                relaxed.begin(seed.into_iter().flatten());
+                relaxed.update(posed, |problem| unload(order, posed, problem))?;
+                let solved = relaxed.solve();
+                solution.iterations += relaxed.iterations();
+                solved.map_err(InverseDynamicsError::Solve)?;
+                let tasks = order.equalities() - order.constrained;
+                let [joint, limit] = relaxed.slacks();
+                let slack = Slack {
+                    contact: relaxed.missed(posed, order.base..tasks),
+                    task: relaxed.missed(posed, tasks..order.equalities()),
+                    joint,
+                    limit,
+                    conflict,
+                };
                 let found = relaxed.solution();
                 self.x.copy_from(&found.x.rows(0, self.order.variables()));
                 self.solution.active = active(found);
@@ -73,6 +85,20 @@ impl InverseDynamics {
             solved
         })?;
         Ok(())
+    }
+}
+
+/// Adjusts a relaxed problem so that it always has a solution, without torques and forces: no sole has to be
+/// loaded. Friction cones become the inscribed pyramids that the active-set solver supports.
+fn unload(order: &Order, posed: &Problem, relaxed: &mut Problem) {
+    for wrench in order.first_limit() - order.wrenches.len()..order.first_limit() {
+        relaxed.row_lower[wrench] = relaxed.row_lower[wrench].min(0.0);
+    }
+    for point in 0..order.points.len() {
+        let normal = order.velocities + 3 * point + 2;
+        if posed.upper[normal] > 0.0 {
+            relaxed.row_upper.rows_mut(order.joints + 4 * point, 4).fill(0.0);
+        }
     }
 }
 

@@ -75,25 +75,21 @@ impl AccelerationLimit {
     }
 }
 
-/// Largest accelerations of the joints. They begin to brake in time for their position limits.
-///
-/// ```toml
-/// fraction = 0.5
-/// ```
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct AccelerationConfig {
+with_defaults! {
+    /// Largest accelerations of the joints. They begin to brake in time for their position limits.
+    ///
+    /// ```toml
+    /// fraction = 0.5
+    /// ```
+    #[derive(Debug, Clone, Deserialize, JsonSchema)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct AccelerationConfig;
+
     /// Fraction of the acceleration limits to use, above 0, at most 1. Default 1.
-    pub fraction: f64,
+    pub fraction: f64 = 1.0;
     /// Maximum acceleration, rad/s2 or m/s2, above 0: one number, or one per joint. Default: the limits in
     /// the robot's profile; a joint without a limit is unlimited.
-    pub most: Option<PerJoint>,
-}
-
-impl Default for AccelerationConfig {
-    fn default() -> Self {
-        Self { fraction: 1.0, most: None }
-    }
+    pub most: Option<PerJoint> = None;
 }
 
 impl AccelerationConfig {

@@ -14,29 +14,25 @@ use super::{LimitRows, RowLimit};
 use crate::RobotState;
 use crate::checks::in_range;
 
-/// Settings of a [`CollisionLimit`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CollisionSettings {
+with_defaults! {
+    /// Settings of a [`CollisionLimit`].
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct CollisionSettings;
+
     /// Minimum distance \[m\]. Default 0.02.
-    pub distance: f64,
+    pub distance: f64 = 0.02;
     /// Distance within which pairs are considered \[m\]. Default 0.2.
-    pub range: f64,
+    pub range: f64 = 0.2;
     /// Fraction of the remaining distance that may be covered per second \[1/s\]. Default 5.
-    pub rate: f64,
+    pub rate: f64 = 5.0;
     /// Maximum separation speed of pairs that are too close \[m/s\]. Default 0.01.
-    pub recovery: f64,
+    pub recovery: f64 = 0.01;
     /// Largest number of pairs, the nearest ones. Default 16.
-    pub pairs: usize,
+    pub pairs: usize = 16;
 }
 
 /// Rows for the witnesses of the nearest pairs.
 const WITNESSES: usize = 32;
-
-impl Default for CollisionSettings {
-    fn default() -> Self {
-        Self { distance: 0.02, range: 0.2, rate: 5.0, recovery: 0.01, pairs: 16 }
-    }
-}
 
 /// Slows down the approach of pairs of solids, of the robot or of robot and obstacle:
 ///
@@ -66,7 +62,8 @@ impl Default for CollisionSettings {
 /// let at = Isometry3::translation(0.6, 0.0, 0.3);
 /// let ball = solids.add_obstacle("ball", at, Geometry::Sphere { radius: 0.1 }, MeshMode::default())?;
 /// // the ball is the first object of the world, and moves
-/// let mut limit = CollisionLimit::new(&panda, solids, CollisionSettings::default()).objects([(0, ball, Isometry3::identity())]);
+/// let mut limit = CollisionLimit::new(&panda, solids, CollisionSettings::default())
+///     .objects([(0, ball, Isometry3::identity())]);
 /// limit.move_object(0, &Isometry3::translation(0.6, 0.2, 0.3));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -141,38 +138,40 @@ impl RowLimit for CollisionLimit {
     }
 }
 
-/// Minimum distances of the robot's links from each other, from the ground and from objects of the world.
-/// Enforced at every level.
-///
-/// ```toml
-/// distance = 0.03
-/// ground = "world"
-/// objects = ["table", "ball"]
-/// ignore = [["panda_link1", "table"]]
-/// ```
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct CollisionConfig {
+with_defaults! {
+    /// Minimum distances of the robot's links from each other, from the ground and from objects of the world.
+    /// Enforced at every level.
+    ///
+    /// ```toml
+    /// distance = 0.03
+    /// ground = "world"
+    /// objects = ["table", "ball"]
+    /// ignore = [["panda_link1", "table"]]
+    /// ```
+    #[derive(Debug, Clone, Deserialize, JsonSchema)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct CollisionConfig;
+
     /// Minimum distance, m, at least 0. Default 0.02.
-    pub distance: f64,
+    pub distance: f64 = CollisionSettings::default().distance;
     /// Distance within which pairs are considered, m, more than `distance`. Default 0.2.
-    pub range: f64,
+    pub range: f64 = CollisionSettings::default().range;
     /// Fraction of the remaining distance that may be covered per second, 1/s, at least 1e-3. Default 5.
-    pub rate: f64,
+    pub rate: f64 = CollisionSettings::default().rate;
     /// Speed with which pairs that are nearer than `distance` part, m/s, at most, 0 to 1. Default 0.01.
-    pub recovery: f64,
+    pub recovery: f64 = CollisionSettings::default().recovery;
     /// Largest number of pairs of solids, the nearest ones, 1 to 256. Default 16.
-    pub pairs: usize,
+    pub pairs: usize = CollisionSettings::default().pairs;
     /// Level ground for the minimum distances: its height, m, or "world", the ground of the world. Default:
     /// no ground.
-    pub ground: Option<LevelGround>,
+    pub ground: Option<LevelGround> = None;
     /// Objects of the world for the minimum distances: a list of names, or "all". If one of them has a mass,
     /// the input `object_poses` is required. Default: none.
-    pub objects: Option<WorldObjects>,
+    pub objects: Option<WorldObjects> = None;
     /// Pairs of links, or of a link and "ground" or an object, that do not count. Pairs of links, and of
     /// links and the ground, that are nearer than `distance` at home never count: they are so by the build of
     /// the robot.
-    pub ignore: Vec<[String; 2]>,
+    pub ignore: Vec<[String; 2]> = Vec::new();
 }
 
 /// A level ground.
@@ -209,13 +208,6 @@ pub enum WorldObjects {
 pub enum AllObjects {
     /// Every object.
     All,
-}
-
-impl Default for CollisionConfig {
-    fn default() -> Self {
-        let CollisionSettings { distance, range, rate, recovery, pairs } = CollisionSettings::default();
-        Self { distance, range, rate, recovery, pairs, ground: None, objects: None, ignore: Vec::new() }
-    }
 }
 
 /// Name of the ground among the links.
@@ -304,7 +296,7 @@ impl CollisionConfig {
         model: &Model,
         world: &World,
     ) -> Result<Vec<(usize, usize, Isometry3<f64>)>, ConfigError> {
-        let Some(wanted) = &self.objects else { return Ok(Vec::new()) };
+        let Some(desired) = &self.objects else { return Ok(Vec::new()) };
         let mistaken = |error: String| ConfigError::key("world", error);
         let plain = World { objects: world.objects.clone(), ..World::default() };
         plain
@@ -315,7 +307,7 @@ impl CollisionConfig {
             return Err(ConfigError::key(key, "the world has no objects")
                 .advise("add them to `[world]`: objects = [{ name = \"box\", shape = { box = { size = [0.1, 0.1, 0.1] } }, position = [0.5, 0.0, 0.05] }]"));
         }
-        if let WorldObjects::Named(names) = wanted
+        if let WorldObjects::Named(names) = desired
             && let Some(unknown) = names.iter().find(|name| !known().any(|known| known == *name))
         {
             return Err(ConfigError::key(key, format!("the world has no object `{unknown}`"))
@@ -323,7 +315,7 @@ impl CollisionConfig {
         }
         let mut added = Vec::new();
         for (index, object) in world.objects.iter().enumerate() {
-            if matches!(wanted, WorldObjects::Named(names) if !names.contains(&object.name)) {
+            if matches!(desired, WorldObjects::Named(names) if !names.contains(&object.name)) {
                 continue;
             }
             if object.is_dynamic() && index >= MAX_OBJECTS {

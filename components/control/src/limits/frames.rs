@@ -9,43 +9,30 @@ use serde::Deserialize;
 use super::{CartesianPositionLimit, CartesianVelocityLimit, RowLimit};
 use crate::checks::in_range;
 
-/// Limits of one frame, in all levels of tasks: a box of the world that its origin does not leave, and
-/// largest velocities.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct FrameLimitConfig {
+with_defaults! {
+    /// Limits of one frame, in all levels of tasks: a box of the world that its origin does not leave, and
+    /// largest velocities.
+    #[derive(Debug, Clone, Deserialize, JsonSchema)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct FrameLimitConfig;
+
     /// Link whose frame is limited. Default: the robot's only end effector.
-    pub frame: Option<String>,
+    pub frame: Option<String> = None;
     /// Least and largest coordinate of its origin along x of the world, m. Default: no limit.
-    pub x: Option<[f64; 2]>,
+    pub x: Option<[f64; 2]> = None;
     /// The same along y.
-    pub y: Option<[f64; 2]>,
+    pub y: Option<[f64; 2]> = None;
     /// The same along z.
-    pub z: Option<[f64; 2]>,
+    pub z: Option<[f64; 2]> = None;
     /// Distance kept from the sides of the box, m, at least 0. Default 0.
-    pub margin: f64,
+    pub margin: f64 = 0.0;
     /// Share of the remaining distance to a side that may be covered per second, 1/s, at least 1e-3. Default
     /// 5.
-    pub rate: f64,
+    pub rate: f64 = 5.0;
     /// Largest velocity along each axis of the world, m/s, at least 0. Default: no limit.
-    pub max_linear: Option<f64>,
+    pub max_linear: Option<f64> = None;
     /// Largest angular velocity about each axis of the world, rad/s, at least 0. Default: no limit.
-    pub max_angular: Option<f64>,
-}
-
-impl Default for FrameLimitConfig {
-    fn default() -> Self {
-        Self {
-            frame: None,
-            x: None,
-            y: None,
-            z: None,
-            margin: 0.0,
-            rate: 5.0,
-            max_linear: None,
-            max_angular: None,
-        }
-    }
+    pub max_angular: Option<f64> = None;
 }
 
 impl FrameLimitConfig {

@@ -6,29 +6,25 @@ use serde::Deserialize;
 use super::Limit;
 use crate::{RobotState, solver::Problem};
 
-/// Limits the speed at which joints approach their position limits, so that they can still stop:
-///
-/// ```text
-/// min(rate, 1/dt) (q_min + margin - q)  <=  v  <=  min(rate, 1/dt) (q_max - margin - q)
-/// ```
-///
-/// so that one tick never crosses a limit and the distance to it shrinks at most exponentially. A joint
-/// outside its limits may stay or return but not move farther (zero stays feasible, as in OpenSoT). Joints
-/// without limits are not affected.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct PositionLimit {
+with_defaults! {
+    /// Limits the speed at which joints approach their position limits, so that they can still stop:
+    ///
+    /// ```text
+    /// min(rate, 1/dt) (q_min + margin - q)  <=  v  <=  min(rate, 1/dt) (q_max - margin - q)
+    /// ```
+    ///
+    /// so that one tick never crosses a limit and the distance to it shrinks at most exponentially. A joint
+    /// outside its limits may stay or return but not move farther (zero stays feasible, as in OpenSoT).
+    /// Joints without limits are not affected.
+    #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct PositionLimit;
+
     /// Share of the remaining distance that may be covered per second, 1/s, at least 1e-3. Default 20.
-    pub rate: f64,
+    pub rate: f64 = 20.0;
     /// Distance kept from the limits of the robot, rad or m, at least 0; at most half the range is taken.
     /// Default 0.
-    pub margin: f64,
-}
-
-impl Default for PositionLimit {
-    fn default() -> Self {
-        Self { rate: 20.0, margin: 0.0 }
-    }
+    pub margin: f64 = 0.0;
 }
 
 impl Limit for PositionLimit {

@@ -132,22 +132,24 @@ impl RowLimit for SupportLimit {
     }
 }
 
-/// A point of the robot that stays above the convex hull of its support, in all levels.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct SupportConfig {
+with_defaults! {
+    /// A point of the robot that stays above the convex hull of its support, in all levels.
+    #[derive(Debug, Clone, Deserialize, JsonSchema)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct SupportConfig;
+
     /// The point. Default "centre_of_mass".
-    pub of: SupportedPoint,
+    pub of: SupportedPoint = SupportedPoint::CentreOfMass;
     /// Distance kept from the edges of the hull, m, at least 0. Default 0.01.
-    pub margin: f64,
+    pub margin: f64 = 0.01;
     /// For the centre of mass: fraction of the remaining distance to an edge that may be covered per second,
     /// 1/s, at least 1e-3. Default 5.
-    pub rate: f64,
+    pub rate: f64 = 5.0;
     /// For the capture point: height of the ground, m. Default 0.
-    pub ground: f64,
+    pub ground: f64 = 0.0;
     /// Points of the support, x and y of the world, m. Default: the points of the contacts of
     /// `inverse_dynamics` that are switched on.
-    pub points: Option<Vec<[f64; 2]>>,
+    pub points: Option<Vec<[f64; 2]>> = None;
 }
 
 /// A point that stays above the support.
@@ -158,13 +160,6 @@ pub enum SupportedPoint {
     CentreOfMass,
     /// The capture point: the robot can always come to rest without a step.
     CapturePoint,
-}
-
-impl Default for SupportConfig {
-    fn default() -> Self {
-        let of = SupportedPoint::CentreOfMass;
-        Self { of, margin: 0.01, rate: 5.0, ground: 0.0, points: None }
-    }
 }
 
 /// A limit whose support polygon may follow the contacts.

@@ -6,22 +6,18 @@ use serde::Deserialize;
 use super::Limit;
 use crate::{RobotState, solver::Problem};
 
-/// Joint velocities stay within a fraction of the model's limits:
-///
-/// ```text
-/// -fraction v_max <= v <= fraction v_max
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct VelocityLimit {
-    /// Fraction of the robot's velocity limits that may be used, more than 0, at most 1. Default 1.
-    pub fraction: f64,
-}
+with_defaults! {
+    /// Joint velocities stay within a fraction of the model's limits:
+    ///
+    /// ```text
+    /// -fraction v_max <= v <= fraction v_max
+    /// ```
+    #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct VelocityLimit;
 
-impl Default for VelocityLimit {
-    fn default() -> Self {
-        Self { fraction: 1.0 }
-    }
+    /// Fraction of the robot's velocity limits that may be used, more than 0, at most 1. Default 1.
+    pub fraction: f64 = 1.0;
 }
 
 impl Limit for VelocityLimit {

@@ -247,13 +247,13 @@ impl CentroidalMpc {
     fn add_cost(&mut self, step: usize, inverse: &Matrix3<f64>, free: &Column, used: usize) {
         let horizon = &self.horizon[step];
         let momentum = inverse.try_inverse().unwrap_or_else(Matrix3::zeros) * horizon.angular_velocity;
-        let wanted = CentroidalState {
+        let desired = CentroidalState {
             turn: Vector3::zeros(),
             position: horizon.position,
             angular_momentum: momentum,
             velocity: horizon.velocity,
         };
-        let error = Scale::new(&self.settings, horizon.heading, inverse).apply(&(free - column(&wanted)));
+        let error = Scale::new(&self.settings, horizon.heading, inverse).apply(&(free - column(&desired)));
         let (weighed, rows) = (self.weighed.as_slice(), self.problem.hessian.nrows());
         let hessian = self.problem.hessian.as_mut_slice();
         let (columns, _) = weighed.as_chunks::<STATE>();

@@ -12,7 +12,7 @@ pub struct FootPlan {
     /// Current velocity and reference velocity \[m/s\].
     pub velocity: Vector3<f64>,
     /// Velocity of the reference \[m/s\].
-    pub wanted: Vector3<f64>,
+    pub desired: Vector3<f64>,
     /// Heading in the middle of the stance that follows \[rad\].
     pub heading: f64,
     /// Time of the stance that follows \[s\].
@@ -42,20 +42,20 @@ pub struct FootPlan {
 ///
 /// let (position, velocity) = (Vector3::new(1.0, 0.0, 0.25), Vector3::new(0.4, 0.0, 0.0));
 /// let plan =
-///     FootPlan { position, velocity, wanted: velocity, heading: 0.0, stance: 0.2, height: 0.25, gravity: 9.81, ground: GroundPlane::default() };
+///     FootPlan { position, velocity, desired: velocity, heading: 0.0, stance: 0.2, height: 0.25, gravity: 9.81, ground: GroundPlane::default() };
 /// let rest = Vector3::new(0.2, 0.15, -0.25);
 /// assert!((foothold(&plan, &rest, 0.1) - Vector3::new(1.24, 0.15, 0.0)).norm() < 1e-12);
 /// ```
 pub fn foothold(plan: &FootPlan, rest: &Vector3<f64>, most: f64) -> Vector3<f64> {
     let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), plan.heading) * rest;
-    let mut error = plan.velocity - plan.wanted;
+    let mut error = plan.velocity - plan.desired;
     error.z = 0.0;
     let mut capture = error * (plan.height.max(0.0) / plan.gravity.max(f64::MIN_POSITIVE)).sqrt();
     let size = capture.norm();
     if size > most {
         capture *= most / size;
     }
-    let mut place = plan.position + turned + plan.wanted * (0.5 * plan.stance) + capture;
+    let mut place = plan.position + turned + plan.desired * (0.5 * plan.stance) + capture;
     place.z = plan.ground.height(&place.xy());
     place
 }
@@ -129,9 +129,9 @@ mod tests {
     fn capture_step_brings_a_pendulum_to_rest() {
         let (height, gravity) = (0.5_f64, 9.81_f64);
         let (position, velocity) = (Vector3::new(0.0, 0.0, height), Vector3::new(0.3, -0.2, 0.0));
-        let (wanted, ground) = (Vector3::zeros(), GroundPlane::default());
+        let (desired, ground) = (Vector3::zeros(), GroundPlane::default());
         let plan =
-            FootPlan { position, velocity, wanted, heading: 1.0, stance: 0.5, height, gravity, ground };
+            FootPlan { position, velocity, desired, heading: 1.0, stance: 0.5, height, gravity, ground };
         let foot = foothold(&plan, &Vector3::new(0.0, 0.0, -height), 1.0);
         let (mut at, mut moving) = (position, velocity);
         for _ in 0..100_000 {

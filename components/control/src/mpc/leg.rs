@@ -19,22 +19,18 @@ pub struct PlannedFoot {
     pub friction: f64,
 }
 
-/// Reaction to early and late touchdown, if contacts are measured.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Landing {
+with_defaults! {
+    /// Reaction to early and late touchdown, if contacts are measured.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Landing;
+
     /// Fraction of a swing after which a contact ends it, 0 to 1. Default 0.5.
-    pub early_from: f64,
+    pub early_from: f64 = 0.5;
     /// Speed at which a foot without contact at the end of its swing is moved into the ground \[m/s\].
     /// Default 0.3.
-    pub search_speed: f64,
+    pub search_speed: f64 = 0.3;
     /// Maximum duration of this search \[s\]; then the foot counts as standing. Default 0.08.
-    pub search_for: f64,
-}
-
-impl Default for Landing {
-    fn default() -> Self {
-        Self { early_from: 0.5, search_speed: 0.3, search_for: 0.08 }
-    }
+    pub search_for: f64 = 0.08;
 }
 
 /// A swing foot.

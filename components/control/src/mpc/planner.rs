@@ -118,7 +118,7 @@ impl LegPlanner {
         self.legs[foot].touches = touches;
     }
 
-    /// Plans a step of `dt` seconds from the measured state: stepping at the target velocity `wanted`, or at
+    /// Plans a step of `dt` seconds from the measured state: stepping at the target velocity `desired`, or at
     /// rest on all feet.
     ///
     /// # Errors
@@ -126,7 +126,7 @@ impl LegPlanner {
     pub fn step(
         &mut self,
         state: &MotionState<'_>,
-        wanted: &PlanarVelocity,
+        desired: &PlanarVelocity,
         strides: bool,
         dt: f64,
     ) -> Result<(), SolveError> {
@@ -134,8 +134,8 @@ impl LegPlanner {
         let centre = kinematics.centre_of_mass(model);
         self.stepping.set(strides, self.time);
         // on all feet the body does not leave them
-        let wanted = if strides { *wanted } else { PlanarVelocity::default() };
-        self.reference.follow(&wanted, self.settings.acceleration, dt);
+        let desired = if strides { *desired } else { PlanarVelocity::default() };
+        self.reference.follow(&desired, self.settings.acceleration, dt);
         self.place_feet(state, (&centre.position, &centre.velocity), dt);
         self.mpc.set_ground_axes(&self.reference.ground().axes());
         let base = base_rotation(q);
@@ -244,7 +244,7 @@ impl LegPlanner {
         };
         self.find_ground(share);
         let (height, ground) = (self.reference.height(), *self.reference.ground());
-        let (_, wanted, _) = self.reference.after(0.0);
+        let (_, desired, _) = self.reference.after(0.0);
         let stance = self.stepping.gait().stance_time();
         for (index, leg) in self.legs.iter_mut().enumerate() {
             let Some((began, lands)) = leg.swing_at(&self.stepping, index, now) else {
@@ -262,7 +262,7 @@ impl LegPlanner {
             let plan = FootPlan {
                 position: centre + velocity * (lands - now),
                 velocity: *velocity,
-                wanted,
+                desired,
                 heading: self.reference.after(lands - now + 0.5 * stance).2,
                 stance,
                 height,
@@ -330,11 +330,19 @@ impl LegPlanner {
                     _ if lifts < time => {
                         let lands = self.stepping.lifts(index, time) - stance;
                         let lands = if lands.is_finite() { lands } else { lifts + swing_time } - now;
-                        let (position, wanted, _) = self.reference.after(lands);
+                        let (position, desired, _) = self.reference.after(lands);
                         let heading = self.reference.after(lands + 0.5 * stance).2;
-                        let velocity = wanted;
-                        let plan =
-                            FootPlan { position, velocity, wanted, heading, stance, height, gravity, ground };
+                        let velocity = desired;
+                        let plan = FootPlan {
+                            position,
+                            velocity,
+                            desired,
+                            heading,
+                            stance,
+                            height,
+                            gravity,
+                            ground,
+                        };
                         (foothold(&plan, &leg.rest, 0.0), self.reference.orientation(lands))
                     }
                     Some((swing, (_, lands))) => (swing.to, self.reference.orientation(lands - now)),

@@ -64,12 +64,12 @@ impl Reference {
     }
 
     /// Approaches a velocity within an acceleration \[m/s2, rad/s2\] for `dt` seconds, without moving.
-    pub fn follow(&mut self, wanted: &PlanarVelocity, acceleration: f64, dt: f64) {
+    pub fn follow(&mut self, desired: &PlanarVelocity, acceleration: f64, dt: f64) {
         let step = acceleration * dt;
-        let change = wanted.linear - self.velocity.linear;
+        let change = desired.linear - self.velocity.linear;
         let size = change.norm();
         self.velocity.linear += if size > step { change * (step / size) } else { change };
-        self.velocity.yaw_rate += (wanted.yaw_rate - self.velocity.yaw_rate).clamp(-step, step);
+        self.velocity.yaw_rate += (desired.yaw_rate - self.velocity.yaw_rate).clamp(-step, step);
     }
 
     /// Moves by `dt` seconds, and stays near the measured centre of mass and heading: within these distances
@@ -165,30 +165,30 @@ mod tests {
     fn arc_equals_the_sum_of_small_steps() {
         let mut reference = Reference::new(0.3);
         reference.begin(&Vector3::new(1.0, 2.0, 0.0), 0.7);
-        let wanted = PlanarVelocity { linear: Vector2::new(0.4, -0.2), yaw_rate: 0.9 };
-        reference.follow(&wanted, f64::INFINITY, 1.0);
+        let desired = PlanarVelocity { linear: Vector2::new(0.4, -0.2), yaw_rate: 0.9 };
+        reference.follow(&desired, f64::INFINITY, 1.0);
         let (mut place, h) = (Vector2::new(1.0, 2.0), 1e-4);
         for step in 0..10_000 {
             let heading = 0.7 + 0.9 * h * (f64::from(step) + 0.5);
-            place += Rotation2::new(heading) * wanted.linear * h;
+            place += Rotation2::new(heading) * desired.linear * h;
         }
         let (end, velocity, heading) = reference.after(1.0);
         assert!((end.xy() - place).norm() < 1e-8, "{end} {place}");
-        assert!((heading - 1.6).abs() < 1e-12 && (velocity.norm() - wanted.linear.norm()).abs() < 1e-12);
+        assert!((heading - 1.6).abs() < 1e-12 && (velocity.norm() - desired.linear.norm()).abs() < 1e-12);
     }
 
     #[test]
     fn reference_limits_acceleration_and_lead() {
         let mut reference = Reference::new(0.3);
-        let wanted = PlanarVelocity { linear: Vector2::new(0.6, 0.8), yaw_rate: -2.0 };
-        reference.follow(&wanted, 2.0, 0.1);
+        let desired = PlanarVelocity { linear: Vector2::new(0.6, 0.8), yaw_rate: -2.0 };
+        reference.follow(&desired, 2.0, 0.1);
         assert!((reference.velocity().linear - Vector2::new(0.12, 0.16)).norm() < 1e-12);
         assert!((reference.velocity().yaw_rate + 0.2).abs() < 1e-12);
         for _ in 0..100 {
-            reference.follow(&wanted, 2.0, 0.1);
+            reference.follow(&desired, 2.0, 0.1);
             reference.advance(0.1, (&Vector3::zeros(), 7.0), (0.05, 0.3));
         }
-        assert_eq!(reference.velocity(), &wanted);
+        assert_eq!(reference.velocity(), &desired);
         assert!((reference.after(0.0).0.xy().norm() - 0.05).abs() < 1e-12);
         // a heading of 7 rad is one of 7 - 2 pi rad, which it goes ahead of to the right
         assert!(((reference.heading() - 6.7) / (2.0 * PI)).fract().abs() < 1e-9, "{}", reference.heading());

@@ -94,14 +94,14 @@ impl FlightControl {
             acceleration.y *= furthest / aside;
         }
         let force = mass * acceleration;
-        let wanted = attitude_of(&force, target.yaw[0]);
+        let desired = attitude_of(&force, target.yaw[0]);
         let thrust = force.dot(&(rotation * Vector3::z()));
         let is_saturated = leans_too_far || thrust < least || thrust > most;
         if !is_saturated {
             let lasting = self.lasting - integral * w * w * dt * e_x;
             self.lasting = lasting.map(|part| part.clamp(-MOST_INTEGRAL, MOST_INTEGRAL));
         }
-        let between = wanted.transpose() * rotation;
+        let between = desired.transpose() * rotation;
         let off = between.matrix() - between.matrix().transpose();
         let e_r = 0.5 * Vector3::new(off[(2, 1)], off[(0, 2)], off[(1, 0)]);
         let turning = rotation.transpose() * Vector3::new(0.0, 0.0, target.yaw[1]);

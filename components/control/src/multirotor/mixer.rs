@@ -96,9 +96,9 @@ impl Mixer {
     pub fn mix(&self, thrust: f64, torque: &Vector3<f64>, thrusts: &mut [f64]) -> bool {
         let mut whole = true;
         for (rotor, out) in thrusts.iter_mut().enumerate() {
-            let wanted = self.share[(rotor, 0)] * thrust;
-            *out = wanted.clamp(0.0, self.most[rotor]);
-            whole &= *out == wanted;
+            let desired = self.share[(rotor, 0)] * thrust;
+            *out = desired.clamp(0.0, self.most[rotor]);
+            whole &= *out == desired;
         }
         whole &= self.add(thrusts, |share| share[1] * torque.x + share[2] * torque.y);
         whole & self.add(thrusts, |share| share[3] * torque.z)
@@ -156,11 +156,11 @@ mod tests {
     fn yaw_torque_is_reduced_first_and_thrust_last() {
         let mixer = Mixer::new(&square()).unwrap();
         let mut thrusts = [0.0; 4];
-        let wanted = Vector3::new(2e-3, 0.0, 9e-3);
-        assert!(!mixer.mix(0.45, &wanted, &mut thrusts));
+        let desired = Vector3::new(2e-3, 0.0, 9e-3);
+        assert!(!mixer.mix(0.45, &desired, &mut thrusts));
         let (thrust, torque) = mixer.effect(&thrusts);
-        assert!((thrust - 0.45).abs() < 1e-12 && (torque.x - wanted.x).abs() < 1e-12, "{thrust} {torque}");
-        assert!(torque.z > 0.0 && torque.z < 0.5 * wanted.z, "{torque}");
+        assert!((thrust - 0.45).abs() < 1e-12 && (torque.x - desired.x).abs() < 1e-12, "{thrust} {torque}");
+        assert!(torque.z > 0.0 && torque.z < 0.5 * desired.z, "{torque}");
         assert!(!mixer.mix(0.55, &Vector3::new(0.02, 0.01, 9e-3), &mut thrusts));
         let (thrust, torque) = mixer.effect(&thrusts);
         assert!(

@@ -7,48 +7,34 @@ use motorium_robots::{FrameId, Twist, lie::so3};
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
 
 use super::cartesian::{CartesianSettings, CartesianTask, SPRINGS};
+use super::context::TaskContext;
 use super::held::{HeldTask, TaskCost};
 use super::kind::{BuiltTask, GAINS, TaskKind, WEIGHTS};
-use super::place::TaskPlace;
 use super::ramp::{Fades, Ramped, TaskBounds};
 use super::target::TargetInput;
 use crate::{GoalTolerance, RobotState};
 
-/// Mass, damper and spring of an [`Admittance`]; isotropic in translation and in rotation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AdmittanceSettings {
-    /// Mass \[kg\], more than 0. Default 4.
-    pub mass: f64,
-    /// Damping \[N s/m\], at least 0. Default 40.
-    pub damping: f64,
-    /// Stiffness \[N/m\], at least 0; with 0 the frame stays where it was pushed. Default 100.
-    pub stiffness: f64,
-    /// Moment of inertia \[kg m2\], more than 0. Default 0.1.
-    pub inertia: f64,
-    /// Rotational damping \[N m s/rad\], at least 0. Default 2.
-    pub rotational_damping: f64,
-    /// Rotational stiffness \[N m/rad\], at least 0. Default 10.
-    pub rotational_stiffness: f64,
-    /// Largest displacement \[m\]. Default 0.2.
-    pub max_displacement: f64,
-    /// Largest turn \[rad\], less than half a turn. Default 0.8.
-    pub max_rotation: f64,
-}
+with_defaults! {
+    /// Mass, damper and spring of an [`Admittance`]; isotropic in translation and in rotation.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct AdmittanceSettings;
 
-impl Default for AdmittanceSettings {
-    /// Critically damped, with a time constant of 0.2 s along and 0.1 s about the axes.
-    fn default() -> Self {
-        Self {
-            mass: 4.0,
-            damping: 40.0,
-            stiffness: 100.0,
-            inertia: 0.1,
-            rotational_damping: 2.0,
-            rotational_stiffness: 10.0,
-            max_displacement: 0.2,
-            max_rotation: 0.8,
-        }
-    }
+    /// Mass \[kg\], more than 0. Default 4.
+    pub mass: f64 = 4.0;
+    /// Damping \[N s/m\], at least 0. Default 40.
+    pub damping: f64 = 40.0;
+    /// Stiffness \[N/m\], at least 0; with 0 the frame stays where it was pushed. Default 100.
+    pub stiffness: f64 = 100.0;
+    /// Moment of inertia \[kg m2\], more than 0. Default 0.1.
+    pub inertia: f64 = 0.1;
+    /// Rotational damping \[N m s/rad\], at least 0. Default 2.
+    pub rotational_damping: f64 = 2.0;
+    /// Rotational stiffness \[N m/rad\], at least 0. Default 10.
+    pub rotational_stiffness: f64 = 10.0;
+    /// Largest displacement \[m\]. Default 0.2.
+    pub max_displacement: f64 = 0.2;
+    /// Largest turn \[rad\], less than half a turn. Default 0.8.
+    pub max_rotation: f64 = 0.8;
 }
 
 /// A frame that yields to a wrench like a mass on a spring and a damper, independently of the robot's
@@ -205,8 +191,8 @@ impl Admittance {
     /// Returns the displaced pose, velocity and acceleration of a target, in world axes.
     pub fn displace(&self, target: &Isometry3<f64>, velocity: &Twist) -> (Isometry3<f64>, Twist, Twist) {
         let turned: UnitQuaternion<f64> = so3::exp(&self.turn);
-        let place = target.translation.vector + self.displacement;
-        let pose = Isometry3::from_parts(place.into(), turned * target.rotation);
+        let position = target.translation.vector + self.displacement;
+        let pose = Isometry3::from_parts(position.into(), turned * target.rotation);
         let moving = Twist {
             linear: velocity.linear + self.velocity,
             angular: self.angular_velocity() + turned * velocity.angular,
@@ -268,9 +254,9 @@ task_config! {
 }
 
 impl AdmittanceConfig {
-    fn build(&self, place: &TaskPlace<'_>) -> Result<(CartesianTask, FrameId, Admittance), ConfigError> {
-        let frame = place.frame("admittance", self.frame.as_deref())?;
-        let sensor = self.sensor.as_ref().map_or(Ok(frame), |name| place.named_frame("sensor", name))?;
+    fn build(&self, context: &TaskContext<'_>) -> Result<(CartesianTask, FrameId, Admittance), ConfigError> {
+        let frame = context.frame("admittance", self.frame.as_deref())?;
+        let sensor = self.sensor.as_ref().map_or(Ok(frame), |name| context.named_frame("sensor", name))?;
         let law = Admittance::new(AdmittanceSettings {
             mass: self.mass,
             damping: self.damping,
@@ -281,12 +267,12 @@ impl AdmittanceConfig {
             max_displacement: self.max_displacement,
             max_rotation: self.max_rotation,
         });
-        let task = CartesianTask::new(place.model, frame).with(CartesianSettings {
-            error: place.pose_error(),
+        let task = CartesianTask::new(context.model, frame).with(CartesianSettings {
+            error: context.pose_error(),
             gain: self.gain,
             position_weight: self.position_weight,
             orientation_weight: self.orientation_weight,
-            damping: place.damping(None, CartesianSettings::default().damping)?,
+            damping: context.damping(None, CartesianSettings::default().damping)?,
             ..CartesianSettings::default()
         });
         Ok((task, sensor, law))
@@ -294,12 +280,10 @@ impl AdmittanceConfig {
 }
 
 impl TaskKind for AdmittanceConfig {
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
-        self.build(place).map(drop)
-    }
+    check_by_building!();
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
-        let (task, sensor, law) = self.build(place)?;
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
+        let (task, sensor, law) = self.build(context)?;
         Ok(Box::new(HeldAdmittance {
             task,
             law,

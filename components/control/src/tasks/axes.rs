@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Matrix3, Vector3, Vector6};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::place::TaskPlace;
+use super::context::TaskContext;
 
 /// Relative weight below which a direction counts as free.
 const FREE: f64 = 1e-9;
@@ -108,9 +108,9 @@ impl AxisShares {
     /// \[m\], rotation vector \[rad\].
     pub fn error(&self, pose: &Isometry3<f64>, target: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let from_world = self.world_to_axes(pose, target);
-        let place = target.translation.vector - pose.translation.vector;
+        let offset = target.translation.vector - pose.translation.vector;
         let turn = (target.rotation * pose.rotation.inverse()).scaled_axis();
-        (self.position.seen * (from_world * place), self.orientation.seen * (from_world * turn))
+        (self.position.seen * (from_world * offset), self.orientation.seen * (from_world * turn))
     }
 
     /// `R'`, from the world to the axes.
@@ -138,7 +138,7 @@ impl AxisShares {
 
     /// `S v` of a vector in the axes.
     pub(crate) fn weigh(&self, linear: &Vector3<f64>, angular: &Vector3<f64>) -> Vector6<f64> {
-        stacked(self.position.shares * linear, self.orientation.shares * angular)
+        stacked((self.position.shares * linear, self.orientation.shares * angular))
     }
 
     /// `S`: the factors of the position and of the orientation.
@@ -153,29 +153,32 @@ impl AxisShares {
                 |row: usize| if part.shares.row(row).iter().any(|share| *share != 0.0) { 1.0 } else { 0.0 };
             Vector3::new(of(0), of(1), of(2))
         };
-        stacked(counts(&self.position), counts(&self.orientation))
+        stacked((counts(&self.position), counts(&self.orientation)))
     }
 }
 
-fn stacked(linear: Vector3<f64>, angular: Vector3<f64>) -> Vector6<f64> {
+/// The linear and the angular part of a pose error as one vector.
+pub(super) fn stacked((linear, angular): (Vector3<f64>, Vector3<f64>)) -> Vector6<f64> {
     Twist { linear, angular }.vector()
 }
 
-/// Factors of the weights of a pose by axis.
-///
-/// ```toml
-/// axes = { of = "world", position = [0.0, 0.0, 1.0], orientation = [1.0, 1.0, 0.0] }
-/// ```
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct AxesConfig {
+with_defaults! {
+    /// Factors of the weights of a pose by axis.
+    ///
+    /// ```toml
+    /// axes = { of = "world", position = [0.0, 0.0, 1.0], orientation = [1.0, 1.0, 0.0] }
+    /// ```
+    #[derive(Debug, Clone, Deserialize, JsonSchema)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct AxesConfig;
+
     /// Axes in which the error is counted. Default "frame".
-    pub of: PoseAxes,
+    pub of: PoseAxes = PoseAxes::default();
     /// Factors of `position_weight`: one for each axis, 0 to 1, or a matrix, each row a direction, -1 to 1.
     /// Default [1, 1, 1].
-    pub position: SharesConfig,
+    pub position: SharesConfig = SharesConfig::default();
     /// Factors of `orientation_weight`, for the rotations about the axes. Default [1, 1, 1].
-    pub orientation: SharesConfig,
+    pub orientation: SharesConfig = SharesConfig::default();
 }
 
 /// Factors of three axes.
@@ -194,26 +197,19 @@ impl Default for SharesConfig {
     }
 }
 
-impl Default for AxesConfig {
-    fn default() -> Self {
-        let all = SharesConfig::default();
-        Self { of: PoseAxes::default(), position: all, orientation: all }
-    }
-}
-
 impl SharesConfig {
-    fn matrix(&self, place: &TaskPlace<'_>, name: &str) -> Result<Matrix3<f64>, ConfigError> {
+    fn matrix(&self, context: &TaskContext<'_>, name: &str) -> Result<Matrix3<f64>, ConfigError> {
         let key = format!("axes.{name}");
         match self {
             Self::Each(shares) => {
                 for share in shares {
-                    place.in_range(&key, *share, 0.0..=1.0)?;
+                    context.in_range(&key, *share, 0.0..=1.0)?;
                 }
                 Ok(Matrix3::from_diagonal(&(*shares).into()))
             }
             Self::Matrix(rows) => {
                 for share in rows.iter().flatten() {
-                    place.in_range(&key, *share, -1.0..=1.0)?;
+                    context.in_range(&key, *share, -1.0..=1.0)?;
                 }
                 Ok(Matrix3::from_row_slice(rows.as_flattened()))
             }
@@ -223,11 +219,12 @@ impl SharesConfig {
 
 impl AxesConfig {
     /// The factors, checked.
-    pub(super) fn shares(&self, place: &TaskPlace<'_>) -> Result<AxisShares, ConfigError> {
-        let position = self.position.matrix(place, "position")?;
-        let shares = AxisShares::matrices(self.of, position, self.orientation.matrix(place, "orientation")?);
+    pub(super) fn shares(&self, context: &TaskContext<'_>) -> Result<AxisShares, ConfigError> {
+        let position = self.position.matrix(context, "position")?;
+        let shares =
+            AxisShares::matrices(self.of, position, self.orientation.matrix(context, "orientation")?);
         if !shares.has_position() && !shares.has_orientation() {
-            return Err(ConfigError::key(place.key("axes"), "they leave the whole pose free")
+            return Err(ConfigError::key(context.key("axes"), "they leave the whole pose free")
                 .advise("give some axis a factor, such as `position = [1, 1, 0]`, or leave the task out"));
         }
         Ok(shares)

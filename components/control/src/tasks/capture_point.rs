@@ -5,9 +5,9 @@ use motorium_robots::Model;
 use nalgebra::{Matrix3xX, Vector2, Vector3};
 
 use super::Cost;
+use super::context::TaskContext;
 use super::held::{HeldTask, TaskCost};
 use super::kind::{BuiltTask, Formulations, GAINS, TaskHead, TaskKind, TaskTable, WEIGHTS};
-use super::place::TaskPlace;
 use super::ramp::{Fades, Ramped, TaskBounds};
 use super::target::TargetInput;
 use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
@@ -66,6 +66,8 @@ pub struct CapturePoint {
     cost: Cost,
 }
 
+methods!(CapturePoint: weight("1/(m/s2)"), set);
+
 impl CapturePoint {
     /// A task for `model` with a gain \[1/s\], the world's origin as target, and weight 1 \[1/(m/s2)\].
     pub fn new(model: &Model, gain: f64) -> Self {
@@ -79,18 +81,6 @@ impl CapturePoint {
             jacobian: Matrix3xX::zeros(model.nv()),
             cost: Cost::dense(2, 0, model.nv()),
         }
-    }
-
-    /// The same task with a weight \[1/(m/s2)\].
-    #[must_use]
-    pub fn weight(mut self, weight: f64) -> Self {
-        self.weight = weight;
-        self
-    }
-
-    /// Changes gain \[1/s\] and weight from the next update on.
-    pub fn set(&mut self, gain: f64, weight: f64) {
-        (self.gain, self.weight) = (gain, weight);
     }
 
     /// Sets the target `k*` \[m, world axes\], at rest.
@@ -137,8 +127,8 @@ impl AccelerationTask for CapturePoint {
         self.rate = (gravity / height).sqrt();
         let velocity = moving.velocity.xy();
         self.point = moving.position.xy() + velocity / self.rate;
-        let wanted = (self.velocity + self.error() * self.gain - velocity) * self.rate;
-        self.cost.desired_mut().copy_from(&(wanted - moving.acceleration.xy()));
+        let desired = (self.velocity + self.error() * self.gain - velocity) * self.rate;
+        self.cost.desired_mut().copy_from(&(desired - moving.acceleration.xy()));
         self.cost.weights_mut().fill(self.weight);
         state.kinematics.com_jacobian(state.model, &mut self.jacobian);
         self.cost.matrix_mut().copy_from(&self.jacobian.fixed_rows::<2>(0));
@@ -174,13 +164,13 @@ impl TaskKind for CapturePointConfig {
         self.table_head().only(Formulations::Torque)
     }
 
-    fn check(&self, _: &TaskPlace<'_>) -> Result<(), ConfigError> {
+    fn check(&self, _: &TaskContext<'_>) -> Result<(), ConfigError> {
         Ok(())
     }
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         Ok(Box::new(HeldCapturePoint {
-            task: CapturePoint::new(place.model, self.gain),
+            task: CapturePoint::new(context.model, self.gain),
             target: TargetInput::new(setup.input(&self.target)?, GoalTolerance::default()),
             parameters: self.open(setup)?,
             largest: 0.0,

@@ -9,9 +9,10 @@ use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3, Vector6};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::axes::stacked;
+use super::context::TaskContext;
 use super::held::{HeldTask, TaskCost};
 use super::kind::{BuiltTask, GAINS, TaskKind, TaskParameter, TaskTable, WEIGHTS};
-use super::place::TaskPlace;
 use super::ramp::{Fades, Ramped, TaskBounds};
 use super::target::TargetInput;
 use super::{
@@ -22,44 +23,31 @@ use crate::{GoalError, GoalRecord, GoalTolerance, MotionState, RobotState};
 /// Half the time over which an error is differenced \[s\].
 const STEP: f64 = 1e-4;
 
-/// Gains and weights of a [`CartesianTask`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CartesianSettings {
+with_defaults! {
+    /// Gains and weights of a [`CartesianTask`].
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct CartesianSettings;
+
     /// Form of the error. Default logarithm.
-    pub error: PoseError,
+    pub error: PoseError = PoseError::Logarithm;
     /// Rate at which the error decays \[1/s\]. Useful below a tenth of the tick rate. Default 10.
-    pub gain: f64,
+    pub gain: f64 = 10.0;
     /// Cost of a velocity error \[1/(m/s)\], or of an acceleration error \[1/(m/s2)\]; 0 leaves the position
     /// free. Default 1.
-    pub position_weight: f64,
+    pub position_weight: f64 = 1.0;
     /// Cost of an angular velocity error \[1/(rad/s)\], or of an acceleration error \[1/(rad/s2)\]; 0 leaves
     /// the orientation free. Default 0.5.
-    pub orientation_weight: f64,
+    pub orientation_weight: f64 = 0.5;
     /// Largest speed at which the error is corrected \[m/s\]. Default infinite.
-    pub max_linear_speed: f64,
+    pub max_linear_speed: f64 = f64::INFINITY;
     /// Largest angular speed at which the error is corrected \[rad/s\]. Default infinite.
-    pub max_angular_speed: f64,
+    pub max_angular_speed: f64 = f64::INFINITY;
     /// Levenberg-Marquardt damping per speed of correction \[s m/rad^2\]: keeps the robot calm where the
     /// target is out of reach, and vanishes at the target. Should exceed half the tick period times the reach
     /// of the robot. Default 5e-3.
-    pub damping: f64,
+    pub damping: f64 = 5e-3;
     /// Factors of the weights by axis. Default: none, the whole pose counts.
-    pub shares: Option<AxisShares>,
-}
-
-impl Default for CartesianSettings {
-    fn default() -> Self {
-        Self {
-            error: PoseError::Logarithm,
-            gain: 10.0,
-            position_weight: 1.0,
-            orientation_weight: 0.5,
-            max_linear_speed: f64::INFINITY,
-            max_angular_speed: f64::INFINITY,
-            damping: 5e-3,
-            shares: None,
-        }
-    }
+    pub shares: Option<AxisShares> = None;
 }
 
 impl CartesianSettings {
@@ -261,9 +249,9 @@ impl CartesianTask {
         let Twist { linear, angular } = self.velocity;
         let from_world = shares.world_to_axes(pose, &self.target);
         // free directions also affect the motion of the axes
-        let place = from_world * (self.target.translation.vector - pose.translation.vector);
+        let offset = from_world * (self.target.translation.vector - pose.translation.vector);
         let carried = match shares.axes() {
-            PoseAxes::Target => (from_world * angular).cross(&place),
+            PoseAxes::Target => (from_world * angular).cross(&offset),
             _ => Vector3::zeros(),
         };
         let [by_frame, by_target] = match self.settings.error {
@@ -281,7 +269,7 @@ impl CartesianTask {
             let (v, w) = (column.fixed_rows::<3>(0).into_owned(), column.fixed_rows::<3>(3).into_owned());
             let mut linear = from_world * v;
             if carries {
-                linear -= place.cross(&(from_world * w));
+                linear -= offset.cross(&(from_world * w));
             }
             column.copy_from(&shares.weigh(&linear, &(by_frame * w)));
         }
@@ -322,13 +310,13 @@ impl CartesianTask {
             return;
         };
         let from_world = shares.world_to_axes(pose, &self.target);
-        let place = self.target.translation.vector - pose.translation.vector;
+        let offset = self.target.translation.vector - pose.translation.vector;
         let spin = shares.turning(moving.angular, self.velocity.angular);
         let spin_rate = shares.turning(drift.angular, self.acceleration.angular);
-        let seen = (from_world * (linear - spin.cross(&place)), from_world * angular);
+        let seen = (from_world * (linear - spin.cross(&offset)), from_world * angular);
         let linear =
-            self.acceleration.linear - drift.linear - spin_rate.cross(&place) - spin.cross(&linear) * 2.0
-                + spin.cross(&spin.cross(&place));
+            self.acceleration.linear - drift.linear - spin_rate.cross(&offset) - spin.cross(&linear) * 2.0
+                + spin.cross(&spin.cross(&offset));
         let angular = self.acceleration.angular - drift.angular;
         let second = stacked((from_world * linear, from_world * angular));
         self.set_derivatives(stacked(seen), second, Vector6::zeros());
@@ -403,11 +391,6 @@ pub(super) fn differentiate_error(
     ((ahead - behind) / (2.0 * STEP), (ahead - now * 2.0 + behind) / (STEP * STEP))
 }
 
-/// The linear and the angular part of a pose error as one vector.
-pub(super) fn stacked((linear, angular): (Vector3<f64>, Vector3<f64>)) -> Vector6<f64> {
-    Twist { linear, angular }.vector()
-}
-
 /// A spring and a damper that pull a frame to its target.
 ///
 /// The task requests the acceleration caused by the forces `f = K e + D e'` at the frame without contacts: `J
@@ -422,7 +405,8 @@ pub(super) fn stacked((linear, angular): (Vector3<f64>, Vector3<f64>)) -> Vector
 ///
 /// let iiwa = load("iiwa14", std::path::Path::new("."))?.model;
 /// let hand = iiwa.frame("iiwa_link_ee")?;
-/// let soft = CartesianImpedance { stiffness: 300.0, damping: 50.0, rotational_stiffness: 20.0, rotational_damping: 3.0 };
+/// let (stiffness, damping, rotational_stiffness, rotational_damping) = (300.0, 50.0, 20.0, 3.0);
+/// let soft = CartesianImpedance { stiffness, damping, rotational_stiffness, rotational_damping };
 /// let task = CartesianTask::new(&iiwa, hand).with(CartesianSettings::geometric()).impedance(&iiwa, soft);
 /// # let _ = task;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -505,8 +489,8 @@ pub struct CartesianImpedanceConfig {
 
 impl CartesianImpedanceConfig {
     /// Spring and damper, checked.
-    fn build(&self, place: &TaskPlace<'_>) -> Result<CartesianImpedance, ConfigError> {
-        let figure = |name: &str, value| place.in_range(&format!("impedance.{name}"), value, SPRINGS);
+    fn build(&self, context: &TaskContext<'_>) -> Result<CartesianImpedance, ConfigError> {
+        let figure = |name: &str, value| context.in_range(&format!("impedance.{name}"), value, SPRINGS);
         Ok(CartesianImpedance {
             stiffness: figure("stiffness", self.stiffness)?,
             damping: figure("damping", self.damping)?,
@@ -528,28 +512,28 @@ impl CartesianSettings {
 }
 
 impl CartesianConfig {
-    fn build(&self, place: &TaskPlace<'_>) -> Result<CartesianTask, ConfigError> {
-        let frame = place.frame("cartesian", self.frame.as_deref())?;
-        let mut task = CartesianTask::new(place.model, frame).with(CartesianSettings {
-            error: place.pose_error(),
+    fn build(&self, context: &TaskContext<'_>) -> Result<CartesianTask, ConfigError> {
+        let frame = context.frame("cartesian", self.frame.as_deref())?;
+        let mut task = CartesianTask::new(context.model, frame).with(CartesianSettings {
+            error: context.pose_error(),
             gain: self.gain,
             position_weight: self.position_weight,
             orientation_weight: self.orientation_weight,
-            max_linear_speed: place.max_speed("max_linear_speed", self.max_linear_speed)?,
-            max_angular_speed: place.max_speed("max_angular_speed", self.max_angular_speed)?,
-            damping: place.damping(self.damping, CartesianSettings::default().damping)?,
-            shares: self.axes.as_ref().map(|axes| axes.shares(place)).transpose()?,
+            max_linear_speed: context.max_speed("max_linear_speed", self.max_linear_speed)?,
+            max_angular_speed: context.max_speed("max_angular_speed", self.max_angular_speed)?,
+            damping: context.damping(self.damping, CartesianSettings::default().damping)?,
+            shares: self.axes.as_ref().map(|axes| axes.shares(context)).transpose()?,
         });
         if let Some(impedance) = &self.impedance {
-            place.check_impedance(self.gain, CartesianSettings::default().gain)?;
-            task = task.impedance(place.model, impedance.build(place)?);
+            context.check_impedance(self.gain, CartesianSettings::default().gain)?;
+            task = task.impedance(context.model, impedance.build(context)?);
         }
         Ok(task)
     }
 
     /// Returns the contact during whose lift the task is active.
-    fn lifted(&self, place: &TaskPlace<'_>) -> Result<Option<usize>, ConfigError> {
-        self.while_lifted.as_ref().map(|name| place.contact("while_lifted", name)).transpose()
+    fn lifted(&self, context: &TaskContext<'_>) -> Result<Option<usize>, ConfigError> {
+        self.while_lifted.as_ref().map(|name| context.contact("while_lifted", name)).transpose()
     }
 }
 
@@ -567,13 +551,13 @@ impl TaskKind for CartesianConfig {
         parameters
     }
 
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
-        self.lifted(place)?;
-        self.build(place).map(drop)
+    fn check(&self, context: &TaskContext<'_>) -> Result<(), ConfigError> {
+        self.lifted(context)?;
+        self.build(context).map(drop)
     }
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
-        let (task, input) = (self.build(place)?, setup.input(&self.target)?);
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
+        let (task, input) = (self.build(context)?, setup.input(&self.target)?);
         let (pull, weights) = match &self.impedance {
             None => {
                 let [gain, position, orientation] = self.open(setup)?;
@@ -581,7 +565,7 @@ impl TaskKind for CartesianConfig {
             }
             Some(impedance) => {
                 let [stiffness, damping, position, orientation] = self.open(setup)?;
-                let spring = impedance.build(place)?;
+                let spring = impedance.build(context)?;
                 (Pull::Spring { spring, stiffness, damping }, [position, orientation])
             }
         };
@@ -592,7 +576,7 @@ impl TaskKind for CartesianConfig {
             orientation: if orientation { self.orientation_tolerance } else { f64::INFINITY },
         };
         let target = TargetInput::new(input, tolerance);
-        Ok(Box::new(HeldCartesian { task, target, pull, weights, lifted: self.lifted(place)? }))
+        Ok(Box::new(HeldCartesian { task, target, pull, weights, lifted: self.lifted(context)? }))
     }
 }
 

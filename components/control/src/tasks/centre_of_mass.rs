@@ -4,35 +4,30 @@ use motorium::prelude::*;
 use motorium_robots::Model;
 use nalgebra::Vector3;
 
-use super::held::{HeldTask, TaskCost};
+use super::context::TaskContext;
+use super::held::{Driven, Reach};
 use super::kind::{BuiltTask, GAINS, TaskKind, WEIGHTS};
-use super::place::TaskPlace;
-use super::ramp::{Fades, Ramped, TaskBounds};
 use super::target::TargetInput;
 use super::{Cost, Equation, Feedback, JacobianView, Response, Task};
-use crate::{GoalError, GoalRecord, GoalTolerance, MotionState, RobotState};
+use crate::{GoalError, GoalTolerance, MotionState, RobotState};
 
-/// Gain and weights of a [`CentreOfMassTask`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CentreOfMassSettings {
+with_defaults! {
+    /// Gain and weights of a [`CentreOfMassTask`].
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct CentreOfMassSettings;
+
     /// Rate at which the error decays \[1/s\]. Useful below a tenth of the tick rate. Default 10.
-    pub gain: f64,
+    pub gain: f64 = 10.0;
     /// Cost of a velocity error \[1/(m/s)\], or of an acceleration error \[1/(m/s2)\]. Default 1.
-    pub weight: f64,
+    pub weight: f64 = 1.0;
     /// Factors of the weight along x, y and z of the world; 0 leaves an axis free. Default 1.
-    pub shares: [f64; 3],
+    pub shares: [f64; 3] = [1.0; 3];
     /// Largest speed at which the error is corrected \[m/s\]. Default infinite.
-    pub max_speed: f64,
+    pub max_speed: f64 = f64::INFINITY;
     /// Levenberg-Marquardt damping per speed of correction \[s m/rad^2\]: keeps the robot calm where the
     /// target is out of reach, and vanishes at the target. Should exceed half the tick period times the reach
     /// of the robot. Default 5e-3.
-    pub damping: f64,
-}
-
-impl Default for CentreOfMassSettings {
-    fn default() -> Self {
-        Self { gain: 10.0, weight: 1.0, shares: [1.0; 3], max_speed: f64::INFINITY, damping: 5e-3 }
-    }
+    pub damping: f64 = 5e-3;
 }
 
 impl CentreOfMassSettings {
@@ -176,92 +171,47 @@ task_config! {
 }
 
 impl CentreOfMassConfig {
-    fn build(&self, place: &TaskPlace<'_>) -> Result<CentreOfMassTask, ConfigError> {
-        let mass: f64 = place.model.bodies().iter().map(|body| body.inertia.mass).sum();
+    fn build(&self, context: &TaskContext<'_>) -> Result<CentreOfMassTask, ConfigError> {
+        let mass: f64 = context.model.bodies().iter().map(|body| body.inertia.mass).sum();
         if mass.is_nan() || mass <= 0.0 {
-            let message = format!("robot `{}` has no mass, so no centre of mass", place.model.name());
-            return Err(ConfigError::key(&place.path, message));
+            let message = format!("robot `{}` has no mass, so no centre of mass", context.model.name());
+            return Err(ConfigError::key(&context.path, message));
         }
         for share in self.shares {
-            place.in_range("shares", share, 0.0..=1.0)?;
+            context.in_range("shares", share, 0.0..=1.0)?;
         }
-        Ok(CentreOfMassTask::new(place.model).with(CentreOfMassSettings {
+        Ok(CentreOfMassTask::new(context.model).with(CentreOfMassSettings {
             gain: self.gain,
             weight: self.weight,
             shares: self.shares,
-            max_speed: place.max_speed("max_speed", self.max_speed)?,
-            damping: place.damping(self.damping, CentreOfMassSettings::default().damping)?,
+            max_speed: context.max_speed("max_speed", self.max_speed)?,
+            damping: context.damping(self.damping, CentreOfMassSettings::default().damping)?,
         }))
     }
 }
 
 impl TaskKind for CentreOfMassConfig {
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
-        self.build(place).map(drop)
-    }
+    check_by_building!();
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
-        let tolerance = GoalTolerance { position: self.tolerance, ..GoalTolerance::default() };
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
+        let tolerance = GoalTolerance { position: self.tolerance, orientation: f64::INFINITY };
         let target = TargetInput::new(setup.input(&self.target)?, tolerance);
-        Ok(Box::new(HeldCentreOfMass { task: self.build(place)?, target, parameters: self.open(setup)? }))
-    }
-}
-
-/// A centre of mass that follows the positions of one input.
-struct HeldCentreOfMass {
-    task: CentreOfMassTask,
-    target: TargetInput,
-    /// Gain and weight.
-    parameters: [Ramped; 2],
-}
-
-impl HeldTask for HeldCentreOfMass {
-    fn begin(&mut self, start: &RobotState<'_>) {
-        if !self.target.is_set() {
-            self.task.set_target(start.kinematics.centre_of_mass(start.model).position);
-        }
-    }
-
-    fn reset(&mut self) {
-        self.target.reset();
-    }
-
-    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
-        let [gain, weight] = self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
-        let gain = gain.min(bounds.max_gain);
-        self.task.set_settings(CentreOfMassSettings { gain, weight, ..*self.task.settings() });
-    }
-
-    fn prepare(&mut self, bounds: &TaskBounds) {
-        if let Some((point, velocity)) = self.target.point(bounds) {
-            self.task.set_moving_target(point, velocity, Vector3::zeros());
-        }
-    }
-
-    fn cost(&mut self) -> TaskCost<'_> {
-        TaskCost::Motion(&mut self.task)
-    }
-
-    fn record(&mut self, measured: &RobotState<'_>, dt: f64) {
-        let mut error = self.task.target() - measured.kinematics.centre_of_mass(measured.model).position;
-        for (error, share) in error.iter_mut().zip(self.task.settings().shares) {
-            *error = if share == 0.0 { 0.0 } else { *error };
-        }
-        self.target.observe(GoalError { position: error.norm(), orientation: None }, dt);
-    }
-
-    fn goals(&self) -> Option<&GoalRecord> {
-        Some(self.target.goals())
-    }
-
-    fn result(&self) -> Option<serde_json::Value> {
-        let (goals, distance) = (self.target.goals(), |error: GoalError| error.position);
-        let summary = goals.summary();
-        Some(serde_json::json!({
-            "goals_reached": summary.reached,
-            "goals_missed": summary.missed,
-            "position_error_m": summary.worst.map(distance),
-            "last_position_error_m": goals.latest().map(distance),
-        }))
+        let task = Driven::motion(self.build(context)?, self.open(setup)?, |task, [gain, weight], bounds| {
+            let gain = gain.min(bounds.max_gain);
+            task.set_settings(CentreOfMassSettings { gain, weight, ..*task.settings() });
+        });
+        Ok(Box::new(task.reaching(Reach {
+            target,
+            start: |task, start| task.set_target(start.kinematics.centre_of_mass(start.model).position),
+            follow: |task, point, velocity| task.set_moving_target(point, velocity, Vector3::zeros()),
+            error: |task, measured| {
+                let mut error = task.target() - measured.kinematics.centre_of_mass(measured.model).position;
+                // free axes do not count
+                for (error, share) in error.iter_mut().zip(task.settings().shares) {
+                    *error = if share == 0.0 { 0.0 } else { *error };
+                }
+                GoalError { position: error.norm(), orientation: None }
+            },
+        })))
     }
 }

@@ -21,6 +21,8 @@ pub struct ForceRegularisation {
     cost: Cost,
 }
 
+methods!(ForceRegularisation: weight("1/N"), set_weight);
+
 impl ForceRegularisation {
     /// A task for the contacts of `dynamics`, with weight 1e-3 \[1/N\].
     pub fn new(dynamics: &InverseDynamics) -> Self {
@@ -32,18 +34,6 @@ impl ForceRegularisation {
     pub(crate) fn for_contacts(model: &Model, contacts: &[Contact]) -> Self {
         let points: usize = contacts.iter().map(Contact::points).sum();
         Self { weight: 1e-3, cost: Cost::identity(model.nv(), 3 * points) }
-    }
-
-    /// The same task with a weight \[1/N\].
-    #[must_use]
-    pub fn weight(mut self, weight: f64) -> Self {
-        self.weight = weight;
-        self
-    }
-
-    /// Changes the weight from the next update on.
-    pub fn set_weight(&mut self, weight: f64) {
-        self.weight = weight;
     }
 }
 
@@ -72,6 +62,8 @@ pub struct ContactForce {
     cost: Cost,
 }
 
+methods!(ContactForce: weight("1/N"));
+
 impl ContactForce {
     /// A task for a contact of `dynamics`, with target zero and weight 1 \[1/N\].
     ///
@@ -82,13 +74,6 @@ impl ContactForce {
         let first = dynamics.order.velocities + 3 * place.first_point;
         let cost = Cost::dense(3, first, 3 * place.contact.points());
         Self { contact, weight: 1.0, target: Vector3::zeros(), cost }
-    }
-
-    /// The same task with a weight \[1/N\].
-    #[must_use]
-    pub fn weight(mut self, weight: f64) -> Self {
-        self.weight = weight;
-        self
     }
 
     /// Sets the target, the force of the world on the robot \[N, world axes\].

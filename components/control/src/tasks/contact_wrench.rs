@@ -5,9 +5,9 @@ use motorium_robots::{Model, Twist};
 use nalgebra::Matrix3;
 
 use super::Cost;
+use super::context::TaskContext;
 use super::held::Driven;
 use super::kind::{ActsOn, BuiltTask, Formulations, TaskHead, TaskKind, TaskTable, WEIGHTS};
-use super::place::TaskPlace;
 use crate::MotionState;
 use crate::contact::Contact;
 use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
@@ -114,12 +114,12 @@ task_config! {
 }
 
 impl ContactWrenchConfig {
-    fn build(&self, place: &TaskPlace<'_>) -> Result<ContactWrench, ConfigError> {
-        let contact = place.contact("contact", &self.contact)?;
+    fn build(&self, context: &TaskContext<'_>) -> Result<ContactWrench, ConfigError> {
+        let contact = context.contact("contact", &self.contact)?;
         for value in self.force.iter().chain(&self.torque) {
-            place.in_range("force", *value, f64::MIN..=f64::MAX)?;
+            context.in_range("force", *value, f64::MIN..=f64::MAX)?;
         }
-        let mut task = ContactWrench::for_contact(place.model, place.contacts, contact);
+        let mut task = ContactWrench::for_contact(context.model, context.contacts, contact);
         task.set_target(Twist { linear: self.force.into(), angular: self.torque.into() });
         Ok(task)
     }
@@ -130,13 +130,11 @@ impl TaskKind for ContactWrenchConfig {
         self.table_head().only(Formulations::Torque).acts_on(ActsOn::Forces)
     }
 
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
-        self.build(place).map(drop)
-    }
+    check_by_building!();
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         let mut input = setup.input::<Wrench>(&self.target)?;
-        let task = Driven::forces(self.build(place)?, self.open(setup)?, |task, [force, torque], _| {
+        let task = Driven::forces(self.build(context)?, self.open(setup)?, |task, [force, torque], _| {
             task.set_weights(force, torque);
         });
         Ok(Box::new(task.following(move |task, _| {

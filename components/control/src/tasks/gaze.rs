@@ -4,37 +4,32 @@ use motorium::prelude::*;
 use motorium_robots::{FrameId, Model, Reference};
 use nalgebra::{Matrix6xX, Unit, Vector3};
 
-use super::held::{HeldTask, TaskCost};
+use super::context::TaskContext;
+use super::held::{Driven, Reach};
 use super::kind::{BuiltTask, GAINS, TaskKind, WEIGHTS};
-use super::place::TaskPlace;
-use super::ramp::{Fades, Ramped, TaskBounds};
 use super::target::TargetInput;
 use super::{Cost, Equation, Feedback, JacobianView, Response, Task};
-use crate::{GoalError, GoalRecord, GoalTolerance, MotionState, RobotState};
+use crate::{GoalError, GoalTolerance, MotionState, RobotState};
 
 /// Minimum distance from the frame origin to the target \[m\]; closer targets are ignored because the
 /// direction is undefined.
 const NEAREST: f64 = 1e-2;
 
-/// Gain and weights of a [`GazeTask`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GazeSettings {
+with_defaults! {
+    /// Gain and weights of a [`GazeTask`].
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct GazeSettings;
+
     /// Rate at which the error decays \[1/s\]. Useful below a tenth of the tick rate. Default 10.
-    pub gain: f64,
+    pub gain: f64 = 10.0;
     /// Cost of an angular velocity error \[1/(rad/s)\], or of an acceleration error \[1/(rad/s2)\]. Default
     /// 1.
-    pub weight: f64,
+    pub weight: f64 = 1.0;
     /// Largest angular speed at which the error is corrected \[rad/s\]. Default infinite.
-    pub max_speed: f64,
+    pub max_speed: f64 = f64::INFINITY;
     /// Levenberg-Marquardt damping per correction speed \[s/rad\]. Prevents oscillation if the robot cannot
     /// look at the target, and vanishes when it does. Default 5e-3.
-    pub damping: f64,
-}
-
-impl Default for GazeSettings {
-    fn default() -> Self {
-        Self { gain: 10.0, weight: 1.0, max_speed: f64::INFINITY, damping: 5e-3 }
-    }
+    pub damping: f64 = 5e-3;
 }
 
 impl GazeSettings {
@@ -267,83 +262,36 @@ task_config! {
 }
 
 impl GazeConfig {
-    fn build(&self, place: &TaskPlace<'_>) -> Result<GazeTask, ConfigError> {
-        let frame = place.frame("gaze", self.frame.as_deref())?;
-        Ok(GazeTask::new(place.model, frame, place.axis("axis", self.axis)?).with(GazeSettings {
+    fn build(&self, context: &TaskContext<'_>) -> Result<GazeTask, ConfigError> {
+        let frame = context.frame("gaze", self.frame.as_deref())?;
+        Ok(GazeTask::new(context.model, frame, context.axis("axis", self.axis)?).with(GazeSettings {
             gain: self.gain,
             weight: self.weight,
-            max_speed: place.max_speed("max_speed", self.max_speed)?,
-            damping: place.damping(self.damping, GazeSettings::default().damping)?,
+            max_speed: context.max_speed("max_speed", self.max_speed)?,
+            damping: context.damping(self.damping, GazeSettings::default().damping)?,
         }))
     }
 }
 
 impl TaskKind for GazeConfig {
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
-        self.build(place).map(drop)
-    }
+    check_by_building!();
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         let tolerance = GoalTolerance { position: f64::INFINITY, orientation: self.tolerance };
         let target = TargetInput::new(setup.input(&self.target)?, tolerance);
-        Ok(Box::new(HeldGaze { task: self.build(place)?, target, parameters: self.open(setup)? }))
-    }
-}
-
-/// An axis that points at the positions of one input.
-struct HeldGaze {
-    task: GazeTask,
-    target: TargetInput,
-    /// Gain and weight.
-    parameters: [Ramped; 2],
-}
-
-impl HeldTask for HeldGaze {
-    fn begin(&mut self, start: &RobotState<'_>) {
-        if !self.target.is_set() {
-            let pose = start.kinematics.pose(start.model, self.task.frame());
-            let ahead = pose.rotation * self.task.axis().into_inner();
-            self.task.set_target(pose.translation.vector + ahead * FAR);
-        }
-    }
-
-    fn reset(&mut self) {
-        self.target.reset();
-    }
-
-    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
-        let [gain, weight] = self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
-        let gain = gain.min(bounds.max_gain);
-        self.task.set_settings(GazeSettings { gain, weight, ..*self.task.settings() });
-    }
-
-    fn prepare(&mut self, bounds: &TaskBounds) {
-        if let Some((point, velocity)) = self.target.point(bounds) {
-            self.task.set_moving_target(point, velocity);
-        }
-    }
-
-    fn cost(&mut self) -> TaskCost<'_> {
-        TaskCost::Motion(&mut self.task)
-    }
-
-    fn record(&mut self, measured: &RobotState<'_>, dt: f64) {
-        let orientation = Some(self.task.angle_at(measured));
-        self.target.observe(GoalError { position: 0.0, orientation }, dt);
-    }
-
-    fn goals(&self) -> Option<&GoalRecord> {
-        Some(self.target.goals())
-    }
-
-    fn result(&self) -> Option<serde_json::Value> {
-        let (goals, angle) = (self.target.goals(), |error: GoalError| error.orientation);
-        let summary = goals.summary();
-        Some(serde_json::json!({
-            "goals_reached": summary.reached,
-            "goals_missed": summary.missed,
-            "orientation_error_rad": summary.worst.and_then(angle),
-            "last_orientation_error_rad": goals.latest().and_then(angle),
-        }))
+        let task = Driven::motion(self.build(context)?, self.open(setup)?, |task, [gain, weight], bounds| {
+            let gain = gain.min(bounds.max_gain);
+            task.set_settings(GazeSettings { gain, weight, ..*task.settings() });
+        });
+        Ok(Box::new(task.reaching(Reach {
+            target,
+            start: |task, start| {
+                let pose = start.kinematics.pose(start.model, task.frame());
+                let ahead = pose.rotation * task.axis().into_inner();
+                task.set_target(pose.translation.vector + ahead * FAR);
+            },
+            follow: |task, point, velocity| task.set_moving_target(point, velocity),
+            error: |task, measured| GoalError { position: 0.0, orientation: Some(task.angle_at(measured)) },
+        })))
     }
 }

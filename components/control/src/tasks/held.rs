@@ -1,10 +1,13 @@
 //! Running tasks: their common interface, and tasks without a state.
 
+use nalgebra::Vector3;
+
 use super::Task;
 use super::ramp::{Fades, Ramped, TaskBounds};
+use super::target::TargetInput;
 use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 use crate::limits::RowLimit;
-use crate::{GoalRecord, RobotState};
+use crate::{GoalError, GoalRecord, RobotState};
 
 /// A task with its name and the place of its level.
 pub(crate) struct Held {
@@ -105,13 +108,25 @@ pub(crate) trait HeldTask {
 /// Sets the newest target of a task.
 type Follow<T> = Box<dyn FnMut(&mut T, &TaskBounds)>;
 
-/// A task without a state of its own: its parameters are applied before each step, then its target.
+/// The point that a task moves to, and its goals.
+pub(super) struct Reach<T> {
+    pub(super) target: TargetInput,
+    /// Makes the start the target, until there is one.
+    pub(super) start: fn(&mut T, &RobotState<'_>),
+    /// Sets the target, with its velocity.
+    pub(super) follow: fn(&mut T, Vector3<f64>, Vector3<f64>),
+    /// The error of the measured robot.
+    pub(super) error: fn(&T, &RobotState<'_>) -> GoalError,
+}
+
+/// A task whose parameters are applied before each step, then its target.
 pub(super) struct Driven<T, const N: usize> {
     task: T,
     cost: fn(&mut T) -> TaskCost<'_>,
     parameters: [Ramped; N],
     apply: fn(&mut T, [f64; N], &TaskBounds),
     follow: Follow<T>,
+    reach: Option<Reach<T>>,
     result: fn(&T) -> Option<serde_json::Value>,
 }
 
@@ -122,7 +137,7 @@ impl<T: 'static, const N: usize> Driven<T, N> {
         parameters: [Ramped; N],
         apply: fn(&mut T, [f64; N], &TaskBounds),
     ) -> Self {
-        Self { task, cost, parameters, apply, follow: Box::new(|_, _| ()), result: |_| None }
+        Self { task, cost, parameters, apply, follow: Box::new(|_, _| ()), reach: None, result: |_| None }
     }
 
     /// A cost on accelerations or contact forces; `apply` sets its parameters.
@@ -146,6 +161,11 @@ impl<T: 'static, const N: usize> Driven<T, N> {
         Self { follow: Box::new(follow), ..self }
     }
 
+    /// The same with a point to move to.
+    pub(super) fn reaching(self, reach: Reach<T>) -> Self {
+        Self { reach: Some(reach), ..self }
+    }
+
     /// The same with an entry in the result of the run.
     pub(super) fn with_result(self, result: fn(&T) -> Option<serde_json::Value>) -> Self {
         Self { result, ..self }
@@ -153,6 +173,18 @@ impl<T: 'static, const N: usize> Driven<T, N> {
 }
 
 impl<T, const N: usize> HeldTask for Driven<T, N> {
+    fn begin(&mut self, start: &RobotState<'_>) {
+        if let Some(reach) = self.reach.as_ref().filter(|reach| !reach.target.is_set()) {
+            (reach.start)(&mut self.task, start);
+        }
+    }
+
+    fn reset(&mut self) {
+        if let Some(reach) = &mut self.reach {
+            reach.target.reset();
+        }
+    }
+
     fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
         let values = self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
         (self.apply)(&mut self.task, values, bounds);
@@ -160,13 +192,28 @@ impl<T, const N: usize> HeldTask for Driven<T, N> {
 
     fn prepare(&mut self, bounds: &TaskBounds) {
         (self.follow)(&mut self.task, bounds);
+        if let Some(reach) = &mut self.reach
+            && let Some((point, velocity)) = reach.target.point(bounds)
+        {
+            (reach.follow)(&mut self.task, point, velocity);
+        }
     }
 
     fn cost(&mut self) -> TaskCost<'_> {
         (self.cost)(&mut self.task)
     }
 
+    fn record(&mut self, measured: &RobotState<'_>, dt: f64) {
+        if let Some(reach) = &mut self.reach {
+            reach.target.observe((reach.error)(&self.task, measured), dt);
+        }
+    }
+
+    fn goals(&self) -> Option<&GoalRecord> {
+        self.reach.as_ref().map(|reach| reach.target.goals())
+    }
+
     fn result(&self) -> Option<serde_json::Value> {
-        (self.result)(&self.task)
+        (self.result)(&self.task).or_else(|| self.reach.as_ref().map(|reach| reach.target.result()))
     }
 }

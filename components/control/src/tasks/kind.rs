@@ -5,9 +5,9 @@ use core::ops::RangeInclusive;
 use motorium::prelude::*;
 use motorium_robots::World;
 
+use super::context::TaskContext;
+pub(super) use super::context::{GAINS, WEIGHTS};
 use super::held::HeldTask;
-use super::place::TaskPlace;
-pub(super) use super::place::{GAINS, WEIGHTS};
 use super::ramp::Ramped;
 
 /// Defines the table of a kind of task: the type of the configuration and the default name of the task, then
@@ -59,9 +59,9 @@ macro_rules! task_config {
 
             fn check_keys(
                 &self,
-                place: &$crate::tasks::place::TaskPlace<'_>,
+                context: &$crate::tasks::context::TaskContext<'_>,
             ) -> Result<(), motorium::declare::ConfigError> {
-                $( $( task_key!(check place, stringify!($key), self.$key, $rule($($args)*)); )? )*
+                $( $( task_key!(check context, stringify!($key), self.$key, $rule($($args)*)); )? )*
                 Ok(())
             }
 
@@ -90,13 +90,13 @@ macro_rules! task_key {
     (parameter $key:expr, $value:expr, $rule:ident($($args:tt)*)) => {
         None
     };
-    (check $place:ident, $key:expr, $value:expr, live($range:expr, $($args:tt)*)) => {
-        $place.in_range($key, $value, $range)?
+    (check $context:ident, $key:expr, $value:expr, live($range:expr, $($args:tt)*)) => {
+        $context.in_range($key, $value, $range)?
     };
-    (check $place:ident, $key:expr, $value:expr, within($range:expr)) => {
-        $place.in_range($key, $value, $range)?
+    (check $context:ident, $key:expr, $value:expr, within($range:expr)) => {
+        $context.in_range($key, $value, $range)?
     };
-    (check $place:ident, $key:expr, $value:expr, $rule:ident($($args:tt)*)) => {};
+    (check $context:ident, $key:expr, $value:expr, $rule:ident($($args:tt)*)) => {};
     (declare $declare:ident, $value:expr, $input:ident(optional $message:ty, $doc:literal)) => {
         $declare.optional_input::<$message>(&$value, $doc)
     };
@@ -104,6 +104,15 @@ macro_rules! task_key {
         $declare.input::<$message>(&$value, $doc)
     };
     (declare $declare:ident, $value:expr, $rule:ident($($args:tt)*)) => {};
+}
+
+/// Defines [`TaskKind::check`] for a table with a method `build`.
+macro_rules! check_by_building {
+    () => {
+        fn check(&self, context: &$crate::tasks::context::TaskContext<'_>) -> Result<(), ConfigError> {
+            self.build(context).map(drop)
+        }
+    };
 }
 
 /// The keys of a kind of task, as defined by [`task_config!`].
@@ -115,7 +124,7 @@ pub(crate) trait TaskTable {
     fn live(&self) -> Vec<TaskParameter>;
 
     /// Checks that all numbers are within their ranges.
-    fn check_keys(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError>;
+    fn check_keys(&self, context: &TaskContext<'_>) -> Result<(), ConfigError>;
 
     /// Declares the inputs.
     fn declare_inputs(&self, declare: &mut Declare);
@@ -142,15 +151,15 @@ pub(crate) trait TaskKind: TaskTable {
     }
 
     /// Checks the configuration beyond the ranges of its keys.
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError>;
+    fn check(&self, context: &TaskContext<'_>) -> Result<(), ConfigError>;
 
     /// Builds the task, and opens inputs and parameters. All memory of the task is allocated here.
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask;
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask;
 
     /// Checks the configuration, and declares inputs and parameters.
-    fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
-        self.check_keys(place)?;
-        self.check(place)?;
+    fn declare(&self, context: &TaskContext<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
+        self.check_keys(context)?;
+        self.check(context)?;
         self.declare_inputs(declare);
         let name = self.head().name;
         self.parameters().into_iter().for_each(|parameter| parameter.declare(name, declare));
@@ -337,7 +346,7 @@ mod tests {
                 }
                 let task = task(&kind, keys);
                 let configured = task.configured(0).expect("a task with a table");
-                let context = TaskPlace {
+                let context = TaskContext {
                     model: &panda.model,
                     profile: panda.profile.as_ref(),
                     period: 0.0,

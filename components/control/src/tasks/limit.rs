@@ -3,9 +3,9 @@
 use motorium::prelude::*;
 use motorium_robots::World;
 
+use super::context::TaskContext;
 use super::held::{HeldTask, TaskCost};
 use super::kind::{BuiltTask, Formulations, TaskHead, TaskKind, TaskTable, WEIGHTS};
-use super::place::TaskPlace;
 use super::ramp::{Fades, Ramped, TaskBounds};
 use crate::limits::{CollisionConfig, FrameLimitConfig, RowLimit};
 
@@ -23,22 +23,22 @@ task_config! {
 }
 
 impl LimitConfig {
-    fn build(&self, place: &TaskPlace<'_>) -> Result<Vec<Box<dyn RowLimit>>, ConfigError> {
+    fn build(&self, context: &TaskContext<'_>) -> Result<Vec<Box<dyn RowLimit>>, ConfigError> {
         let mut limits = Vec::new();
         for (index, frame) in self.frames.iter().enumerate() {
-            let path = place.key(&format!("frames[{index}]"));
-            frame.build(&path, place.model, place.profile, &mut limits)?;
+            let path = context.key(&format!("frames[{index}]"));
+            frame.build(&path, context.model, context.profile, &mut limits)?;
         }
         if let Some(collision) = &self.collision {
             limits.push(Box::new(collision.build(
-                &place.key("collision"),
-                place.model,
-                place.profile,
-                place.world,
+                &context.key("collision"),
+                context.model,
+                context.profile,
+                context.world,
             )?));
         }
         if limits.is_empty() {
-            return Err(ConfigError::key(&place.path, "a task without a limit")
+            return Err(ConfigError::key(&context.path, "a task without a limit")
                 .advise("add `frames` or `collision`, as under `limits`"));
         }
         Ok(limits)
@@ -48,7 +48,7 @@ impl LimitConfig {
 impl TaskKind for LimitConfig {
     fn head(&self) -> TaskHead<'_> {
         self.table_head().only(Formulations::Velocity(
-            "with `inverse_dynamics` limits stand under `limits`, where they give way by the policy of `on_infeasible`",
+            "with `inverse_dynamics`, list limits under `limits`, where they yield by the policy of `on_infeasible`",
         ))
     }
 
@@ -56,13 +56,11 @@ impl TaskKind for LimitConfig {
         self.collision.as_ref().is_some_and(|collision| collision.has_moving_objects(world))
     }
 
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
-        self.build(place).map(drop)
-    }
+    check_by_building!();
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         let [weight] = self.open(setup)?;
-        Ok(Box::new(SoftLimits { limits: self.build(place)?, weight, cost: self.weight }))
+        Ok(Box::new(SoftLimits { limits: self.build(context)?, weight, cost: self.weight }))
     }
 }
 

@@ -5,9 +5,9 @@ use motorium_robots::{FrameId, Model, TaskRows};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::context::TaskContext;
 use super::held::Driven;
 use super::kind::{ActsOn, BuiltTask, TaskHead, TaskKind, TaskTable, WEIGHTS};
-use super::place::TaskPlace;
 use super::{Cost, Equation, RATE, Response, Task, differentiate_velocities};
 use crate::{MotionState, RobotState};
 
@@ -50,6 +50,13 @@ pub struct ManipulabilityTask {
     equation: Equation,
 }
 
+methods!(ManipulabilityTask:
+    with("(rad/s)^2 per unit of the measure", "1/(rad/s)"),
+    rate("an error of a joint velocity"),
+    set,
+    cost
+);
+
 impl ManipulabilityTask {
     /// A task for `frame` of `model` and these rows of its velocity, with gain 1 and weight 1e-2.
     pub fn new(model: &Model, frame: FrameId, rows: TaskRows) -> Self {
@@ -87,25 +94,6 @@ impl ManipulabilityTask {
         self
     }
 
-    /// The same task with a gain \[(rad/s)^2 per unit of the measure\] and a weight \[1/(rad/s)\].
-    #[must_use]
-    pub fn with(mut self, gain: f64, weight: f64) -> Self {
-        self.set(gain, weight);
-        self
-    }
-
-    /// The same task with a rate \[1/s\] at which accelerations reduce an error of a joint velocity.
-    #[must_use]
-    pub fn rate(mut self, rate: f64) -> Self {
-        self.equation.response = Response::velocity(rate);
-        self
-    }
-
-    /// Changes gain and weight from the next update on.
-    pub fn set(&mut self, gain: f64, weight: f64) {
-        (self.gain, self.weight) = (gain, weight);
-    }
-
     /// The same task with a largest length of `nu` \[rad/s\].
     #[must_use]
     pub fn max_speed(mut self, speed: f64) -> Self {
@@ -116,11 +104,6 @@ impl ManipulabilityTask {
     /// The manipulability at the last update: of forces infinite in a singular configuration.
     pub fn measure(&self) -> f64 {
         self.measure
-    }
-
-    /// The cost as of the last update.
-    pub fn cost(&self) -> &Cost {
-        self.equation.cost()
     }
 }
 
@@ -183,14 +166,14 @@ pub enum ManipulabilityRows {
 }
 
 impl ManipulabilityConfig {
-    fn build(&self, place: &TaskPlace<'_>) -> Result<ManipulabilityTask, ConfigError> {
-        let frame = place.frame("manipulability", self.frame.as_deref())?;
+    fn build(&self, context: &TaskContext<'_>) -> Result<ManipulabilityTask, ConfigError> {
+        let frame = context.frame("manipulability", self.frame.as_deref())?;
         let rows = match self.rows {
             ManipulabilityRows::Position => TaskRows::POSITION,
             ManipulabilityRows::Orientation => TaskRows::ORIENTATION,
             ManipulabilityRows::Pose => TaskRows::POSE,
         };
-        let (task, rate) = (ManipulabilityTask::new(place.model, frame, rows), place.rate(self.rate)?);
+        let (task, rate) = (ManipulabilityTask::new(context.model, frame, rows), context.rate(self.rate)?);
         Ok(task.with_measure(self.of).max_speed(self.max_speed).rate(rate))
     }
 }
@@ -200,12 +183,10 @@ impl TaskKind for ManipulabilityConfig {
         self.table_head().acts_on(ActsOn::Joints)
     }
 
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
-        self.build(place).map(drop)
-    }
+    check_by_building!();
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
-        let (task, parameters) = (self.build(place)?, self.open(setup)?);
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
+        let (task, parameters) = (self.build(context)?, self.open(setup)?);
         Ok(Box::new(Driven::motion(task, parameters, |task, [gain, weight], _| task.set(gain, weight))))
     }
 }

@@ -4,9 +4,9 @@ use motorium::prelude::*;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::context::TaskContext;
 use super::held::{Driven, HeldTask, TaskCost};
 use super::kind::{ActsOn, BuiltTask, Formulations, TaskHead, TaskKind, TaskParameter, TaskTable, WEIGHTS};
-use super::place::TaskPlace;
 use super::ramp::{Fades, Ramped, TaskBounds};
 use super::{
     AccelerationMinimum, ForceRegularisation, MinimumEffortTask, MinimumVelocityTask, TorqueMinimum,
@@ -59,38 +59,38 @@ impl TaskKind for MinimumConfig {
         self.live().into_iter().take(if self.of == MinimumOf::Effort { 2 } else { 1 }).collect()
     }
 
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
+    fn check(&self, context: &TaskContext<'_>) -> Result<(), ConfigError> {
         match self.of {
-            MinimumOf::Velocity | MinimumOf::Effort => place.rate(self.rate).map(drop)?,
+            MinimumOf::Velocity | MinimumOf::Effort => context.rate(self.rate).map(drop)?,
             _ if self.rate.is_some() => {
                 let message =
                     "of a quantity other than `velocity` and `effort`, which alone have a use for it";
-                return Err(ConfigError::key(place.key("rate"), message).advise("leave it out"));
+                return Err(ConfigError::key(context.key("rate"), message).advise("leave it out"));
             }
             _ => {}
         }
-        if self.of == MinimumOf::Effort && place.model.base().floating {
+        if self.of == MinimumOf::Effort && context.model.base().floating {
             let message =
                 "`effort` of a robot whose base floats: what its drives hold depends on its contact forces";
-            return Err(ConfigError::key(place.key("of"), message)
+            return Err(ConfigError::key(context.key("of"), message)
                 .advise("of = \"torque\" makes the torques of the drives themselves small"));
         }
         Ok(())
     }
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
-        let model = place.model;
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
+        let model = context.model;
         Ok(match self.of {
             MinimumOf::Velocity => {
-                let task = MinimumVelocityTask::new(model).rate(place.rate(self.rate)?);
+                let task = MinimumVelocityTask::new(model).rate(context.rate(self.rate)?);
                 Box::new(Driven::motion(task, self.open(setup)?, |task, [weight], _| task.set_weight(weight)))
             }
             MinimumOf::Effort => {
-                let task = MinimumEffortTask::new(model, place.gravity).rate(place.rate(self.rate)?);
+                let task = MinimumEffortTask::new(model, context.gravity).rate(context.rate(self.rate)?);
                 let parameters = self.open(setup)?;
                 Box::new(Driven::motion(task, parameters, |task, [weight, gain], _| task.set(gain, weight)))
             }
-            MinimumOf::Acceleration if place.torque => {
+            MinimumOf::Acceleration if context.torque => {
                 let task = AccelerationMinimum::new(model);
                 Box::new(Driven::forces(task, self.open(setup)?, |task, [weight], _| task.set_weight(weight)))
             }
@@ -99,11 +99,11 @@ impl TaskKind for MinimumConfig {
                 Box::new(Smooth { task: MinimumVelocityTask::new(model), weight })
             }
             MinimumOf::Torque => {
-                let task = TorqueMinimum::for_contacts(model, place.contacts);
+                let task = TorqueMinimum::for_contacts(model, context.contacts);
                 Box::new(Driven::forces(task, self.open(setup)?, |task, [weight], _| task.set_weight(weight)))
             }
             MinimumOf::Force => {
-                let task = ForceRegularisation::for_contacts(model, place.contacts);
+                let task = ForceRegularisation::for_contacts(model, context.contacts);
                 Box::new(Driven::forces(task, self.open(setup)?, |task, [weight], _| task.set_weight(weight)))
             }
         })

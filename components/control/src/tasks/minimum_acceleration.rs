@@ -20,22 +20,12 @@ pub struct AccelerationMinimum {
     cost: Cost,
 }
 
+methods!(AccelerationMinimum: weight("1/(rad/s2) or 1/(m/s2)"), set_weight);
+
 impl AccelerationMinimum {
     /// A task for all accelerations of `model`, a floating base included, with weight 1e-2.
     pub fn new(model: &Model) -> Self {
         Self { weight: 1e-2, shares: vec![1.0; model.nv()], cost: Cost::identity(0, model.nv()) }
-    }
-
-    /// The same task with a weight \[1/(rad/s2) or 1/(m/s2)\].
-    #[must_use]
-    pub fn weight(mut self, weight: f64) -> Self {
-        self.weight = weight;
-        self
-    }
-
-    /// Changes the weight from the next update on.
-    pub fn set_weight(&mut self, weight: f64) {
-        self.weight = weight;
     }
 
     /// Sets the weight factor of one acceleration; zero leaves it free.

@@ -47,10 +47,17 @@ pub struct MinimumEffortTask {
     /// Efforts, the direction, a configuration near `q` and the efforts there.
     effort: Vec<f64>,
     direction: Vec<f64>,
-    beside: Vec<f64>,
+    stepped: Vec<f64>,
     changed: Vec<f64>,
     equation: Equation,
 }
+
+methods!(MinimumEffortTask:
+    with("(rad/s)^2 per unit of the measure", "1/(rad/s)"),
+    rate("an error of a joint velocity"),
+    set,
+    cost
+);
 
 impl MinimumEffortTask {
     /// A task for `model` under this acceleration of free fall \[m/s2\], with gain 1 and weight 1e-2.
@@ -67,46 +74,22 @@ impl MinimumEffortTask {
             dynamics: Dynamics::new(model),
             effort: vec![0.0; model.nv()],
             direction: vec![0.0; model.nv()],
-            beside: model.neutral(),
+            stepped: model.neutral(),
             changed: vec![0.0; model.nv()],
             equation,
         }
-    }
-
-    /// The same task with a gain \[(rad/s)^2 per unit of the measure\] and a weight \[1/(rad/s)\].
-    #[must_use]
-    pub fn with(mut self, gain: f64, weight: f64) -> Self {
-        self.set(gain, weight);
-        self
-    }
-
-    /// The same task with a rate \[1/s\] at which accelerations reduce an error of a joint velocity.
-    #[must_use]
-    pub fn rate(mut self, rate: f64) -> Self {
-        self.equation.response = Response::velocity(rate);
-        self
-    }
-
-    /// Changes gain and weight from the next update on.
-    pub fn set(&mut self, gain: f64, weight: f64) {
-        (self.gain, self.weight) = (gain, weight);
     }
 
     /// `m` at the last update.
     pub fn measure(&self) -> f64 {
         self.measure
     }
-
-    /// The cost as of the last update.
-    pub fn cost(&self) -> &Cost {
-        self.equation.cost()
-    }
 }
 
 impl Task for MinimumEffortTask {
     fn evaluate(&mut self, state: &RobotState<'_>) {
         let RobotState { model, q, .. } = *state;
-        let Self { dynamics, effort, direction, beside, changed, gravity, .. } = self;
+        let Self { dynamics, effort, direction, stepped, changed, gravity, .. } = self;
         let base = model.nv() - model.joint_count();
         dynamics.gravity(model, q, *gravity, effort);
         let (mut measure, mut length) = (0.0, 0.0_f64);
@@ -124,9 +107,9 @@ impl Task for MinimumEffortTask {
         }
         let mut efforts = |step: f64, out: &mut [f64]| {
             direction.iter_mut().for_each(|entry| *entry *= step);
-            model.integrate(q, direction, beside);
+            model.integrate(q, direction, stepped);
             direction.iter_mut().for_each(|entry| *entry /= step);
-            dynamics.gravity(model, beside, *gravity, out);
+            dynamics.gravity(model, stepped, *gravity, out);
         };
         let step = STEP / length;
         efforts(step, changed);

@@ -21,6 +21,8 @@ pub struct TorqueMinimum {
     cost: Cost,
 }
 
+methods!(TorqueMinimum: weight("1"), set_weight);
+
 impl TorqueMinimum {
     /// A task for all drives of `model`, the robot of `dynamics`, with weight 1.
     pub fn new(model: &Model, dynamics: &InverseDynamics) -> Self {
@@ -40,18 +42,6 @@ impl TorqueMinimum {
             scale: model.effort_limit().iter().map(share).collect(),
             cost: Cost::dense(model.joint_count(), 0, variables),
         }
-    }
-
-    /// The same task with a weight.
-    #[must_use]
-    pub fn weight(mut self, weight: f64) -> Self {
-        self.weight = weight;
-        self
-    }
-
-    /// Changes the weight from the next update on.
-    pub fn set_weight(&mut self, weight: f64) {
-        self.weight = weight;
     }
 }
 

@@ -33,31 +33,19 @@ pub struct MinimumVelocityTask {
     equation: Equation,
 }
 
+methods!(
+    MinimumVelocityTask: weight("1/(rad/s) or 1/(m/s)"),
+    rate("an error of a joint velocity"),
+    set_weight,
+    cost
+);
+
 impl MinimumVelocityTask {
     /// A task for all velocities of `model`, a floating base included, with weight 1e-2.
     pub fn new(model: &Model) -> Self {
         let mut equation = Equation::identity(0, model.nv());
         equation.response = Response::velocity(RATE);
         Self { weight: 1e-2, shares: vec![1.0; model.nv()], equation }
-    }
-
-    /// The same task with a weight \[1/(rad/s) or 1/(m/s)\].
-    #[must_use]
-    pub fn weight(mut self, weight: f64) -> Self {
-        self.weight = weight;
-        self
-    }
-
-    /// The same task with a rate \[1/s\] at which accelerations reduce an error of a joint velocity.
-    #[must_use]
-    pub fn rate(mut self, rate: f64) -> Self {
-        self.equation.response = Response::velocity(rate);
-        self
-    }
-
-    /// Changes the weight from the next update on.
-    pub fn set_weight(&mut self, weight: f64) {
-        self.weight = weight;
     }
 
     /// Sets `v*`, one entry per velocity.
@@ -79,11 +67,6 @@ impl MinimumVelocityTask {
     /// If the velocity does not exist.
     pub fn set_share(&mut self, velocity: usize, share: f64) {
         self.shares[velocity] = share;
-    }
-
-    /// The cost as of the last update.
-    pub fn cost(&self) -> &Cost {
-        self.equation.cost()
     }
 }
 

@@ -6,6 +6,70 @@
 #[macro_use]
 mod kind;
 
+/// Defines methods that several tasks have, for their fields `weight`, `gain` and `equation`.
+macro_rules! methods {
+    ($task:ident: $( $method:ident $(($($about:literal),+))? ),+) => {
+        impl $task {
+            $( method!($method $(($($about),+))?); )+
+        }
+    };
+}
+
+/// Defines one of the [`methods!`].
+macro_rules! method {
+    (weight($unit:literal)) => {
+        #[doc = concat!("The same task with a weight \\[", $unit, "\\].")]
+        #[must_use]
+        pub fn weight(mut self, weight: f64) -> Self {
+            self.weight = weight;
+            self
+        }
+    };
+    (set_weight) => {
+        /// Changes the weight from the next update on.
+        pub fn set_weight(&mut self, weight: f64) {
+            self.weight = weight;
+        }
+    };
+    (with($gain_unit:literal, $weight_unit:literal)) => {
+        #[doc = concat!("The same task with a gain \\[", $gain_unit, "\\] and a weight \\[", $weight_unit, "\\].")]
+        #[must_use]
+        pub fn with(mut self, gain: f64, weight: f64) -> Self {
+            self.set(gain, weight);
+            self
+        }
+    };
+    (set) => {
+        /// Changes gain and weight from the next update on.
+        pub fn set(&mut self, gain: f64, weight: f64) {
+            (self.gain, self.weight) = (gain, weight);
+        }
+    };
+    (rate($reduced:literal)) => {
+        #[doc = concat!("The same task with a rate \\[1/s\\] at which accelerations reduce ", $reduced, ".")]
+        #[must_use]
+        pub fn rate(mut self, rate: f64) -> Self {
+            self.equation.response = Response::velocity(rate);
+            self
+        }
+    };
+    (feedback($setter:literal)) => {
+        /// The same task with another feedback of accelerations.
+        #[doc = concat!("[`", $setter, "`](Self::", $setter, ") replaces it.")]
+        #[must_use]
+        pub fn feedback(mut self, feedback: Feedback) -> Self {
+            self.equation.response.feedback = feedback;
+            self
+        }
+    };
+    (cost) => {
+        /// The cost as of the last update.
+        pub fn cost(&self) -> &Cost {
+            self.equation.cost()
+        }
+    };
+}
+
 /// Defines the methods of a task with settings, which determine its response.
 macro_rules! settings {
     ($task:ident, $settings:ident) => {
@@ -28,20 +92,9 @@ macro_rules! settings {
             pub fn settings(&self) -> &$settings {
                 &self.settings
             }
-
-            /// The same task with another feedback of accelerations. [`set_settings`](Self::set_settings)
-            /// replaces it.
-            #[must_use]
-            pub fn feedback(mut self, feedback: Feedback) -> Self {
-                self.equation.response.feedback = feedback;
-                self
-            }
-
-            /// The cost as of the last update.
-            pub fn cost(&self) -> &Cost {
-                self.equation.cost()
-            }
         }
+
+        methods!($task: feedback("set_settings"), cost);
     };
 }
 
@@ -80,6 +133,7 @@ mod centre_of_mass;
 mod contact;
 mod contact_force;
 mod contact_wrench;
+mod context;
 mod gaze;
 mod held;
 mod limit;
@@ -90,7 +144,6 @@ mod minimum_effort;
 mod minimum_torque;
 mod minimum_velocity;
 mod momentum;
-mod place;
 mod pose_error;
 mod posture;
 mod ramp;
@@ -108,6 +161,7 @@ pub use centre_of_mass::{CentreOfMassSettings, CentreOfMassTask};
 pub use contact::ContactTask;
 pub use contact_force::{ContactForce, ForceRegularisation};
 pub use contact_wrench::ContactWrench;
+pub(crate) use context::TaskContext;
 pub use gaze::{GazeSettings, GazeTask};
 pub(crate) use held::{Held, TaskCost};
 pub(crate) use kind::{ActsOn, Formulations, TaskHead, TaskKind};
@@ -118,7 +172,6 @@ pub use minimum_effort::MinimumEffortTask;
 pub use minimum_torque::TorqueMinimum;
 pub use minimum_velocity::MinimumVelocityTask;
 pub use momentum::MomentumTask;
-pub(crate) use place::TaskPlace;
 pub use pose_error::PoseError;
 pub use posture::{JointImpedanceConfig, PostureSettings, PostureTask};
 pub(crate) use ramp::{Fades, TaskBounds};

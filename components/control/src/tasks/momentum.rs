@@ -4,9 +4,9 @@ use motorium::prelude::*;
 use motorium_robots::{Dynamics, Model, Momentum};
 use nalgebra::Vector3;
 
+use super::context::TaskContext;
 use super::held::Driven;
 use super::kind::{BuiltTask, Formulations, GAINS, TaskHead, TaskKind, TaskTable, WEIGHTS};
-use super::place::TaskPlace;
 use super::{Cost, Equation, Response, Task};
 use crate::{MotionState, RobotState};
 
@@ -34,6 +34,8 @@ pub struct MomentumTask {
     equation: Equation,
 }
 
+methods!(MomentumTask: rate("an error of the momentum"), cost);
+
 impl MomentumTask {
     /// Creates a task that drives the angular momentum of `model` to zero, with weight 1 and a rate of 5/s.
     pub fn angular(model: &Model) -> Self {
@@ -55,13 +57,6 @@ impl MomentumTask {
         self
     }
 
-    /// The same task with a rate \[1/s\] at which accelerations reduce an error of the momentum.
-    #[must_use]
-    pub fn rate(mut self, rate: f64) -> Self {
-        self.equation.response = Response::velocity(rate);
-        self
-    }
-
     /// Changes rate and weights from the next update on.
     pub fn set(&mut self, rate: f64, linear_weight: f64, angular_weight: f64) {
         self.equation.response = Response::velocity(rate);
@@ -80,11 +75,6 @@ impl MomentumTask {
             out.fixed_rows_mut::<3>(0).copy_from(&momentum.linear);
             out.fixed_rows_mut::<3>(3).copy_from(&momentum.angular);
         }
-    }
-
-    /// The cost as of the last update.
-    pub fn cost(&self) -> &Cost {
-        self.equation.cost()
     }
 }
 
@@ -126,12 +116,12 @@ impl TaskKind for MomentumConfig {
         self.table_head().only(Formulations::Torque)
     }
 
-    fn check(&self, _: &TaskPlace<'_>) -> Result<(), ConfigError> {
+    fn check(&self, _: &TaskContext<'_>) -> Result<(), ConfigError> {
         Ok(())
     }
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
-        let (task, parameters) = (MomentumTask::angular(place.model), self.open(setup)?);
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
+        let (task, parameters) = (MomentumTask::angular(context.model), self.open(setup)?);
         Ok(Box::new(Driven::motion(task, parameters, |task, [gain, linear, angular], bounds| {
             task.set(gain.min(bounds.max_gain), linear, angular);
         })))

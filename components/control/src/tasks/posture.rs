@@ -7,29 +7,25 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::cartesian::SPRINGS;
+use super::context::TaskContext;
 use super::held::{HeldTask, TaskCost};
 use super::kind::{ActsOn, BuiltTask, GAINS, TaskHead, TaskKind, TaskParameter, TaskTable, WEIGHTS};
-use super::place::TaskPlace;
 use super::ramp::{Fades, Ramped, TaskBounds};
 use super::{Cost, Equation, Feedback, Response, Task};
 use crate::checks::per_joint;
 use crate::{MotionState, RobotState};
 
-/// Gain and weight of a [`PostureTask`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PostureSettings {
+with_defaults! {
+    /// Gain and weight of a [`PostureTask`]. The default weight pulls an end effector off its target by less
+    /// than a micrometre.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct PostureSettings;
+
     /// Rate at which the error decays \[1/s\].
-    pub gain: f64,
+    pub gain: f64 = 1.0;
     /// Cost of a joint velocity error \[1/(rad/s) or 1/(m/s)\], or of an acceleration error \[1/(rad/s2) or
     /// 1/(m/s2)\].
-    pub weight: f64,
-}
-
-impl Default for PostureSettings {
-    /// Light enough to pull an end effector off its target by less than a micrometre.
-    fn default() -> Self {
-        Self { gain: 1.0, weight: 1e-3 }
-    }
+    pub weight: f64 = 1e-3;
 }
 
 impl PostureSettings {
@@ -189,12 +185,12 @@ pub struct JointImpedanceConfig {
 
 impl JointImpedanceConfig {
     /// Stiffness and damping of each joint, checked.
-    fn build(&self, place: &TaskPlace<'_>) -> Result<[DVector<f64>; 2], ConfigError> {
+    fn build(&self, context: &TaskContext<'_>) -> Result<[DVector<f64>; 2], ConfigError> {
         let of = |name: &str, given: &PerJoint| {
             let key = format!("impedance.{name}");
-            let values = per_joint(&place.key(&key), given, place.model)?;
+            let values = per_joint(&context.key(&key), given, context.model)?;
             for value in &values {
-                place.in_range(&key, *value, SPRINGS)?;
+                context.in_range(&key, *value, SPRINGS)?;
             }
             Ok(values)
         };
@@ -204,28 +200,28 @@ impl JointImpedanceConfig {
 
 impl PostureConfig {
     /// Builds the task; also returns `true` if the posture comes from the first joint state.
-    fn build(&self, place: &TaskPlace<'_>) -> Result<(PostureTask, bool), ConfigError> {
-        let TaskPlace { model, profile, .. } = *place;
-        let refused = |error: ProfileError| ConfigError::key(place.key("pose"), error.to_string());
+    fn build(&self, context: &TaskContext<'_>) -> Result<(PostureTask, bool), ConfigError> {
+        let TaskContext { model, profile, .. } = *context;
+        let refused = |error: ProfileError| ConfigError::key(context.key("pose"), error.to_string());
         let (target, from_start) = match (&self.pose, &self.positions, profile) {
             (Some(_), Some(_), _) => {
                 let message = "both `pose` and `positions` are given";
-                return Err(ConfigError::key(place.key("positions"), message).advise("keep one of them"));
+                return Err(ConfigError::key(context.key("positions"), message).advise("keep one of them"));
             }
             (Some(_), None, None) => {
                 let message = format!("robot `{}` has no profile, so its poses have no names", model.name());
-                return Err(ConfigError::key(place.key("pose"), message)
+                return Err(ConfigError::key(context.key("pose"), message)
                     .advise("give `positions`, or put a profile next to the URDF"));
             }
             (Some(name), None, Some(profile)) => (profile.pose(model, name).map_err(refused)?, false),
-            (None, Some(positions), _) => (per_joint(&place.key("positions"), positions, model)?, false),
+            (None, Some(positions), _) => (per_joint(&context.key("positions"), positions, model)?, false),
             (None, None, Some(profile)) => (profile.home(model).map_err(refused)?, false),
             (None, None, None) => (DVector::zeros(model.joint_count()), true),
         };
         let mut task = PostureTask::new(model, target.as_slice());
         if let Some(impedance) = &self.impedance {
-            place.check_impedance(self.gain, PostureSettings::default().gain)?;
-            let [stiffness, damping] = impedance.build(place)?;
+            context.check_impedance(self.gain, PostureSettings::default().gain)?;
+            let [stiffness, damping] = impedance.build(context)?;
             task = task.impedance(model, stiffness.as_slice(), damping.as_slice());
         }
         Ok((task, from_start))
@@ -242,12 +238,10 @@ impl TaskKind for PostureConfig {
         self.live().into_iter().skip(usize::from(self.impedance.is_some())).collect()
     }
 
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
-        self.build(place).map(drop)
-    }
+    check_by_building!();
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
-        let (task, from_start) = self.build(place)?;
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
+        let (task, from_start) = self.build(context)?;
         let (gain, weight) = match self.impedance {
             None => {
                 let [gain, weight] = self.open(setup)?;

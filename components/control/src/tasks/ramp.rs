@@ -54,26 +54,26 @@ impl Ramped {
         if present > 0.0 && present >= fades.threshold - SAME { self.value.value } else { 0.0 }
     }
 
-    fn advance(&mut self, wanted: f64, bounds: &TaskBounds) {
+    fn advance(&mut self, desired: f64, bounds: &TaskBounds) {
         let &TaskBounds { begins, dt, ramp, .. } = bounds;
         let absent = self.presence.as_ref().is_some_and(|presence| presence.value == 0.0);
         if begins {
             (self.value, self.presence) = (
-                Change::constant(wanted),
-                self.presence.as_ref().map(|_| Change::constant(presence(wanted))),
+                Change::constant(desired),
+                self.presence.as_ref().map(|_| Change::constant(presence(desired))),
             );
         }
         match &mut self.presence {
             Some(present) => {
-                present.follow(presence(wanted), dt, ramp);
-                match wanted {
+                present.follow(presence(desired), dt, ramp);
+                match desired {
                     // it fades as it was
                     0.0 => self.value = Change::constant(self.value.value),
-                    wanted if absent => self.value = Change::constant(wanted),
-                    wanted => self.value.follow(wanted, dt, ramp),
+                    desired if absent => self.value = Change::constant(desired),
+                    desired => self.value.follow(desired, dt, ramp),
                 }
             }
-            None => self.value.follow(wanted, dt, ramp),
+            None => self.value.follow(desired, dt, ramp),
         }
     }
 }
@@ -136,25 +136,25 @@ impl Fades {
 /// A ramped change of a value.
 struct Change {
     value: f64,
-    wanted: f64,
+    desired: f64,
     /// Speed of the change, 1/s.
     rate: f64,
 }
 
 impl Change {
     fn constant(value: f64) -> Self {
-        Self { value, wanted: value, rate: 0.0 }
+        Self { value, desired: value, rate: 0.0 }
     }
 
-    fn follow(&mut self, wanted: f64, dt: f64, ramp: f64) {
-        if wanted != self.wanted {
-            (self.wanted, self.rate) = (wanted, (wanted - self.value).abs() / ramp.max(dt));
+    fn follow(&mut self, desired: f64, dt: f64, ramp: f64) {
+        if desired != self.desired {
+            (self.desired, self.rate) = (desired, (desired - self.value).abs() / ramp.max(dt));
         }
         let step = self.rate * dt;
-        self.value = if (wanted - self.value).abs() <= step {
-            wanted
+        self.value = if (desired - self.value).abs() <= step {
+            desired
         } else {
-            self.value + step.copysign(wanted - self.value)
+            self.value + step.copysign(desired - self.value)
         };
     }
 }

@@ -4,33 +4,30 @@ use motorium::prelude::*;
 use motorium_robots::{FrameId, Model, Reference, lie::se3};
 use nalgebra::{Isometry3, Matrix6xX, Vector6};
 
-use super::cartesian::{differentiate_error, stacked};
+use super::axes::stacked;
+use super::cartesian::differentiate_error;
+use super::context::TaskContext;
 use super::held::{HeldTask, TaskCost};
 use super::kind::{ActsOn, BuiltTask, GAINS, TaskHead, TaskKind, TaskTable, WEIGHTS};
-use super::place::TaskPlace;
 use super::ramp::{Fades, Ramped, TaskBounds};
 use super::{Cost, Equation, Feedback, PoseError, Response, Task};
 use crate::checks::pose_of;
 use crate::{MotionState, RobotState};
 
-/// Gain and weights of a [`RelativeTask`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RelativeSettings {
+with_defaults! {
+    /// Gain and weights of a [`RelativeTask`].
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct RelativeSettings;
+
     /// Form of the error. Default logarithm.
-    pub error: PoseError,
+    pub error: PoseError = PoseError::Logarithm;
     /// Rate at which the error decays \[1/s\]. Default 10.
-    pub gain: f64,
+    pub gain: f64 = 10.0;
     /// Cost of a velocity error \[1/(m/s)\], or of an acceleration error \[1/(m/s2)\]. Default 1.
-    pub position_weight: f64,
+    pub position_weight: f64 = 1.0;
     /// Cost of an angular velocity error \[1/(rad/s)\], or of an acceleration error \[1/(rad/s2)\]. Default
     /// 0.5.
-    pub orientation_weight: f64,
-}
-
-impl Default for RelativeSettings {
-    fn default() -> Self {
-        Self { error: PoseError::Logarithm, gain: 10.0, position_weight: 1.0, orientation_weight: 0.5 }
-    }
+    pub orientation_weight: f64 = 0.5;
 }
 
 impl RelativeSettings {
@@ -226,15 +223,15 @@ task_config! {
 }
 
 impl RelativeConfig {
-    fn build(&self, place: &TaskPlace<'_>) -> Result<RelativeTask, ConfigError> {
-        let frame = place.frame("relative", self.frame.as_deref())?;
-        let other = place.named_frame("other", &self.other)?;
+    fn build(&self, context: &TaskContext<'_>) -> Result<RelativeTask, ConfigError> {
+        let frame = context.frame("relative", self.frame.as_deref())?;
+        let other = context.named_frame("other", &self.other)?;
         if frame == other {
             let message = format!("`{}` relative to itself", self.other);
-            return Err(ConfigError::key(place.key("other"), message).advise("name another link"));
+            return Err(ConfigError::key(context.key("other"), message).advise("name another link"));
         }
-        let settings = RelativeSettings { error: place.pose_error(), ..RelativeSettings::default() };
-        Ok(RelativeTask::new(place.model, other, frame).with(settings))
+        let settings = RelativeSettings { error: context.pose_error(), ..RelativeSettings::default() };
+        Ok(RelativeTask::new(context.model, other, frame).with(settings))
     }
 }
 
@@ -243,13 +240,11 @@ impl TaskKind for RelativeConfig {
         self.table_head().acts_on(ActsOn::Joints)
     }
 
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
-        self.build(place).map(drop)
-    }
+    check_by_building!();
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         Ok(Box::new(HeldRelative {
-            task: self.build(place)?,
+            task: self.build(context)?,
             input: setup.input(&self.target)?,
             parameters: self.open(setup)?,
             is_set: false,

@@ -5,9 +5,9 @@ use motorium::state::TwistTarget;
 use motorium_robots::{FrameId, Model, Reference};
 use nalgebra::{Matrix6xX, Unit, Vector3};
 
+use super::context::TaskContext;
 use super::held::Driven;
 use super::kind::{ActsOn, BuiltTask, GAINS, TaskHead, TaskKind, TaskTable, WEIGHTS};
-use super::place::TaskPlace;
 use super::{Cost, Equation, Feedback, Response, Task};
 use crate::{MotionState, RobotState};
 
@@ -43,6 +43,8 @@ pub struct RigidRotationTask {
     equation: Equation,
 }
 
+methods!(RigidRotationTask: with("1/s", "1/(rad/s) or 1/(rad/s2)"), feedback("set"), cost);
+
 impl RigidRotationTask {
     /// A task for the wheel whose centre is the origin of the frame `wheel`, with its axis in the axes of
     /// that frame, on a base with the frame `base` at rest on level ground; with gain 10 and weight 1.
@@ -53,24 +55,10 @@ impl RigidRotationTask {
         Self { wheel, base, axis, normal, twist: [0.0; 3], weight: 1.0, frame_jacobian, equation }
     }
 
-    /// The same task with a gain \[1/s\] and a weight \[1/(rad/s) or 1/(rad/s2)\].
-    #[must_use]
-    pub fn with(mut self, gain: f64, weight: f64) -> Self {
-        self.set(gain, weight);
-        self
-    }
-
     /// Changes gain and weight from the next update on. Accelerations reduce the error critically damped at
     /// the gain.
     pub fn set(&mut self, gain: f64, weight: f64) {
         (self.equation.response, self.weight) = (Response::decay(gain), weight);
-    }
-
-    /// The same task with another feedback of accelerations. [`set`](Self::set) replaces it.
-    #[must_use]
-    pub fn feedback(mut self, feedback: Feedback) -> Self {
-        self.equation.response.feedback = feedback;
-        self
     }
 
     /// The same task on ground with another normal, world axes.
@@ -88,11 +76,6 @@ impl RigidRotationTask {
     /// `e` at the last update \[rad\], from -pi/2 to pi/2; 0 while the task is inactive.
     pub fn error(&self) -> f64 {
         self.equation.error[0]
-    }
-
-    /// The cost as of the last update.
-    pub fn cost(&self) -> &Cost {
-        self.equation.cost()
     }
 
     /// Angle about the normal from the rolling direction of the wheel to the velocity of its centre, or to
@@ -165,11 +148,11 @@ task_config! {
 }
 
 impl RigidRotationConfig {
-    fn build(&self, place: &TaskPlace<'_>) -> Result<RigidRotationTask, ConfigError> {
+    fn build(&self, context: &TaskContext<'_>) -> Result<RigidRotationTask, ConfigError> {
         let (wheel, base) =
-            (place.named_frame("frame", &self.frame)?, place.named_frame("base", &self.base)?);
-        let (axis, normal) = (place.axis("axis", self.axis)?, place.axis("normal", self.normal)?);
-        Ok(RigidRotationTask::new(place.model, wheel, base, axis).on(normal))
+            (context.named_frame("frame", &self.frame)?, context.named_frame("base", &self.base)?);
+        let (axis, normal) = (context.axis("axis", self.axis)?, context.axis("normal", self.normal)?);
+        Ok(RigidRotationTask::new(context.model, wheel, base, axis).on(normal))
     }
 }
 
@@ -178,13 +161,11 @@ impl TaskKind for RigidRotationConfig {
         self.table_head().acts_on(ActsOn::Joints)
     }
 
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
-        self.build(place).map(drop)
-    }
+    check_by_building!();
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         let mut input = setup.input::<TwistTarget>(&self.target)?;
-        let task = Driven::motion(self.build(place)?, self.open(setup)?, |task, [gain, weight], bounds| {
+        let task = Driven::motion(self.build(context)?, self.open(setup)?, |task, [gain, weight], bounds| {
             task.set(gain.min(bounds.max_gain), weight);
         });
         let task = task.with_result(|task| Some(serde_json::json!({ "last_error_rad": task.error() })));

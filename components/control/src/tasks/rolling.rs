@@ -4,9 +4,9 @@ use motorium::prelude::*;
 use motorium_robots::{FrameId, Model, Reference};
 use nalgebra::{Matrix6xX, Unit, Vector3};
 
+use super::context::TaskContext;
 use super::held::Driven;
 use super::kind::{ActsOn, BuiltTask, TaskHead, TaskKind, TaskTable, WEIGHTS};
-use super::place::TaskPlace;
 use super::{Cost, Equation, RATE, Response, Task};
 use crate::{MotionState, RobotState};
 
@@ -55,6 +55,8 @@ struct RollingContact {
     arm: Vector3<f64>,
 }
 
+methods!(RollingTask: weight("1/(m/s) or 1/(m/s2)"), rate("the slip"), set_weight, cost);
+
 impl RollingTask {
     /// A task for the wheel whose centre is the origin of `frame`, with its axis in the axes of the frame and
     /// its radius \[m\], on level ground, with weight 1 and a rate of 20/s.
@@ -72,33 +74,9 @@ impl RollingTask {
         self
     }
 
-    /// The same task with a weight \[1/(m/s) or 1/(m/s2)\].
-    #[must_use]
-    pub fn weight(mut self, weight: f64) -> Self {
-        self.weight = weight;
-        self
-    }
-
-    /// The same task with a rate \[1/s\] at which accelerations reduce the slip.
-    #[must_use]
-    pub fn rate(mut self, rate: f64) -> Self {
-        self.equation.response = Response::velocity(rate);
-        self
-    }
-
-    /// Changes the weight from the next update on.
-    pub fn set_weight(&mut self, weight: f64) {
-        self.weight = weight;
-    }
-
     /// `c` at the last update \[m, world axes\]; zero for a flat wheel.
     pub fn contact(&self) -> Vector3<f64> {
         self.contact.map_or(Vector3::zeros(), |contact| contact.arm)
-    }
-
-    /// The cost as of the last update.
-    pub fn cost(&self) -> &Cost {
-        self.equation.cost()
     }
 
     /// The contact in a state; `None` for a flat wheel.
@@ -162,11 +140,11 @@ task_config! {
 }
 
 impl RollingConfig {
-    fn build(&self, place: &TaskPlace<'_>) -> Result<RollingTask, ConfigError> {
-        let frame = place.named_frame("frame", &self.frame)?;
-        let (axis, normal) = (place.axis("axis", self.axis)?, place.axis("normal", self.normal)?);
-        let rate = place.rate(self.rate)?;
-        Ok(RollingTask::new(place.model, frame, axis, self.radius).on(normal).rate(rate))
+    fn build(&self, context: &TaskContext<'_>) -> Result<RollingTask, ConfigError> {
+        let frame = context.named_frame("frame", &self.frame)?;
+        let (axis, normal) = (context.axis("axis", self.axis)?, context.axis("normal", self.normal)?);
+        let rate = context.rate(self.rate)?;
+        Ok(RollingTask::new(context.model, frame, axis, self.radius).on(normal).rate(rate))
     }
 }
 
@@ -175,12 +153,10 @@ impl TaskKind for RollingConfig {
         self.table_head().acts_on(ActsOn::Joints)
     }
 
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
-        self.build(place).map(drop)
-    }
+    check_by_building!();
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
-        let (task, parameters) = (self.build(place)?, self.open(setup)?);
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
+        let (task, parameters) = (self.build(context)?, self.open(setup)?);
         Ok(Box::new(Driven::motion(task, parameters, |task, [weight], _| task.set_weight(weight))))
     }
 }

@@ -75,4 +75,22 @@ impl TargetInput {
     pub(super) fn goals(&self) -> &GoalRecord {
         &self.goals
     }
+
+    /// The entry of a task in the result of a run: goals, and errors of the quantities with a tolerance.
+    pub(super) fn result(&self) -> serde_json::Value {
+        let (summary, latest) = (self.goals.summary(), self.goals.latest());
+        let mut result =
+            serde_json::json!({ "goals_reached": summary.reached, "goals_missed": summary.missed });
+        let GoalTolerance { position, orientation } = self.goals.tolerance();
+        for (prefix, error) in [("", summary.worst), ("last_", latest)] {
+            if position.is_finite() {
+                result[format!("{prefix}position_error_m")] = error.map(|error| error.position).into();
+            }
+            if orientation.is_finite() {
+                result[format!("{prefix}orientation_error_rad")] =
+                    error.and_then(|error| error.orientation).into();
+            }
+        }
+        result
+    }
 }

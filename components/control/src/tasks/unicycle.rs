@@ -5,31 +5,27 @@ use motorium::state::TwistTarget;
 use motorium_robots::{FrameId, Model, Reference};
 use nalgebra::Matrix6xX;
 
+use super::context::TaskContext;
 use super::held::Driven;
 use super::kind::{BuiltTask, TaskKind, WEIGHTS};
-use super::place::TaskPlace;
 use super::{Cost, Equation, RATE, Response, Task};
 use crate::{MotionState, RobotState};
 
-/// Speeds and weights of a [`UnicycleTask`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct UnicycleSettings {
-    /// Speed along the x axis of the frame \[m/s\]. Default 0.
-    pub forward: f64,
-    /// Angular velocity about the z axis of the frame \[rad/s\]. Default 0.
-    pub yaw_rate: f64,
-    /// Cost of an error of the forward speed \[1/(m/s)\]; 0 leaves it to other tasks. Default 1.
-    pub forward_weight: f64,
-    /// Cost of a motion sideways \[1/(m/s)\]. Default 1.
-    pub sideways_weight: f64,
-    /// Cost of an error of the yaw rate \[1/(rad/s)\]; 0 leaves it to other tasks. Default 1.
-    pub yaw_weight: f64,
-}
+with_defaults! {
+    /// Speeds and weights of a [`UnicycleTask`].
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct UnicycleSettings;
 
-impl Default for UnicycleSettings {
-    fn default() -> Self {
-        Self { forward: 0.0, yaw_rate: 0.0, forward_weight: 1.0, sideways_weight: 1.0, yaw_weight: 1.0 }
-    }
+    /// Speed along the x axis of the frame \[m/s\]. Default 0.
+    pub forward: f64 = 0.0;
+    /// Angular velocity about the z axis of the frame \[rad/s\]. Default 0.
+    pub yaw_rate: f64 = 0.0;
+    /// Cost of an error of the forward speed \[1/(m/s)\]; 0 leaves it to other tasks. Default 1.
+    pub forward_weight: f64 = 1.0;
+    /// Cost of a motion sideways \[1/(m/s)\]. Default 1.
+    pub sideways_weight: f64 = 1.0;
+    /// Cost of an error of the yaw rate \[1/(rad/s)\]; 0 leaves it to other tasks. Default 1.
+    pub yaw_weight: f64 = 1.0;
 }
 
 /// Moves a frame forward and turns it as commanded, and never sideways:
@@ -69,6 +65,8 @@ pub struct UnicycleTask {
     equation: Equation,
 }
 
+methods!(UnicycleTask: rate("a velocity error"), cost);
+
 impl UnicycleTask {
     /// Creates a task for `frame` of `model`, initially at rest, with default weights and a rate of 20/s.
     pub fn new(model: &Model, frame: FrameId) -> Self {
@@ -85,13 +83,6 @@ impl UnicycleTask {
         self
     }
 
-    /// The same task with a rate \[1/s\] at which accelerations reduce a velocity error.
-    #[must_use]
-    pub fn rate(mut self, rate: f64) -> Self {
-        self.equation.response = Response::velocity(rate);
-        self
-    }
-
     /// Changes speeds and weights from the next update on.
     pub fn set_settings(&mut self, settings: UnicycleSettings) {
         self.settings = settings;
@@ -100,11 +91,6 @@ impl UnicycleTask {
     /// Speeds and weights.
     pub fn settings(&self) -> &UnicycleSettings {
         &self.settings
-    }
-
-    /// The cost as of the last update.
-    pub fn cost(&self) -> &Cost {
-        self.equation.cost()
     }
 }
 
@@ -162,21 +148,19 @@ task_config! {
 }
 
 impl UnicycleConfig {
-    fn build(&self, place: &TaskPlace<'_>) -> Result<UnicycleTask, ConfigError> {
-        let rate = place.rate(self.rate)?;
-        Ok(UnicycleTask::new(place.model, place.named_frame("frame", &self.frame)?).rate(rate))
+    fn build(&self, context: &TaskContext<'_>) -> Result<UnicycleTask, ConfigError> {
+        let rate = context.rate(self.rate)?;
+        Ok(UnicycleTask::new(context.model, context.named_frame("frame", &self.frame)?).rate(rate))
     }
 }
 
 impl TaskKind for UnicycleConfig {
-    fn check(&self, place: &TaskPlace<'_>) -> Result<(), ConfigError> {
-        self.build(place).map(drop)
-    }
+    check_by_building!();
 
-    fn configure(&self, place: &TaskPlace<'_>, setup: &mut Setup) -> BuiltTask {
+    fn configure(&self, context: &TaskContext<'_>, setup: &mut Setup) -> BuiltTask {
         let mut input = setup.input::<TwistTarget>(&self.target)?;
         let task =
-            Driven::motion(self.build(place)?, self.open(setup)?, |task, [forward, sideways, yaw], _| {
+            Driven::motion(self.build(context)?, self.open(setup)?, |task, [forward, sideways, yaw], _| {
                 task.set_settings(UnicycleSettings {
                     forward_weight: forward,
                     sideways_weight: sideways,

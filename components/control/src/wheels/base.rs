@@ -4,24 +4,19 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::PlanarTwist;
 
-/// One wheel, in the axes of the base.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wheel {
-    /// Place of its centre \[m\].
-    pub position: [f64; 2],
-    /// Radius \[m\].
-    pub radius: f64,
-    /// True for a steered wheel.
-    pub steered: bool,
-    /// Tangent of the angle of the rollers of a mecanum wheel: 1 or -1; 0 for a plain wheel.
-    pub rollers: f64,
-}
+with_defaults! {
+    /// One wheel, in the axes of the base.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Wheel;
 
-impl Default for Wheel {
-    /// A plain wheel of radius 1 m below the origin.
-    fn default() -> Self {
-        Self { position: [0.0; 2], radius: 1.0, steered: false, rollers: 0.0 }
-    }
+    /// Place of its centre \[m\].
+    pub position: [f64; 2] = [0.0; 2];
+    /// Radius \[m\].
+    pub radius: f64 = 1.0;
+    /// True for a steered wheel.
+    pub steered: bool = false;
+    /// Tangent of the angle of the rollers of a mecanum wheel: 1 or -1; 0 for a plain wheel.
+    pub rollers: f64 = 0.0;
 }
 
 /// Kind of base.

@@ -18,7 +18,7 @@ pub struct WheelDrive {
     steering: Vec<f64>,
     steering_rate: Vec<f64>,
     speeds: Vec<f64>,
-    wanted: Vec<f64>,
+    desired: Vec<f64>,
     /// Velocity of a steered base ahead \[m/s\].
     ahead: f64,
 }
@@ -47,7 +47,7 @@ impl WheelDrive {
             steering: vec![0.0; count],
             steering_rate: vec![0.0; count],
             speeds: vec![0.0; count],
-            wanted: vec![0.0; count],
+            desired: vec![0.0; count],
             ahead: 0.0,
         }
     }
@@ -104,21 +104,21 @@ impl WheelDrive {
             kind => {
                 let twist = self.base.feasible(twist);
                 let twist = if kind == BaseKind::Planar { turned(&twist, yaw) } else { twist };
-                self.base.speeds(&twist, &[], &mut self.wanted);
-                let factor = self.limits.speed_factor(&self.wanted);
-                self.wanted.iter_mut().for_each(|speed| *speed *= factor);
-                self.limits.approach(&mut self.speeds, &self.wanted, dt) && factor == 1.0
+                self.base.speeds(&twist, &[], &mut self.desired);
+                let factor = self.limits.speed_factor(&self.desired);
+                self.desired.iter_mut().for_each(|speed| *speed *= factor);
+                self.limits.approach(&mut self.speeds, &self.desired, dt) && factor == 1.0
             }
         }
     }
 
     fn follow_steered(&mut self, twist: &PlanarTwist, dt: f64) -> bool {
-        let asked = match (twist.x, twist.yaw) {
+        let requested = match (twist.x, twist.yaw) {
             (0.0, 0.0) => self.curvature,
             (x, yaw) => yaw / x,
         };
-        let asked = if asked.is_nan() { self.curvature } else { asked };
-        let curvature = asked.clamp(self.curvatures[0], self.curvatures[1]);
+        let requested = if requested.is_nan() { self.curvature } else { requested };
+        let curvature = requested.clamp(self.curvatures[0], self.curvatures[1]);
         let before = self.curvature;
         let (mut share, mut step) = (1.0, 0.5);
         if !self.reaches(before, curvature, dt) {
@@ -138,17 +138,17 @@ impl WheelDrive {
         self.steer();
         // speeds of the wheels at 1 m/s ahead
         let unit = self.base.feasible(&PlanarTwist { x: 1.0, y: 0.0, yaw: self.curvature });
-        self.base.speeds(&unit, &self.steering, &mut self.wanted);
+        self.base.speeds(&unit, &self.steering, &mut self.desired);
         let mut change = f64::INFINITY;
         let mut fastest = f64::INFINITY;
-        for (wheel, unit) in self.wanted.iter().enumerate() {
+        for (wheel, unit) in self.desired.iter().enumerate() {
             change = change.min(self.limits.acceleration[wheel] * dt / unit.abs());
             fastest = fastest.min(self.limits.speed[wheel] / unit.abs());
         }
         let ahead = twist.x.clamp(-fastest, fastest);
         self.ahead = ahead.clamp(self.ahead - change, self.ahead + change);
-        self.speeds.iter_mut().zip(&self.wanted).for_each(|(speed, unit)| *speed = self.ahead * unit);
-        share == 1.0 && self.ahead == twist.x && curvature == asked
+        self.speeds.iter_mut().zip(&self.desired).for_each(|(speed, unit)| *speed = self.ahead * unit);
+        share == 1.0 && self.ahead == twist.x && curvature == requested
     }
 
     /// True if every steered wheel gets from one curvature to another in a time step.

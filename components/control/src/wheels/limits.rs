@@ -12,39 +12,39 @@ pub struct WheelLimits {
 impl WheelLimits {
     /// Factor, at most 1, that brings every speed within its limit while preserving the ratios and thus the
     /// curvature.
-    pub fn speed_factor(&self, wanted: &[f64]) -> f64 {
+    pub fn speed_factor(&self, desired: &[f64]) -> f64 {
         let factor =
-            |(wanted, limit): (&f64, &f64)| if wanted.abs() > *limit { limit / wanted.abs() } else { 1.0 };
-        wanted.iter().zip(&self.speed).map(factor).fold(1.0, f64::min)
+            |(desired, limit): (&f64, &f64)| if desired.abs() > *limit { limit / desired.abs() } else { 1.0 };
+        desired.iter().zip(&self.speed).map(factor).fold(1.0, f64::min)
     }
 
-    /// Moves the wheel speeds from `speeds` towards `wanted` within the acceleration limits: at the desired
+    /// Moves the wheel speeds from `speeds` towards `desired` within the acceleration limits: at the desired
     /// curvature if reachable, else on a straight line between old and new speeds. Returns `true` if all
     /// speeds are reached.
-    pub fn approach(&self, speeds: &mut [f64], wanted: &[f64], dt: f64) -> bool {
+    pub fn approach(&self, speeds: &mut [f64], desired: &[f64], dt: f64) -> bool {
         // factors of the desired speeds that every wheel can reach in this step
         let (mut least, mut most) = (0.0_f64, 1.0_f64);
-        for ((now, wanted), limit) in speeds.iter().zip(wanted).zip(&self.acceleration) {
+        for ((now, desired), limit) in speeds.iter().zip(desired).zip(&self.acceleration) {
             let reach = limit * dt;
-            if wanted.abs() < 1e-12 {
+            if desired.abs() < 1e-12 {
                 if now.abs() > reach {
                     most = -1.0;
                 }
                 continue;
             }
-            let (one, other) = ((now - reach) / wanted, (now + reach) / wanted);
+            let (one, other) = ((now - reach) / desired, (now + reach) / desired);
             least = least.max(one.min(other));
             most = most.min(one.max(other));
         }
         if least <= most {
-            speeds.iter_mut().zip(wanted).for_each(|(now, wanted)| *now = most * wanted);
+            speeds.iter_mut().zip(desired).for_each(|(now, desired)| *now = most * desired);
             return most == 1.0;
         }
         let mut share = 1.0_f64;
-        for ((now, wanted), limit) in speeds.iter().zip(wanted).zip(&self.acceleration) {
-            share = share.min(limit * dt / (wanted - now).abs());
+        for ((now, desired), limit) in speeds.iter().zip(desired).zip(&self.acceleration) {
+            share = share.min(limit * dt / (desired - now).abs());
         }
-        speeds.iter_mut().zip(wanted).for_each(|(now, wanted)| *now += share * (wanted - *now));
+        speeds.iter_mut().zip(desired).for_each(|(now, desired)| *now += share * (desired - *now));
         share == 1.0
     }
 }

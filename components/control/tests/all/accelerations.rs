@@ -49,7 +49,7 @@ fn move_to(
             let before = setpoint.velocity().to_vec();
             let v = ik.solve().unwrap().to_vec();
             setpoint.integrate(&v, DT);
-            check(&before, &v, setpoint.position(), ik.is_hurried());
+            check(&before, &v, setpoint.position(), ik.exceeds_acceleration());
         }
     }
 }
@@ -63,8 +63,8 @@ fn no_joint_exceeds_its_acceleration_even_at_its_limits() {
         // far beyond the limits of the joints, and back
         let postures: Vec<Vec<f64>> = (0..8).map(|_| (0..8).map(|_| random.within(6.0)).collect()).collect();
         let (mut largest, mut fastest, mut nearest) = (0.0_f64, 0.0_f64, f64::INFINITY);
-        move_to(&panda, &postures, &limit, None, |before, v, q, hurried| {
-            assert!(!hurried);
+        move_to(&panda, &postures, &limit, None, |before, v, q, exceeds| {
+            assert!(!exceeds);
             for joint in 0..8 {
                 largest = largest.max((v[joint] - before[joint]).abs() / DT);
                 fastest = fastest.max(v[joint].abs() / model.velocity_limit()[joint]);
@@ -125,11 +125,11 @@ fn a_distance_may_brake_joints_harder_but_not_speed_them_up() {
         let mut measure = Collisions::new(&solids);
         let (mut smallest, mut given_up, mut steps) = (f64::INFINITY, 0, 0);
         let (mut speeding_up, mut apart) = (0.0_f64, 0.0_f64);
-        move_to(&panda, &[down.as_slice().to_vec()], &limit, Some(&solids), |before, v, q, hurried| {
+        move_to(&panda, &[down.as_slice().to_vec()], &limit, Some(&solids), |before, v, q, exceeds| {
             kinematics.update(&panda.model, q);
             measure.update(&solids, &kinematics);
             smallest = smallest.min(measure.nearest(&solids).unwrap().distance);
-            given_up += usize::from(hurried);
+            given_up += usize::from(exceeds);
             steps += 1;
             for (now, before) in v.iter().zip(before) {
                 speeding_up = speeding_up.max((now.abs() - before.abs()) / DT);
@@ -175,8 +175,8 @@ fn a_hand_close_to_a_table_returns_at_joint_acceleration() {
             let solids = table_below(&panda, 0.01);
             let (mut kinematics, mut measure) = (Kinematics::new(&panda.model), Collisions::new(&solids));
             let (mut distances, mut largest) = (Vec::new(), 0.0_f64);
-            move_to(&panda, &postures(posture), &limit, Some(&solids), |before, v, q, hurried| {
-                assert!(!hurried, "{most}");
+            move_to(&panda, &postures(posture), &limit, Some(&solids), |before, v, q, exceeds| {
+                assert!(!exceeds, "{most}");
                 kinematics.update(&panda.model, q);
                 measure.update(&solids, &kinematics);
                 distances.push(measure.nearest(&solids).unwrap().distance);

@@ -111,7 +111,7 @@ fn what_is_to_be_least_grows_less() {
     );
     refused(
         "{ inverse_dynamics = {}, tasks = [{ limit = { frames = [{ max_linear = 1.0 }] } }] }",
-        &["tasks[0].limit", "no form for torques", "limits stand under `limits`"],
+        &["tasks[0].limit", "no form for torques", "list limits under `limits`"],
     );
 }
 

@@ -3,7 +3,8 @@
 use approx::assert_abs_diff_eq;
 use motorium_control::solver::{
     ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, Constraint, KktResidual, Problem,
-    QpSolver, Side, Sides, Solution, SolveError, Structure, UpdateError, recorded,
+    QpSolver, Side, Sides, Solution, SolveError, Structure, UpdateError,
+    recorded::{self, RecordedError},
 };
 use nalgebra::{DMatrix, DVector, dmatrix, dvector};
 
@@ -200,7 +201,6 @@ fn an_infeasible_problem_names_the_constraints_in_conflict() {
             named,
             [Constraint::Equality(0), Constraint::Bound(0, Side::Upper), Constraint::Bound(2, Side::Upper)]
         );
-        assert!(error.to_string().contains("equality 0"), "{error}");
     }
 }
 
@@ -282,8 +282,8 @@ fn numbers_no_solver_could_use_are_refused_by_name() {
         );
 
         let other = Problem::new(&Structure::new(3));
-        let error = solver.update(&other).unwrap_err();
-        assert!(error.to_string().starts_with("P is 3x3, the solver was built for 2x2"), "{error}");
+        let shape = UpdateError::Shape { what: "P", found: (3, 3), expected: (2, 2) };
+        assert_eq!(solver.update(&other), Err(shape));
     }
 }
 
@@ -375,6 +375,6 @@ fn rows_of_any_size_that_contradict_are_infeasible() {
 
 #[test]
 fn problem_without_variables_is_refused() {
-    let error = recorded::read(r#"[{"P": [], "q": []}]"#).unwrap_err().to_string();
-    assert_eq!(error, "problem 0: `q` is empty, expected one number per variable");
+    let error = recorded::read(r#"[{"P": [], "q": []}]"#).unwrap_err();
+    assert!(matches!(error, RecordedError::NoVariables { problem: 0 }), "{error}");
 }

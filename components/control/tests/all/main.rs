@@ -25,6 +25,7 @@ mod setpoint;
 mod single_precision;
 mod strides;
 mod tasks;
+mod tolerances;
 mod torque;
 mod torque_kinds;
 mod warm_starts;

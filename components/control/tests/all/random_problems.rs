@@ -45,16 +45,16 @@ impl Random {
     }
 }
 
-struct Trial {
-    structure: Structure,
-    problem: Problem,
+pub(crate) struct Trial {
+    pub(crate) structure: Structure,
+    pub(crate) problem: Problem,
     /// A point that satisfies all constraints is known.
     feasible: bool,
 }
 
 /// A problem with up to 12 variables, whose Hessian may have any rank, whose rows may repeat one another, and
 /// whose constraints may meet in one point. Whole numbers make ties and exact dependencies frequent.
-fn trial(seed: u64) -> Trial {
+pub(crate) fn trial(seed: u64) -> Trial {
     let r = &mut Random(seed);
     let n = 1 + r.below(12);
     let m = if r.one_in(2) { 0 } else { r.below(n.min(5) + 1) };
@@ -131,7 +131,7 @@ fn reference(trial: &Trial, nearest: bool) -> Result<f64, SolveError> {
 }
 
 /// Describes the error of an answer; `None` if it is right.
-fn wrong(trial: &Trial, answer: Result<&Solution, SolveError>) -> Option<String> {
+pub(crate) fn wrong(trial: &Trial, answer: Result<&Solution, SolveError>) -> Option<String> {
     match answer {
         Ok(solution) => {
             let residual = residual(&trial.problem, solution);

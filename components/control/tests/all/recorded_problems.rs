@@ -2,7 +2,8 @@
 
 use motorium_control::solver::{
     Accuracy, ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, KktResidual, Problem,
-    QpSolver, Structure, recorded,
+    QpSolver, Structure,
+    recorded::{self, RecordedError},
 };
 
 fn load(file: &str) -> Option<(Structure, Vec<Problem>)> {
@@ -141,26 +142,34 @@ fn equal_sizes_start_warm_and_a_change_of_size_cold() {
 
 #[test]
 fn a_recorded_problem_of_a_wrong_size_is_refused_by_name() {
-    let read = |text: &str| recorded::read(text).unwrap_err().to_string();
+    let read = |text: &str| recorded::read(text).unwrap_err();
     let square = r#"[{ "P": [[1, 0], [0, 1]], "q": [0, 0] }, { "P": [[1, 0]], "q": [0, 0] }]"#;
-    assert_eq!(read(square), "problem 1: `P` is 1 x 2, expected 2 x 2");
-    assert_eq!(read(r#"{ "P": [[1]], "q": [0], "lb": [0, 1] }"#), "problem 0: `lb` is 2 numbers, expected 1");
-    assert_eq!(read("[]"), "it holds no problem");
-    assert!(read(r#"{ "P": [[1]], "q": [0], "H": [] }"#).contains("unknown field `H`"));
     let ragged = r#"{ "P": [[1, 0], [0]], "q": [0, 0] }"#;
-    assert_eq!(read(ragged), "problem 0: `P` is a matrix with 1 numbers in row 1, expected 2 x 2");
-    assert!(read("3").contains("expected an object with P and q"), "{}", read("3"));
+    let long = r#"{ "P": [[1]], "q": [0], "lb": [0, 1] }"#;
+    for (text, place, name) in [(square, 1, "P"), (ragged, 0, "P"), (long, 0, "lb")] {
+        let error = read(text);
+        let RecordedError::Size { problem, key, .. } = error else { panic!("{error}") };
+        assert_eq!((problem, key), (place, name));
+    }
+    assert!(matches!(read("[]"), RecordedError::Empty));
+    for text in [r#"{ "P": [[1]], "q": [0], "H": [] }"#, "3"] {
+        assert!(matches!(read(text), RecordedError::Syntax(_)), "{}", read(text));
+    }
 }
 
 #[test]
 fn non_finite_entries_and_asymmetry_are_refused_by_place() {
-    let read = |text: &str| recorded::read(text).unwrap_err().to_string();
-    for word in ["NaN", "Infinity", "-Infinity", "nan", "inf", "-inf"] {
-        let message = read(&format!("{{ \"P\": [[1]],\n \"q\": [{word}] }}"));
-        assert!(message.starts_with(&format!("`{word}` at line 2 column 8, expected a number")), "{message}");
+    let read = |text: &str| recorded::read(text).unwrap_err();
+    for entry in ["NaN", "Infinity", "-Infinity", "nan", "inf", "-inf"] {
+        let error = read(&format!("{{ \"P\": [[1]],\n \"q\": [{entry}] }}"));
+        let RecordedError::NoNumber { word, line: 2, column: 8 } = error else { panic!("{error}") };
+        assert_eq!(word, entry);
     }
-    let message = read(r#"{ "P": [[1, 0.5], [0.1, 1]], "q": [0, 0] }"#);
-    assert!(message.contains("0.5 in row 0, column 1 and 0.1 on the other side"), "{message}");
+    let error = read(r#"{ "P": [[1, 0.5], [0.1, 1]], "q": [0, 0] }"#);
+    let RecordedError::Asymmetric { problem: 0, row: 0, column: 1, upper, lower } = error else {
+        panic!("{error}")
+    };
+    assert_eq!((upper, lower), (0.5, 0.1));
     for same in ["[[1, 0.5], [0.5, 1]]", "[[1, 0.5], [0, 1]]"] {
         let (_, problems) = recorded::read(&format!("{{ \"P\": {same}, \"q\": [0, 0] }}")).unwrap();
         assert_eq!(problems[0].hessian[(0, 1)], 0.5);

@@ -162,7 +162,7 @@ fn hand_and_joints_are_pulled_by_springs_instead_of_gains() {
     );
     refused(
         &config(&format!("{{ cartesian = {{ gain = 3.0, {spring} }} }}")),
-        &["cartesian.gain", "beside `impedance`"],
+        &["cartesian.gain", "together with `impedance`"],
     );
     refused(
         &config("{ posture = { impedance = { stiffness = [1.0], damping = 1.0 } } }"),

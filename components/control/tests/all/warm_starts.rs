@@ -2,7 +2,8 @@
 
 use motorium_control::inverse_dynamics::{Contact, InverseDynamics, MotionState};
 use motorium_control::solver::{
-    ActiveSetSettings, ActiveSetSolver, KktResidual, Problem, QpSolver, Sides, Structure,
+    ActiveSetSettings, ActiveSetSolver, Constraint, KktResidual, Problem, QpSolver, Sides, SolveError,
+    Structure,
 };
 use motorium_control::tasks::Feedback;
 use motorium_control::tasks::{CentreOfMassTask, PostureTask};
@@ -56,8 +57,9 @@ fn an_empty_equality_with_a_target_is_infeasible() {
     problem.equality_value[2] = 1e-3;
     let mut solver = ActiveSetSolver::new(structure, ActiveSetSettings::default());
     solver.update(&problem).unwrap();
-    let error = solver.solve().unwrap_err().to_string();
-    assert!(error.contains("infeasible") && error.contains("equality 2"), "{error}");
+    let error = solver.solve().unwrap_err();
+    let SolveError::Infeasible { conflict } = error else { panic!("{error}") };
+    assert_eq!(conflict.constraints().next(), Some(Constraint::Equality(2)));
 }
 
 #[test]

@@ -34,7 +34,7 @@ pub(super) trait Formulation: Sized {
     /// Places the setpoint at the measured state, or at the setpoint before a crash.
     fn begin(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint);
 
-    /// Applies parameters and inputs, once per step, after those of the tasks.
+    /// Applies parameters and inputs, once per step, after the tasks have applied theirs.
     fn prepare(
         &mut self,
         measured: &MeasuredState,
@@ -49,17 +49,14 @@ pub(super) trait Formulation: Sized {
     /// Solves the problem as posed. The error contains the conflict of contradictory constraints.
     fn solve(&mut self) -> Result<(), Option<Conflicting>>;
 
-    /// SolveStats of the last solution.
+    /// Figures of the last solution.
     fn stats(&self) -> SolveStats;
 
-    /// Adds the last solution to a mixture, weighted by `share`.
-    fn mix(&mut self, share: f64);
+    /// The unknowns of the last solution.
+    fn unknowns(&self) -> &[f64];
 
-    /// Makes the mixture the solution.
-    fn take_mixture(&mut self);
-
-    /// Begins a new mixture.
-    fn drop_mixture(&mut self);
+    /// Makes these unknowns the solution.
+    fn set_unknowns(&mut self, unknowns: &[f64]);
 
     /// Moves the setpoint by the solution.
     fn apply(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint, tasks: &mut [Held], dt: f64);

@@ -147,16 +147,12 @@ impl Formulation for Torque {
         SolveStats { iterations: found.iterations, undecided: found.undecided, slack: found.slack }
     }
 
-    fn mix(&mut self, share: f64) {
-        self.control.mix(share);
+    fn unknowns(&self) -> &[f64] {
+        self.control.unknowns()
     }
 
-    fn take_mixture(&mut self) {
-        self.control.take_mixture();
-    }
-
-    fn drop_mixture(&mut self) {
-        self.control.drop_mixture();
+    fn set_unknowns(&mut self, unknowns: &[f64]) {
+        self.control.set_unknowns(unknowns);
     }
 
     fn apply(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint, _: &mut [Held], dt: f64) {

@@ -33,7 +33,7 @@ pub(in crate::component) struct Velocity {
     /// The setpoint before a crash.
     remembered: Option<Vec<f64>>,
     /// Steps beyond the acceleration limit.
-    hurried: u64,
+    beyond_acceleration: u64,
 }
 
 impl Formulation for Velocity {
@@ -62,7 +62,7 @@ impl Formulation for Velocity {
             max_lead: config.max_lead,
             remembered: checkpoint.resume(),
             checkpoint,
-            hurried: 0,
+            beyond_acceleration: 0,
         })
     }
 
@@ -138,23 +138,19 @@ impl Formulation for Velocity {
         SolveStats { iterations: self.ik.iterations(), undecided: self.ik.undecided(), slack }
     }
 
-    fn mix(&mut self, share: f64) {
-        self.ik.mix(share);
+    fn unknowns(&self) -> &[f64] {
+        self.ik.unknowns()
     }
 
-    fn take_mixture(&mut self) {
-        self.ik.take_mixture();
-    }
-
-    fn drop_mixture(&mut self) {
-        self.ik.drop_mixture();
+    fn set_unknowns(&mut self, unknowns: &[f64]) {
+        self.ik.set_unknowns(unknowns);
     }
 
     fn apply(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint, tasks: &mut [Held], dt: f64) {
         setpoint.integrate(self.ik.velocity(), dt);
         setpoint.limit_tracking_error(measured.joints().0, self.max_lead);
         tasks.iter_mut().for_each(|held| held.task.solved(self.ik.velocity()));
-        self.hurried += u64::from(self.ik.is_hurried());
+        self.beyond_acceleration += u64::from(self.ik.exceeds_acceleration());
     }
 
     fn hold(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint, policy: InfeasiblePolicy) {
@@ -197,10 +193,10 @@ impl Formulation for Velocity {
 
     fn reset(&mut self) {
         self.ik.reset();
-        (self.remembered, self.hurried) = (None, 0);
+        (self.remembered, self.beyond_acceleration) = (None, 0);
     }
 
     fn add_to(&self, result: &mut Value) {
-        result["solver"]["steps_beyond_acceleration"] = json!(self.hurried);
+        result["solver"]["steps_beyond_acceleration"] = json!(self.beyond_acceleration);
     }
 }

@@ -7,13 +7,12 @@ pub use config::{
     FittedConfig, GaitConfig, GroundConfig, HorizonConfig, LandingConfig, MpcConfig, WeightsConfig,
 };
 
-use motorium::component::RunClock;
 use motorium::prelude::*;
 use motorium::state::{ContactSchedule, FootContacts};
 use nalgebra::Vector2;
 
-use super::measured::{Freshness, MeasuredState};
-use super::period_ns;
+use super::measured::{FreshStep, MeasuredState};
+use super::required_robot;
 use crate::mpc::{LegPlanner, PlanarVelocity};
 use setup::MpcSetup;
 
@@ -35,8 +34,6 @@ pub struct MpcPlanner {
     planner: LegPlanner,
     config: MpcConfig,
     stand_for: f64,
-    clock: RunClock,
-    last_ns: Option<u64>,
     /// Time since it began, s.
     began_for: f64,
     figures: Figures,
@@ -54,7 +51,6 @@ struct Figures {
     steps: u64,
     solved: u64,
     unsolved: u64,
-    stale: u64,
     without_contacts: u64,
     iterations: u64,
     most_iterations: u32,
@@ -74,10 +70,7 @@ impl Component for MpcPlanner {
     type Config = MpcConfig;
 
     fn declare(config: &MpcConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let robot = declare.robot().ok_or_else(|| {
-            ConfigError::new("the component names no robot to plan for")
-                .advise("add `robot = \"NAME\"` to the component")
-        })?;
+        let robot = required_robot(declare)?;
         let setup = MpcSetup::new(config, robot)?;
         declare.input::<JointState>("joint_state", "measured joint state of the robot");
         declare.input::<BaseState>("base_state", "measured or estimated pose and velocity of the base");
@@ -119,7 +112,7 @@ impl Component for MpcPlanner {
             })
             .collect::<Result<Vec<_>, ConfigureError>>()?;
         Ok(Self {
-            measured: MeasuredState::configure(model, setup)?,
+            measured: MeasuredState::configure(model, config.state_timeout.ns, setup)?,
             target: setup.input("target")?,
             contacts: setup.input("feet")?,
             schedule: setup.output("contact_schedule")?,
@@ -130,46 +123,31 @@ impl Component for MpcPlanner {
             planner,
             config,
             stand_for,
-            clock: setup.clock(),
-            last_ns: None,
             began_for: 0.0,
             figures: Figures::default(),
         })
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        match self.measured.read(self.config.state_timeout.ns)? {
-            Freshness::Fresh => {}
-            Freshness::Missing => return Ok(()),
-            Freshness::Stale => {
-                self.figures.stale += 1;
-                self.last_ns = None;
-                return Ok(());
-            }
-        }
-        let longest = self.config.state_timeout.ns.max(2 * period_ns(tick));
-        let now_ns = self.clock.grid_ns(tick, self.measured.time_ns);
-        let unbroken = self.last_ns.replace(now_ns);
-        let unbroken = unbroken.filter(|last| now_ns.saturating_sub(*last) <= longest);
+        let Some(FreshStep { begins, dt }) = self.measured.step(tick)? else { return Ok(()) };
         let state = self.measured.motion();
-        if unbroken.is_none() {
+        if begins {
             self.planner.begin(&state);
             self.began_for = 0.0;
         }
-        let dt = tick.dt() * f64::from(tick.periods_since(unbroken, now_ns));
-        let wanted = wanted(&mut self.target, &self.config, self.speed_factor.get());
+        let desired = desired(&mut self.target, &self.config, self.speed_factor.get());
         let fit =
             touching(&mut self.contacts, &mut self.planner, self.feet.len(), self.config.state_timeout.ns);
         self.figures.without_contacts += u64::from(!fit);
         let strides = self.strides.get() && self.began_for >= self.stand_for;
-        let solved = self.planner.step(&state, &wanted, strides, dt).is_ok();
+        let solved = self.planner.step(&state, &desired, strides, dt).is_ok();
         self.began_for += dt;
         self.observe(solved, dt);
         self.publish()
     }
 
     fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
-        self.last_ns = None;
+        self.measured.reset();
         self.figures = Figures::default();
         Ok(())
     }
@@ -194,7 +172,7 @@ impl Component for MpcPlanner {
             "largest_position_error_m": figures.largest_error,
             "iterations": { "mean": mean, "max": figures.most_iterations },
             "steps_without_solution": figures.unsolved,
-            "steps_without_fresh_state": figures.stale,
+            "steps_without_fresh_state": self.measured.stale(),
         });
         if self.contacts.is_wired() {
             result["steps_without_fresh_contacts"] = serde_json::json!(figures.without_contacts);
@@ -204,7 +182,7 @@ impl Component for MpcPlanner {
 }
 
 /// Returns the newest target velocity; zero without a fresh one, and the configured one without an input.
-fn wanted(target: &mut Input<TwistTarget>, config: &MpcConfig, factor: f64) -> PlanarVelocity {
+fn desired(target: &mut Input<TwistTarget>, config: &MpcConfig, factor: f64) -> PlanarVelocity {
     let [x, y, yaw] = if target.is_wired() {
         let fresh = target.latest().filter(|target| target.age_ns() <= config.target_timeout.ns);
         fresh.map_or([0.0; 3], |target| [target.linear[0], target.linear[1], target.angular[2]])
@@ -237,9 +215,9 @@ impl MpcPlanner {
             figures.unsolved += 1;
         }
         let (state, reference) = (planner.state(), planner.reference());
-        let (wanted, _, heading) = reference.after(0.0);
+        let (desired, _, heading) = reference.after(0.0);
         figures.largest_turn = figures.largest_turn.max(state.turn.norm());
-        figures.largest_error = figures.largest_error.max((state.position - wanted).norm());
+        figures.largest_error = figures.largest_error.max((state.position - desired).norm());
         figures.start.get_or_insert([state.position.x, state.position.y]);
         figures.end = [state.position.x, state.position.y];
         figures.forward += dt * (heading.cos() * state.velocity.x + heading.sin() * state.velocity.y);

@@ -6,7 +6,7 @@ use motorium_robots::{Foot, Loaded, Model};
 use nalgebra::Vector3;
 
 use super::config::{GaitConfig, GroundConfig, MpcConfig};
-use crate::checks::in_range;
+use crate::checks::{downward_gravity, in_range};
 use crate::component::measured::load_robot;
 use crate::inverse_dynamics::Contact;
 use crate::mpc::{
@@ -25,10 +25,6 @@ pub(super) struct MpcSetup {
 impl MpcSetup {
     pub(super) fn new(config: &MpcConfig, robot: &RobotReference) -> Result<Self, ConfigError> {
         let Loaded { model, profile, .. } = load_robot(robot)?;
-        if model.joint_count() > MAX_JOINTS {
-            let message = format!("{} joints, at most {MAX_JOINTS} fit", model.joint_count());
-            return Err(ConfigError::key("robot", message));
-        }
         if !model.base().floating {
             let message =
                 format!("robot `{}` has a fixed base, which contact forces do not move", robot.name);
@@ -116,11 +112,7 @@ fn ground(config: GroundConfig) -> Result<GroundModel, ConfigError> {
 }
 
 fn settings(config: &MpcConfig, model: &Model) -> Result<PlannerSettings, ConfigError> {
-    let [0.0, 0.0, down] = config.gravity else {
-        let message = format!("{:?}, expected one that acts along -z of the world", config.gravity);
-        return Err(ConfigError::key("gravity", message));
-    };
-    let gravity = -in_range("gravity[2]", down, -1000.0..=-0.01)?;
+    let gravity = downward_gravity(config.gravity)?;
     let horizon = &config.horizon;
     if !(1..=40).contains(&horizon.steps) {
         let message = format!("{} steps, expected from 1 to 40", horizon.steps);

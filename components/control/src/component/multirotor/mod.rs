@@ -9,7 +9,8 @@ use motorium_robots::{Kinematics, Loaded, Spin};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use super::measured::load_robot;
-use crate::checks::in_range;
+use super::required_robot;
+use crate::checks::{downward_gravity, in_range};
 use crate::multirotor::{Flight, FlightControl, FlightSettings, FlightTarget, Mixer, Propeller};
 use crate::{GoalError, GoalRecord, GoalTolerance};
 
@@ -61,11 +62,7 @@ impl Parts {
         in_range("integral_rate", config.integral_rate, 0.0..=config.position_frequency)?;
         in_range("max_tilt", config.max_tilt, 0.01..=1.4)?;
         in_range("max_thrust_share", config.max_thrust_share, 0.1..=1.0)?;
-        let [0.0, 0.0, down] = config.gravity else {
-            let message = format!("{:?}, expected one that acts along -z of the world", config.gravity);
-            return Err(ConfigError::key("gravity", message));
-        };
-        let gravity = -in_range("gravity[2]", down, -1000.0..=-0.01)?;
+        let gravity = downward_gravity(config.gravity)?;
         in_range("position_tolerance", config.position_tolerance, 1e-9..=1e3)?;
         in_range("yaw_tolerance", config.yaw_tolerance, 1e-9..=10.0)?;
         if config.attitude_frequency < 3.0 * config.position_frequency {
@@ -150,11 +147,7 @@ impl Component for MultirotorController {
     type Config = MultirotorConfig;
 
     fn declare(config: &MultirotorConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let robot = declare.robot().ok_or_else(|| {
-            ConfigError::new("the component names no robot to control")
-                .advise("add `robot = \"NAME\"` to the component")
-        })?;
-        Parts::new(config, robot)?;
+        Parts::new(config, required_robot(declare)?)?;
         declare.input::<BaseState>("base_state", "measured pose and velocity of the base");
         declare.optional_input::<PoseTarget>("target", "target pose; of its orientation the yaw");
         declare.output::<JointCommand>("joint_command", "thrust of each rotor, as its effort");

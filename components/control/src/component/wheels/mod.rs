@@ -9,6 +9,8 @@ use motorium::prelude::*;
 use motorium_robots::{Dynamics, Gains, Model};
 use nalgebra::{Matrix3, Vector3};
 
+use super::measured::check_joint_count;
+use super::{period_ns, required_robot};
 use crate::wheels::{BaseKind, Odometry as DeadReckoning, PlanarPose, PlanarTwist, WheelDrive};
 use setup::{BaseJoint, WheelSetup};
 
@@ -68,11 +70,7 @@ impl Component for WheelController {
     type Config = WheelsConfig;
 
     fn declare(config: &WheelsConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let robot = declare.robot().ok_or_else(|| {
-            ConfigError::new("the component names no robot to control")
-                .advise("add `robot = \"NAME\"` to the component")
-        })?;
-        WheelSetup::new(config, robot)?;
+        WheelSetup::new(config, required_robot(declare)?)?;
         declare.input::<JointState>("joint_state", "measured joint state of the robot");
         declare.input::<TwistTarget>("target", "target velocity of the base, in its own axes");
         declare
@@ -142,9 +140,8 @@ impl Component for WheelController {
             return Ok(());
         }
         let way = self.reckon();
-        let period = u64::try_from(tick.period.as_nanos()).unwrap_or(u64::MAX);
         let unbroken =
-            |last| tick.time_ns.saturating_sub(last) <= self.config.state_timeout.ns.max(2 * period);
+            |last| tick.time_ns.saturating_sub(last) <= self.config.state_timeout.ns.max(2 * period_ns(tick));
         if !self.last_ns.is_some_and(unbroken) {
             self.begin();
         }
@@ -191,11 +188,7 @@ impl WheelController {
             self.last_ns = None;
             return Ok(false);
         }
-        if state.count() != self.q.len() {
-            return Err(StepError::failed(
-                "the joint state has another number of joints than the robot's model",
-            ));
-        }
+        check_joint_count(state.count(), self.q.len())?;
         self.q.copy_from_slice(state.position());
         self.v.copy_from_slice(state.velocity());
         Ok(true)

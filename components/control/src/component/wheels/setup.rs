@@ -36,10 +36,6 @@ impl WheelSetup {
     pub(super) fn new(config: &WheelsConfig, robot: &RobotReference) -> Result<Self, ConfigError> {
         let Loaded { model, profile, .. } = load_robot(robot)?;
         check_numbers(config)?;
-        if model.joint_count() > MAX_JOINTS {
-            let message = format!("{} joints, at most {MAX_JOINTS} fit", model.joint_count());
-            return Err(ConfigError::key("robot", message));
-        }
         let without = || {
             let message = format!("robot `{}` has no wheels: its profile has no [mobile_base]", robot.name);
             ConfigError::key("robot", message).advise(

@@ -3,7 +3,7 @@
 use super::kernels::Arithmetic;
 use super::run::Run;
 use super::tolerances::TOLERANCES;
-use crate::solver::{Accuracy, Constraint, Side};
+use crate::solver::{Accuracy, Constraint, Problem, Side};
 
 /// The constraint that is violated most.
 pub(super) struct Violated {
@@ -23,6 +23,20 @@ pub(super) fn name(m: usize, p: usize, constraint: usize, sign: f64) -> Constrai
         Constraint::Row(constraint - m, side)
     } else {
         Constraint::Bound(constraint - m - p, side)
+    }
+}
+
+/// Calls `visit` with the entries of the normal of a constraint; others are zero.
+#[inline(always)]
+fn visit_normal(problem: &Problem, constraint: usize, mut visit: impl FnMut(usize, f64)) {
+    let (m, p) = (problem.equality_value.len(), problem.row_lower.len());
+    let (matrix, rows, row) = match constraint {
+        _ if constraint < m => (&problem.equality_matrix, m, constraint),
+        _ if constraint < m + p => (&problem.row_matrix, p, constraint - m),
+        _ => return visit(constraint - m - p, 1.0),
+    };
+    for (variable, column) in matrix.as_slice().chunks_exact(rows).enumerate() {
+        visit(variable, column[row]);
     }
 }
 
@@ -64,44 +78,16 @@ impl Run<'_> {
     /// Writes the normal of a member to be adopted.
     #[inline(always)]
     pub(super) fn write_normal(&mut self, member: usize, constraint: usize) {
-        let (m, p) = (self.equalities(), self.problem.row_lower.len());
-        let n = self.problem.gradient.len();
         let working = &mut self.work.working;
-        if constraint < m {
-            let a = self.problem.equality_matrix.as_slice();
-            for j in 0..n {
-                working.set_normal(j, member, a[j * m + constraint]);
-            }
-        } else if constraint < m + p {
-            let g = self.problem.row_matrix.as_slice();
-            for j in 0..n {
-                working.set_normal(j, member, g[j * p + constraint - m]);
-            }
-        } else {
-            working.set_normal(constraint - m - p, member, 1.0);
-        }
+        visit_normal(self.problem, constraint, |variable, entry| working.set_normal(variable, member, entry));
     }
 
     /// Writes the normal of a constraint to be examined.
     #[inline(always)]
     pub(super) fn take_normal(&mut self, constraint: usize) {
-        let (m, p) = (self.equalities(), self.problem.row_lower.len());
-        let n = self.problem.gradient.len();
         let normal = &mut self.work.working.normal;
-        if constraint < m {
-            let a = self.problem.equality_matrix.as_slice();
-            for j in 0..n {
-                normal[j] = a[j * m + constraint];
-            }
-        } else if constraint < m + p {
-            let g = self.problem.row_matrix.as_slice();
-            for j in 0..n {
-                normal[j] = g[j * p + constraint - m];
-            }
-        } else {
-            normal.fill(0.0);
-            normal[constraint - m - p] = 1.0;
-        }
+        normal.fill(0.0);
+        visit_normal(self.problem, constraint, |variable, entry| normal[variable] = entry);
     }
 
     /// Returns the row or bound that `x` violates most, or the first violated one.

@@ -116,7 +116,7 @@ impl Run<'_> {
             let constraint = self.work.working.members[i].constraint;
             self.write_normal(i, constraint);
         }
-        let wanted = self.work.working.len();
+        let requested = self.work.working.len();
         let work = &mut *self.work;
         let taken = work.working.adopt::<F>(&work.hessian, &work.g);
         for member in &work.working.members {
@@ -131,7 +131,7 @@ impl Run<'_> {
             }
         }
         // The bulk adoption stops at the first dependent member; later ones are adopted one by one.
-        if taken < wanted {
+        if taken < requested {
             for i in 0..self.work.previous.len() {
                 if let Some(member) = self.kept(i)
                     && !self.work.is_member[member.constraint]

@@ -18,27 +18,21 @@ use super::{
 pub use layout::FrictionCone;
 use layout::{Layout, Scaling};
 
-/// Stopping criteria of Clarabel, on the problem scaled to numbers around one.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ClarabelSettings {
+with_defaults! {
+    /// Stopping criteria of Clarabel, on the problem scaled to numbers around one.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct ClarabelSettings;
+
     /// Largest duality gap, absolute or relative. Default 1e-11.
-    pub gap: f64,
+    pub gap: f64 = 1e-11;
     /// Largest relative residual of the constraints and of stationarity. Default 1e-9.
-    pub feasibility: f64,
+    pub feasibility: f64 = 1e-9;
     /// Largest number of iterations. Default 50.
-    pub max_iterations: u32,
+    pub max_iterations: u32 = 50;
     /// Iterative refinement of each linear solve, default true. It uses a third of the time of a small
     /// problem, for residuals up to a thousand times smaller and robustness if the Hessian is nearly
     /// singular.
-    pub refinement: bool,
-}
-
-impl Default for ClarabelSettings {
-    /// Tight tolerances whose error is far below the resolution of a joint, at one or two iterations more
-    /// than Clarabel's defaults.
-    fn default() -> Self {
-        Self { gap: 1e-11, feasibility: 1e-9, max_iterations: 50, refinement: true }
-    }
+    pub refinement: bool = true;
 }
 
 impl ClarabelSettings {

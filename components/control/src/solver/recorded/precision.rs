@@ -78,21 +78,21 @@ fn reconcile(matrix: &mut DMatrix<f64>, value: &mut DVector<f64>, share: f64) {
     let length = |row: usize| if lengths[row] > 0.0 { lengths[row] } else { 1.0 };
     let scaled =
         DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |row, column| matrix[(row, column)] / length(row));
-    let wanted = DVector::from_fn(value.len(), |row, _| value[row] / length(row));
+    let desired = DVector::from_fn(value.len(), |row, _| value[row] / length(row));
     let mut svd = scaled.svd(true, true);
     let least = share * svd.singular_values.amax();
     let rank = svd.rank(least);
     if rank == matrix.nrows() {
         return;
     }
-    let Ok(step) = svd.solve(&wanted, least) else { return };
+    let Ok(step) = svd.solve(&desired, least) else { return };
     svd.singular_values
         .iter_mut()
         .filter(|singular| **singular <= least)
         .for_each(|singular| *singular = 0.0);
     let Ok(agreed) = svd.recompose() else { return };
     let reached = &agreed * &step;
-    let agree = (&reached - &wanted).amax() <= share * (step.norm() + wanted.amax());
+    let agree = (&reached - &desired).amax() <= share * (step.norm() + desired.amax());
     for row in 0..matrix.nrows() {
         matrix.set_row(row, &(agreed.row(row) * length(row)));
         if agree {

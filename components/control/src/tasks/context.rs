@@ -15,8 +15,8 @@ pub(super) const GAINS: RangeInclusive<f64> = 0.0..=1000.0;
 /// Range of every weight.
 pub(super) const WEIGHTS: RangeInclusive<f64> = 0.0..=1000.0;
 
-/// The robot a task is for, and the place of the task in the configuration.
-pub(crate) struct TaskPlace<'a> {
+/// The robot that a task controls, and the path of its table in the configuration.
+pub(crate) struct TaskContext<'a> {
     pub(crate) model: &'a Model,
     pub(crate) profile: Option<&'a Profile>,
     /// Time between two steps, s; 0 while a graph is checked.
@@ -35,7 +35,7 @@ pub(crate) struct TaskPlace<'a> {
     pub(crate) path: String,
 }
 
-impl TaskPlace<'_> {
+impl TaskContext<'_> {
     /// The frame that the key `name` names.
     pub(super) fn named_frame(&self, name: &str, link: &str) -> Result<FrameId, ConfigError> {
         if link.is_empty() {
@@ -134,7 +134,7 @@ impl TaskPlace<'_> {
             .advise("add `inverse_dynamics = {}`, or use `gain`"));
         }
         if gain != default {
-            return Err(ConfigError::key(self.key("gain"), "beside `impedance`, which takes its place")
+            return Err(ConfigError::key(self.key("gain"), "together with `impedance`, which replaces it")
                 .advise("keep one of the two"));
         }
         Ok(())
