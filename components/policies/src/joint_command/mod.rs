@@ -1,16 +1,18 @@
-//! Joint command writer: extends the setpoints of some joints to a command of all joints.
+//! Joint commands of a policy: configuration, ports, gains, and the joints that it moves.
 
-use motorium::component::{ConfigureError, Setup};
-use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
+mod writer;
+
+pub(crate) use writer::JointCommandWriter;
+
+use motorium::declare::{ConfigError, Declare, RobotReference};
 use motorium::state::{JointCommand, JointState};
-use motorium::transport::{Input, Output, Parameter};
 use motorium::units::TimeSpan;
-use motorium_robots::{Dynamics, Gains, Loaded, Model, PerJoint, Profile, ProfileError};
+use motorium_robots::{Gains, Loaded, Model, PerJoint, Profile, ProfileError};
 use nalgebra::{DVector, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use motorium_primitives::dmp::{Jet, Quintic};
+use crate::robot::required;
 
 /// Gains, easing and feed-forward of joint commands.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -144,14 +146,6 @@ fn configured_gains(
     })
 }
 
-/// Returns the robot of a component that requires one.
-pub(crate) fn required(robot: Option<&RobotReference>) -> Result<&RobotReference, ConfigError> {
-    robot.ok_or_else(|| {
-        ConfigError::new("the component names no robot, and needs its joints")
-            .advise("add `robot = \"NAME\"` to the component")
-    })
-}
-
 impl CommandedJoints {
     /// Checks everything that can be checked before a run. `joints` are names; `key` is their key in the
     /// config. `gravity` is in the world frame, m/s^2.
@@ -161,7 +155,7 @@ impl CommandedJoints {
         robot: Option<&RobotReference>,
         joints: impl Iterator<Item = (&'a str, String)>,
     ) -> Result<Self, ConfigError> {
-        let robot = required(robot)?;
+        let robot = required(robot, "joints")?;
         Self::with_gains(crate::robot::load(robot)?, &robot.name, gravity, joints, |model, profile| {
             configured_gains(config, &robot.name, model, profile)
         })
@@ -207,224 +201,5 @@ impl CommandedJoints {
     pub(crate) fn declare_scales(declare: &mut Declare) {
         declare.float("kp_scale", 1.0, 0.0..=2.0, "", "factor of the stiffness of all joints");
         declare.float("kd_scale", 1.0, 0.0..=2.0, "", "factor of the damping of all joints");
-    }
-}
-
-/// Commanded quantity of the moved joints.
-enum Drive<'a> {
-    Position,
-    Velocity,
-    Effort(&'a [f64]),
-}
-
-/// Commands the joints of a robot. The joints that a policy moves ease from their current positions to its
-/// setpoints; the others stay at their initial positions. Setpoints are clamped to the position limits.
-#[derive(Debug)]
-pub(crate) struct JointCommandWriter {
-    driven: CommandedJoints,
-    state: Input<JointState>,
-    command: Output<JointCommand>,
-    kp_scale: Parameter<f64>,
-    kd_scale: Parameter<f64>,
-    dynamics: Option<Dynamics>,
-    ease: f64,
-    /// Time since the first joint state, s.
-    elapsed: f64,
-    /// Joint positions in the first joint state.
-    found: Vec<f64>,
-    is_found: bool,
-    /// Time of the newest joint state, ns since the run began.
-    state_ns: u64,
-    setpoint: Vec<f64>,
-    velocity: Vec<f64>,
-    q: Vec<f64>,
-    v: Vec<f64>,
-    /// Configuration of the model: the pose of a floating base (upright) before the joints.
-    configuration: Vec<f64>,
-    gravity: Vec<f64>,
-}
-
-impl JointCommandWriter {
-    /// Creates the writer of a component for a single robot.
-    pub(crate) fn new(
-        driven: CommandedJoints,
-        config: &JointCommandConfig,
-        setup: &mut Setup,
-    ) -> Result<Self, ConfigureError> {
-        Self::with_ports(driven, config, &JointPorts::single(), setup)
-    }
-
-    /// Creates a writer with the given ports.
-    pub(crate) fn with_ports(
-        driven: CommandedJoints,
-        config: &JointCommandConfig,
-        ports: &JointPorts,
-        setup: &mut Setup,
-    ) -> Result<Self, ConfigureError> {
-        let zeros = vec![0.0; driven.model.joint_count()];
-        Ok(Self {
-            configuration: driven.model.neutral(),
-            gravity: vec![0.0; driven.model.nv()],
-            state: setup.input(&ports.state)?,
-            command: setup.named_output(&ports.command)?,
-            kp_scale: setup.parameter("kp_scale")?,
-            kd_scale: setup.parameter("kd_scale")?,
-            dynamics: config.gravity_compensation.then(|| Dynamics::new(&driven.model)),
-            ease: config.ease.as_secs_f64().max(1e-3),
-            elapsed: 0.0,
-            found: zeros.clone(),
-            is_found: false,
-            state_ns: 0,
-            setpoint: zeros.clone(),
-            velocity: zeros.clone(),
-            q: zeros.clone(),
-            v: zeros,
-            driven,
-        })
-    }
-
-    /// Restarts with the next joint state.
-    pub(crate) fn reset(&mut self) {
-        (self.elapsed, self.is_found) = (0.0, false);
-    }
-
-    /// Reads the newest joint state. Returns `false` before the first one.
-    pub(crate) fn read(&mut self) -> Result<bool, StepError> {
-        let Some(state) = self.state.latest() else { return Ok(self.is_found) };
-        if state.count() != self.q.len() {
-            return Err(StepError::failed(
-                "the joint state has another number of joints than the robot's model",
-            ));
-        }
-        self.q.copy_from_slice(state.position());
-        self.v.copy_from_slice(state.velocity());
-        self.state_ns = state.time_ns();
-        if !self.is_found {
-            self.found.copy_from_slice(&self.q);
-            self.is_found = true;
-        }
-        Ok(true)
-    }
-
-    /// Returns the time of the newest joint state, ns since the run began.
-    pub(crate) fn state_ns(&self) -> u64 {
-        self.state_ns
-    }
-
-    /// Returns the measured position of a moved joint, rad or m.
-    pub(crate) fn position(&self, place: usize) -> f64 {
-        self.q[self.driven.joints[place]]
-    }
-
-    /// Returns the measured velocity of a moved joint, per second.
-    pub(crate) fn speed(&self, place: usize) -> f64 {
-        self.v[self.driven.joints[place]]
-    }
-
-    /// Clamps positions of the moved joints to their limits.
-    pub(crate) fn limit(&self, positions: &mut [f64]) {
-        let model = &self.driven.model;
-        for (position, joint) in positions.iter_mut().zip(&self.driven.joints) {
-            *position = position.max(model.lower()[*joint]).min(model.upper()[*joint]);
-        }
-    }
-
-    /// Returns the velocity limits of the moved joints, rad/s or m/s; infinite if the model specifies none.
-    pub(crate) fn velocity_limits(&self) -> impl Iterator<Item = f64> {
-        let limits = self.driven.model.velocity_limit();
-        self.driven.joints.iter().map(move |joint| limits[*joint])
-    }
-
-    /// Commands the setpoints of the moved joints and their rates, per second.
-    pub(crate) fn command(&mut self, dt: f64, setpoint: &[f64], rate: &[f64]) -> Result<(), StepError> {
-        if !self.is_found {
-            return Ok(());
-        }
-        let found = &self.found;
-        self.elapsed += dt;
-        let ease = Quintic::new(0.0, self.ease, Jet::default(), 1.0).sample(self.elapsed);
-        self.setpoint.copy_from_slice(found);
-        self.velocity.fill(0.0);
-        let model = &self.driven.model;
-        for ((joint, y), rate) in self.driven.joints.iter().zip(setpoint).zip(rate) {
-            let off = y - found[*joint];
-            let wanted = found[*joint] + ease.value * off;
-            let (low, high) = (model.lower()[*joint], model.upper()[*joint]);
-            self.setpoint[*joint] = wanted.max(low).min(high);
-            let moves = self.setpoint[*joint] == wanted;
-            self.velocity[*joint] = if moves { ease.value * rate + ease.rate * off } else { 0.0 };
-        }
-        self.publish(&Drive::Position)
-    }
-
-    /// Commands all joints to hold their positions of the first joint state.
-    pub(crate) fn hold(&mut self) -> Result<(), StepError> {
-        self.setpoint.copy_from_slice(&self.found);
-        self.velocity.fill(0.0);
-        self.publish(&Drive::Position)
-    }
-
-    /// Commands velocities of the moved joints, per second, using only the damping.
-    pub(crate) fn command_velocities(&mut self, rate: &[f64]) -> Result<(), StepError> {
-        self.setpoint.copy_from_slice(&self.found);
-        self.velocity.fill(0.0);
-        for (joint, rate) in self.driven.joints.iter().zip(rate) {
-            (self.setpoint[*joint], self.velocity[*joint]) = (self.q[*joint], *rate);
-        }
-        self.publish(&Drive::Velocity)
-    }
-
-    /// Commands efforts of the moved joints, N m or N, without gains.
-    pub(crate) fn command_efforts(&mut self, effort: &[f64]) -> Result<(), StepError> {
-        self.setpoint.copy_from_slice(&self.found);
-        self.velocity.fill(0.0);
-        for joint in &self.driven.joints {
-            self.setpoint[*joint] = self.q[*joint];
-        }
-        self.publish(&Drive::Effort(effort))
-    }
-
-    /// Publishes the setpoints.
-    fn publish(&mut self, drive: &Drive<'_>) -> Result<(), StepError> {
-        let model = &self.driven.model;
-        let mut command = self.command.loan()?;
-        command.set_count(self.q.len());
-        command.position_mut().copy_from_slice(&self.setpoint);
-        command.velocity_mut().copy_from_slice(&self.velocity);
-        command.effort_mut().fill(0.0);
-        if let Some(dynamics) = &mut self.dynamics {
-            let base = self.configuration.len() - self.q.len();
-            self.configuration[base..].copy_from_slice(&self.q);
-            dynamics.gravity(model, &self.configuration, self.driven.gravity, &mut self.gravity);
-            command.effort_mut().copy_from_slice(model.joints_of_v(&self.gravity));
-        }
-        let scaled = |gains: &DVector<f64>, scale: f64, out: &mut [f64]| {
-            out.iter_mut().zip(gains).for_each(|(out, gain)| *out = scale * gain);
-        };
-        scaled(&self.driven.gains.kp, self.kp_scale.get(), command.kp_mut());
-        scaled(&self.driven.gains.kd, self.kd_scale.get(), command.kd_mut());
-        for (driven, joint) in self.driven.joints.iter().enumerate() {
-            match drive {
-                Drive::Position => continue,
-                Drive::Velocity => {}
-                Drive::Effort(effort) => {
-                    command.kd_mut()[*joint] = 0.0;
-                    command.effort_mut()[*joint] += effort[driven];
-                }
-            }
-            command.kp_mut()[*joint] = 0.0;
-        }
-        for (effort, limit) in command.effort_mut().iter_mut().zip(model.effort_limit()) {
-            *effort = effort.max(-limit).min(*limit);
-        }
-        for joint in &self.driven.passive {
-            command.effort_mut()[*joint] = 0.0;
-        }
-        command.publish()
-    }
-
-    /// Returns `true` once the easing into the movement has finished.
-    pub(crate) fn is_eased_in(&self) -> bool {
-        self.elapsed >= self.ease
     }
 }

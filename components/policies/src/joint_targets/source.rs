@@ -138,7 +138,7 @@ impl PatternActions {
     fn poll(&mut self) -> Result<Option<u64>, StepError> {
         let Some(action) = self.input.next_unread() else { return Ok(self.time) };
         if action.count() != self.newest.len() {
-            return Err(StepError::failed("the action has another number of outputs than the policy"));
+            return Err(unexpected_numbers(self.newest.len(), action.count()));
         }
         for (newest, value) in self.newest.iter_mut().zip(action.value()) {
             *newest = self.targets.clipped(*value);
@@ -185,7 +185,7 @@ impl Actions {
         self.reached = reached;
         let Some(action) = self.input.next_unread() else { return Ok(self.time) };
         if action.count() != self.newest.len() {
-            return Err(StepError::failed("the action has another number of joints than the policy"));
+            return Err(unexpected_numbers(self.newest.len(), action.count()));
         }
         self.before.copy_from_slice(&self.reached);
         for (joint, (target, value)) in self.newest.iter_mut().zip(action.value()).enumerate() {
@@ -237,6 +237,12 @@ impl Chunks {
         }
         self.plan.end().map(|end| end.saturating_sub(start))
     }
+}
+
+/// The failure of a step that reads the action of another policy.
+#[cold]
+fn unexpected_numbers(expected: usize, found: usize) -> StepError {
+    StepError::failed(format!("action: expected {expected} numbers, found {found}"))
 }
 
 impl Counts {
