@@ -52,6 +52,8 @@ pub(super) struct Chunks {
     input: Input<ActionChunk>,
     targets: JointTargets,
     plan: ChunkPlan,
+    /// Start of the run on the clock of the plan and of stamps, ns.
+    start: u64,
     counts: Counts,
 }
 
@@ -105,7 +107,7 @@ impl Source {
     pub(super) fn sample(&self, now: u64, targets: &mut [f64]) {
         match self {
             Self::Actions(actions) => actions.sample(now, targets),
-            Self::Chunks(chunks) => chunks.plan.sample(now, targets),
+            Self::Chunks(chunks) => chunks.plan.sample(chunks.start + now, targets),
             Self::Pattern(pattern) => pattern.sample(targets),
         }
     }
@@ -218,11 +220,11 @@ impl Chunks {
     pub(super) fn new(input: Input<ActionChunk>, targets: JointTargets, config: ChunksConfig) -> Self {
         let timing = ChunkTiming { frozen: config.frozen.ns, blend: config.blend.ns };
         let plan = ChunkPlan::new(targets.targets().len(), MAX_CHUNK, timing);
-        Self { input, targets, plan, counts: Counts::default() }
+        Self { input, targets, plan, start: 0, counts: Counts::default() }
     }
 
     fn poll(&mut self, now: u64, clock: &RunClock) -> Option<u64> {
-        let start = clock.stamp_ns(0);
+        self.start = clock.stamp_ns(0);
         while let Some(chunk) = self.input.next_unread() {
             let chunk = Chunk {
                 time: chunk.time,
@@ -232,10 +234,11 @@ impl Chunks {
                 values: chunk.value(),
             };
             let targets = &self.targets;
-            let found = self.plan.accept(start + now, chunk, |joint, value| targets.target(joint, value));
+            let found =
+                self.plan.accept(self.start + now, chunk, |joint, value| targets.target(joint, value));
             self.counts.add(found);
         }
-        self.plan.end().map(|end| end.saturating_sub(start))
+        self.plan.end().map(|end| end.saturating_sub(self.start))
     }
 }
 
