@@ -13,6 +13,7 @@ from turns import serve
 POSES, OUTPUTS, LATENTS, POINTS, INPUTS = 200, 14, 2, 200, 6
 LAYERS = [48, 256, 128, 64, 12]
 STATES, COLUMNS, LENGTH = 8, 3, 500
+PARAMETERS = [0.1, 0.2, -0.3, -4.0]
 
 
 def values(rows, columns, phase):
@@ -50,7 +51,13 @@ def onnx_runtime():
     action = onnxruntime.OrtValue.ortvalue_from_numpy(np.zeros((1, LAYERS[-1]), np.float32))
     binding.bind_ortvalue_input("obs", observation)
     binding.bind_ortvalue_output(last, action)
-    return {"mlp_inference": lambda: session.run_with_iobinding(binding)}
+
+    def outputs(path):
+        session = onnxruntime.InferenceSession(path, options, ["CPUExecutionProvider"])
+        inputs = (0.1 * np.arange(LAYERS[0], dtype=np.float32) - np.float32(2.0))[None]
+        return session.run(None, {session.get_inputs()[0].name: inputs})[0].ravel()
+
+    return {"mlp_inference": lambda: session.run_with_iobinding(binding)}, {"mlp_outputs": outputs}
 
 
 def gpy():
@@ -76,11 +83,22 @@ def gpy():
         parameters[0] += 1e-9
         first._objective_grads(parameters)
 
-    return {
+    x, y = values(POSES, LATENTS, 0.4), values(POSES, OUTPUTS, 0.1)
+    variance, *lengths, noise = np.exp(PARAMETERS)
+    given = GPy.models.GPLVM(y, LATENTS, X=x.copy(), kernel=GPy.kern.RBF(LATENTS, variance, lengths, ARD=True))
+    given.likelihood.variance = noise
+
+    def gradients():
+        # by the points, then by the logarithms of the parameters
+        slope, value = -np.array(given._log_likelihood_gradients()), np.array(given.param_array)
+        return np.concatenate([slope[: x.size], slope[x.size :] * value[x.size :]])
+
+    works = {
         "gplvm_gradient": gradient,
         "gplvm_100_iterations": train,
         "gplvm_latent_of_pose": lambda: trained.infer_newX(pose, optimize=True),
     }
+    return works, {"gplvm_energy": lambda: [-float(given.log_likelihood())], "gplvm_gradients": gradients}
 
 
 def scikit_learn():
@@ -109,10 +127,15 @@ def hmm_learn():
     model.means_ = np.sin(0.9 * np.arange(STATES * COLUMNS)).reshape(STATES, COLUMNS)
     model.covars_ = np.tile(0.25 * np.eye(COLUMNS) + 0.05, (STATES, 1, 1))
     sequence = values(LENGTH, COLUMNS, 0.3)
-    return {
+    works = {
         "hmm_log_likelihood": lambda: model.score(sequence),
         "hmm_viterbi": lambda: model.decode(sequence, algorithm="viterbi"),
     }
+    numbers = {
+        "hmm_log_likelihood": lambda: [model.score(sequence)],
+        "hmm_viterbi": lambda: model.decode(sequence, algorithm="viterbi")[1],
+    }
+    return works, numbers
 
 
 warnings.filterwarnings("ignore")

@@ -34,6 +34,14 @@ pub enum MeasureError {
     /// The graph of a measurement ended early.
     #[error("the graph of the measurement ended early: {0}")]
     Ended(String),
+    /// Steps that must not allocate have done so.
+    #[error("steps of `{component}` have allocated {count} times, expected no allocation")]
+    Allocations {
+        /// Name of the component in the graph.
+        component: String,
+        /// Allocations after the first 100 steps.
+        count: u64,
+    },
     /// Values of a queue were not read.
     #[error("{lost} values were lost, {read} were read, expected every value")]
     Lost {

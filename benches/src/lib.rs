@@ -8,6 +8,7 @@ mod error;
 mod gate;
 pub mod graphs;
 pub mod host;
+mod joint_reader;
 pub mod kill;
 pub mod latency;
 pub mod pair;
@@ -29,6 +30,6 @@ use motorium::worker::Kind;
 
 /// Returns the kinds of the measured components, for the program that hosts them.
 pub fn kinds() -> impl Iterator<Item = Kind> {
-    let kinds = [relay::kind(), episodes::kind()].into_iter();
+    let kinds = [relay::kind(), episodes::kind(), joint_reader::kind()].into_iter();
     kinds.chain(gate::kinds()).chain(raw_ports::kinds())
 }

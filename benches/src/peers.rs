@@ -2,7 +2,7 @@
 //!
 //! The script of a comparison gets the name of a package as its argument. It prints the names of its works in
 //! one line, then reads the name of a work a line and answers with the nanoseconds of processor time of one
-//! call.
+//! call. It answers the line `values NAME WORDS` with numbers.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
@@ -25,17 +25,23 @@ pub struct Work {
 
 /// Prints the time of every work on all sides. `script` is a file in `benches/peers`. `MOTORIUM_PEER_PYTHON`
 /// names the Python that has the packages, by default `python3`. Ratios are the peers' times over motorium's.
+/// Arguments of this program after `--peers` select works by a part of their names. Returns the running
+/// peers.
 ///
 /// # Errors
 /// A peer does not start or does not answer, as text.
-pub fn compare(works: &mut [Work], script: &str, packages: &[&'static str]) -> Result<(), String> {
+pub fn compare(works: &mut [Work], script: &str, packages: &[&'static str]) -> Result<Vec<Peer>, String> {
     let peers = packages.iter().map(|package| Peer::start(script, package));
     let mut peers = peers.collect::<Result<Vec<_>, _>>()?;
     println!("us of processor time per call, minimum / median of {TURNS} turns, the sides in turn\n");
     print!("{:<22} {:>19}", "", "motorium");
     packages.iter().for_each(|package| print!(" {package:>19} {:>7}", "ratio"));
     println!();
-    for work in works {
+    let words: Vec<String> = std::env::args().skip_while(|argument| argument != "--peers").skip(1).collect();
+    let words: Vec<&String> = words.iter().filter(|word| !word.starts_with('-')).collect();
+    let is_selected =
+        |work: &&mut Work| words.is_empty() || words.iter().any(|word| work.name.contains(word.as_str()));
+    for work in works.iter_mut().filter(is_selected) {
         let mut ours = Vec::new();
         let mut theirs = vec![Vec::new(); peers.len()];
         for _ in 0..TURNS {
@@ -55,7 +61,7 @@ pub fn compare(works: &mut [Work], script: &str, packages: &[&'static str]) -> R
         }
         println!();
     }
-    Ok(())
+    Ok(peers)
 }
 
 /// Sorts, and gives the middle.
@@ -134,9 +140,27 @@ impl Peer {
     /// # Errors
     /// No number is answered, as text.
     pub fn measure(&mut self, work: &str) -> Result<f64, String> {
-        writeln!(self.ask, "{work}").map_err(|error| format!("{} does not listen: {error}", self.name))?;
-        let line = self.line()?;
-        line.trim().parse().map_err(|_| format!("{} answers `{}`", self.name, line.trim()))
+        let answer = self.values(work)?;
+        match answer.as_slice() {
+            [time] => Ok(*time),
+            other => Err(format!("{} answers {} numbers, expected a time", self.name, other.len())),
+        }
+    }
+
+    /// Name of the package.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// Numbers that the peer answers to a line, such as the results of a call.
+    ///
+    /// # Errors
+    /// Something else is answered, as text.
+    pub fn values(&mut self, line: &str) -> Result<Vec<f64>, String> {
+        writeln!(self.ask, "{line}").map_err(|error| format!("{} does not listen: {error}", self.name))?;
+        let answer = self.line()?;
+        let numbers = answer.split_whitespace().map(str::parse).collect::<Result<_, _>>();
+        numbers.map_err(|_| format!("{} answers `{}`", self.name, answer.trim()))
     }
 
     fn line(&mut self) -> Result<String, String> {

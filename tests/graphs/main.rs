@@ -4,6 +4,7 @@
 mod access;
 mod bridge;
 mod by_hand;
+mod chunks;
 mod commands;
 mod corruption;
 mod dashboard;

@@ -71,12 +71,6 @@ fn payload(newton: f64) -> Vec<u8> {
     bytemuck::bytes_of(&[wrench.force, wrench.torque]).to_vec()
 }
 
-fn published(run: &Run) -> u64 {
-    let plan = run.folder.plan().unwrap();
-    let topic = plan.topics.iter().position(|topic| topic.name == "grip/wrench").unwrap();
-    run.folder.region().unwrap().topics()[topic].published.load(std::sync::atomic::Ordering::Relaxed)
-}
-
 fn newest(run: &Run) -> Value {
     let id = run.folder.id();
     let text = printed(&["topic", "echo", "grip/wrench", "--run", id, "--count", "1", "--json"]);
@@ -99,12 +93,12 @@ fn a_datagram_is_published_with_its_arrival_time() {
     let (_folder, graph, sender) = receiver("");
     let run = start(&graph, &["--for", "60 s"]);
     let id = run.folder.id().to_string();
-    assert_eq!((published(&run), run.steps_of("grip")), (0, 0), "nothing releases it");
+    assert_eq!((run.published("grip/wrench"), run.steps_of("grip")), (0, 0), "nothing releases it");
     introduce(&run, &sender);
     for count in 1..=150_u64 {
         let before = motorium::os::monotonic_ns();
         sender.send(&payload(count as f64)).unwrap();
-        await_that("the value", || published(&run) == count);
+        await_that("the value", || run.published("grip/wrench") == count);
         if count % 50 == 0 {
             let value = newest(&run);
             assert_eq!(value["value"]["force"], serde_json::json!([count as f64, 0.0, 0.0]));
@@ -162,7 +156,7 @@ fn what_is_no_value_is_counted_and_not_published() {
     let run = start(&graph, &["--for", "60 s"]);
     introduce(&run, &sender);
     sender.send(&payload(1.0)).unwrap();
-    await_that("the first value", || published(&run) == 1);
+    await_that("the first value", || run.published("grip/wrench") == 1);
     let send = |bytes: &[u8]| {
         sender.send(bytes).unwrap();
     };
@@ -173,7 +167,7 @@ fn what_is_no_value_is_counted_and_not_published() {
     other.send_to(&payload(2.0), sender.peer_addr().unwrap()).unwrap();
     sender.send(&payload(3.0)).unwrap();
     await_that("the second value", || newest(&run)["value"]["force"][0] == 3.0);
-    assert_eq!(published(&run), 2);
+    assert_eq!(run.published("grip/wrench"), 2);
     let (_, _, result) = end(run);
     assert_eq!((&result["received"], &result["published"]), (&8.into(), &2.into()));
     let refused = serde_json::json!(
@@ -215,7 +209,7 @@ fn a_run_ends_at_once_while_an_event_waits_for_its_interval() {
     let run = start(&graph, &[]);
     for count in 1..=2 {
         sender.send(&payload(f64::from(count))).unwrap();
-        await_that("the first step", || published(&run) == 1);
+        await_that("the first step", || run.published("grip/wrench") == 1);
     }
     std::thread::sleep(Duration::from_millis(50));
     let began = Instant::now();
@@ -232,10 +226,10 @@ fn a_killed_or_stopped_receiver_binds_again() {
     let run = start(&graph, &["--for", "60 s"]);
     let mut count = 0;
     let mut arrives = |run: &Run| {
-        let before = published(run);
+        let before = run.published("grip/wrench");
         let began = Instant::now();
         // data sent while nobody receives is lost, and the sender may get an error for it
-        while published(run) == before {
+        while run.published("grip/wrench") == before {
             count += 1;
             let _ = sender.send(&payload(f64::from(count)));
             std::thread::sleep(Duration::from_millis(5));

@@ -148,6 +148,14 @@ impl Run {
         await_that(component, || self.steps_of(component) > before + count);
     }
 
+    /// Returns the number of values published on a topic.
+    pub(crate) fn published(&self, topic: &str) -> u64 {
+        let plan = self.folder.plan().expect("the run has a plan");
+        let index = plan.topics.iter().position(|known| known.name == topic).expect("the topic exists");
+        let region = self.folder.region().expect("the run has a region");
+        region.topics()[index].published.load(std::sync::atomic::Ordering::Relaxed)
+    }
+
     /// Returns `true` if a component applies its safe state.
     pub(crate) fn is_safe(&self, component: &str) -> bool {
         self.look(component, |block| block.safe.load(std::sync::atomic::Ordering::Relaxed) != 0)

@@ -1,5 +1,7 @@
-//! Models (criterion). With `--peers`, compared with onnxruntime, GPy, scikit-learn and hmmlearn in one run.
+//! Models (criterion). With `--peers`, times and numbers are compared with onnxruntime, GPy, scikit-learn and
+//! hmmlearn in one run; `--peers hmm` times only works with `hmm` in their names.
 
+mod agreement;
 mod work;
 
 use criterion::Criterion;
@@ -8,7 +10,8 @@ use motorium_benches::peers::compare;
 fn main() {
     if std::env::args().any(|argument| argument == "--peers") {
         let packages = ["onnxruntime", "GPy", "scikit-learn", "hmmlearn"];
-        if let Err(error) = compare(&mut work::all(), "models.py", &packages) {
+        let compared = compare(&mut work::all(), "models.py", &packages);
+        if let Err(error) = compared.and_then(|mut peers| agreement::print(&mut peers)) {
             eprintln!("no peers: {error}; pip install -r benches/peers/models.txt");
             std::process::exit(1);
         }

@@ -13,9 +13,14 @@ use motorium_models::onnx::{self, Model};
 use motorium_models::optimise::Options;
 
 /// Poses, outputs and latents of the latent model.
-const POSES: usize = 200;
-const OUTPUTS: usize = 14;
-const LATENTS: usize = 2;
+pub(crate) const POSES: usize = 200;
+pub(crate) const OUTPUTS: usize = 14;
+pub(crate) const LATENTS: usize = 2;
+/// Logarithms of its variance, length scales and noise.
+pub(crate) const PARAMETERS: [f64; LATENTS + 2] = [0.1, 0.2, -0.3, -4.0];
+/// Poses, and columns of the human and of two robots, of the shared latent model.
+const SHARED_POSES: usize = 100;
+const SHARED: [(&str, usize); 3] = [("human", 9), ("first", 7), ("second", 7)];
 /// Points and inputs of the Gaussian process.
 const POINTS: usize = 200;
 const INPUTS: usize = 6;
@@ -35,6 +40,8 @@ pub(crate) fn all() -> Vec<Work> {
         work("gplvm_100_iterations", training()),
         work("gplvm_latent_of_pose", inference()),
         work("gplvm_back_constraint", back_constraint()),
+        work("gplvm_shared_training", shared_training()),
+        work("gplvm_transfer", transfer()),
         work("gp_fit", fit()),
         work("gp_point_added", point_added()),
         work("gp_prediction", prediction()),
@@ -45,7 +52,7 @@ pub(crate) fn all() -> Vec<Work> {
 }
 
 /// Rows of smooth, aperiodic values.
-fn values(rows: usize, columns: usize, phase: f64) -> Vec<f64> {
+pub(crate) fn values(rows: usize, columns: usize, phase: f64) -> Vec<f64> {
     let value = |i: usize| {
         let (row, column) = (i / columns, i % columns);
         (0.37 * row as f64 + 1.3 * column as f64 + phase).sin() + 0.1 * (5.1 * i as f64).cos()
@@ -53,7 +60,8 @@ fn values(rows: usize, columns: usize, phase: f64) -> Vec<f64> {
     (0..rows * columns).map(value).collect()
 }
 
-fn network() -> Box<dyn FnMut()> {
+/// The network as an ONNX file.
+pub(crate) fn network_file() -> Vec<u8> {
     let layer = |pair: &[usize]| {
         let [inputs, outputs] = [pair[0], pair[1]];
         let scale = 1.0 / (inputs as f64).sqrt();
@@ -61,12 +69,21 @@ fn network() -> Box<dyn FnMut()> {
         (weights, vec![0.1_f32; outputs])
     };
     let layers: Vec<(Vec<f32>, Vec<f32>)> = LAYERS.windows(2).map(layer).collect();
-    let bytes = onnx::write_mlp(LAYERS[0], &layers, Unary::Elu(1.0), &[]);
-    let mut program = Model::read(&bytes).and_then(|model| model.program(1)).expect("a network");
+    onnx::write_mlp(LAYERS[0], &layers, Unary::Elu(1.0), &[])
+}
+
+/// Fills in the observation.
+pub(crate) fn observe(inputs: &mut [f32]) {
+    for (number, input) in inputs.iter_mut().enumerate() {
+        *input = black_box(0.1 * number as f32 - 2.0);
+    }
+}
+
+fn network() -> Box<dyn FnMut()> {
+    let program = Model::read(&network_file()).and_then(|model| model.program(1));
+    let mut program = program.expect("a network");
     Box::new(move || {
-        for (number, input) in program.input_mut(0).iter_mut().enumerate() {
-            *input = black_box(0.1 * number as f32 - 2.0);
-        }
+        observe(program.input_mut(0));
         program.run();
         black_box(program.output(0));
     })
@@ -75,9 +92,9 @@ fn network() -> Box<dyn FnMut()> {
 /// Energy and gradient of a latent model.
 fn gradient() -> Box<dyn FnMut()> {
     let (x, y) = (values(POSES, LATENTS, 0.4), values(POSES, OUTPUTS, 0.1));
-    let (parameters, mut workspace) = ([0.1, 0.2, -0.3, -4.0], Workspace::default());
+    let mut workspace = Workspace::default();
     Box::new(move || {
-        black_box(LatentModel::energy(&x, &y, &parameters, &mut workspace).expect("an energy"));
+        black_box(LatentModel::energy(&x, &y, &PARAMETERS, &mut workspace).expect("an energy"));
     })
 }
 
@@ -116,6 +133,46 @@ fn back_constraint() -> Box<dyn FnMut()> {
     })
 }
 
+/// Poses of each space of the shared model: functions of the same causes.
+fn shared() -> [Vec<f64>; 3] {
+    let pose = |row: usize, column: usize, space: usize| {
+        let (u, v) = ((0.37 * row as f64).sin(), (0.23 * row as f64 + 1.0).cos());
+        let angle = column as f64 + space as f64;
+        (angle.cos() * u + angle.sin() * v).tanh() + 0.2 * u * v
+    };
+    [0, 1, 2].map(|space| {
+        let columns = SHARED[space].1;
+        (0..SHARED_POSES * columns).map(|i| pose(i / columns, i % columns, space)).collect()
+    })
+}
+
+fn shared_space(space: usize, poses: &[Vec<f64>; 3]) -> SpaceData<'_> {
+    let (name, columns) = SHARED[space];
+    let columns = (0..columns).map(|column| format!("c{column}")).collect();
+    SpaceData { name, columns, values: &poses[space] }
+}
+
+/// A model of the human and a robot, trained from the start.
+fn shared_training() -> Box<dyn FnMut()> {
+    let poses = shared();
+    Box::new(move || {
+        let spaces = [0, 2].map(|space| shared_space(space, &poses));
+        black_box(LatentModel::train(&spaces, &Settings::default()).expect("a model"));
+    })
+}
+
+/// The same robot, transferred to a model of the human and another robot.
+fn transfer() -> Box<dyn FnMut()> {
+    let poses = shared();
+    let spaces = [0, 1].map(|space| shared_space(space, &poses));
+    let settings = Settings::default();
+    let (model, _) = LatentModel::train(&spaces, &settings).expect("a model");
+    Box::new(move || {
+        let mut model = model.clone();
+        black_box(model.transfer(&shared_space(2, &poses), settings.iterations).expect("a transfer"));
+    })
+}
+
 fn process() -> (GaussianProcess, Vec<f64>, Vec<f64>) {
     let (x, y) = (values(POINTS + 1, INPUTS, 0.4), values(POINTS + 1, 1, 0.1));
     let kernel = Kernel::matern52(INPUTS, 1.0);
@@ -150,7 +207,7 @@ fn prediction() -> Box<dyn FnMut()> {
 }
 
 /// A model that moves to the next state one time in ten, and a sequence.
-fn markov() -> (Hmm, Vec<f64>) {
+pub(crate) fn markov() -> (Hmm, Vec<f64>) {
     let mut transitions = vec![0.0; STATES * STATES];
     for state in 0..STATES {
         transitions[state * STATES + state] = 0.9;

@@ -34,9 +34,17 @@ impl Ran {
     }
 
     /// Returns the duration of a component's steps, ns.
-    pub fn steps_of(&self, component: &str) -> Option<Distribution> {
-        let index = self.report.components.iter().position(|found| found.name == component)?;
-        self.execution.get(index).cloned()
+    ///
+    /// # Errors
+    /// The component has made no step, or its steps have allocated.
+    pub fn steps_of(&self, component: &str) -> Result<Distribution, MeasureError> {
+        let none = || MeasureError::Ended(format!("`{component}` has made no step"));
+        let components = &self.report.components;
+        let index = components.iter().position(|found| found.name == component).ok_or_else(none)?;
+        if let Some(count) = components[index].allocations.filter(|count| *count > 0) {
+            return Err(MeasureError::Allocations { component: component.to_string(), count });
+        }
+        self.execution.get(index).filter(|steps| steps.count > 0).cloned().ok_or_else(none)
     }
 
     /// Causes of its components' lateness.

@@ -1,11 +1,11 @@
 //! The policy of measured graphs, in a folder that exists while they run.
 
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::path::Path;
 
 use motorium_models::inference::Unary;
 use motorium_models::onnx;
 
+use super::folder::Folder;
 use crate::MeasureError;
 
 /// Units of each layer: 54,464 weights from the observation of the Panda to its seven joints.
@@ -29,12 +29,9 @@ scale = 0.005
 clip = [-1.0, 1.0]
 "#;
 
-/// Number of the next folder.
-static NEXT: AtomicU32 = AtomicU32::new(0);
-
 /// A folder with a policy of the Panda; removed when dropped.
 #[derive(Debug)]
-pub struct PolicyFiles(PathBuf);
+pub struct PolicyFiles(Folder);
 
 impl PolicyFiles {
     /// Writes a policy that runs at a rate \[Hz\].
@@ -42,26 +39,19 @@ impl PolicyFiles {
     /// # Errors
     /// The folder cannot be written.
     pub fn new(rate_hz: u32) -> Result<Self, MeasureError> {
-        let name = format!("motorium-bench-policy-{}-{}", std::process::id(), NEXT.fetch_add(1, Relaxed));
-        let folder = Self(std::env::temp_dir().join(name));
-        let written = std::fs::create_dir_all(&folder.0)
-            .and_then(|()| {
-                std::fs::write(folder.0.join("policy.toml"), format!("rate = {rate_hz}.0\n{DESCRIPTION}"))
-            })
-            .and_then(|()| std::fs::write(folder.0.join("policy.onnx"), network()));
-        written.map_err(|error| MeasureError::system("writing a policy", error))?;
-        Ok(folder)
+        let write = || {
+            let folder = Folder::new("policy")?;
+            let text = format!("rate = {rate_hz}.0\n{DESCRIPTION}");
+            std::fs::write(folder.path().join("policy.toml"), text)?;
+            std::fs::write(folder.path().join("policy.onnx"), network())?;
+            Ok(Self(folder))
+        };
+        write().map_err(|error: std::io::Error| MeasureError::system("writing a policy", error))
     }
 
     /// The folder.
     pub fn path(&self) -> &Path {
-        &self.0
-    }
-}
-
-impl Drop for PolicyFiles {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
+        self.0.path()
     }
 }
 

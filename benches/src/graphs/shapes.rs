@@ -3,8 +3,12 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use super::LatentFiles;
+
 /// The arm moved by the README's first command.
 const PANDA: &str = include_str!("panda-reach.toml");
+/// Three arms that mimic a human.
+const MIMIC: &str = include_str!("mimic.toml");
 
 fn head(name: &str, rate_hz: u32, seconds: u32, core: usize) -> String {
     format!(
@@ -140,6 +144,31 @@ max  = "600 us"
     .replace("duration = \"10 s\"", &format!("duration = \"{seconds} s\""))
 }
 
+/// The graph of [`policy`] at 50 Hz, with a further component, `floor`, that each joint state triggers
+/// and that does nothing.
+pub fn joint_reader(folder: &Path, seconds: u32) -> String {
+    let floor = r#"[component.floor]
+kind      = "bench.joint_reader"
+trigger   = "panda/joint_state"
+subscribe = { joint_state = "panda/joint_state" }
+
+[component.targets]"#;
+    policy(folder, false, seconds).replace("[component.targets]", floor)
+}
+
+/// Three arms in one physics process that mimic a human by the model and the movement in a folder.
+pub fn latent(folder: &Path, seconds: u32) -> String {
+    let graph = MIMIC.split("[expect]").next().unwrap_or_default();
+    let safety = MIMIC.split("[safety]").nth(1).unwrap_or_default();
+    let mut text = format!("{graph}[safety]{safety}");
+    for (file, name) in [("mimic/arms.latent", LatentFiles::MODEL), ("mimic/take.csv", LatentFiles::MOTION)] {
+        let path = folder.join(name).display().to_string();
+        text = text.replace(&format!("{file:?}"), &format!("{path:?}"));
+    }
+    text.replace("rate = 30.0", "rate = 30.0, repeat = \"forever\"")
+        .replace("duration = \"8 s\"", &format!("duration = \"{seconds} s\""))
+}
+
 #[cfg(test)]
 mod tests {
     use motorium::declare::{ConfigError, RobotReference};
@@ -194,6 +223,29 @@ mod tests {
             assert!(text.contains("duration = \"3 s\"") && text.contains(pace), "{text}");
             assert!(text.contains("policy = \"/tmp/policy\"") && text.contains("stale_after"));
         }
+    }
+
+    #[test]
+    fn joint_reader_is_added_to_the_policy() {
+        let text = joint_reader(Path::new("/tmp/policy"), 3);
+        assert_eq!(text.matches("[component.").count(), 5);
+        let without: toml::Table = policy(Path::new("/tmp/policy"), false, 3).parse().unwrap();
+        let mut with: toml::Table = text.parse().unwrap();
+        let floor = with["component"].as_table_mut().unwrap().remove("floor").unwrap();
+        assert_eq!((floor["trigger"].as_str(), with), (Some("panda/joint_state"), without));
+    }
+
+    #[test]
+    fn arms_mimic_by_the_files_of_a_folder() {
+        let text = latent(Path::new("/tmp/latent"), 3);
+        let graph: toml::Table = text.parse().unwrap();
+        let mimic = &graph["component"]["mimic"];
+        assert_eq!(mimic["robots"].as_array().map(Vec::len), Some(3));
+        assert_eq!(mimic["config"]["model"].as_str(), Some("/tmp/latent/arms.latent"));
+        assert_eq!(mimic["config"]["motion"].as_str(), Some("/tmp/latent/take.csv"));
+        assert_eq!(mimic["config"]["repeat"].as_str(), Some("forever"));
+        assert_eq!(graph["duration"].as_str(), Some("3 s"));
+        assert!(!graph.contains_key("expect") && graph.contains_key("safety"), "{text}");
     }
 
     #[test]

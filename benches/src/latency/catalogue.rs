@@ -1,7 +1,7 @@
 //! Everything that is measured, by name.
 
 use super::{Bench, Outcome, Samples};
-use crate::graphs::{self, PolicyFiles, Ran};
+use crate::graphs::{self, LatentFiles, PolicyFiles, Ran};
 use crate::pair::{self, PingPong, Transport};
 use crate::raw_chain::{self, RawChain};
 use crate::read::Reader;
@@ -39,7 +39,8 @@ enum Kind {
     RawPorts { slices: bool },
     Panda,
     PandaPolicy,
-    JointTargets,
+    JointTargets { floor: bool },
+    Latent,
     Read { bytes: usize, reader: Reader },
 }
 
@@ -71,6 +72,7 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("command gate", &["floor.gate", "gate"]),
     ("first step of an episode", &["floor.episode", "episode"]),
     ("blocking across cores, 1 kHz", &["floor.futex.across.1khz", "hop.blocking.across.1khz.512"]),
+    ("steps of joint targets", &["floor.joint-targets", "joint-targets"]),
     ("Panda loop", &["panda", "panda.policy", "panda.loaded"]),
     ("release at 1 kHz, under load", &["floor.timer.loaded", "release.1khz.loaded"]),
     ("blocking on one core, under load", &["floor.futex.same.loaded", "hop.blocking.same.512.loaded"]),
@@ -183,8 +185,11 @@ pub fn catalogue() -> Vec<Case> {
         let what = format!("raw port, {name} at 10 kHz: publication to reading, none lost");
         add(format!("raw.{name}.10khz"), what, false, Kind::RawPorts { slices });
     }
+    let what = "step of an empty component, triggered as policy.joint_targets is".to_string();
+    add("floor.joint-targets".into(), what, false, Kind::JointTargets { floor: true });
     let what = "step of policy.joint_targets at 1 kHz, with its policy at 50 Hz".to_string();
-    add("joint-targets".into(), what, false, Kind::JointTargets);
+    add("joint-targets".into(), what, false, Kind::JointTargets { floor: false });
+    add("latent".into(), "step of policy.latent for three arms at 1 kHz".into(), false, Kind::Latent);
     add("panda".into(), "Panda loop, state to command".into(), false, Kind::Panda);
     let what = "the same with a policy of 54,464 weights in the loop".to_string();
     add("panda.policy".into(), what, false, Kind::PandaPolicy);
@@ -310,11 +315,19 @@ impl Case {
                     lost => Err(MeasureError::Lost { lost: lost.unwrap_or_default(), read: age.count }),
                 }
             }
-            Kind::JointTargets => {
+            Kind::JointTargets { floor } => {
                 let folder = PolicyFiles::new(50)?;
-                let ran = bench.launch(graphs::policy(folder.path(), false, bench.seconds))?;
-                let none = || MeasureError::Ended("`targets` has made no step".to_string());
-                Ok(graph(&ran, ran.steps_of("targets").ok_or_else(none)?))
+                let (text, component) = match floor {
+                    true => (graphs::joint_reader(folder.path(), bench.seconds), "floor"),
+                    false => (graphs::policy(folder.path(), false, bench.seconds), "targets"),
+                };
+                let ran = bench.launch(text)?;
+                Ok(graph(&ran, ran.steps_of(component)?))
+            }
+            Kind::Latent => {
+                let folder = LatentFiles::new()?;
+                let ran = bench.launch(graphs::latent(folder.path(), bench.seconds))?;
+                Ok(graph(&ran, ran.steps_of("mimic")?))
             }
             Kind::PandaPolicy => {
                 let folder = PolicyFiles::new(1_000)?;

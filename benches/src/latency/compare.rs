@@ -143,6 +143,7 @@ fn floor_of(name: &str, is_there: impl Fn(&str) -> bool) -> Option<String> {
         ("raw.", "floor.futex.same"),
         ("panda", "floor.futex.same"),
         ("joint-targets", "floor.futex.same"),
+        ("latent", "floor.futex.same"),
         ("peer.cyclictest", "floor.timer"),
         ("peer.", "floor.futex.across"),
     ];

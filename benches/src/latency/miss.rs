@@ -77,6 +77,10 @@ fn bare(seen: &Seen<'_>, what: &str, blamed: &str) -> Option<(f64, String)> {
             let floor = seen.get("floor.chain.4")?.ns.p99 as f64 / hops;
             (floor, "bare processes with plain memory and futexes (floor.chain.4)")
         }
+        "joint-targets" if what.ends_with("p99.9") => (
+            seen.p99_9_us("floor.joint-targets")?,
+            "steps of an empty component on the same core (floor.joint-targets, p99.9)",
+        ),
         // Lateness of a bare sleeper on the same, otherwise idle core beyond its median: no waiting strategy
         // hides it.
         "release.1khz" => {
@@ -189,6 +193,22 @@ mod tests {
         assert!((polling - 0.2 / 0.3).abs() < 1e-9, "{polling}");
         let large = share("1 MiB / the same in plain memory", "hop.blocking.across.1048576", 1.0, 1.2);
         assert!((large - 0.5).abs() < 1e-9, "{large}");
+    }
+
+    #[test]
+    fn tail_of_joint_targets_is_compared_with_empty_steps() {
+        let all = [measured("floor.joint-targets", 400, 21_000), measured("joint-targets", 2_900, 27_000)];
+        let miss = |what, at_most, measured| {
+            Miss::new(&Seen(&all), (what, "joint-targets"), at_most, measured).unwrap()
+        };
+        let tail = miss("step of policy.joint_targets, p99.9", 15.0, 27.0);
+        assert!((tail.share.unwrap() - 0.5).abs() < 1e-9, "{:?}", tail.share);
+        assert!(
+            tail.in_words().contains("come to 21.00 themselves: 50 % of the miss"),
+            "{}",
+            tail.in_words()
+        );
+        assert_eq!(miss("step of policy.joint_targets, p50", 3.0, 3.1).share, None);
     }
 
     #[test]

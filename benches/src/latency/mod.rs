@@ -75,6 +75,7 @@ impl Measurement {
             "release.1khz.loaded" => "floor.timer.loaded",
             "chain.4" => "floor.chain.4",
             "chain.8" => "floor.chain.8",
+            "joint-targets" => "floor.joint-targets",
             _ => return,
         };
         let tail = |ns: &Distribution| ns.p99_9.saturating_sub(ns.p50) as f64;

@@ -11,6 +11,21 @@ impl Seen<'_> {
         self.0.iter().find(|measurement| measurement.name == name)
     }
 
+    /// The median, us.
+    pub(super) fn p50_us(&self, name: &str) -> Option<f64> {
+        Some(self.get(name)?.ns.p50 as f64 * 1e-3)
+    }
+
+    /// The 99.9th percentile, us.
+    pub(super) fn p99_9_us(&self, name: &str) -> Option<f64> {
+        Some(self.get(name)?.ns.p99_9 as f64 * 1e-3)
+    }
+
+    /// The ratio of two 99.9th percentiles.
+    pub(super) fn ratio_of_p99_9(&self, of: &str, to: &str) -> Option<f64> {
+        Some(self.get(of)?.ns.p99_9 as f64 / self.get(to)?.ns.p99_9.max(1) as f64)
+    }
+
     /// The ratio of two 99th percentiles.
     pub(super) fn ratio_of_p99(&self, of: &str, to: &str) -> Option<f64> {
         Some(self.get(of)?.ns.p99 as f64 / self.get(to)?.ns.p99.max(1) as f64)

@@ -97,6 +97,16 @@ fn exp_parts(x: f32) -> (f32, f32) {
     (power, (r * r).mul_add(q, r))
 }
 
+/// Implements methods of [`Real`] by the inherent functions of the same names.
+macro_rules! inherent {
+    ($($name:ident($($argument:ident),*)),*) => {$(
+        #[inline(always)]
+        fn $name(self $(, $argument: Self)*) -> Self {
+            self.$name($($argument),*)
+        }
+    )*};
+}
+
 impl Real for f32 {
     #[inline(always)]
     fn from_f64(value: f64) -> Self {
@@ -109,10 +119,6 @@ impl Real for f32 {
     #[inline(always)]
     fn from_f32(value: f32) -> Self {
         value
-    }
-    #[inline(always)]
-    fn mul_add(self, a: Self, b: Self) -> Self {
-        self.mul_add(a, b)
     }
     #[inline(always)]
     fn exp(self) -> Self {
@@ -131,22 +137,7 @@ impl Real for f32 {
         let value = (e / (e + 2.0)).copysign(self);
         if self.is_nan() { self } else { value }
     }
-    #[inline(always)]
-    fn ln_1p(self) -> Self {
-        self.ln_1p()
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        self.sqrt()
-    }
-    #[inline(always)]
-    fn powf(self, exponent: Self) -> Self {
-        self.powf(exponent)
-    }
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        self.max(other)
-    }
+    inherent!(mul_add(a, b), ln_1p(), sqrt(), powf(exponent), max(other));
 }
 
 impl Real for f64 {
@@ -162,38 +153,7 @@ impl Real for f64 {
     fn from_f32(value: f32) -> Self {
         f64::from(value)
     }
-    #[inline(always)]
-    fn mul_add(self, a: Self, b: Self) -> Self {
-        self.mul_add(a, b)
-    }
-    #[inline(always)]
-    fn exp(self) -> Self {
-        self.exp()
-    }
-    #[inline(always)]
-    fn exp_m1(self) -> Self {
-        self.exp_m1()
-    }
-    #[inline(always)]
-    fn tanh(self) -> Self {
-        self.tanh()
-    }
-    #[inline(always)]
-    fn ln_1p(self) -> Self {
-        self.ln_1p()
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        self.sqrt()
-    }
-    #[inline(always)]
-    fn powf(self, exponent: Self) -> Self {
-        self.powf(exponent)
-    }
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        self.max(other)
-    }
+    inherent!(mul_add(a, b), exp(), exp_m1(), tanh(), ln_1p(), sqrt(), powf(exponent), max(other));
 }
 
 /// A scalar type with vectors.

@@ -1,7 +1,30 @@
 //! Loading the robot of a component.
 
-use motorium::declare::{ConfigError, RobotReference};
+use motorium::declare::{ConfigError, RobotReference, StepError};
 use motorium_robots::{BasePose, EndEffectorError, FrameId, Loaded, RobotSource};
+
+/// Returns the robot of a component that moves its joints or wheels (`parts`).
+pub(crate) fn required<'a>(
+    robot: Option<&'a RobotReference>,
+    parts: &str,
+) -> Result<&'a RobotReference, ConfigError> {
+    robot.ok_or_else(|| {
+        ConfigError::new(format!("the component needs the {parts} of a robot, but names no robot"))
+            .advise("add `robot = \"NAME\"` to the component")
+    })
+}
+
+/// The failure of a step that reads a joint state of another robot.
+#[cold]
+pub(crate) fn unexpected_joints(expected: usize, found: usize) -> StepError {
+    StepError::failed(format!("joint state: expected {expected} joints, found {found}"))
+}
+
+/// The failure of a step that reads a joint state with fewer joints than it uses.
+#[cold]
+pub(crate) fn too_few_joints(expected: usize, found: usize) -> StepError {
+    StepError::failed(format!("joint state: expected at least {expected} joints, found {found}"))
+}
 
 /// Loads the robot of a component.
 pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, ConfigError> {

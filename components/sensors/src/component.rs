@@ -53,10 +53,7 @@ impl Component for JointEncoder {
     type Config = EncoderSettings;
 
     fn declare(config: &EncoderSettings, declare: &mut Declare) -> Result<(), ConfigError> {
-        let robot = declare.robot().ok_or_else(|| {
-            ConfigError::new("the component needs the joints of a robot, but names no robot")
-                .advise("add `robot = \"NAME\"` to the component")
-        })?;
+        let robot = robot::named(declare, "the joints of a robot")?;
         // without a known period, any latency is allowed
         let longest = config.randomise.longest(config.latency);
         let period = declare.period().unwrap_or(longest.into());
@@ -110,9 +107,7 @@ impl Component for JointEncoder {
                         state.velocity(),
                         state.effort(),
                     )
-                    .map_err(|_| {
-                        StepError::failed("the joint state has another number of joints than the robot")
-                    })?;
+                    .map_err(|error| StepError::failed(error.to_string()))?;
             }
         }
         let Some(reading) = self.model.reading(tick.time_ns) else { return Ok(()) };

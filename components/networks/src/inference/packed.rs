@@ -205,48 +205,46 @@ fn vectors<S: Simd, T: Lanes, const ROWS: usize, const COUNT: usize>(
 #[cfg(test)]
 mod tests {
     use super::Packed;
+    use crate::arithmetic::Lanes;
 
     fn number(seed: usize) -> f32 {
         let bits = (seed as u32).wrapping_mul(2_654_435_761).rotate_left(13).wrapping_mul(747_796_405);
         (bits >> 8) as f32 / (1 << 23) as f32 - 1.0
     }
 
-    #[test]
-    fn outputs_are_ordered_sums_of_fused_products() {
-        for (inputs, outputs) in [(1, 1), (3, 15), (48, 12), (5, 16), (9, 33), (17, 64), (7, 127), (0, 20)] {
-            let weight = |o: usize, i: usize| number(1000 * o + i);
-            let bias = |o: usize| number(77 + o);
+    /// Compares the outputs of maps of several sizes with sums in the order of the inputs. `value` returns
+    /// the weight, bias or input of a seed.
+    fn outputs_are_ordered_sums<T: Lanes>(value: impl Fn(usize) -> T + Copy) {
+        for (inputs, outputs) in
+            [(1, 1), (6, 1), (3, 15), (48, 12), (5, 16), (9, 33), (17, 64), (7, 127), (0, 20)]
+        {
+            let weight = |o: usize, i: usize| value(1000 * o + i);
+            let bias = |o: usize| value(77 + o);
             let packed = Packed::new((outputs, inputs), weight, bias);
             for rows in [1, 2, 4, 5, 11] {
-                let input: Vec<f32> = (0..rows * inputs).map(|k| number(31 * k + 5)).collect();
-                let mut output = vec![0.0; rows * outputs];
+                let input: Vec<T> = (0..rows * inputs).map(|k| value(31 * k + 5)).collect();
+                let mut output = vec![T::default(); rows * outputs];
                 packed.clone().apply(&input, &mut output);
                 for (k, found) in output.iter().enumerate() {
                     let (row, o) = (k / outputs, k % outputs);
                     let sum = (0..inputs)
                         .fold(bias(o), |sum, i| weight(o, i).mul_add(input[row * inputs + i], sum));
-                    assert_eq!(found.to_bits(), sum.to_bits(), "{inputs} {outputs} {row} {o}");
+                    // the conversion is exact, also the sign of zero
+                    let [found, sum] = [*found, sum].map(|number| number.to_f64().to_bits());
+                    assert_eq!(found, sum, "{inputs} {outputs} {row} {o}");
                 }
             }
         }
     }
 
     #[test]
+    fn outputs_are_ordered_sums_of_fused_products() {
+        outputs_are_ordered_sums(number);
+    }
+
+    #[test]
     fn double_precision_sums_have_the_same_order() {
-        for (inputs, outputs) in [(6, 1), (9, 33), (17, 64), (7, 127)] {
-            let weight = |o: usize, i: usize| f64::from(number(1000 * o + i)) / 3.0;
-            let bias = |o: usize| f64::from(number(77 + o)) / 3.0;
-            let packed = Packed::new((outputs, inputs), weight, bias);
-            let input: Vec<f64> = (0..5 * inputs).map(|k| f64::from(number(31 * k + 5)) / 7.0).collect();
-            let mut output = vec![0.0; 5 * outputs];
-            packed.apply(&input, &mut output);
-            for (k, found) in output.iter().enumerate() {
-                let (row, o) = (k / outputs, k % outputs);
-                let sum =
-                    (0..inputs).fold(bias(o), |sum, i| weight(o, i).mul_add(input[row * inputs + i], sum));
-                assert_eq!(found.to_bits(), sum.to_bits(), "{inputs} {outputs} {row} {o}");
-            }
-        }
+        outputs_are_ordered_sums(|seed| f64::from(number(seed)) / 3.0);
     }
 
     #[test]

@@ -178,9 +178,8 @@ impl CpgPolicy {
         if self.walking == Some(gait) && !moved {
             return Ok(());
         }
-        let phases = gait
-            .phases(self.number_of_legs)
-            .map_err(|_| StepError::failed("the gait has another number of legs than the robot"))?;
+        let phases =
+            gait.phases(self.number_of_legs).map_err(|error| StepError::failed(error.to_string()))?;
         for (leg, offset) in self.phase_offsets.iter().enumerate() {
             self.offsets[leg] = offset;
             self.phases[leg] = phases[leg] + offset;

@@ -108,9 +108,7 @@ impl StartPose {
         let Measured { state, model, frame, kinematics } = measured.as_mut();
         let Some(state) = state.latest() else { return Ok(None) };
         if state.count() != model.nq() {
-            return Err(StepError::failed(
-                "the joint state has another number of joints than the robot's model",
-            ));
+            return Err(robot::unexpected_joints(model.nq(), state.count()));
         }
         kinematics.update(model, state.position());
         Ok(Some(kinematics.pose(model, *frame)))

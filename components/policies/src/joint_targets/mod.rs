@@ -18,10 +18,11 @@ use motorium_primitives::profile::Follower;
 use motorium_robots::{Gains, Model, Profile};
 
 use crate::joint_command::{
-    CommandedJoints, GainsError, JointCommandConfig, JointCommandWriter, profile_gains, required,
+    CommandedJoints, GainsError, JointCommandConfig, JointCommandWriter, profile_gains,
 };
 use crate::motion_limits::MotionLimitsConfig;
 use crate::network::refused;
+use crate::robot::required;
 use source::{Actions, Chunks, PatternActions, Source};
 
 /// Commands the joints of a robot from the newest action of a policy, or from chunks of actions.
@@ -43,12 +44,13 @@ pub struct JointTargetsPolicy {
     hold: u64,
     follower: Option<Follower>,
     state: State,
-    /// Duration of a transition, s; time since the last transition began, s, infinite before the first; the
-    /// targets at its start.
-    ease: f64,
+    /// Fraction of a transition over time, and its duration, s; time since the last transition began, s,
+    /// infinite before the first; the targets at its start.
+    ease: Quintic,
+    ease_duration: f64,
     elapsed: f64,
     from: Vec<f64>,
-    /// Targets of the policy, before and after transitions.
+    /// Targets of the policy, before and after transitions, and the rates of the latter: zero without limits.
     target: Vec<f64>,
     setpoint: Vec<f64>,
     rate: Vec<f64>,
@@ -134,7 +136,8 @@ impl Component for JointTargetsPolicy {
             hold,
             follower,
             state: State::Start,
-            ease: config.ease.as_secs_f64(),
+            ease: Quintic::new(0.0, config.ease.as_secs_f64(), Jet::default(), 1.0),
+            ease_duration: config.ease.as_secs_f64(),
             elapsed: 0.0,
             from: zeros.clone(),
             target: zeros.clone(),
@@ -236,22 +239,21 @@ impl JointTargetsPolicy {
                 self.source.sample(now, &mut self.target);
             }
         }
-        let ease = if self.elapsed < self.ease {
-            Quintic::new(0.0, self.ease, Jet::default(), 1.0).sample(self.elapsed).value
-        } else {
-            1.0
-        };
-        self.rate.fill(0.0);
-        for (joint, setpoint) in self.setpoint.iter_mut().enumerate() {
-            let eased = self.from[joint] + ease * (self.target[joint] - self.from[joint]);
-            if self.follower.is_some() {
-                self.rate[joint] = (eased - *setpoint) / dt;
-            }
-            *setpoint = eased;
-        }
+        let ease = if self.elapsed < self.ease_duration { self.ease.sample(self.elapsed).value } else { 1.0 };
+        let eased = |from: f64, target: f64| from + ease * (target - from);
+        let targets = self.from.iter().zip(&self.target);
         let Some(follower) = &mut self.follower else {
+            // the rates remain zero
+            for (setpoint, (from, target)) in self.setpoint.iter_mut().zip(targets) {
+                *setpoint = eased(*from, *target);
+            }
             return self.writer.command(dt, &self.setpoint, &self.rate);
         };
+        for ((setpoint, rate), (from, target)) in self.setpoint.iter_mut().zip(&mut self.rate).zip(targets) {
+            let eased = eased(*from, *target);
+            *rate = (eased - *setpoint) / dt;
+            *setpoint = eased;
+        }
         follower.step(dt, &self.setpoint, &self.rate);
         self.writer.command(dt, follower.position(), follower.velocity())
     }
@@ -262,7 +264,7 @@ fn check(
     base: &Path,
     robot: Option<&RobotReference>,
 ) -> Result<Checked, ConfigError> {
-    let robot = required(robot)?;
+    let robot = required(robot, "joints")?;
     let Read { action, rate, rhythm, outputs } = read(&config.policy, base)?;
     let period = rate.recip();
     let hold = config.hold.map_or(1.5 * period, TimeSpan::as_secs_f64);

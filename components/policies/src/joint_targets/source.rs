@@ -52,6 +52,8 @@ pub(super) struct Chunks {
     input: Input<ActionChunk>,
     targets: JointTargets,
     plan: ChunkPlan,
+    /// Start of the run on the clock of the plan and of stamps, ns.
+    start: u64,
     counts: Counts,
 }
 
@@ -105,7 +107,7 @@ impl Source {
     pub(super) fn sample(&self, now: u64, targets: &mut [f64]) {
         match self {
             Self::Actions(actions) => actions.sample(now, targets),
-            Self::Chunks(chunks) => chunks.plan.sample(now, targets),
+            Self::Chunks(chunks) => chunks.plan.sample(chunks.start + now, targets),
             Self::Pattern(pattern) => pattern.sample(targets),
         }
     }
@@ -138,7 +140,7 @@ impl PatternActions {
     fn poll(&mut self) -> Result<Option<u64>, StepError> {
         let Some(action) = self.input.next_unread() else { return Ok(self.time) };
         if action.count() != self.newest.len() {
-            return Err(StepError::failed("the action has another number of outputs than the policy"));
+            return Err(unexpected_numbers(self.newest.len(), action.count()));
         }
         for (newest, value) in self.newest.iter_mut().zip(action.value()) {
             *newest = self.targets.clipped(*value);
@@ -185,7 +187,7 @@ impl Actions {
         self.reached = reached;
         let Some(action) = self.input.next_unread() else { return Ok(self.time) };
         if action.count() != self.newest.len() {
-            return Err(StepError::failed("the action has another number of joints than the policy"));
+            return Err(unexpected_numbers(self.newest.len(), action.count()));
         }
         self.before.copy_from_slice(&self.reached);
         for (joint, (target, value)) in self.newest.iter_mut().zip(action.value()).enumerate() {
@@ -218,11 +220,11 @@ impl Chunks {
     pub(super) fn new(input: Input<ActionChunk>, targets: JointTargets, config: ChunksConfig) -> Self {
         let timing = ChunkTiming { frozen: config.frozen.ns, blend: config.blend.ns };
         let plan = ChunkPlan::new(targets.targets().len(), MAX_CHUNK, timing);
-        Self { input, targets, plan, counts: Counts::default() }
+        Self { input, targets, plan, start: 0, counts: Counts::default() }
     }
 
     fn poll(&mut self, now: u64, clock: &RunClock) -> Option<u64> {
-        let start = clock.stamp_ns(0);
+        self.start = clock.stamp_ns(0);
         while let Some(chunk) = self.input.next_unread() {
             let chunk = Chunk {
                 time: chunk.time,
@@ -232,11 +234,18 @@ impl Chunks {
                 values: chunk.value(),
             };
             let targets = &self.targets;
-            let found = self.plan.accept(start + now, chunk, |joint, value| targets.target(joint, value));
+            let found =
+                self.plan.accept(self.start + now, chunk, |joint, value| targets.target(joint, value));
             self.counts.add(found);
         }
-        self.plan.end().map(|end| end.saturating_sub(start))
+        self.plan.end().map(|end| end.saturating_sub(self.start))
     }
+}
+
+/// The failure of a step that reads the action of another policy.
+#[cold]
+fn unexpected_numbers(expected: usize, found: usize) -> StepError {
+    StepError::failed(format!("action: expected {expected} numbers, found {found}"))
 }
 
 impl Counts {

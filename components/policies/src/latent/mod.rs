@@ -68,9 +68,9 @@ impl Source {
                 *age += dt;
                 if let Some(observation) = input.next_unread() {
                     if observation.count() != pose.len() {
-                        return Err(StepError::failed(
-                            "the pose of the human has another number of values than its space in the model",
-                        ));
+                        let (expected, found) = (pose.len(), observation.count());
+                        let message = format!("pose of the human: expected {expected} values, found {found}");
+                        return Err(StepError::failed(message));
                     }
                     if observation.value().iter().any(|value| !value.is_finite()) {
                         return Err(StepError::failed("the pose of the human is not finite"));

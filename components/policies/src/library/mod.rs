@@ -28,6 +28,8 @@ use plane::Plane;
 use signal::EndEffector;
 use watch::Watch;
 
+use crate::robot::{required, too_few_joints};
+
 /// Executes the movements of a motion library one after the other, and recognises the movements it observes.
 ///
 /// The policy starts with the first joint state. It moves to the start of each movement along a minimum-jerk
@@ -89,10 +91,7 @@ impl Component for LibraryPolicy {
     type Config = LibraryPolicyConfig;
 
     fn declare(config: &LibraryPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let robot = declare.robot().cloned().ok_or_else(|| {
-            ConfigError::new("the component names no robot, and needs its joints")
-                .advise("add `robot = \"NAME\"` to the component")
-        })?;
+        let robot = required(declare.robot(), "joints")?.clone();
         let library = source::load(config, Some(&robot.base))?;
         source::entries(config, &library)?;
         source::check(config, &library)?;
@@ -239,12 +238,13 @@ impl LibraryPolicy {
         self.state_ns = state.time_ns();
         let mut pose = Isometry3::identity();
         if let Some((end_effector, plane)) = &mut self.end_effector {
-            pose = end_effector.pose(state.position()).ok_or(OTHER_ROBOT)?;
+            pose = end_effector.pose(state.position())?;
             let place = self.index;
             self.measured.copy_from_slice(&plane.position(&pose.translation.vector, place));
         } else {
             for (measured, joint) in self.measured.iter_mut().zip(&self.joints) {
-                *measured = *state.position().get(*joint).ok_or(OTHER_ROBOT)?;
+                let position = state.position().get(*joint);
+                *measured = *position.ok_or_else(|| too_few_joints(*joint + 1, state.count()))?;
             }
         }
         let measured = &self.measured;
@@ -377,10 +377,6 @@ impl LibraryPolicy {
         self.stage = Stage::Transit(0.0);
     }
 }
-
-const OTHER_ROBOT: StepError = StepError::Failed(std::borrow::Cow::Borrowed(
-    "the joint state has another number of joints than the robot's model",
-));
 const NO_MOVEMENT: StepError = StepError::Failed(std::borrow::Cow::Borrowed(
     "the movement has a value that is not finite, or no duration",
 ));

@@ -1,6 +1,6 @@
 //! Measured pose and joints of the robot.
 
-use motorium::declare::{ConfigError, RobotReference};
+use motorium::declare::{ConfigError, RobotReference, StepError};
 use motorium_robots::{FrameId, Kinematics, Model};
 use nalgebra::Isometry3;
 
@@ -22,13 +22,13 @@ impl EndEffector {
         Ok(Self { model: loaded.model, frame, kinematics })
     }
 
-    /// Returns the pose of the end effector; `None` if the robot has a different number of joints.
-    pub(super) fn pose(&mut self, q: &[f64]) -> Option<Isometry3<f64>> {
+    /// Returns the pose of the end effector. Fails if the robot has a different number of joints.
+    pub(super) fn pose(&mut self, q: &[f64]) -> Result<Isometry3<f64>, StepError> {
         if q.len() != self.model.nq() {
-            return None;
+            return Err(robot::unexpected_joints(self.model.nq(), q.len()));
         }
         self.kinematics.update(&self.model, q);
-        Some(self.kinematics.pose(&self.model, self.frame))
+        Ok(self.kinematics.pose(&self.model, self.frame))
     }
 }
 

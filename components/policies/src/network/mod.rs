@@ -20,7 +20,7 @@ use motorium_models::policy::{
 };
 use nalgebra::{UnitQuaternion, Vector3};
 
-use crate::joint_command::required;
+use crate::robot::{required, too_few_joints};
 
 /// Runs the network of a policy folder at the rate of the policy, and publishes its actions.
 ///
@@ -123,7 +123,7 @@ fn load(
     base: &Path,
     robot: Option<&motorium::declare::RobotReference>,
 ) -> Result<Loaded, ConfigError> {
-    let robot = required(robot)?;
+    let robot = required(robot, "joints")?;
     for (key, span) in [("state_timeout", config.state_timeout), ("command_timeout", config.command_timeout)]
     {
         if span.ns < 1_000_000 {
@@ -339,16 +339,13 @@ impl NetworkPolicy {
         let linear_velocity = base_velocity(inputs, config.base_velocity);
         let (angular_velocity, gravity) = attitude(inputs, config.attitude, &self.imu_rotation)?;
         let (joints, heights) = (current(&inputs.joints), current(&inputs.heights));
-        if joints.as_ref().is_some_and(|state| state.count() < observer.joints()) {
-            return Err(StepError::failed(
-                "the joint state has another number of joints than the robot's model",
-            ));
+        if let Some(state) = joints.as_ref().filter(|state| state.count() < observer.joints()) {
+            return Err(too_few_joints(observer.joints(), state.count()));
         }
         let heights = heights.as_ref().map_or(&[][..], |scan| scan.height());
-        if observer.heights().is_some_and(|count| count != heights.len()) {
-            return Err(StepError::failed(
-                "the height scan has another number of heights than the policy has rays",
-            ));
+        if let Some(rays) = observer.heights().filter(|rays| *rays != heights.len()) {
+            let found = heights.len();
+            return Err(StepError::failed(format!("height scan: expected {rays} heights, found {found}")));
         }
         let positions = joints.as_ref().map_or(&[][..], |state| state.position());
         let velocities = joints.as_ref().map_or(&[][..], |state| state.velocity());
@@ -356,9 +353,7 @@ impl NetworkPolicy {
             points.set_target(target.position);
         }
         if points.joints() > positions.len() {
-            return Err(StepError::failed(
-                "the joint state has another number of joints than the robot's model",
-            ));
+            return Err(too_few_joints(points.joints(), positions.len()));
         }
         points.locate((positions, velocities), &[]);
         observer.observe(&Measurements {

@@ -4,9 +4,8 @@ use motorium::declare::{ConfigError, RobotReference};
 use motorium_primitives::profile::MotionLimits;
 use motorium_robots::{Loaded, Model, Profile};
 
-use crate::joint_command::required;
-
 use super::config::{HOME, JointGoal, JointGoalConfig, JointNumbers, TrajectoryConfig};
+use crate::robot::required;
 
 /// The goals and limits of a trajectory.
 #[derive(Debug)]
@@ -49,7 +48,7 @@ impl Plan {
         config: &TrajectoryConfig,
         robot: Option<&RobotReference>,
     ) -> Result<Self, ConfigError> {
-        let robot = required(robot)?;
+        let robot = required(robot, "joints")?;
         if config.goals.is_empty() {
             return Err(ConfigError::key("goals", "no goal is given, expected at least one"));
         }

@@ -143,10 +143,7 @@ fn route(config: &WaypointsConfig, robot: Option<&RobotReference>) -> Result<Rou
     if config.goals.is_empty() {
         return Err(ConfigError::key("goals", "no goal is given, expected at least one"));
     }
-    let robot = robot.ok_or_else(|| {
-        ConfigError::new("the component names no robot, and needs to know its wheels")
-            .advise("add `robot = \"NAME\"` to the component")
-    })?;
+    let robot = crate::robot::required(robot, "wheels")?;
     let loaded = crate::robot::load(robot)?;
     let base = loaded.profile.as_ref().and_then(|profile| profile.mobile_base.as_ref()).ok_or_else(|| {
         let message = format!("robot `{}` has no wheels: its profile has no [mobile_base]", robot.name);

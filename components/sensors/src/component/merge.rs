@@ -79,10 +79,7 @@ impl Component for JointMerge {
     type Config = JointMergeConfig;
 
     fn declare(config: &JointMergeConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let robot = declare.robot().ok_or_else(|| {
-            ConfigError::new("the component needs the joints of a robot, but names no robot")
-                .advise("add `robot = \"NAME\"` to the component")
-        })?;
+        let robot = super::robot::named(declare, "the joints of a robot")?;
         places(config, &names(robot)?)?;
         for name in config.parts.keys() {
             declare.input::<JointState>(name, "joint state of a part of the joints");

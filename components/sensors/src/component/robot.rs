@@ -16,6 +16,12 @@ pub(super) fn named<'a>(declare: &'a Declare, needs: &str) -> Result<&'a RobotRe
     })
 }
 
+/// The failure of a step that reads a joint state with fewer joints than the robot's model.
+#[cold]
+pub(super) fn too_few_joints(expected: usize, found: usize) -> StepError {
+    StepError::failed(format!("joint state: expected at least {expected} joints, found {found}"))
+}
+
 /// Loads the robot of a component.
 pub(super) fn load(robot: &RobotReference, base: BaseMode) -> Result<Loaded, ConfigError> {
     let source = RobotSource {
@@ -203,7 +209,7 @@ impl TrueMotion {
             let Some(state) = input.latest() else { return Ok(None) };
             let count = model.joint_count();
             if state.count() < count {
-                return Err(StepError::failed("the joint state has fewer joints than the robot"));
+                return Err(too_few_joints(count, state.count()));
             }
             let stamp = state.stamp();
             is_new |= name(&stamp) != seen[1];

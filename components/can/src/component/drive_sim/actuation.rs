@@ -92,7 +92,8 @@ impl DriveSimulation {
         let Some(state) = self.joint_state.latest() else { return Ok(()) };
         let joints = self.axes.len();
         if state.count() != joints {
-            return Err(StepError::failed("the joint state has another number of joints than the robot"));
+            let message = format!("joint state: expected {joints} joints, found {}", state.count());
+            return Err(StepError::failed(message));
         }
         let mut command = self.command.loan()?;
         command.set_count(joints);

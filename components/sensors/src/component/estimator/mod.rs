@@ -11,7 +11,7 @@ use nalgebra::{Isometry3, Matrix3, Matrix6xX, Unit, UnitQuaternion, Vector3};
 pub use config::{BaseEstimatorConfig, StartPose};
 use score::{Estimate, Score};
 
-use super::robot::{self, name};
+use super::robot::{self, name, too_few_joints};
 use crate::estimation::{ContactKinematics, FilterState, InvariantFilter};
 
 /// A component that estimates pose and velocity of a legged robot's base by an [`InvariantFilter`].
@@ -199,7 +199,7 @@ impl BaseEstimator {
     fn correct(&mut self, time: u64, dt: f64, rate: &Vector3<f64>) -> Result<(), StepError> {
         let Some(joints) = self.joints.latest() else { return Ok(()) };
         if joints.count() < self.legs.model.joint_count() {
-            return Err(StepError::failed("the joint state has fewer joints than the robot"));
+            return Err(too_few_joints(self.legs.model.joint_count(), joints.count()));
         }
         let omega = self.mount.rotation * (rate - self.filter.state().gyroscope_bias);
         let is_new = name(&joints.stamp()) != self.last_joints;
@@ -207,7 +207,8 @@ impl BaseEstimator {
         self.legs.update_kinematics(joints.position(), joints.velocity(), &omega);
         let Some(contacts) = self.contacts.latest() else { return Ok(()) };
         if contacts.count() != self.legs.feet.len() {
-            return Err(StepError::failed("the contacts have another number of feet"));
+            let (expected, found) = (self.legs.feet.len(), contacts.count());
+            return Err(StepError::failed(format!("contacts: expected {expected} feet, found {found}")));
         }
         let delay = self.config.contact_delay.ns;
         for index in 0..self.legs.feet.len() {
