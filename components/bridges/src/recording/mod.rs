@@ -20,6 +20,7 @@ mod batch;
 mod chunks;
 mod component;
 mod csv;
+mod demonstration;
 mod ease;
 mod entries;
 mod file;
@@ -51,6 +52,7 @@ mod verify;
 pub use analysis::{Analysis, EventLine, TopicAnalysis, Tracking, analyse, quantile};
 pub use component::{Record, RecordConfig};
 pub use csv::{TableError, write_csv};
+pub use demonstration::{Demonstration, DemonstrationError};
 pub use entries::{Entries, Entry, Images, RecordedPicture, RecordedSample, Samples};
 pub use lerobot::{
     Camera, Dataset, DatasetCounts, DatasetError, usual_cameras, usual_signals, write_lerobot,

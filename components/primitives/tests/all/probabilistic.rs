@@ -217,7 +217,8 @@ fn expectation_maximisation_matches_numpy() {
     let (_, golden) = primitive();
     let shown = matrices(&golden["shown"]);
     let basis = ProMpBasis::gaussian(8, 0.7).unwrap();
-    let fit = ProMpFit { learning: Learning::Em { iterations: 20, tolerance: 0.0 }, jitter: 1e-6 };
+    let fit =
+        ProMpFit { learning: Learning::Em { iterations: 20, tolerance: 0.0 }, jitter: 1e-6, shrinkage: 0.0 };
     let mut reported = Vec::new();
     let promp = ProMp::fit_with_progress(basis, &shown, &fit, |part| reported.push(part)).unwrap();
     assert!((promp.weight_mean() - vector(&golden["em_mean"])).amax() < 1e-6);
@@ -232,6 +233,54 @@ fn expectation_maximisation_matches_numpy() {
         "the noise that was put in: {}",
         promp.noise().sqrt()
     );
+}
+
+#[test]
+fn shrinkage_matches_numpy() {
+    let (_, golden) = primitive();
+    let basis = ProMpBasis::gaussian(8, 0.7).unwrap();
+    let shown = matrices(&golden["shown"]);
+    let learning = Learning::Em { iterations: 20, tolerance: 0.0 };
+    let fit = ProMpFit { learning, jitter: 1e-6, shrinkage: 3.0 };
+    let promp = ProMp::fit(basis, &shown, &fit).unwrap();
+    assert!((promp.weight_mean() - vector(&golden["shrunk_mean"])).amax() < 1e-6);
+    assert!((promp.weight_covariance() - matrix(&golden["shrunk_covariance"])).amax() < 1e-5);
+    assert!((promp.noise() / number(&golden["shrunk_noise"]) - 1.0).abs() < 1e-5);
+    let refused = ProMp::fit(basis, &shown, &ProMpFit { shrinkage: -1.0, ..fit }).unwrap_err();
+    let ProMpError::Value(ValueError::OutOfRange { name, value, .. }) = refused else { panic!("{refused}") };
+    assert_eq!((name, value), ("shrinkage", -1.0));
+}
+
+/// Strokes of three dimensions from starts that nearly lie in a plane, to one goal.
+fn stroke(start: [f64; 3]) -> DMatrix<f64> {
+    DMatrix::from_fn(100, 3, |k, d| {
+        let p = k as f64 / 99.0;
+        let ease = p * p * p * (10.0 - 15.0 * p + 6.0 * p * p);
+        start[d] * (1.0 - ease) + [0.5, 0.1, 0.3][d] * ease
+    })
+}
+
+#[test]
+fn shrinkage_meets_starts_outside_the_shown_plane() {
+    let shown = [[0.02, -0.03], [-0.03, -0.01], [0.01, 0.02], [0.03, 0.03], [-0.02, 0.01]];
+    let shown: Vec<DMatrix<f64>> = shown
+        .iter()
+        .enumerate()
+        .map(|(k, [x, y])| stroke([*x, *y, 0.5 * (x + y) + 5e-4 * (k as f64 - 2.0)]))
+        .collect();
+    let basis = ProMpBasis::gaussian(20, 0.7).unwrap();
+    let start = [0.0, 0.01, 0.03];
+    let noise = DMatrix::identity(3, 3) * 2e-3_f64.powi(2);
+    let missed = |shrinkage: f64| {
+        let promp = ProMp::fit(basis, &shown, &ProMpFit { shrinkage, ..ProMpFit::default() }).unwrap();
+        let bent = promp.conditioned(0.0, &DVector::from_column_slice(&start), &noise).unwrap();
+        let expected = stroke(start);
+        let off = |k: usize| (bent.mean_at(k as f64 / 99.0) - expected.row(k).transpose()).norm();
+        (off(0), (0..100).map(off).fold(0.0, f64::max))
+    };
+    let (likely, shrunk) = (missed(0.0), missed(ProMpFit::default().shrinkage));
+    assert!(likely.0 > 0.01, "maximum likelihood misses by {likely:?} m");
+    assert!(shrunk.0 < 2e-3 && shrunk.1 < 5e-3, "shrunk {shrunk:?} m, maximum likelihood {likely:?} m");
 }
 
 #[test]

@@ -97,20 +97,33 @@ def promp():
     # expectation maximisation, term by term, from the same ridge start and with the same jitter
     gram, carried = big.T @ big, y @ big
     w = np.linalg.solve(gram + 1e-6 * np.eye(n * d), carried.T).T
-    m, s = w.mean(0), np.cov(w.T)
-    s += np.eye(n * d) * 1e-4 * np.trace(s) / (n * d)
-    noise = ((y - w @ big.T) ** 2).sum() / y.size
-    trace = [likelihood(m, s, noise)]
-    for _ in range(20):
-        p = np.linalg.inv(s)
-        post = np.linalg.inv(gram / noise + p)
-        ms = (carried / noise + p @ m) @ post
-        m = ms.mean(0)
-        s = post + (ms - m).T @ (ms - m) / len(ms)
-        s += np.eye(n * d) * 1e-6 * np.trace(s) / (n * d)
-        noise = (((y - ms @ big.T) ** 2).sum() + len(ms) * np.trace(gram @ post)) / y.size
-        trace.append(likelihood(m, s, noise))
+
+
+    def shrunk(s, k):
+        """Posterior mode under an inverse-Wishart prior of scale k times the blocks of the dimensions."""
+        blocks = s * np.kron(np.eye(d), np.ones((n, n)))
+        return (k * blocks + len(y) * s) / (k + len(y))
+
+    def improved(k):
+        m, s = w.mean(0), shrunk(np.cov(w.T), k)
+        s += np.eye(n * d) * 1e-4 * np.trace(s) / (n * d)
+        noise = ((y - w @ big.T) ** 2).sum() / y.size
+        trace = [likelihood(m, s, noise)]
+        for _ in range(20):
+            p = np.linalg.inv(s)
+            post = np.linalg.inv(gram / noise + p)
+            ms = (carried / noise + p @ m) @ post
+            m = ms.mean(0)
+            s = shrunk(post + (ms - m).T @ (ms - m) / len(ms), k)
+            s += np.eye(n * d) * 1e-6 * np.trace(s) / (n * d)
+            noise = (((y - ms @ big.T) ** 2).sum() + len(ms) * np.trace(gram @ post)) / y.size
+            trace.append(likelihood(m, s, noise))
+        return m, s, noise, trace
+
+    m, s, noise, trace = improved(0.0)
     result.update({"em_mean": m.tolist(), "em_noise": noise, "em_covariance": s.tolist(), "em_likelihood": trace})
+    m, s, noise, _ = improved(3.0)
+    result.update({"shrunk_mean": m.tolist(), "shrunk_noise": noise, "shrunk_covariance": s.tolist()})
     return result
 
 
