@@ -21,6 +21,9 @@ const DT: f64 = 1e-3;
 const HOLD: u64 = 60_000_000;
 /// Steps from the kill to the end of the longest chunk, the hold, the longest braking and a second of rest.
 const STEPS_TO_REST: u64 = 3_500;
+/// Time before the end of a chunk in which the arm still moves, ns, and its least velocity, rad/s.
+const ENDING: u64 = 100_000_000;
+const MOVING: f64 = 0.1;
 /// Velocity below which a measured joint rests, rad/s.
 const STILL: f64 = 0.01;
 
@@ -98,8 +101,8 @@ fn assert_within_limits(commands: &[Seen<JointCommand>], limits: &[(f64, f64)]) 
     }
 }
 
-/// Checks that the arm rests between the end of each interrupted sequence of chunks and the next chunk. Returns the
-/// number of such intervals.
+/// Checks that the arm plays the newest chunk to its end and then rests at its last action, wherever the next
+/// chunk is late enough. Returns the number of such rests.
 fn assert_rests(
     chunks: &[Seen<ActionChunk>],
     commands: &[Seen<JointCommand>],
@@ -110,16 +113,25 @@ fn assert_rests(
     let moved = &limits[..chunks[0].value.width as usize];
     let braking = moved.iter().map(|(velocity, acceleration)| 2.0 * velocity / acceleration);
     let braking = (braking.fold(0.0, f64::max) * 1e9) as u64;
-    let (mut rests, mut end) = (0, 0);
+    let (mut rests, mut newest) = (0, &chunks[0].value);
     for (index, chunk) in chunks.iter().enumerate() {
-        let value = &chunk.value;
-        let actions = value.count() as u64 / value.width;
-        end = end.max(value.time + (actions - 1) * value.period);
+        if chunk.value.time > newest.time {
+            newest = &chunk.value;
+        }
+        let actions = newest.value().chunks_exact(newest.width as usize);
+        let end = newest.time + (actions.len() as u64 - 1) * newest.period;
+        let last_action = actions.last().expect("a chunk has actions");
         let next = chunks.get(index + 1).map_or(u64::MAX, |next| next.published);
         let resting = |time: u64| (end + HOLD + braking..next).contains(&time);
         let resting_commands: Vec<_> = commands.iter().filter(|command| resting(command.time)).collect();
         let Some(first) = resting_commands.first() else { continue };
         rests += 1;
+        let missed = first.value.position().iter().zip(last_action).map(|(q, action)| (q - action).abs());
+        let missed = missed.fold(0.0, f64::max);
+        assert!(missed < 1e-6, "the arm rests {missed} rad from the last action");
+        let is_ending = |command: &&Seen<JointCommand>| (end - ENDING..end).contains(&command.time);
+        let mut ending = commands.iter().filter(is_ending).flat_map(|command| command.value.velocity());
+        assert!(ending.any(|velocity| velocity.abs() > MOVING), "the chunk is not played to its end");
         for command in &resting_commands {
             let velocity = command.value.velocity();
             assert!(velocity.iter().all(|velocity| velocity.abs() < 1e-9), "{velocity:?}");

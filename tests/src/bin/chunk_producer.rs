@@ -1,5 +1,5 @@
-//! A policy outside of the graph, in a process of its own: returns chunks of actions for the Panda late, twice or not
-//! at all, with discontinuities, until it is killed.
+//! A policy outside of the graph, in another process: returns chunks of actions for the Panda late, twice or
+//! not at all, with discontinuities, until it is killed.
 //!
 //! `chunk-producer RUN SEED`
 
@@ -16,7 +16,8 @@ type Stock = ipc_threadsafe::Service;
 
 /// The pose around which the joints move, rad.
 const POSE: [f64; 7] = [0.0, -0.8, 0.0, -2.3, 0.0, 1.6, 0.8];
-/// Amplitude \[rad\] and frequency \[rad/s\] of the movement; the largest discontinuity in the phase of a chunk, rad.
+/// Amplitude \[rad\] and frequency \[rad/s\] of the movement; range of discontinuities in the phase of a
+/// chunk \[rad\].
 const AMPLITUDE: f64 = 0.3;
 const FREQUENCY: f64 = 3.0;
 const JUMP: f64 = 6.0;
