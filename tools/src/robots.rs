@@ -1,11 +1,21 @@
 //! The robots of graphs, as the command loads them.
 
 use motorium::declare::RobotReference;
-use motorium_robots::{Loaded, RobotSource, RobotSourceError};
+use motorium_robots::{BasePose, Loaded, RobotSource, RobotSourceError};
 
 /// Loads a robot as the graph refers to it, with its profile, at the origin.
 pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, RobotSourceError> {
-    let source = RobotSource {
+    source(robot).load()
+}
+
+/// Loads a robot at its pose in the world of the graph.
+pub(crate) fn load_in_world(robot: &RobotReference) -> Result<Loaded, RobotSourceError> {
+    let pose = robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy });
+    RobotSource { pose, ..source(robot) }.load()
+}
+
+fn source(robot: &RobotReference) -> RobotSource<'_> {
+    RobotSource {
         name: &robot.name,
         text: &robot.urdf,
         base: &robot.base,
@@ -13,8 +23,7 @@ pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, RobotSourceError> {
         packages: &robot.package_path,
         settings: robot.settings.as_ref(),
         pose: None,
-    };
-    source.load()
+    }
 }
 
 /// The positions of the joints in a pose that the robot's profile names, or its SRDF.

@@ -105,6 +105,68 @@ fn progress_is_published_until_a_signal_ends_the_training() {
 }
 
 #[test]
+fn shown_movements_are_fitted_and_reproduced() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let graph = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/imitate/loop.toml");
+    let output = folder.path().join("a").to_str().expect("a path of text").to_string();
+    let imitate = ["learn", "imitate", graph, "--demonstrations", "5", "--tests", "2", "--json", "--output"];
+    let found = json(&[&imitate[..], &[&output]].concat());
+    let models = found["models"].as_array().expect("models");
+    let errors: Vec<f64> = models.iter().map(|model| model["rms_m"].as_f64().expect("a number")).collect();
+    let [dmp, promp, library, replay] = errors[..] else { panic!("{found}") };
+    assert!(dmp < 0.5 * replay && promp < 0.5 * replay && library < 0.5 * replay, "{found}");
+    for name in ["movement.library", "imitation.json", "imitation.svg"] {
+        assert!(folder.path().join("a").join(name).is_file(), "{name}");
+    }
+    for name in ["dmp.json", "promp.json"] {
+        printed(&["primitive", "show", &format!("{output}/{name}")]);
+    }
+    let again = folder.path().join("b").to_str().expect("a path of text").to_string();
+    assert_eq!(json(&[&imitate[..], &[&again]].concat())["models"], found["models"]);
+    let none = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/cart-pole-policy.toml");
+    let none = run(&["learn", "imitate", none, "--output", &output]);
+    assert!(String::from_utf8_lossy(&none.stderr).contains("motorium.PoseTarget"), "no pose targets");
+}
+
+#[test]
+fn recorded_actions_are_cloned_and_aggregated() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| folder.path().join(name).to_str().expect("a path of text").to_string();
+    let graph = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/cart-pole-policy.toml");
+    let expert = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/cart-pole-policy");
+    let (shown, task) = (file("shown.mcap"), file("task.toml"));
+    let settings = "[algorithms.dagger]\niterations = 4\nepochs = 200\nhidden = [32]\n";
+    let text = std::fs::read_to_string(TASK).expect("the task");
+    std::fs::write(&task, format!("{text}\n{settings}")).expect("a file");
+    printed(&["run", graph, "--hosting", "inline", "--for", "6s", "--record", &shown]);
+    let learn = ["learn", "train", &task, "--recording", &shown, "--json"];
+    let clone = |more: &[&str]| json(&[&learn[..], &["--algorithm", "clone"], more].concat());
+    let cloned = clone(&["--action", "cart/action", "--output", &file("clone")]);
+    // 50 answers a second, but for those to the first measurements
+    let labels = cloned["labels"].as_u64().expect("a number");
+    assert!((280..=300).contains(&labels), "{cloned}");
+    assert!(cloned["loss"].as_f64().is_some_and(|loss| loss < 0.02), "{cloned}");
+    let found = clone(&["--output", &file("again")]);
+    assert_eq!(found["weights_sha256"], cloned["weights_sha256"], "topics are found by their types");
+    let evaluated = json(&["learn", "evaluate", &file("clone"), "--episodes", "3", "--json"]);
+    assert!(evaluated["mean"].as_f64() > Some(400.0), "the clone balances: {evaluated}");
+
+    let dagger = ["--algorithm", "dagger", "--expert", expert, "--steps", "400", "--output"];
+    let aggregated = json(&[&learn[..], &dagger, &[&file("dagger")]].concat());
+    assert_eq!(aggregated["labels"], labels + 3 * 104, "three iterations follow the recording: {aggregated}");
+
+    let refused = |more: &[&str]| {
+        let refused = run(&[&learn[..], &["--output", &file("refused")], more].concat());
+        assert!(!refused.status.success(), "{more:?}");
+        String::from_utf8_lossy(&refused.stderr).into_owned()
+    };
+    assert!(refused(&["--algorithm", "clone", "--action", "cart/acton"]).contains("cart/action"));
+    assert!(refused(&["--algorithm", "clone", "--expert", expert]).contains("not from both"));
+    assert!(refused(&["--algorithm", "dagger"]).contains("dagger learns from an expert"));
+    assert!(refused(&["--algorithm", "ppo"]).contains("--recording"));
+}
+
+#[test]
 fn policies_are_compared_on_equal_episodes() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = |name: &str| folder.path().join(name).to_str().expect("a path of text").to_string();

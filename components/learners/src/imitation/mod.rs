@@ -3,13 +3,16 @@
 //! An iteration steps all worlds, labels every observation with the action of the expert, and fits the
 //! network to all labels so far by least squares. In iteration `i`, counted from 0, the expert acts with
 //! probability `beta decay^i`, else the network does. One iteration of the expert alone is behaviour cloning;
-//! more are DAgger, whose labels cover the states that the network itself reaches.
+//! more are DAgger, whose labels cover the states that the network itself reaches. Recorded observations and
+//! actions replace the first iteration.
 //!
 //! Imitation repeats to the bit on any number of threads.
 //!
 //! Source: Ross, Gordon, Bagnell, *A reduction of imitation learning and structured prediction to no-regret
 //! online learning*, AISTATS 2011.
 
+pub mod movements;
+mod recorded;
 mod regression;
 mod run;
 mod settings;
@@ -20,8 +23,9 @@ use motorium_physics::{BuildError, Engine, Simulation};
 use rand::RngExt as _;
 use serde::Serialize;
 
+pub use recorded::{Recorded, RecordedError};
 pub use regression::Regression;
-pub use run::{Run, RunError, Summary};
+pub use run::{Run, RunError, Sources, Summary};
 pub use settings::ImitationSettings;
 
 use crate::environment::{EnvironmentError, VectorEnvironment};
@@ -77,7 +81,7 @@ pub struct Progress {
     pub iteration: u64,
     /// Labels so far.
     pub labels: usize,
-    /// Probability that the expert acted.
+    /// Probability that the expert acted; 1 in recordings.
     pub beta: f64,
     /// Episodes that ended in the iteration.
     pub episodes: u64,
@@ -91,7 +95,7 @@ pub struct Progress {
 pub struct Imitation<E> {
     seed: u64,
     worlds: VectorEnvironment<E>,
-    /// One for each world.
+    /// One for each world; none if all labels are recorded.
     experts: Vec<PolicyNetwork>,
     regression: Regression,
     /// Return of the running episode of each world.
@@ -112,16 +116,62 @@ impl<E: Engine + Send> Imitation<E> {
         (seed, threads): (u64, usize),
         build: impl FnMut() -> Result<Simulation<E>, BuildError>,
     ) -> Result<Self, EnvironmentError> {
+        let experts = vec![expert.clone(); settings.worlds];
+        Self::with_experts(task, settings, experts, (seed, threads), build)
+    }
+
+    /// Behaviour cloning of recorded actions, in one iteration without an expert.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordedError`].
+    pub fn from_recorded(
+        task: &Task,
+        settings: ImitationSettings,
+        recorded: &[Recorded],
+        (seed, threads): (u64, usize),
+        build: impl FnMut() -> Result<Simulation<E>, BuildError>,
+    ) -> Result<Self, RecordedError> {
+        let settings = ImitationSettings { iterations: 1, worlds: 1, ..settings };
+        let mut made = Self::with_experts(task, settings, Vec::new(), (seed, threads), build)?;
+        made.add(recorded)?;
+        Ok(made)
+    }
+
+    fn with_experts(
+        task: &Task,
+        settings: ImitationSettings,
+        experts: Vec<PolicyNetwork>,
+        (seed, threads): (u64, usize),
+        build: impl FnMut() -> Result<Simulation<E>, BuildError>,
+    ) -> Result<Self, EnvironmentError> {
         settings.check()?;
         let worlds = VectorEnvironment::new(task, (settings.worlds, threads), seed, build)?;
         let (inputs, active) = (worlds.terms().inputs(), worlds.terms().active_actions());
         Ok(Self {
             seed,
-            experts: vec![expert.clone(); settings.worlds],
+            experts,
             running: vec![0.0; settings.worlds],
             regression: Regression::new(inputs, active, settings, seed)?,
             worlds,
         })
+    }
+
+    /// Adds recorded observations and actions. Before the first iteration, they replace its steps: the expert
+    /// that would act in it acted in the recording.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordedError`]: numbers that are not the task's.
+    pub fn add(&mut self, recorded: &[Recorded]) -> Result<(), RecordedError> {
+        let terms = self.worlds.terms();
+        for recorded in recorded {
+            recorded.check([terms.inputs(), terms.actions()])?;
+            let clipped = |action: &f32| terms.targets().clipped(f64::from(*action)) as f32;
+            let labels: Vec<f32> = recorded.actions.iter().map(clipped).collect();
+            self.regression.push(&recorded.observations, &labels);
+        }
+        Ok(())
     }
 
     /// The settings.
@@ -142,7 +192,13 @@ impl<E: Engine + Send> Imitation<E> {
     pub fn advance(&mut self) -> Result<Progress, ImitationError> {
         let ImitationSettings { beta, decay, .. } = *self.settings();
         let beta = beta * decay.powi(i32::try_from(self.regression.fits()).unwrap_or(i32::MAX));
-        let (episodes, sum) = self.collect(beta)?;
+        let is_recorded = self.regression.fits() == 0 && self.regression.labels() > 0;
+        let (beta, episodes, sum) = if is_recorded || self.experts.is_empty() {
+            (1.0, 0, 0.0)
+        } else {
+            let (episodes, sum) = self.collect(beta)?;
+            (beta, episodes, sum)
+        };
         let loss = self.regression.fit()?;
         let (iteration, labels) = (self.regression.fits(), self.regression.labels());
         let mean_return = (episodes > 0).then(|| sum / episodes as f64);

@@ -8,7 +8,7 @@ use motorium_physics::Articulated;
 use motorium_robots::ModelWarning;
 use serde::Serialize;
 
-use super::{Algorithm, Imitation, ImitationError, ImitationSettings, Progress};
+use super::{Algorithm, Imitation, ImitationError, ImitationSettings, Progress, Recorded, RecordedError};
 use crate::environment::{EnvironmentError, Scene, SceneError};
 use crate::files::{self, FileError};
 use crate::folder::{self, FolderError, PROGRESS, RUN, TASK};
@@ -27,6 +27,17 @@ pub enum RunError {
     /// The expert does not run on the task.
     #[error("the expert: {0}")]
     Expert(#[from] TrainedPolicyError),
+    /// The algorithm does not learn from these sources.
+    #[error("{} learns from {expected}", algorithm.name())]
+    Sources {
+        /// The algorithm.
+        algorithm: Algorithm,
+        /// Sources that it learns from.
+        expected: &'static str,
+    },
+    /// Recorded numbers do not fit the task.
+    #[error(transparent)]
+    Recorded(#[from] RecordedError),
     /// The robot cannot be loaded.
     #[error(transparent)]
     Scene(#[from] SceneError),
@@ -47,6 +58,15 @@ pub struct Summary {
     pub weights_sha256: String,
 }
 
+/// Sources of the actions that a run learns from.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Sources<'a> {
+    /// Folder of a policy that acts in simulated worlds.
+    pub expert: Option<&'a Path>,
+    /// Recorded actions; they replace the first iteration.
+    pub recorded: &'a [Recorded],
+}
+
 /// A run of imitation in a folder.
 pub struct Run {
     folder: PathBuf,
@@ -60,15 +80,15 @@ pub struct Run {
 }
 
 impl Run {
-    /// Starts a run on the task in a file with the policy in another folder as the expert. Its settings are
-    /// in `[algorithms.dagger]`; behaviour cloning makes one iteration, in which the expert alone acts.
-    /// `steps` counts the steps of all iterations, in place of the task's.
+    /// Starts a run on the task in a file. Its settings are in `[algorithms.dagger]`. Behaviour cloning makes
+    /// one iteration, of an expert that alone acts or of recorded actions. DAgger needs an expert. `steps`
+    /// counts the steps of all iterations, in place of the task's.
     ///
     /// # Errors
     ///
     /// [`RunError`].
     pub fn create(
-        (file, expert): (&Path, &Path),
+        (file, sources): (&Path, Sources<'_>),
         folder: &Path,
         (seed, threads): (u64, usize),
         (algorithm, steps): (Algorithm, Option<u64>),
@@ -85,10 +105,27 @@ impl Run {
         if let Some(steps) = steps {
             settings.steps = steps.div_ceil(settings.iterations);
         }
-        let expert = trained::load(expert, &task)?;
         let base = folder::base(file);
         let scene = Scene::load(&task, &base)?;
-        let imitation = Imitation::new(&task, settings, &expert, (seed, threads), || scene.simulation())?;
+        let imitation = match (sources.expert, sources.recorded) {
+            (None, recorded @ [_, ..]) if algorithm == Algorithm::Clone => {
+                Imitation::from_recorded(&task, settings, recorded, (seed, threads), || scene.simulation())?
+            }
+            (Some(expert), recorded) if recorded.is_empty() || algorithm == Algorithm::Dagger => {
+                let expert = trained::load(expert, &task)?;
+                let mut imitation =
+                    Imitation::new(&task, settings, &expert, (seed, threads), || scene.simulation())?;
+                imitation.add(recorded)?;
+                imitation
+            }
+            _ => {
+                let expected = match algorithm {
+                    Algorithm::Clone => "an expert or recordings, not from both",
+                    Algorithm::Dagger => "an expert, and from recordings in its first iteration",
+                };
+                return Err(RunError::Sources { algorithm, expected });
+            }
+        };
         files::create_folder(folder)?;
         files::write(&folder.join(TASK), text.as_bytes())?;
         let description = serde_json::json!({ "algorithm": algorithm.name(), "seed": seed, "base": base });

@@ -104,3 +104,66 @@ fn the_network_balances_as_its_expert_does() {
     });
     assert!(found > 0.9 * expected, "{found} steps, the expert {expected}; losses {losses:?}");
 }
+
+/// Observations of the expert's episodes, and its actions.
+fn demonstration(steps: usize) -> Recorded {
+    let task = Task::parse(TASK).expect("a task");
+    let scene = Scene::load(&task, Path::new(".")).expect("a robot");
+    let mut teacher = expert(&task);
+    let mut world =
+        Environment::new(&task, scene.simulation().expect("a simulation"), 5, 0).expect("a world");
+    world.reset().expect("an episode");
+    let mut shown = Recorded { widths: [4, 2], observations: Vec::new(), actions: Vec::new() };
+    for step in 0..steps {
+        if step % 200 == 0 {
+            world.reset().expect("an episode");
+        }
+        let observation = world.observation().to_vec();
+        teacher.observation_mut().copy_from_slice(&observation);
+        let action = teacher.run().to_vec();
+        shown.observations.extend_from_slice(&observation);
+        shown.actions.extend_from_slice(&action);
+        world.step(&action);
+    }
+    shown
+}
+
+#[test]
+fn recorded_actions_are_cloned_without_an_expert() {
+    let task = Task::parse(TASK).expect("a task");
+    let scene = Scene::load(&task, Path::new(".")).expect("a robot");
+    let settings = ImitationSettings { epochs: 60, hidden: vec![16], ..settings() };
+    let clone = |recorded: &[Recorded]| {
+        Imitation::<Articulated>::from_recorded(&task, settings.clone(), recorded, (1, 1), || {
+            scene.simulation()
+        })
+    };
+    let shown = demonstration(1200);
+    let mut imitation = clone(&[shown.clone(), demonstration(200)]).expect("a run");
+    let progress = imitation.advance().expect("an iteration");
+    assert_eq!((progress.labels, progress.episodes, imitation.is_finished()), (1400, 0, true));
+    let first = shown.observations[..4].to_vec();
+    let expected = shown.actions[0];
+    let found = imitation.regression.predict(&first)[0];
+    assert!((found - expected).abs() < 0.05, "{found}, recorded {expected}; loss {}", progress.loss);
+
+    let wide = Recorded { widths: [4, 3], ..shown.clone() };
+    let refused = clone(&[wide]).err();
+    let expected = RecordedError::Width { part: "action", found: 3, expected: 2 };
+    assert_eq!(refused.map(|error| error.to_string()), Some(expected.to_string()));
+    let short = Recorded { actions: shown.actions[1..].to_vec(), ..shown.clone() };
+    assert!(matches!(clone(&[short]).err(), Some(RecordedError::Rows { .. })));
+    let mut broken = shown;
+    broken.observations[3] = f32::NAN;
+    assert!(matches!(clone(&[broken]).err(), Some(RecordedError::NotFinite { part: "observation", .. })));
+}
+
+#[test]
+fn recordings_replace_the_first_iteration_of_dagger() {
+    let mut imitation = run(1, 1, settings());
+    imitation.add(&[demonstration(300)]).expect("the task's numbers");
+    let first = imitation.advance().expect("an iteration");
+    assert_eq!((first.labels, first.beta, first.mean_return), (300, 1.0, None));
+    let second = imitation.advance().expect("an iteration");
+    assert_eq!((second.labels, second.beta, second.iteration), (300 + 400, 0.5, 2));
+}

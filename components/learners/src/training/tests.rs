@@ -236,8 +236,8 @@ fn runs_of_imitation_are_not_continued() {
     let mut trained = Run::create(Algorithm::Ppo, &file, &expert, (1, 1), None).expect("a run");
     while trained.advance().expect("an update").is_some() {}
     let begin = || {
-        let paths = (file.as_path(), expert.as_path());
-        imitation::Run::create(paths, &folder, (1, 1), (imitation::Algorithm::Clone, None))
+        let sources = imitation::Sources { expert: Some(&expert), ..Default::default() };
+        imitation::Run::create((&file, sources), &folder, (1, 1), (imitation::Algorithm::Clone, None))
     };
     let first = begin().expect("a run").advance().expect("an iteration");
     assert!(first.is_some_and(|first| first.loss.is_finite()), "{first:?}");

@@ -3,6 +3,7 @@
 mod compare;
 mod curves;
 mod evaluate;
+mod imitate;
 mod list;
 pub(crate) mod threads;
 mod train;
@@ -27,6 +28,7 @@ enum Command {
     Resume(train::Resume),
     Evaluate(evaluate::Evaluate),
     Compare(compare::Compare),
+    Imitate(imitate::Imitate),
     Tune(tune::Tune),
     List(list::List),
 }
@@ -38,6 +40,7 @@ impl Learn {
             Command::Resume(command) => command.run(),
             Command::Evaluate(command) => command.run(),
             Command::Compare(command) => command.run(),
+            Command::Imitate(command) => command.run(),
             Command::Tune(command) => command.run(),
             Command::List(command) => command.run(),
         }

@@ -6,6 +6,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
+use motorium_bridges::recording::Demonstration;
 use motorium_learners::component::{LearningProgress, PROGRESS_TOPIC, ProgressFeed};
 use motorium_learners::learner::Progress;
 use motorium_learners::training::Run;
@@ -17,6 +18,7 @@ use super::curves;
 use super::threads::threads;
 use super::tune;
 use super::warnings::warn;
+use crate::commands::recording::opened;
 use crate::interrupt::interrupted;
 use crate::out::{errln, outln};
 
@@ -77,14 +79,23 @@ impl Algorithm {
 pub(super) struct Train {
     /// File of the task
     task: PathBuf,
-    /// Algorithm
-    #[arg(long, default_value = "ppo")]
+    /// Algorithm [default: ppo]
+    #[arg(long, default_value = "ppo", hide_default_value = true)]
     algorithm: Algorithm,
     /// Folder of the policy that `clone` and `dagger` imitate
     #[arg(long, value_name = "FOLDER")]
     expert: Option<PathBuf>,
-    /// Seed of all random numbers
-    #[arg(long, default_value_t = 1)]
+    /// Recorded actions for `clone` and for the first iteration of `dagger`; may be repeated
+    #[arg(long, value_name = "FILE.mcap")]
+    recording: Vec<PathBuf>,
+    /// Recorded topic of the observations [default: the only one of its type]
+    #[arg(long, value_name = "TOPIC", requires = "recording")]
+    observation: Option<String>,
+    /// Recorded topic of the actions to learn [default: the only one of its type]
+    #[arg(long, value_name = "TOPIC", requires = "recording")]
+    action: Option<String>,
+    /// Seed of all random numbers [default: 1]
+    #[arg(long, default_value_t = 1, hide_default_value = true)]
     seed: u64,
     /// Threads; all cores if not given
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=256))]
@@ -136,17 +147,19 @@ fn steps(text: &str) -> Result<u64, String> {
 impl Train {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let seed = (self.seed, threads(self.threads));
-        let run = match (self.algorithm.kind(), &self.expert) {
-            (Kind::Expert(algorithm), Some(expert)) => return self.imitate(algorithm, expert, seed),
-            (Kind::Expert(algorithm), None) => {
-                bail!("--algorithm {}: no --expert, expected the folder of a policy", algorithm.name())
-            }
-            (Kind::Rewards(algorithm), Some(_)) => {
-                bail!("--expert with --algorithm {}, expected `clone` or `dagger`", algorithm.name())
-            }
-            (Kind::Rewards(algorithm), None) => {
-                Run::create(algorithm, &self.task, &self.output, seed, self.steps)?
-            }
+        let is_taught = self.expert.is_some() || !self.recording.is_empty();
+        let run = match self.algorithm.kind() {
+            Kind::Expert(algorithm) if is_taught => return self.imitate(algorithm, seed),
+            Kind::Expert(algorithm) => bail!(
+                "--algorithm {}: no --expert and no --recording, expected the folder of a policy or the file of a \
+                 recording",
+                algorithm.name()
+            ),
+            Kind::Rewards(algorithm) if is_taught => bail!(
+                "--expert or --recording with --algorithm {}, expected `clone` or `dagger`",
+                algorithm.name()
+            ),
+            Kind::Rewards(algorithm) => Run::create(algorithm, &self.task, &self.output, seed, self.steps)?,
         };
         let [low, high] = run.task().reward_range()?;
         anstream::eprintln!("{}: reward of a step {low} to {high}", run.task().title);
@@ -155,13 +168,8 @@ impl Train {
 }
 
 impl Train {
-    /// Imitates the policy in a folder.
-    fn imitate(
-        &self,
-        algorithm: imitation::Algorithm,
-        expert: &Path,
-        seed: (u64, usize),
-    ) -> anyhow::Result<ExitCode> {
+    /// Imitates the policy in a folder, or recorded actions.
+    fn imitate(&self, algorithm: imitation::Algorithm, seed: (u64, usize)) -> anyhow::Result<ExitCode> {
         if self.show.publish {
             bail!(
                 "--publish with --algorithm {}, expected an algorithm that learns from rewards",
@@ -170,7 +178,10 @@ impl Train {
         }
         let began = Instant::now();
         let extent = (algorithm, self.steps);
-        let mut run = imitation::Run::create((&self.task, expert), &self.output, seed, extent)?;
+        let recorded = self.recording.iter().map(|file| self.recorded(file));
+        let recorded = recorded.collect::<anyhow::Result<Vec<_>>>()?;
+        let sources = imitation::Sources { expert: self.expert.as_deref(), recorded: &recorded };
+        let mut run = imitation::Run::create((&self.task, sources), &self.output, seed, extent)?;
         warn(run.warnings());
         while let Some(progress) = run.advance()? {
             let imitation::Progress { iteration, labels, beta, mean_return, loss, .. } = progress;
@@ -198,6 +209,20 @@ impl Train {
         outln!("{} labels in {seconds:.1} s", last.map_or(0, |last| last.labels));
         outln!("weights {}", summary.weights_sha256);
         Ok(ExitCode::SUCCESS)
+    }
+
+    /// Recorded observations and actions.
+    fn recorded(&self, file: &Path) -> anyhow::Result<imitation::Recorded> {
+        let recording = opened(file)?;
+        let topics = [&self.observation, &self.action].map(Option::as_deref);
+        let shown = Demonstration::read(&recording, topics[0], topics[1])
+            .with_context(|| file.display().to_string())?;
+        let single = |numbers: &[f64]| numbers.iter().map(|number| *number as f32).collect();
+        Ok(imitation::Recorded {
+            widths: [shown.inputs, shown.outputs],
+            observations: single(&shown.observations),
+            actions: single(&shown.actions),
+        })
     }
 }
 

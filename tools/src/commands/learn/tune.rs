@@ -212,7 +212,7 @@ impl Graph {
 }
 
 /// Prints the mistakes of a graph.
-fn refuse(error: &GraphError) -> ExitCode {
+pub(super) fn refuse(error: &GraphError) -> ExitCode {
     errln!("{}", error.render(std::io::stderr().is_terminal()));
     Failure::of_graph(error.reports()).print_json()
 }

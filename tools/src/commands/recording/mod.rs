@@ -28,7 +28,7 @@ use crate::out::errln;
 use crate::{overheads, style};
 
 /// Opens a recording, and warns of what is missing or damaged.
-fn opened(file: &Path) -> anyhow::Result<Recording> {
+pub(super) fn opened(file: &Path) -> anyhow::Result<Recording> {
     let recording = Recording::open(file)?;
     for fault in recording.faults() {
         errln!("{} {} {fault}", style::warning("warning:"), file.display());

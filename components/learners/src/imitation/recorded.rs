@@ -1,0 +1,73 @@
+//! Recorded observations and actions.
+
+use crate::environment::EnvironmentError;
+
+/// Recorded observations of a task, each with the action that answered it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    /// Numbers of an observation and of an action.
+    pub widths: [usize; 2],
+    /// The observations, row by row.
+    pub observations: Vec<f32>,
+    /// The actions, row by row.
+    pub actions: Vec<f32>,
+}
+
+/// Recorded numbers that do not fit the task.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordedError {
+    /// Observations or actions have another size.
+    #[error(
+        "a recorded {part} has {found} numbers, expected {expected}\n\
+         help: record the task that is learned, with its own policy"
+    )]
+    Width {
+        /// `observation` or `action`.
+        part: &'static str,
+        /// Numbers found.
+        found: usize,
+        /// Numbers of the task.
+        expected: usize,
+    },
+    /// Observations and actions differ in number, or are not whole rows.
+    #[error("{observations} numbers of recorded observations do not match {actions} of actions")]
+    Rows {
+        /// Numbers of all observations.
+        observations: usize,
+        /// Numbers of all actions.
+        actions: usize,
+    },
+    /// A number is not finite.
+    #[error("a recorded {part} has the number {found}, expected a finite one")]
+    NotFinite {
+        /// `observation` or `action`.
+        part: &'static str,
+        /// The number.
+        found: f32,
+    },
+    /// The environment failed.
+    #[error(transparent)]
+    Environment(#[from] EnvironmentError),
+}
+
+impl Recorded {
+    /// Checks all numbers for a task with these numbers in an observation and an action.
+    pub(super) fn check(&self, expected: [usize; 2]) -> Result<(), RecordedError> {
+        let parts = [("observation", &self.observations), ("action", &self.actions)];
+        for (k, (part, numbers)) in parts.into_iter().enumerate() {
+            let (found, expected) = (self.widths[k], expected[k]);
+            if found != expected {
+                return Err(RecordedError::Width { part, found, expected });
+            }
+            if let Some(&found) = numbers.iter().find(|number| !number.is_finite()) {
+                return Err(RecordedError::NotFinite { part, found });
+            }
+        }
+        let [observations, actions] = [self.observations.len(), self.actions.len()];
+        let rows = actions / expected[1].max(1);
+        if observations != rows * expected[0] || actions != rows * expected[1] {
+            return Err(RecordedError::Rows { observations, actions });
+        }
+        Ok(())
+    }
+}
