@@ -21,7 +21,7 @@ fn reason(report: &Report) -> &str {
 }
 
 #[test]
-fn each_component_that_is_stopped_is_reported_killed_and_restarted() {
+fn each_stopped_component_is_reported_killed_and_restarted() {
     let _machine = machine();
     let restart: Vec<String> = COMPONENTS.iter().map(|name| format!("{name}.restart.when=failure")).collect();
     let mut arguments = vec!["--for", "60 s", "--set", "realtime.hang_after=50 ms"];

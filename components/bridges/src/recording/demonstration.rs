@@ -116,8 +116,8 @@ impl Demonstration {
         let topics = [observed, acted].map(|topic| recording.topics()[topic].name.clone());
         let mut shown = Self { inputs: 0, outputs: 0, observations: Vec::new(), actions: Vec::new() };
         let mut waiting: Option<Observation> = None;
-        // all values of a lockstep tick have one time: an action answers the observation of its tick, even one
-        // that follows it in the file
+        // all values of a lockstep tick have one time: an action answers the observation of its tick, even
+        // one that follows it in the file
         let mut early: Option<(u64, Action)> = None;
         for sample in recording.in_order() {
             let sample = sample?;

@@ -188,9 +188,9 @@ impl Stage {
     }
 
     /// Applies an action within its bounds, after the one before, for a step of the policy, by the pattern
-    /// generator where the task has one; false where physics could not make it. The step of the counter is its number in the episode.
-    /// The action takes effect after `delay` physics steps; `drives` are the factors of the gain and of the
-    /// strength of each drive.
+    /// generator where the task has one; false where physics could not make it. The step of the counter is
+    /// its number in the episode. The action takes effect after `delay` physics steps; `drives` are the
+    /// factors of the gain and of the strength of each drive.
     pub(super) fn advance<E: Engine>(
         &self,
         simulation: &mut Simulation<E>,

@@ -102,8 +102,8 @@ pub struct Task {
     /// episode. Default: at once.
     #[serde(default)]
     pub delay: [usize; 2],
-    /// Drives follow position actions as behind a command gate: within the range of the joint, at its velocity
-    /// limit at most. Default: false.
+    /// Drives follow position actions as behind a command gate: within the range of the joint, and no faster
+    /// than its velocity limit. Default: false.
     #[serde(default)]
     pub within_limits: bool,
     /// Ranges of physical properties and starts, sampled at the start of every episode, as in a graph.
