@@ -246,7 +246,7 @@ fn what_is_not_read_is_refused_with_its_place() {
     assert!(refusal(two).starts_with("MJCF:3:1: beside a body with a free joint nothing else may move"));
     assert!(refusal("<worldbody><body><joint/></worldbody>").contains("MJCF:2:"));
     assert!(
-        refusal("<equality><weld body1=\"a\"/></equality>").contains("<weld> of <equality> is not among")
+        refusal("<equality><weld body1=\"a\"/></equality>").contains("<weld> of <equality> is not supported")
     );
 }
 

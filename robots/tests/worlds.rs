@@ -139,7 +139,7 @@ fn what_a_world_does_not_hold_is_refused_with_line_and_column() {
             "a body on a joint is part of a robot",
         ),
         ("</mujoco>", "<actuator/></mujoco>", "<actuator> describes a robot"),
-        ("<light", "<tree", "<tree> is not among"),
+        ("<light", "<tree", "<tree> is not supported"),
     ] {
         let error = parse_mjcf_world(&MJCF.replacen(old, new, 1), None).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");

@@ -26,7 +26,7 @@ begin() {
 # running: waits until the run is running.
 running() {
     for _ in $(seq 500); do
-        grep -qs running errors && break
+        grep -qs 'connected, running' errors && break
         kill -0 $run 2>/dev/null || break
         sleep 0.02
     done
@@ -168,7 +168,7 @@ desk() {
     motorium run "$1" --json --force --no-expect --for 30s $awake --set component.physics.schedule='"fifo"' \
         --set component.drives.schedule='"fifo"' --set "component.drives.config.faults=[$2]" >desk 2>desk_errors &
     desk=$!
-    until grep -qs running desk_errors; do
+    until grep -qs 'connected, running' desk_errors; do
         kill -0 $desk 2>/dev/null || break
         sleep 0.02
     done

@@ -47,7 +47,7 @@ fn in_lockstep_the_same_graph_is_fine() {
 fn the_reaching_arm_holds_and_is_drawn() {
     let answer = printed(&["check", REACH]);
     for expected in
-        ["longest time from release to end of step", "= 472 us <= 600 us", "left to others", "can run"]
+        ["longest time from release to end of step", "= 472 us <= 600 us", "left to others", "is valid"]
     {
         assert!(answer.contains(expected), "{expected}: {answer}");
     }

@@ -298,7 +298,7 @@ fn jump(lines: &str) -> [f64; 2] {
         world = {{ gravity = [0.0, 0.0, 0.0] }}
         observations = [{{ term = "joint_positions" }}]
         rewards = [{{ term = "alive" }}]
-        start = {{ position = [0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0, 0.02, 0.02] }}
+        start = {{ position = [0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0, 0.02] }}
         action = {{ joints = ["panda_joint1"], kind = "position", default_pose = [0.0], kp = 600.0, kd = 40.0 }}
         "#
     );
