@@ -204,14 +204,14 @@ fn a_follower_narrows_the_limits_of_its_leader() {
     );
     // The other way round, with an offset: -0.5 x + 0.1 is within -0.05 to 0.1 from 0 to 0.3.
     let mirrored = lift(r#"lower="-0.05" upper="0.1" velocity="0.5""#, r#"multiplier="-0.5" offset="0.1""#);
-    let UrdfRobot { model, warnings: told } = read(&mirrored);
+    let UrdfRobot { model, warnings } = read(&mirrored);
     assert_relative_eq!(model.upper()[0], 0.3, epsilon = 1e-12);
-    assert!(matches!(&told[..], [ModelWarning::FollowerRange { .. }]), "{told:?}");
+    assert!(matches!(&warnings[..], [ModelWarning::FollowerRange { .. }]), "{warnings:?}");
     // Equal limits, though 0.36 / 0.9 is not 0.4 to the last bit, and an unknown velocity narrow nothing.
     let equal = lift(r#"lower="0" upper="0.36" velocity="0""#, r#"multiplier="0.9""#);
-    let UrdfRobot { model, warnings: told } = read(&equal);
+    let UrdfRobot { model, warnings } = read(&equal);
     assert_eq!((model.upper()[0], model.velocity_limit()[0]), (0.4, 0.5));
-    assert!(matches!(&told[..], [ModelWarning::ZeroLimit { .. }]), "{told:?}");
+    assert!(matches!(&warnings[..], [ModelWarning::ZeroLimit { .. }]), "{warnings:?}");
     // Independent joints keep what the file says.
     let alone = parse_urdf(&narrow, None, MimicMode::Independent, &PackagePath::default()).unwrap();
     assert_eq!((alone.model.upper()[0], alone.warnings.len()), (0.4, 0));
@@ -263,8 +263,8 @@ fn sizes_as_of_millimetres_are_doubted() {
     let far = warnings(&robot(&good, "0 0 300"));
     assert_eq!(far, [doubt("distance from its parent of 300.0 m", "c")]);
     let all = read(&robot(&inertial(1.2, [1200.0, 9000.0, 9000.0]), "0 0 300")).warnings;
-    let [told] = &ModelWarning::summarise(&all)[..] else { panic!("{all:?}") };
-    assert!(told.starts_with("links \"b\", \"c\": lengths of more than 20 m"), "{told}");
+    let [summary] = &ModelWarning::summarise(&all)[..] else { panic!("{all:?}") };
+    assert!(summary.starts_with("links \"b\", \"c\": lengths of more than 20 m"), "{summary}");
 }
 
 #[test]

@@ -221,14 +221,14 @@ impl DeviceKind {
     fn complete(&mut self, other: Self) {
         let (
             Self::Damiao { watchdog_ns, ranges, .. },
-            Self::Damiao { watchdog_ns: told, ranges: told_ranges, .. },
+            Self::Damiao { watchdog_ns: other, ranges: other_ranges, .. },
         ) = (self, other)
         else {
             return;
         };
-        *watchdog_ns = watchdog_ns.or(told);
-        for (range, told) in ranges.iter_mut().zip(told_ranges) {
-            *range = range.or(told);
+        *watchdog_ns = watchdog_ns.or(other);
+        for (range, other) in ranges.iter_mut().zip(other_ranges) {
+            *range = range.or(other);
         }
     }
 }

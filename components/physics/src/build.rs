@@ -202,11 +202,11 @@ impl BuildWarning {
     /// use motorium_physics::BuildWarning;
     ///
     /// let ignored = |link: &str| BuildWarning::ShapeIgnored { link: link.into(), reason: "no mesh".into() };
-    /// let told = BuildWarning::summarise(&[ignored("base"), ignored("hand")]);
-    /// assert_eq!(told, ["collision shapes of 2 links (base, hand) are ignored, the first: no mesh"]);
+    /// let summary = BuildWarning::summarise(&[ignored("base"), ignored("hand")]);
+    /// assert_eq!(summary, ["collision shapes of 2 links (base, hand) are ignored, the first: no mesh"]);
     /// ```
     pub fn summarise(warnings: &[Self]) -> Vec<String> {
-        let (mut ignored, mut reasons, mut close, mut told) =
+        let (mut ignored, mut reasons, mut close, mut summary) =
             (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mut overlapping = Vec::new();
         for warning in warnings {
@@ -219,13 +219,13 @@ impl BuildWarning {
                 }
                 Self::SelfCollisionOff { .. } => close.push(warning),
                 Self::ObjectsOverlap { .. } => overlapping.push(warning),
-                other => told.push(other.to_string()),
+                other => summary.push(other.to_string()),
             }
         }
         match reasons.as_slice() {
             [] => {}
-            [(warning, _)] => told.push(warning.to_string()),
-            [(_, reason), ..] => told.push(format!(
+            [(warning, _)] => summary.push(warning.to_string()),
+            [(_, reason), ..] => summary.push(format!(
                 "collision shapes of {} links ({}) are ignored, the first: {reason}",
                 ignored.len(),
                 ignored.join(", ")
@@ -233,9 +233,9 @@ impl BuildWarning {
         }
         match overlapping.as_slice() {
             [] => {}
-            [one] => told.push(one.to_string()),
+            [one] => summary.push(one.to_string()),
             [first, ..] => {
-                told.push(format!("{} pairs of objects overlap, the first: {first}", overlapping.len()))
+                summary.push(format!("{} pairs of objects overlap, the first: {first}", overlapping.len()))
             }
         }
         let pair = |warning: &&Self| match warning {
@@ -246,14 +246,14 @@ impl BuildWarning {
         };
         match close.as_slice() {
             [] => {}
-            [one] => told.push(one.to_string()),
-            several => told.push(format!(
+            [one] => summary.push(one.to_string()),
+            several => summary.push(format!(
                 "{} pairs of links start less than a centimetre apart and will never collide with one another: {}",
                 several.len(),
                 several.iter().map(pair).collect::<Vec<_>>().join(", ")
             )),
         }
-        told
+        summary
     }
 }
 

@@ -221,15 +221,15 @@ impl ModelWarning {
     /// use motorium_robots::ModelWarning;
     ///
     /// let effort = |joint: &str| ModelWarning::ZeroLimit { joint: joint.into(), what: "effort" };
-    /// let told = ModelWarning::summarise(&[effort("hip"), effort("knee"), effort("ankle")]);
-    /// assert!(told.len() == 1 && told[0].starts_with("joints \"hip\", \"knee\", \"ankle\": effort limit is 0"));
+    /// let several = ModelWarning::summarise(&[effort("hip"), effort("knee"), effort("ankle")]);
+    /// assert!(several.len() == 1 && several[0].starts_with("joints \"hip\", \"knee\", \"ankle\": effort limit is 0"));
     /// ```
     pub fn summarise(warnings: &[Self]) -> Vec<String> {
-        let mut told: Vec<(Option<Shared<'_>>, Vec<&str>, String)> = Vec::new();
+        let mut groups: Vec<(Option<Shared<'_>>, Vec<&str>, String)> = Vec::new();
         for warning in warnings {
             let shared = warning.shared();
             let same = shared.as_ref().and_then(|shared| {
-                told.iter_mut().find(|(known, ..)| {
+                several.iter_mut().find(|(known, ..)| {
                     let known = known.as_ref();
                     known.is_some_and(|known| (known.part, &known.defect) == (shared.part, &shared.defect))
                 })
@@ -242,7 +242,7 @@ impl ModelWarning {
                 }
                 _ => {
                     let names = shared.iter().map(|shared| shared.name).collect();
-                    told.push((shared, names, warning.to_string()));
+                    groups.push((shared, names, warning.to_string()));
                 }
             }
         }
@@ -252,7 +252,7 @@ impl ModelWarning {
             }
             _ => alone,
         };
-        told.into_iter().map(text).collect()
+        groups.into_iter().map(text).collect()
     }
 
     fn shared(&self) -> Option<Shared<'_>> {
@@ -278,31 +278,31 @@ impl ModelWarning {
         };
         let (defect, of_several) = match self {
             Self::MissingMesh { uri, tried, .. } => {
-                let told = format!("meshes not found, the first, \"{uri}\",{}", searched(uri, tried));
-                ("meshes not found".to_owned(), told)
+                let several = format!("meshes not found, the first, \"{uri}\",{}", searched(uri, tried));
+                ("meshes not found".to_owned(), several)
             }
             Self::NoInertia { .. } => {
-                let told = "nothing beyond has inertia: kinematics work, but their forward dynamics is impossible; \
+                let several = "nothing beyond has inertia: kinematics work, but their forward dynamics is impossible; \
                             give the links an <inertial>";
-                (told.to_owned(), told.to_owned())
+                (several.to_owned(), several.to_owned())
             }
             Self::Oversized { .. } => {
-                let shared = "lengths of more than 20 m; if those in the file are millimetres, divide them by 1000 and \
+                let several = "lengths of more than 20 m; if those in the file are millimetres, divide them by 1000 and \
                               inertias by 1e6";
-                (shared.to_owned(), shared.to_owned())
+                (several.to_owned(), several.to_owned())
             }
             Self::NotPositiveDefinite { .. } => {
-                let told = "rotational inertias are not positive definite";
-                (told.to_owned(), told.to_owned())
+                let several = "rotational inertias are not positive definite";
+                (several.to_owned(), several.to_owned())
             }
             Self::TriangleInequality { .. } => {
-                let told = "rotational inertias break the triangle inequality: the largest exceeds the sum of the others";
-                (told.to_owned(), told.to_owned())
+                let several = "rotational inertias break the triangle inequality: the largest exceeds the sum of the others";
+                (several.to_owned(), several.to_owned())
             }
             other => {
                 let text = other.to_string();
-                let told = text.split_once("\": ")?.1.to_owned();
-                (told.clone(), told)
+                let several = text.split_once("\": ")?.1.to_owned();
+                (several.clone(), several)
             }
         };
         Some(Shared { part, name, defect, of_several })

@@ -223,11 +223,11 @@ mod tests {
                 (at_stop(0.1, (weight - 0.01) / 0.97, ""), at_stop(0.1, (weight + 0.01) / 0.97, ""));
             let mut homings = [""; 3];
             homings[joint] = &low;
-            let (told, _) = message(homings, DOWN);
-            assert!(told.contains(&format!("its weight needs up to {weight:.3} N m")), "{told}");
+            let (warning, _) = message(homings, DOWN);
+            assert!(warning.contains(&format!("its weight needs up to {weight:.3} N m")), "{warning}");
             homings[joint] = &high;
-            let told = unfit(&arm(homings), DOWN);
-            assert!(!told.iter().any(|unfit| unfit.message.contains("on its way")), "{told:?}");
+            let warnings = unfit(&arm(homings), DOWN);
+            assert!(!warnings.iter().any(|unfit| unfit.message.contains("on its way")), "{warnings:?}");
         }
         // the joint axis is parallel to gravity
         assert_eq!(unfit(&arm([&at_stop(0.1, 0.5, ""), "", ""]), [0.0, 0.0, -9.81]), []);
@@ -242,15 +242,15 @@ mod tests {
             (1.0 + 0.6 * home[0].cos() + 0.2 * home[1].cos(), 0.6 * home[0].sin() + 0.2 * home[1].sin());
         let weight = 9.81 * x.hypot(y);
         let at = |weight: f64| message([&at_stop(0.1, weight / 0.97, ""), "", ""], DOWN);
-        let (told, is_refused) = at(weight - 0.05);
+        let (warning, is_refused) = at(weight - 0.05);
         assert!(
-            told.contains(&format!("at home, its weight needs up to {weight:.3}")) && !is_refused,
-            "{told}, {weight}"
+            warning.contains(&format!("at home, its weight needs up to {weight:.3}")) && !is_refused,
+            "{warning}, {weight}"
         );
-        let (told, is_refused) = at(weight + 0.05);
+        let (warning, is_refused) = at(weight + 0.05);
         assert!(
-            told.contains("anywhere within their limits, its weight needs up to 17.658") && !is_refused,
-            "{told}"
+            warning.contains("anywhere within their limits, its weight needs up to 17.658") && !is_refused,
+            "{warning}"
         );
     }
 
@@ -274,10 +274,14 @@ mod tests {
         let weight = -1.962 * 2.8_f64.cos();
         for friction in [0.0, 0.3] {
             let most = (weight - friction) / (0.5 * 1.03);
-            let (told, is_refused) = only(&rubbing_arm(third(&homing(most - 0.01)), [friction, 0.0]), DOWN);
-            assert!(is_refused && told.contains(&format!("presses it off with {weight:.3} N m")), "{told}");
-            let told = unfit(&rubbing_arm(third(&homing(most + 0.01)), [friction, 0.0]), DOWN);
-            assert_eq!(told, [], "friction {friction} N m");
+            let (warning, is_refused) =
+                only(&rubbing_arm(third(&homing(most - 0.01)), [friction, 0.0]), DOWN);
+            assert!(
+                is_refused && warning.contains(&format!("presses it off with {weight:.3} N m")),
+                "{warning}"
+            );
+            let warnings = unfit(&rubbing_arm(third(&homing(most + 0.01)), [friction, 0.0]), DOWN);
+            assert_eq!(warnings, [], "friction {friction} N m");
         }
     }
 
@@ -286,12 +290,15 @@ mod tests {
         // angle of the link: 2 x 2.85 + 2.9 rad
         let leaving = -1.962 * 8.6_f64.cos();
         let most = (leaving + 0.3) / 0.97;
-        let (told, is_refused) =
+        let (warning, is_refused) =
             only(&rubbing_arm(third(&at_stop(0.1, most - 0.01, ", order = 1")), [0.3, 0.0]), DOWN);
-        assert!(is_refused && told.contains(&format!("holds it there with {leaving:.3} N m")), "{told}");
-        let (told, is_refused) =
+        assert!(
+            is_refused && warning.contains(&format!("holds it there with {leaving:.3} N m")),
+            "{warning}"
+        );
+        let (warning, is_refused) =
             only(&rubbing_arm(third(&at_stop(0.1, most + 0.01, ", order = 1")), [0.3, 0.0]), DOWN);
-        assert!(!is_refused && told.contains("on its way"), "elsewhere it weighs more: {told}");
+        assert!(!is_refused && warning.contains("on its way"), "elsewhere it weighs more: {warning}");
     }
 
     #[test]
@@ -301,8 +308,8 @@ mod tests {
         assert_eq!(unfit(&rubbing_arm(["", "", &homing], [0.0, 2.0]), [0.0; 3]), []);
         // it moves at 2.9 % and at 3.1 %
         for (damping, is_standing) in [(1.5 / 0.029 - 1.5, true), (1.5 / 0.031 - 1.5, false)] {
-            let told = unfit(&rubbing_arm(["", "", &homing], [0.0, damping]), [0.0; 3]);
-            assert_eq!(told.iter().any(|unfit| unfit.is_refused), is_standing, "{damping}: {told:?}");
+            let warnings = unfit(&rubbing_arm(["", "", &homing], [0.0, damping]), [0.0; 3]);
+            assert_eq!(warnings.iter().any(|unfit| unfit.is_refused), is_standing, "{damping}: {warnings:?}");
         }
     }
 
@@ -312,19 +319,19 @@ mod tests {
         let inertia = 3.0 * 0.013_558_333 + 1.4_f64;
         let fastest = (2.0 * 0.1 / inertia).sqrt();
         let fast = at_stop(fastest * 1.001, 12.0, "");
-        let (told, is_refused) = message([&fast, "", ""], [0.0; 3]);
+        let (warning, is_refused) = message([&fast, "", ""], [0.0; 3]);
         assert!(
             is_refused
-                && told.contains("up to 0.5 x 1.4407 kg m2")
-                && told.contains(&format!("that is {fastest:.3} rad/s")),
-            "{told}"
+                && warning.contains("up to 0.5 x 1.4407 kg m2")
+                && warning.contains(&format!("that is {fastest:.3} rad/s")),
+            "{warning}"
         );
         let slow = at_stop(fastest * 0.999, 12.0, "");
         assert_eq!(unfit(&arm([&slow, "", ""]), [0.0; 3]), []);
         let allowed = at_stop(1.5, 12.0, ", energy = 1.7");
         assert_eq!(unfit(&arm([&allowed, "", ""]), [0.0; 3]), []);
         // its weight pulls it along: twice as fast if the weight equals the effort
-        let (told, _) = message(["", "", &at_stop(1.0, 3.95, ", energy = 0.05")], DOWN);
-        assert!(told.contains("x 1.50)^2"), "{told}");
+        let (warning, _) = message(["", "", &at_stop(1.0, 3.95, ", energy = 0.05")], DOWN);
+        assert!(warning.contains("x 1.50)^2"), "{warning}");
     }
 }

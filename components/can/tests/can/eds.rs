@@ -94,8 +94,8 @@ fn a_current_limit_needs_rated_current_and_its_object() {
             "\n[6073]\nParameterName=Max current\nObjectType=0x7\nDataType=0x0006\nAccessType={access}\nDefaultValue=2000\n"
         )
     };
-    let told = table(&entry, &format!("{SHEET}{rated}{}", largest("rw"))).unwrap();
-    assert_eq!((told.drives[0].rated_current, told.ranges(0).torque.max), (Some(4.0), 2.5));
+    let read = table(&entry, &format!("{SHEET}{rated}{}", largest("rw"))).unwrap();
+    assert_eq!((read.drives[0].rated_current, read.ranges(0).torque.max), (Some(4.0), 2.5));
     let refused = |sheet: &str| table(&entry, sheet).unwrap_err().to_string();
     let found = refused(&format!("{SHEET}{rated}"));
     assert!(found.contains("it has no object 0x6073:00"), "{found}");
@@ -196,9 +196,9 @@ fn a_fixed_mapping_must_match() {
     let sheet = fixed();
     assert_eq!(follow(&table(RANGES, &sheet).unwrap(), None), (true, None));
     // the drive's mapping differs from its data sheet
-    let told = table(RANGES, &sheet).unwrap();
+    let read = table(RANGES, &sheet).unwrap();
     let is =
         table(&format!("{RANGES}\nmode = \"torque\""), &sheet.replace("0x607A0020", "0x60710010")).unwrap();
     let wrong = WrongSetting::Mapping { index: 0x1600, found: 0x6071_0010, expected: 0x607a_0020 };
-    assert_eq!(follow(&told, Some(&is)), (false, Some(wrong)));
+    assert_eq!(follow(&read, Some(&is)), (false, Some(wrong)));
 }

@@ -69,8 +69,8 @@ fn answers_of_the_makers_own_tests_are_read() {
         "2407000a00100200fe200010004000700020060a100102203040240250200030 00".replace(' ', "").as_str(),
     );
     // and two more that are queried here
-    let told = State { motor_temperature: Some(16.0), home: Some(Home::Output), ..state };
-    assert_eq!(node().reply(&maximal), Ok(told));
+    let expected = State { motor_temperature: Some(16.0), home: Some(Home::Output), ..state };
+    assert_eq!(node().reply(&maximal), Ok(expected));
 }
 
 #[test]
@@ -181,10 +181,10 @@ fn the_simulated_encoder_counts_from_power_on_if_homed() {
         ),
     ] {
         let mut drive = AnySimulatedDrive::new(&Table::parse(&table(more)).unwrap(), 0, Overrides::default());
-        let mut told = None;
+        let mut home = None;
         let query = node().frame(&Instruction::Query, Resolution::Int16);
-        drive.receive(&query, 0, &mut |answer| told = node().reply(&answer).unwrap().home);
-        assert_eq!(told, Some(expected));
+        drive.receive(&query, 0, &mut |answer| home = node().reply(&answer).unwrap().home);
+        assert_eq!(home, Some(expected));
     }
 }
 
@@ -228,8 +228,8 @@ fn ranges_beyond_the_registers_of_16_bits_are_refused() {
             "a velocity of 60 rad/s, and the registers of a moteus end at 51.47",
         ),
     ] {
-        let told = Table::parse(&table("").replace(from, to)).unwrap_err().to_string();
-        assert!(told.contains(words), "{told}");
+        let error = Table::parse(&table("").replace(from, to)).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
     }
 }
 

@@ -130,8 +130,10 @@ objects = [
         second: second.into(),
         depth: 0.02,
     };
-    let told = BuildWarning::summarise(simulation.warnings());
+    let summary = BuildWarning::summarise(simulation.warnings());
     let expected = BuildWarning::summarise(&[overlap("a_0", "a_1"), overlap("a_1", "a_2")]);
-    assert_eq!(told, expected);
-    assert!(told[0].starts_with("2 pairs of objects overlap, the first: \"a_0\" and \"a_1\" start 20.0 mm"));
+    assert_eq!(summary, expected);
+    assert!(
+        summary[0].starts_with("2 pairs of objects overlap, the first: \"a_0\" and \"a_1\" start 20.0 mm")
+    );
 }

@@ -86,29 +86,31 @@ impl Moteus {
     }
 
     pub(super) fn read(&self, checking: Option<u8>, frame: &Frame) -> Result<Response, DecodeError> {
-        let told = self.node.reply(frame)?;
+        let reported = self.node.reply(frame)?;
         if checking.is_some() {
-            let (found, expected) = (told.home.unwrap_or(Home::Relative), self.reference);
+            let (found, expected) = (reported.home.unwrap_or(Home::Relative), self.reference);
             return Ok(Response::Setting(
                 (found < expected).then_some(WrongSetting::Reference { found, expected }),
             ));
         }
-        let state = match told.mode {
+        let state = match reported.mode {
             Mode::Position | Mode::ZeroVelocity | Mode::StayWithin => State::Enabled,
             Mode::Fault | Mode::Timeout if self.clears > 0 => State::Disabled,
-            Mode::Fault => State::Fault(fault(told.fault)),
+            Mode::Fault => State::Fault(fault(reported.fault)),
             Mode::Timeout => State::Fault(Fault::CommunicationLost),
             _ => State::Disabled,
         };
         Ok(Response::Feedback(Feedback {
-            position: told.position,
-            velocity: told.velocity,
-            torque: told.torque,
+            position: reported.position,
+            velocity: reported.velocity,
+            torque: reported.torque,
             // the hotter of the two
             temperature: Some(
-                told.motor_temperature.map_or(told.temperature, |motor| motor.max(told.temperature)),
+                reported
+                    .motor_temperature
+                    .map_or(reported.temperature, |motor| motor.max(reported.temperature)),
             ),
-            voltage: Some(told.voltage),
+            voltage: Some(reported.voltage),
             state,
         }))
     }

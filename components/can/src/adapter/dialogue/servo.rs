@@ -307,15 +307,15 @@ impl Servo {
         let most = self.torque;
         let feedback = match self.maker {
             Maker::Feetech => {
-                let told = feetech::State::decode(status.data)?;
-                let told = feetech::State { status: told.status | status.error, ..told };
+                let reported = feetech::State::decode(status.data)?;
+                let reported = feetech::State { status: reported.status | status.error, ..reported };
                 Feedback {
-                    position: told.position,
-                    velocity: told.velocity,
-                    torque: told.load * most,
-                    temperature: Some(told.temperature),
-                    voltage: Some(told.voltage),
-                    state: match (told.fault(), told.is_enabled) {
+                    position: reported.position,
+                    velocity: reported.velocity,
+                    torque: reported.load * most,
+                    temperature: Some(reported.temperature),
+                    voltage: Some(reported.voltage),
+                    state: match (reported.fault(), reported.is_enabled) {
                         (Some(fault), _) => State::Fault(fault),
                         (None, true) => State::Enabled,
                         (None, false) => State::Disabled,
@@ -323,15 +323,15 @@ impl Servo {
                 }
             }
             Maker::Dynamixel => {
-                let told = dynamixel::State::decode(status.data)?;
+                let reported = dynamixel::State::decode(status.data)?;
                 let is_well = status.error & dynamixel::ALERT == 0;
                 Feedback {
-                    position: told.position,
-                    velocity: told.velocity,
+                    position: reported.position,
+                    velocity: reported.velocity,
                     // the register holds the current or the load
-                    torque: f64::from(told.load) * self.torque_per_unit.unwrap_or(1e-3 * most),
-                    temperature: Some(told.temperature),
-                    voltage: Some(told.voltage),
+                    torque: f64::from(reported.load) * self.torque_per_unit.unwrap_or(1e-3 * most),
+                    temperature: Some(reported.temperature),
+                    voltage: Some(reported.voltage),
                     state: if is_well {
                         State::Unknown
                     } else {

@@ -138,12 +138,12 @@ impl FastReader {
         let sum_at = begin + 2 + self.count;
         let share = self.bytes[..self.length].get(begin..sum_at + 2)?;
         let sum = crc_from(self.sum, &share[..2 + self.count]);
-        let told = u16::from_le_bytes([share[2 + self.count], share[3 + self.count]]);
-        if sum != told {
+        let sent = u16::from_le_bytes([share[2 + self.count], share[3 + self.count]]);
+        if sum != sent {
             self.next = OVER;
-            return Some(Err(DecodeError::Field { field: "the checksum", found: told.into() }));
+            return Some(Err(DecodeError::Field { field: "the checksum", found: sent.into() }));
         }
-        self.sum = crc_from(sum, &told.to_le_bytes());
+        self.sum = crc_from(sum, &sent.to_le_bytes());
         self.next = sum_at + 2;
         Some(Ok(Status {
             protocol: Protocol::Two,
