@@ -126,17 +126,7 @@ impl Dynamics {
 
     /// Gravity torques `out = g(q)` \[Nm or N\]: the efforts that hold the robot at rest at `q`.
     pub fn gravity(&mut self, model: &Model, q: &[f64], gravity: Vector3<f64>, out: &mut [f64]) {
-        self.set_positions(model, q);
-        let flat = model.flat();
-        self.start(flat, q, gravity, None);
-        for (index, (node, position)) in flat.nodes.iter().zip(self.positions.iter()).enumerate() {
-            let (rotation, translation) = node.pose(position);
-            let up = rotation.tr_mul(self.local[node.parent].acceleration);
-            let body = &mut self.local[index + 1];
-            (body.rotation, body.translation, body.acceleration) = (rotation, translation, up);
-            body.wrench = Spatial::new(up * node.inertia.mass, node.inertia.moment.cross(up));
-        }
-        self.inward(flat, out);
+        widest(Gravity { dynamics: self, model, q, gravity, out });
     }
 
     /// Motion of the base and the wrench on it.
@@ -240,6 +230,35 @@ impl Work for Bias<'_> {
         let flat = model.flat();
         dynamics.start(flat, q, gravity, Some((v, None)));
         dynamics.outward::<false>(flat, v, &[]);
+        dynamics.inward(flat, out);
+    }
+}
+
+/// The gravity torques at these positions.
+struct Gravity<'a> {
+    dynamics: &'a mut Dynamics,
+    model: &'a Model,
+    q: &'a [f64],
+    gravity: Vector3<f64>,
+    out: &'a mut [f64],
+}
+
+impl Work for Gravity<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Self { dynamics, model, q, gravity, out } = self;
+        dynamics.set_positions(model, q);
+        let flat = model.flat();
+        dynamics.start(flat, q, gravity, None);
+        for (index, (node, position)) in flat.nodes.iter().zip(dynamics.positions.iter()).enumerate() {
+            let (rotation, translation) = node.pose(position);
+            let up = rotation.tr_mul(dynamics.local[node.parent].acceleration);
+            let body = &mut dynamics.local[index + 1];
+            (body.rotation, body.translation, body.acceleration) = (rotation, translation, up);
+            body.wrench = Spatial::new(up * node.inertia.mass, node.inertia.moment.cross(up));
+        }
         dynamics.inward(flat, out);
     }
 }
