@@ -1,7 +1,10 @@
 //! `sensor.joint_encoder`: the joint sensors of a robot as a component.
 
+#[macro_use]
+mod config;
 pub mod blob;
 pub mod contact;
+mod delivery;
 mod draws;
 pub mod estimator;
 pub mod force_torque;

@@ -229,7 +229,7 @@ impl ModelWarning {
         for warning in warnings {
             let shared = warning.shared();
             let same = shared.as_ref().and_then(|shared| {
-                several.iter_mut().find(|(known, ..)| {
+                groups.iter_mut().find(|(known, ..)| {
                     let known = known.as_ref();
                     known.is_some_and(|known| (known.part, &known.defect) == (shared.part, &shared.defect))
                 })

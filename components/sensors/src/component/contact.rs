@@ -4,68 +4,39 @@ use motorium::prelude::*;
 use motorium::state::{Contacts, FootContacts, MAX_FEET};
 use motorium_robots::{BaseMode, Loaded};
 use nalgebra::Vector3;
-use schemars::JsonSchema;
-use serde::Deserialize;
 
-use super::draws::Draws;
-use super::readings::{Readings, refused};
+use super::config::SensorConfig;
+use super::delivery::Delivery;
+use super::readings::refused;
 use super::robot::{self, name};
-use crate::channel::{ErrorModel, Timing};
+use crate::channel::ErrorModel;
 use crate::contact::ContactModel;
-use crate::randomise::{SensorDraw, SensorRanges};
+use crate::randomise::SensorDraw;
 
 /// `other` of a contact with a link of the same robot is at least this, and that with the ground is the
 /// greatest number.
 const FIRST_LINK: u32 = 65_536;
 
-/// Configuration of `sensor.contact`. The default is an ideal sensor.
-///
-/// ```toml
-/// force   = { noise = 0.5, resolution = 0.1 }
-/// on      = 3.0
-/// off     = 1.0
-/// latency = "2 ms"
-/// ```
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct ContactConfig {
-    /// Errors of the force, N.
-    pub force: ErrorModel,
-    /// Force from which a foot is in contact, N. Default 1.
-    pub on: f64,
-    /// Force below which contact ends, N. Default 0.5.
-    pub off: f64,
-    /// Time from sampling until the reading is available. Default 0.
-    pub latency: TimeSpan,
-    /// Share of the readings that are lost, 0 to 1. Default 0.
-    pub drop_out: f64,
-    /// Seed of the noise. Default: from the seed of the run and the name of the component.
-    pub seed: Option<u64>,
-    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
-    /// sampling.
-    pub randomise: SensorRanges,
-}
+sensor_config! {
+    /// Configuration of `sensor.contact`. The default is an ideal sensor.
+    ///
+    /// ```toml
+    /// force   = { noise = 0.5, resolution = 0.1 }
+    /// on      = 3.0
+    /// off     = 1.0
+    /// latency = "2 ms"
+    /// ```
+    pub struct ContactConfig;
 
-impl Default for ContactConfig {
-    fn default() -> Self {
-        let (force, latency) = (ErrorModel::default(), TimeSpan { ns: 0 });
-        Self {
-            force,
-            on: 1.0,
-            off: 0.5,
-            latency,
-            drop_out: 0.0,
-            seed: None,
-            randomise: SensorRanges::default(),
-        }
-    }
+    /// Errors of the force, N.
+    force: ErrorModel = ErrorModel::default();
+    /// Force from which a foot is in contact, N. Default 1.
+    on: f64 = 1.0;
+    /// Force below which contact ends, N. Default 0.5.
+    off: f64 = 0.5;
 }
 
 impl ContactConfig {
-    fn timing(&self, latency: TimeSpan) -> Timing {
-        Timing { latency, drop_out: self.drop_out }
-    }
-
     fn model(&self, feet: usize, seed: u64, draw: &SensorDraw) -> Result<ContactModel, ConfigError> {
         let force = draw.errors(&self.force);
         ContactModel::new(feet, &force, (self.on, self.off), self.seed.unwrap_or(seed)).map_err(refused)
@@ -81,9 +52,7 @@ pub struct FootContactSensor {
     feet: Output<FootContacts>,
     config: ContactConfig,
     model: ContactModel,
-    readings: Readings,
-    draws: Draws,
-    period: std::time::Duration,
+    delivery: Delivery,
     /// The foot that each link belongs to, by its index among the links of the model.
     foot_of: Vec<Option<usize>>,
     sums: Vec<Vector3<f64>>,
@@ -102,9 +71,10 @@ impl Component for FootContactSensor {
 
     fn declare(config: &ContactConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let loaded = robot::load(robot::named(declare, "the feet of a robot")?, BaseMode::AsFile)?;
-        Draws::declare(&config.randomise, declare)?;
-        config.model(feet(&loaded)?.len(), 0, &config.randomise.draw(0, config.latency))?;
-        Readings::declare(&config.timing(config.randomise.longest(config.latency)), declare)?;
+        let feet = feet(&loaded)?.len();
+        let common = config.common();
+        config.model(feet, 0, &common.declare_draws(declare)?)?;
+        common.declare_readings(2 * feet, declare)?;
         declare.input::<Contacts>("contacts", "true contact points on the robot");
         declare.output::<FootContacts>("feet", "contacts of the feet, in the order of their names");
         Ok(())
@@ -114,16 +84,14 @@ impl Component for FootContactSensor {
         let loaded = robot::load(setup.robot()?, BaseMode::AsFile)?;
         let bodies = feet(&loaded)?;
         let count = bodies.len();
-        let seed = config.seed.unwrap_or(setup.seed());
-        let draws = Draws::open(&config.randomise, config.latency, seed, setup)?;
+        let opened = config.common().open(setup)?;
+        let (seed, draw) = opened.start();
         let foot_of = |frame: &motorium_robots::Frame| bodies.iter().position(|body| *body == frame.body);
         Ok(Self {
             contacts: setup.input("contacts")?,
             feet: setup.output("feet")?,
-            model: config.model(count, seed, &draws.now())?,
-            readings: Readings::new(&config.timing(draws.now().latency), 2 * count, setup.period(), seed)?,
-            draws,
-            period: setup.period(),
+            model: config.model(count, seed, &draw)?,
+            delivery: opened.deliver(2 * count)?,
             foot_of: loaded.model.frames().iter().map(foot_of).collect(),
             sums: vec![Vector3::zeros(); count],
             values: vec![0.0; 2 * count],
@@ -135,7 +103,7 @@ impl Component for FootContactSensor {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        self.draws.publish()?;
+        self.delivery.publish_draws()?;
         if let Some(points) = self.contacts.latest() {
             let stamp = points.stamp();
             if name(&stamp) != self.seen {
@@ -164,10 +132,10 @@ impl Component for FootContactSensor {
                 for (switch, contact) in switches.iter_mut().zip(self.model.contacts()) {
                     *switch = f64::from(u8::from(*contact));
                 }
-                self.readings.push(tick.time_ns, stamp.source_time, &self.values);
+                self.delivery.push(tick.time_ns, stamp.source_time, &self.values);
             }
         }
-        let Some((source, values)) = self.readings.due(tick.time_ns) else { return Ok(()) };
+        let Some((source, values)) = self.delivery.due(tick.time_ns) else { return Ok(()) };
         let (forces, switches) = values.split_at(values.len() / 2);
         let mut feet = self.feet.loan()?;
         feet.set_count(forces.len());
@@ -177,19 +145,17 @@ impl Component for FootContactSensor {
     }
 
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
-        let seed = self.config.seed.unwrap_or(episode.seed);
-        let draw = self.draws.reset(episode.index, seed);
-        let failed = |error: ConfigError| StepError::failed(error.to_string());
-        self.model = self.config.model(self.sums.len(), seed, &draw).map_err(failed)?;
-        let timing = self.config.timing(draw.latency);
-        self.readings = Readings::new(&timing, self.values.len(), self.period, seed).map_err(failed)?;
+        let (seed, draw) = self.delivery.reset(episode)?;
+        self.model = self
+            .config
+            .model(self.sums.len(), seed, &draw)
+            .map_err(|error| StepError::failed(error.to_string()))?;
         (self.seen, self.since, self.cut) = ((0, 0, 0), None, 0);
         Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        let mut result = self.readings.result();
-        self.draws.report(&mut result);
+        let mut result = self.delivery.result();
         result["samples_with_contacts_left_out"] = serde_json::json!(self.cut);
         Some(result)
     }

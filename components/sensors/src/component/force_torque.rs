@@ -1,17 +1,16 @@
 //! `sensor.force_torque`: a force-torque sensor as a component.
 
-use std::time::Duration;
-
 use motorium::prelude::*;
 use motorium_robots::{FrameId, Model};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::draws::Draws;
+use super::config::SensorConfig;
+use super::delivery::Delivery;
 use super::loads::{Axes, TrueLoads};
-use super::readings::{Readings, refused};
-use crate::channel::{Channel, ErrorModel, SettingError, Timing};
+use super::readings::refused;
+use crate::channel::{Channel, ErrorModel, SettingError};
 use crate::randomise::{SensorDraw, SensorRanges};
 
 /// Configuration of `sensor.force_torque`. All but `link` has a default: an ideal sensor at the origin of the
@@ -44,7 +43,7 @@ pub struct ForceTorqueConfig {
     /// Time from sampling until the reading is available. Default 0.
     #[serde(default)]
     pub latency: TimeSpan,
-    /// Share of the readings that are lost, 0 to 1. Default 0.
+    /// Fraction of the readings that are dropped, 0 to 1. Default 0.
     #[serde(default)]
     pub drop_out: f64,
     /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, else standard
@@ -60,6 +59,8 @@ pub struct ForceTorqueConfig {
     pub randomise: SensorRanges,
 }
 
+sensor_config!(impl ForceTorqueConfig);
+
 /// Numbers of a reading: force and torque.
 const WIDTH: usize = 6;
 
@@ -69,10 +70,6 @@ pub(super) fn earth() -> [f64; 3] {
 }
 
 impl ForceTorqueConfig {
-    fn timing(&self, latency: TimeSpan) -> Timing {
-        Timing { latency, drop_out: self.drop_out }
-    }
-
     fn channels(&self, seed: u64, draw: &SensorDraw) -> Result<[Channel; 2], SettingError> {
         let seed = self.seed.unwrap_or(seed);
         Ok([
@@ -112,9 +109,7 @@ pub struct ForceTorque {
     wrench: Output<Wrench>,
     config: ForceTorqueConfig,
     channels: [Channel; 2],
-    readings: Readings,
-    draws: Draws,
-    period: Duration,
+    delivery: Delivery,
     link: FrameId,
     last: Option<u64>,
     /// Mass that it carries \[kg\].
@@ -129,9 +124,9 @@ impl Component for ForceTorque {
     type Config = ForceTorqueConfig;
 
     fn declare(config: &ForceTorqueConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        Draws::declare(&config.randomise, declare)?;
-        config.channels(0, &config.randomise.draw(0, config.latency)).map_err(refused)?;
-        Readings::declare(&config.timing(config.randomise.longest(config.latency)), declare)?;
+        let common = config.common();
+        config.channels(0, &common.declare_draws(declare)?).map_err(refused)?;
+        common.declare_readings(WIDTH, declare)?;
         let model = TrueLoads::declare(config.gravity, declare)?;
         let (link, _) = config.locate(&model)?;
         if carried(&model, link) == 0.0 {
@@ -150,14 +145,12 @@ impl Component for ForceTorque {
         let mut loads = TrueLoads::open(config.gravity, setup)?;
         let (link, place) = config.locate(loads.model())?;
         loads.follow([Axes::Link(link, place)]);
-        let seed = config.seed.unwrap_or(setup.seed());
-        let draws = Draws::open(&config.randomise, config.latency, seed, setup)?;
+        let opened = config.common().open(setup)?;
+        let (seed, draw) = opened.start();
         Ok(Self {
             wrench: setup.output("wrench")?,
-            channels: config.channels(seed, &draws.now()).map_err(refused)?,
-            readings: Readings::new(&config.timing(draws.now().latency), WIDTH, setup.period(), seed)?,
-            period: setup.period(),
-            draws,
+            channels: config.channels(seed, &draw).map_err(refused)?,
+            delivery: opened.deliver(WIDTH)?,
             carried: carried(loads.model(), link),
             last: None,
             loads,
@@ -167,7 +160,7 @@ impl Component for ForceTorque {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        self.draws.publish()?;
+        self.delivery.publish_draws()?;
         if let Some(times) = self.loads.newest(tick)? {
             let wrench = self.loads.through(self.link);
             let since = self.last.replace(times.state).unwrap_or(times.state);
@@ -177,9 +170,9 @@ impl Component for ForceTorque {
             let [of_force, of_torque] = &mut self.channels;
             of_force.measure(dt, &mut values[..3]);
             of_torque.measure(dt, &mut values[3..]);
-            self.readings.push(tick.time_ns, times.source, &values);
+            self.delivery.push(tick.time_ns, times.source, &values);
         }
-        let Some((source, values)) = self.readings.due(tick.time_ns) else { return Ok(()) };
+        let Some((source, values)) = self.delivery.due(tick.time_ns) else { return Ok(()) };
         let mut wrench = self.wrench.loan()?;
         wrench.force.copy_from_slice(&values[..3]);
         wrench.torque.copy_from_slice(&values[3..]);
@@ -187,21 +180,17 @@ impl Component for ForceTorque {
     }
 
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
-        let seed = self.config.seed.unwrap_or(episode.seed);
-        let draw = self.draws.reset(episode.index, seed);
+        let (seed, draw) = self.delivery.reset(episode)?;
         let channels = self.config.channels(seed, &draw);
         self.channels = channels.map_err(|error| StepError::failed(error.to_string()))?;
-        let readings = Readings::new(&self.config.timing(draw.latency), WIDTH, self.period, seed);
-        self.readings = readings.map_err(|error| StepError::failed(error.to_string()))?;
         self.loads.reset();
         self.last = None;
         Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        let mut result = self.readings.result();
+        let mut result = self.delivery.result();
         let [force, torque] = &self.channels;
-        self.draws.report(&mut result);
         result["samples_with_contacts_left_out"] = serde_json::json!(self.loads.incomplete());
         result["carried_mass_kg"] = serde_json::json!(self.carried);
         result["force_bias"] = serde_json::json!(force.bias());

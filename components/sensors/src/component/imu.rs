@@ -1,75 +1,43 @@
 //! `sensor.imu`: an inertial measurement unit as a component.
 
-use std::time::Duration;
-
 use motorium::prelude::*;
 use motorium::state::Randomisation;
 use nalgebra::Vector3;
-use schemars::JsonSchema;
-use serde::Deserialize;
 
-use super::draws::Draws;
+use super::config::SensorConfig;
+use super::delivery::Delivery;
 use super::loads::Drawn;
-use super::readings::{Readings, refused};
+use super::readings::refused;
 use super::robot::{Mount, Needs, TrueMotion};
-use crate::channel::{Channel, ErrorModel, Timing};
+use crate::channel::{Channel, ErrorModel};
 use crate::imu::{ImuModel, SensorMotion};
-use crate::randomise::{SensorDraw, SensorRanges};
+use crate::randomise::SensorDraw;
 
-/// Configuration of `sensor.imu`. The default is an ideal sensor at the root link.
-///
-/// ```toml
-/// mount         = { frame = "base", position = [0.0, 0.0, 0.02] }
-/// gyroscope     = { noise = 3e-3, bias = 2e-3, bias_walk = 1e-5, range = 35.0 }
-/// accelerometer = { noise = 0.06, bias = 0.02, bias_walk = 1e-4, range = 157.0 }
-/// latency       = "1 ms"
-/// ```
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct ImuConfig {
-    /// Place of the sensor on the robot. Default: the root link.
-    pub mount: Mount,
+sensor_config! {
+    /// Configuration of `sensor.imu`. The default is an ideal sensor at the root link.
+    ///
+    /// ```toml
+    /// mount         = { frame = "base", position = [0.0, 0.0, 0.02] }
+    /// gyroscope     = { noise = 3e-3, bias = 2e-3, bias_walk = 1e-5, range = 35.0 }
+    /// accelerometer = { noise = 0.06, bias = 0.02, bias_walk = 1e-4, range = 157.0 }
+    /// latency       = "1 ms"
+    /// ```
+    pub struct ImuConfig;
+
+    /// Mount of the sensor on the robot. Default: the root link.
+    mount: Mount = Mount::default();
     /// Errors of the angular velocity, rad/s.
-    pub gyroscope: ErrorModel,
+    gyroscope: ErrorModel = ErrorModel::default();
     /// Errors of the specific force, m/s^2.
-    pub accelerometer: ErrorModel,
+    accelerometer: ErrorModel = ErrorModel::default();
     /// Standard deviation of the orientation, about each axis, rad. Default 0.
-    pub orientation_noise: f64,
-    /// Time from sampling until the reading is available. Default 0.
-    pub latency: TimeSpan,
-    /// Share of the readings that are lost, 0 to 1. Default 0.
-    pub drop_out: f64,
+    orientation_noise: f64 = 0.0;
     /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, else standard
     /// gravity.
-    pub gravity: [f64; 3],
-    /// Seed of the noise. Default: from the seed of the run and the name of the component.
-    pub seed: Option<u64>,
-    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
-    /// sampling.
-    pub randomise: SensorRanges,
-}
-
-impl Default for ImuConfig {
-    fn default() -> Self {
-        Self {
-            mount: Mount::default(),
-            gyroscope: ErrorModel::default(),
-            accelerometer: ErrorModel::default(),
-            orientation_noise: 0.0,
-            latency: TimeSpan { ns: 0 },
-            drop_out: 0.0,
-            gravity: [0.0, 0.0, -9.81],
-            seed: None,
-            randomise: SensorRanges::default(),
-        }
-    }
+    gravity: [f64; 3] = [0.0, 0.0, -9.81];
 }
 
 impl ImuConfig {
-    fn timing(&self, latency: TimeSpan) -> Timing {
-        Timing { latency, drop_out: self.drop_out }
-    }
-
     fn models(&self, seed: u64, draw: &SensorDraw) -> Result<(ImuModel, Channel), ConfigError> {
         let seed = self.seed.unwrap_or(seed);
         if !self.gravity.iter().all(|number| number.is_finite()) {
@@ -94,9 +62,7 @@ pub struct Imu {
     config: ImuConfig,
     model: ImuModel,
     attitude: Channel,
-    readings: Readings,
-    draws: Draws,
-    period: Duration,
+    delivery: Delivery,
 }
 
 /// Numbers of a reading: specific force, angular velocity, orientation.
@@ -110,9 +76,9 @@ impl Component for Imu {
     type Config = ImuConfig;
 
     fn declare(config: &ImuConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        Draws::declare(&config.randomise, declare)?;
-        config.models(0, &config.randomise.draw(0, config.latency))?;
-        Readings::declare(&config.timing(config.randomise.longest(config.latency)), declare)?;
+        let common = config.common();
+        config.models(0, &common.declare_draws(declare)?)?;
+        common.declare_readings(WIDTH, declare)?;
         TrueMotion::declare(&config.mount, Needs::Place, declare)?;
         Drawn::declare(declare);
         declare.output::<ImuSample>("imu", "specific force and angular velocity in the axes of the sensor");
@@ -120,16 +86,14 @@ impl Component for Imu {
     }
 
     fn configure(config: ImuConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
-        let seed = config.seed.unwrap_or(setup.seed());
-        let draws = Draws::open(&config.randomise, config.latency, seed, setup)?;
-        let (model, attitude) = config.models(seed, &draws.now())?;
+        let opened = config.common().open(setup)?;
+        let (seed, draw) = opened.start();
+        let (model, attitude) = config.models(seed, &draw)?;
         Ok(Self {
             motion: TrueMotion::open(&config.mount, Needs::Place, setup)?,
             drawn: Drawn::open(setup)?,
             sample: setup.output("imu")?,
-            readings: Readings::new(&config.timing(draws.now().latency), WIDTH, setup.period(), seed)?,
-            period: setup.period(),
-            draws,
+            delivery: opened.deliver(WIDTH)?,
             model,
             attitude,
             config,
@@ -137,7 +101,7 @@ impl Component for Imu {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        self.draws.publish()?;
+        self.delivery.publish_draws()?;
         if let Some(motion) = self.motion.newest()? {
             let rotation = motion.pose.rotation;
             if let Some(drawn) = self.drawn.newest(tick) {
@@ -153,10 +117,10 @@ impl Component for Imu {
                 values[..3].copy_from_slice(reading.specific_force.as_slice());
                 values[3..6].copy_from_slice(reading.angular_velocity.as_slice());
                 values[6..].copy_from_slice(seen.coords.as_slice());
-                self.readings.push(tick.time_ns, motion.times.source, &values);
+                self.delivery.push(tick.time_ns, motion.times.source, &values);
             }
         }
-        let Some((source, values)) = self.readings.due(tick.time_ns) else { return Ok(()) };
+        let Some((source, values)) = self.delivery.due(tick.time_ns) else { return Ok(()) };
         let mut sample = self.sample.loan()?;
         sample.specific_force.copy_from_slice(&values[..3]);
         sample.angular_velocity.copy_from_slice(&values[3..6]);
@@ -165,23 +129,19 @@ impl Component for Imu {
     }
 
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
-        let seed = self.config.seed.unwrap_or(episode.seed);
-        let failed = |error: ConfigError| StepError::failed(error.to_string());
-        let draw = self.draws.reset(episode.index, seed);
-        (self.model, self.attitude) = self.config.models(seed, &draw).map_err(failed)?;
-        let timing = self.config.timing(draw.latency);
-        self.readings = Readings::new(&timing, WIDTH, self.period, seed).map_err(failed)?;
+        let (seed, draw) = self.delivery.reset(episode)?;
+        (self.model, self.attitude) =
+            self.config.models(seed, &draw).map_err(|error| StepError::failed(error.to_string()))?;
         self.motion.reset();
         self.drawn.reset();
         Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        let mut result = self.readings.result();
+        let mut result = self.delivery.result();
         let (gyroscope, accelerometer) = self.model.biases();
         result["gyroscope_bias"] = serde_json::json!(gyroscope.as_slice());
         result["accelerometer_bias"] = serde_json::json!(accelerometer.as_slice());
-        self.draws.report(&mut result);
         Some(result)
     }
 }

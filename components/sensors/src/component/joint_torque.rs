@@ -1,62 +1,33 @@
 //! `sensor.joint_torque`: the torque sensors of a robot's joints as a component.
 
-use std::time::Duration;
-
 use motorium::prelude::*;
 use motorium_robots::{FrameId, JointKind, Model};
-use schemars::JsonSchema;
-use serde::Deserialize;
 
-use super::draws::Draws;
+use super::config::SensorConfig;
+use super::delivery::Delivery;
 use super::force_torque::earth;
 use super::loads::{Axes, TrueLoads};
-use super::readings::{Readings, refused};
-use crate::channel::{Channel, ErrorModel, SettingError, Timing};
-use crate::randomise::{SensorDraw, SensorRanges};
+use super::readings::refused;
+use crate::channel::{Channel, ErrorModel, SettingError};
+use crate::randomise::SensorDraw;
 
-/// Configuration of `sensor.joint_torque`. The default is an ideal sensor in every joint.
-///
-/// ```toml
-/// torque  = { noise = 0.05, bias = 0.2, scale_error = 0.01, resolution = 0.01, range = 100.0 }
-/// latency = "1 ms"
-/// ```
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct JointTorqueConfig {
-    /// Errors of the torque of a joint that turns, N m, and of the force of one that slides, N.
-    pub torque: ErrorModel,
-    /// Time from sampling until the reading is available. Default 0.
-    pub latency: TimeSpan,
-    /// Share of the readings that are lost, 0 to 1. Default 0.
-    pub drop_out: f64,
+sensor_config! {
+    /// Configuration of `sensor.joint_torque`. The default is an ideal sensor in every joint.
+    ///
+    /// ```toml
+    /// torque  = { noise = 0.05, bias = 0.2, scale_error = 0.01, resolution = 0.01, range = 100.0 }
+    /// latency = "1 ms"
+    /// ```
+    pub struct JointTorqueConfig;
+
+    /// Errors of the torque of a revolute joint, N m, and of the force of a prismatic joint, N.
+    torque: ErrorModel = ErrorModel::default();
     /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, else standard
     /// gravity.
-    pub gravity: [f64; 3],
-    /// Seed of the noise. Default: from the seed of the run and the name of the component.
-    pub seed: Option<u64>,
-    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
-    /// sampling.
-    pub randomise: SensorRanges,
-}
-
-impl Default for JointTorqueConfig {
-    fn default() -> Self {
-        Self {
-            torque: ErrorModel::default(),
-            latency: TimeSpan { ns: 0 },
-            drop_out: 0.0,
-            gravity: earth(),
-            seed: None,
-            randomise: SensorRanges::default(),
-        }
-    }
+    gravity: [f64; 3] = earth();
 }
 
 impl JointTorqueConfig {
-    fn timing(&self, latency: TimeSpan) -> Timing {
-        Timing { latency, drop_out: self.drop_out }
-    }
-
     fn channel(&self, joints: usize, seed: u64, draw: &SensorDraw) -> Result<Channel, SettingError> {
         Channel::new("torque", &draw.errors(&self.torque), joints, self.seed.unwrap_or(seed), 0)
     }
@@ -71,9 +42,7 @@ pub struct JointTorque {
     measured: Output<JointState>,
     config: JointTorqueConfig,
     channel: Channel,
-    readings: Readings,
-    draws: Draws,
-    period: Duration,
+    delivery: Delivery,
     /// The link that each joint carries.
     links: Vec<FrameId>,
     /// Torques, then positions and velocities.
@@ -89,14 +58,14 @@ impl Component for JointTorque {
     type Config = JointTorqueConfig;
 
     fn declare(config: &JointTorqueConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        Draws::declare(&config.randomise, declare)?;
-        Readings::declare(&config.timing(config.randomise.longest(config.latency)), declare)?;
+        let common = config.common();
+        let draw = common.declare_draws(declare)?;
         let model = TrueLoads::declare(config.gravity, declare)?;
         if model.joint_count() == 0 || model.joint_count() > MAX_JOINTS {
             let message = format!("the robot has {} joints, expected 1 to {MAX_JOINTS}", model.joint_count());
             return Err(ConfigError::new(message));
         }
-        let draw = config.randomise.draw(0, config.latency);
+        common.declare_readings(3 * model.joint_count(), declare)?;
         config.channel(model.joint_count(), 0, &draw).map_err(refused)?;
         links(&model)?;
         declare.output::<JointState>(
@@ -111,15 +80,12 @@ impl Component for JointTorque {
         let links = links(loads.model())?;
         let bodies: Vec<_> = (0..links.len()).map(|joint| loads.model().joint_body(joint)).collect();
         loads.follow(bodies.into_iter().map(Axes::Body));
-        let seed = config.seed.unwrap_or(setup.seed());
-        let draws = Draws::open(&config.randomise, config.latency, seed, setup)?;
-        let timing = config.timing(draws.now().latency);
+        let opened = config.common().open(setup)?;
+        let (seed, draw) = opened.start();
         Ok(Self {
             measured: setup.output("measured")?,
-            channel: config.channel(links.len(), seed, &draws.now()).map_err(refused)?,
-            readings: Readings::new(&timing, 3 * links.len(), setup.period(), seed)?,
-            period: setup.period(),
-            draws,
+            channel: config.channel(links.len(), seed, &draw).map_err(refused)?,
+            delivery: opened.deliver(3 * links.len())?,
             values: vec![0.0; 3 * links.len()],
             since: None,
             loads,
@@ -129,7 +95,7 @@ impl Component for JointTorque {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        self.draws.publish()?;
+        self.delivery.publish_draws()?;
         let joints = self.links.len();
         if let Some(times) = self.loads.newest(tick)? {
             let (torques, rest) = self.values.split_at_mut(joints);
@@ -141,9 +107,9 @@ impl Component for JointTorque {
             let (position, velocity) = self.loads.joints();
             rest[..joints].copy_from_slice(position);
             rest[joints..].copy_from_slice(velocity);
-            self.readings.push(tick.time_ns, times.source, &self.values);
+            self.delivery.push(tick.time_ns, times.source, &self.values);
         }
-        let Some((source, values)) = self.readings.due(tick.time_ns) else { return Ok(()) };
+        let Some((source, values)) = self.delivery.due(tick.time_ns) else { return Ok(()) };
         let mut measured = self.measured.loan()?;
         measured.set_count(joints);
         measured.effort_mut().copy_from_slice(&values[..joints]);
@@ -153,22 +119,17 @@ impl Component for JointTorque {
     }
 
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
-        let seed = self.config.seed.unwrap_or(episode.seed);
-        let draw = self.draws.reset(episode.index, seed);
+        let (seed, draw) = self.delivery.reset(episode)?;
         let channel = self.config.channel(self.links.len(), seed, &draw);
         self.channel = channel.map_err(|error| StepError::failed(error.to_string()))?;
-        let timing = self.config.timing(draw.latency);
-        let readings = Readings::new(&timing, self.values.len(), self.period, seed);
-        self.readings = readings.map_err(|error| StepError::failed(error.to_string()))?;
         self.loads.reset();
         self.since = None;
         Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        let mut result = self.readings.result();
+        let mut result = self.delivery.result();
         result["joints"] = serde_json::json!(self.loads.model().joint_names());
-        self.draws.report(&mut result);
         result["samples_with_contacts_left_out"] = serde_json::json!(self.loads.incomplete());
         result["torque_bias"] = serde_json::json!(self.channel.bias());
         Some(result)

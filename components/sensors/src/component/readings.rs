@@ -28,17 +28,9 @@ pub(super) struct Readings {
 }
 
 impl Readings {
-    /// Checks the settings before the run, and warns if the period adds to the latency.
-    pub(super) fn declare(timing: &Timing, declare: &mut Declare) -> Result<(), ConfigError> {
-        Self::declare_wide(timing, 1, declare)
-    }
-
-    /// Like [`declare`](Self::declare), for readings of `width` values.
-    pub(super) fn declare_wide(
-        timing: &Timing,
-        width: usize,
-        declare: &mut Declare,
-    ) -> Result<(), ConfigError> {
+    /// Checks the settings of readings of `width` numbers before the run, and warns if the period adds to the
+    /// latency.
+    pub(super) fn declare(timing: &Timing, width: usize, declare: &mut Declare) -> Result<(), ConfigError> {
         timing.check().map_err(refused)?;
         let Some(period) = declare.period() else { return Ok(()) };
         frames(timing, width, period)?;

@@ -2,40 +2,29 @@
 
 use motorium::prelude::*;
 use motorium::state::Altitude;
-use schemars::JsonSchema;
-use serde::Deserialize;
 
 use super::super::readings::refused;
-use super::{Common, Mount, PlaceMotion, PlaceSensor, Timing};
+use super::{Mount, PlaceMotion, PlaceSensor};
 use crate::channel::{Channel, ErrorModel};
-use crate::randomise::{SensorDraw, SensorRanges};
+use crate::randomise::SensorDraw;
 
-/// Configuration of `sensor.altimeter`. The default is an ideal sensor.
-///
-/// ```toml
-/// height  = { noise = 0.1, bias_walk = 0.01, resolution = 0.01 }
-/// latency = "20 ms"
-/// ```
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct AltimeterConfig {
-    /// Place of the sensor on the robot. Default: the root link.
-    pub mount: Mount,
+sensor_config! {
+    /// Configuration of `sensor.altimeter`. The default is an ideal sensor.
+    ///
+    /// ```toml
+    /// height  = { noise = 0.1, bias_walk = 0.01, resolution = 0.01 }
+    /// latency = "20 ms"
+    /// ```
+    pub struct AltimeterConfig;
+
+    /// Mount of the sensor on the robot. Default: the root link.
+    mount: Mount = Mount::default();
     /// Height in the world that reads 0 (m). Default 0.
-    pub reference: f64,
+    reference: f64 = 0.0;
     /// Errors of the height, m.
-    pub height: ErrorModel,
+    height: ErrorModel = ErrorModel::default();
     /// Errors of its rate, m/s.
-    pub rate: ErrorModel,
-    /// Time from sampling until the reading is available. Default 0.
-    pub latency: TimeSpan,
-    /// Share of the readings that are lost, 0 to 1. Default 0.
-    pub drop_out: f64,
-    /// Seed of the noise. Default: from the seed of the run and the name of the component.
-    pub seed: Option<u64>,
-    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
-    /// sampling.
-    pub randomise: SensorRanges,
+    rate: ErrorModel = ErrorModel::default();
 }
 
 /// `sensor.altimeter`: the height of a point of a robot.
@@ -53,9 +42,8 @@ impl PlaceSensor for Altimeter {
     type Config = AltimeterConfig;
     type Message = Altitude;
 
-    fn common(config: &AltimeterConfig) -> Common<'_> {
-        let timing = Timing { latency: config.latency, drop_out: config.drop_out };
-        Common { mount: &config.mount, timing, seed: config.seed, randomise: &config.randomise }
+    fn mount(config: &AltimeterConfig) -> &Mount {
+        &config.mount
     }
 
     fn new(config: &AltimeterConfig, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError> {

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::super::readings::refused;
-use super::{Common, Mount, PlaceMotion, PlaceSensor, Timing};
+use super::{Mount, PlaceMotion, PlaceSensor};
 use crate::channel::{Channel, ErrorModel};
 use crate::geodesy::{Geodetic, TangentPlane};
 use crate::randomise::{SensorDraw, SensorRanges};
@@ -28,7 +28,7 @@ pub struct GpsConfig {
     /// Angle from the east to the world's x, counter-clockwise (rad). Default 0.
     #[serde(default)]
     pub heading: f64,
-    /// Place of the antenna on the robot. Default: the root link.
+    /// Mount of the antenna on the robot. Default: the root link.
     #[serde(default)]
     pub mount: Mount,
     /// Errors of the position to the east and to the north, m.
@@ -43,7 +43,7 @@ pub struct GpsConfig {
     /// Time from sampling until the fix is available. Default 0.
     #[serde(default)]
     pub latency: TimeSpan,
-    /// Share of the fixes that are lost, 0 to 1. Default 0.
+    /// Fraction of the fixes that are dropped, 0 to 1. Default 0.
     #[serde(default)]
     pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
@@ -54,6 +54,8 @@ pub struct GpsConfig {
     #[serde(default)]
     pub randomise: SensorRanges,
 }
+
+sensor_config!(impl GpsConfig);
 
 /// A place on the earth, WGS 84.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
@@ -87,9 +89,8 @@ impl PlaceSensor for Gps {
     type Config = GpsConfig;
     type Message = GeoFix;
 
-    fn common(config: &GpsConfig) -> Common<'_> {
-        let timing = Timing { latency: config.latency, drop_out: config.drop_out };
-        Common { mount: &config.mount, timing, seed: config.seed, randomise: &config.randomise }
+    fn mount(config: &GpsConfig) -> &Mount {
+        &config.mount
     }
 
     fn new(config: &GpsConfig, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError> {

@@ -3,52 +3,27 @@
 use motorium::prelude::*;
 use motorium::state::MagneticField;
 use nalgebra::Vector3;
-use schemars::JsonSchema;
-use serde::Deserialize;
 
 use super::super::readings::refused;
-use super::{Common, Mount, PlaceMotion, PlaceSensor, Timing};
+use super::{Mount, PlaceMotion, PlaceSensor};
 use crate::channel::{Channel, ErrorModel};
-use crate::randomise::{SensorDraw, SensorRanges};
+use crate::randomise::SensorDraw;
 
-/// Configuration of `sensor.magnetometer`. The default is an ideal sensor in a field as in central Europe.
-///
-/// ```toml
-/// field  = [0.0, 2.1e-5, -4.3e-5]
-/// errors = { noise = 2e-7, bias = 1e-6, scale_error = 0.01, range = 8e-4 }
-/// ```
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct MagnetometerConfig {
-    /// Place of the sensor on the robot. Default: the root link.
-    pub mount: Mount,
+sensor_config! {
+    /// Configuration of `sensor.magnetometer`. The default is an ideal sensor in a field as in central Europe.
+    ///
+    /// ```toml
+    /// field  = [0.0, 2.1e-5, -4.3e-5]
+    /// errors = { noise = 2e-7, bias = 1e-6, scale_error = 0.01, range = 8e-4 }
+    /// ```
+    pub struct MagnetometerConfig;
+
+    /// Mount of the sensor on the robot. Default: the root link.
+    mount: Mount = Mount::default();
     /// Flux density in the axes of the world (T). Default: 21 uT to the north, which is y, and 43 uT down.
-    pub field: [f64; 3],
+    field: [f64; 3] = [0.0, 2.1e-5, -4.3e-5];
     /// Errors of the reading, T. The bias models the magnetisation of the robot.
-    pub errors: ErrorModel,
-    /// Time from sampling until the reading is available. Default 0.
-    pub latency: TimeSpan,
-    /// Share of the readings that are lost, 0 to 1. Default 0.
-    pub drop_out: f64,
-    /// Seed of the noise. Default: from the seed of the run and the name of the component.
-    pub seed: Option<u64>,
-    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
-    /// sampling.
-    pub randomise: SensorRanges,
-}
-
-impl Default for MagnetometerConfig {
-    fn default() -> Self {
-        Self {
-            mount: Mount::default(),
-            field: [0.0, 2.1e-5, -4.3e-5],
-            errors: ErrorModel::default(),
-            latency: TimeSpan { ns: 0 },
-            drop_out: 0.0,
-            seed: None,
-            randomise: SensorRanges::default(),
-        }
-    }
+    errors: ErrorModel = ErrorModel::default();
 }
 
 /// `sensor.magnetometer`: the magnetic field at a point of a robot.
@@ -65,9 +40,8 @@ impl PlaceSensor for Magnetometer {
     type Config = MagnetometerConfig;
     type Message = MagneticField;
 
-    fn common(config: &MagnetometerConfig) -> Common<'_> {
-        let timing = Timing { latency: config.latency, drop_out: config.drop_out };
-        Common { mount: &config.mount, timing, seed: config.seed, randomise: &config.randomise }
+    fn mount(config: &MagnetometerConfig) -> &Mount {
+        &config.mount
     }
 
     fn new(config: &MagnetometerConfig, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError> {

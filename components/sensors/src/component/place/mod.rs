@@ -5,29 +5,17 @@ mod altimeter;
 mod gps;
 mod magnetometer;
 
-use std::time::Duration;
-
 use motorium::prelude::*;
 use schemars::JsonSchema;
 
-use super::draws::Draws;
-use super::readings::Readings;
+use super::config::SensorConfig;
+use super::delivery::Delivery;
 use super::robot::{Motion, Mount, Needs, TrueMotion};
-use crate::channel::Timing;
-use crate::randomise::{SensorDraw, SensorRanges};
+use crate::randomise::SensorDraw;
 
 pub use altimeter::{Altimeter, AltimeterConfig};
 pub use gps::{Gps, GpsConfig, Origin};
 pub use magnetometer::{Magnetometer, MagnetometerConfig};
-
-/// Configuration shared by all sensors of a position.
-#[derive(Clone, Copy, Debug)]
-pub struct Common<'a> {
-    mount: &'a Mount,
-    timing: Timing,
-    seed: Option<u64>,
-    randomise: &'a SensorRanges,
-}
 
 /// A sensor of the motion of a point.
 pub trait PlaceSensor: Sized + 'static {
@@ -40,12 +28,12 @@ pub trait PlaceSensor: Sized + 'static {
     /// Numbers of a reading.
     const WIDTH: usize;
     /// Its configuration.
-    type Config: serde::de::DeserializeOwned + JsonSchema;
+    type Config: SensorConfig + serde::de::DeserializeOwned + JsonSchema;
     /// The message it publishes.
     type Message: StateBuffer;
 
-    /// Returns the shared configuration.
-    fn common(config: &Self::Config) -> Common<'_>;
+    /// Returns the mount of the sensor.
+    fn mount(config: &Self::Config) -> &Mount;
     /// The sensor of a seed, with the errors of an episode.
     ///
     /// # Errors
@@ -67,9 +55,7 @@ pub struct AtPlace<S: PlaceSensor> {
     output: Output<S::Message>,
     config: S::Config,
     sensor: S,
-    readings: Readings,
-    draws: Draws,
-    period: Duration,
+    delivery: Delivery,
     values: Vec<f64>,
     since: Option<u64>,
 }
@@ -81,27 +67,22 @@ impl<S: PlaceSensor> Component for AtPlace<S> {
     type Config = S::Config;
 
     fn declare(config: &S::Config, declare: &mut Declare) -> Result<(), ConfigError> {
-        let Common { mount, timing, randomise, .. } = S::common(config);
-        Draws::declare(randomise, declare)?;
-        S::new(config, 0, &randomise.draw(0, timing.latency))?;
-        Readings::declare(&timing.late(randomise.longest(timing.latency)), declare)?;
-        TrueMotion::declare(mount, Needs::Place, declare)?;
+        let common = config.common();
+        S::new(config, 0, &common.declare_draws(declare)?)?;
+        common.declare_readings(S::WIDTH, declare)?;
+        TrueMotion::declare(S::mount(config), Needs::Place, declare)?;
         declare.output::<S::Message>(S::PORT.0, S::PORT.1);
         Ok(())
     }
 
     fn configure(config: S::Config, setup: &mut Setup) -> Result<Self, ConfigureError> {
-        let Common { mount, timing, seed, randomise } = S::common(&config);
-        let seed = seed.unwrap_or(setup.seed());
-        let draws = Draws::open(randomise, timing.latency, seed, setup)?;
-        let timing = timing.late(draws.now().latency);
+        let opened = config.common().open(setup)?;
+        let (seed, draw) = opened.start();
         Ok(Self {
-            motion: TrueMotion::open(mount, Needs::Place, setup)?,
+            motion: TrueMotion::open(S::mount(&config), Needs::Place, setup)?,
             output: setup.output(S::PORT.0)?,
-            readings: Readings::new(&timing, S::WIDTH, setup.period(), seed)?,
-            sensor: S::new(&config, seed, &draws.now())?,
-            draws,
-            period: setup.period(),
+            delivery: opened.deliver(S::WIDTH)?,
+            sensor: S::new(&config, seed, &draw)?,
             values: vec![0.0; S::WIDTH],
             since: None,
             config,
@@ -109,35 +90,29 @@ impl<S: PlaceSensor> Component for AtPlace<S> {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        self.draws.publish()?;
+        self.delivery.publish_draws()?;
         if let Some(motion) = self.motion.newest()? {
             let time = motion.times.state;
             let dt = self.since.replace(time).map_or(0.0, |since| time.saturating_sub(since) as f64 * 1e-9);
             self.sensor.read(&PlaceMotion(motion), dt, &mut self.values);
-            self.readings.push(tick.time_ns, motion.times.source, &self.values);
+            self.delivery.push(tick.time_ns, motion.times.source, &self.values);
         }
-        let Some((source, values)) = self.readings.due(tick.time_ns) else { return Ok(()) };
+        let Some((source, values)) = self.delivery.due(tick.time_ns) else { return Ok(()) };
         let mut message = self.output.loan()?;
         self.sensor.write(values, &mut message);
         message.publish_from(source)
     }
 
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
-        let Common { timing, seed, .. } = S::common(&self.config);
-        let seed = seed.unwrap_or(episode.seed);
-        let draw = self.draws.reset(episode.index, seed);
-        let failed = |error: ConfigError| StepError::failed(error.to_string());
-        self.sensor = S::new(&self.config, seed, &draw).map_err(failed)?;
-        let timing = timing.late(draw.latency);
-        self.readings = Readings::new(&timing, S::WIDTH, self.period, seed).map_err(failed)?;
+        let (seed, draw) = self.delivery.reset(episode)?;
+        self.sensor =
+            S::new(&self.config, seed, &draw).map_err(|error| StepError::failed(error.to_string()))?;
         self.motion.reset();
         self.since = None;
         Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        let mut result = self.readings.result();
-        self.draws.report(&mut result);
-        Some(result)
+        Some(self.delivery.result())
     }
 }

@@ -9,54 +9,52 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::super::readings::refused;
+use super::super::robot::Mount;
 use super::depth_camera::{MOST_PIXELS, PICTURES};
-use super::{Common, Looks, Mount, RangeSensor, Timing};
+use super::{Looks, RangeSensor, RaysConfig, Seen};
 use crate::pinhole::Pinhole;
-use crate::randomise::{SensorDraw, SensorRanges};
+use crate::randomise::SensorDraw;
 use crate::rendering::{PixelNoise, PixelSensor, Renderer};
 
-/// Configuration of `sensor.camera`. The default is an ideal camera of 160 x 120 pixels at the root link that
-/// looks along its x.
-///
-/// ```toml
-/// mount         = { frame = "panda_hand", position = [0.05, 0.0, 0.0], rpy = [0.0, -1.5708, 0.0] }
-/// field_of_view = 1.2
-/// noise         = { full_well = 10000.0, read_noise = 1.0 }
-/// latency       = "33 ms"
-/// ```
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct CameraConfig {
-    /// Place of the camera on the robot or in the `world`: it looks along x, the left of the picture is along
-    /// y, its top along z. Default: the root link.
-    pub mount: Mount,
-    /// Ground, objects and their looks, in a graph without a `[world]`.
-    pub world: World,
-    /// True if the robot is in the picture, too. Default true.
-    pub sees_robot: bool,
-    /// Pixels of a row. Default 160.
-    pub width: u32,
-    /// Rows. Default 120.
-    pub height: u32,
-    /// Angle between the left and the right edge of the picture (rad). Default 1.0472, which is 60 degrees.
-    pub field_of_view: Option<f64>,
-    /// Angle between the top and the bottom edge of the picture (rad), instead of `field_of_view`.
-    pub vertical_field_of_view: Option<f64>,
-    /// Focal lengths and the place of the optical axis, instead of an angle.
-    pub intrinsics: Option<Intrinsics>,
-    /// The greatest distance at which something is seen (m). Default 100.
-    pub most: f64,
+sensor_config! {
+    /// Configuration of `sensor.camera`. The default is an ideal camera of 160 x 120 pixels at the root link that
+    /// looks along its x.
+    ///
+    /// ```toml
+    /// mount         = { frame = "panda_hand", position = [0.05, 0.0, 0.0], rpy = [0.0, -1.5708, 0.0] }
+    /// field_of_view = 1.2
+    /// noise         = { full_well = 10000.0, read_noise = 1.0 }
+    /// latency       = "33 ms"
+    /// ```
+    pub struct CameraConfig;
+
+    /// Mount of the camera on the robot or in the `world`: it looks along x; y points to the left of the
+    /// image, z to its top. Default: the root link.
+    mount: Mount = Mount::default();
+    /// Ground and objects, in a graph without a `[world]`.
+    world: World = World::default();
+    /// `true` if the robot appears in the image. Default true.
+    sees_robot: bool = true;
+    /// Width of the image (pixels). Default 160.
+    width: u32 = 160;
+    /// Height of the image (pixels). Default 120.
+    height: u32 = 120;
+    /// Angle between the left and the right edge of the image (rad). Default 1.0472, which is 60 degrees.
+    field_of_view: Option<f64> = None;
+    /// Angle between the top and the bottom edge of the image (rad), instead of `field_of_view`.
+    vertical_field_of_view: Option<f64> = None;
+    /// Focal lengths and optical centre, instead of an angle.
+    intrinsics: Option<Intrinsics> = None;
+    /// Largest visible distance (m). Default 100.
+    most: f64 = 100.0;
     /// Errors of the pixels.
-    pub noise: PixelNoise,
-    /// Time from exposure until the image is available. Default 0.
-    pub latency: TimeSpan,
-    /// Fraction of the images that are dropped, 0 to 1. Default 0.
-    pub drop_out: f64,
-    /// Seed of the noise. Default: from the seed of the run and the name of the component.
-    pub seed: Option<u64>,
-    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
-    /// sampling.
-    pub randomise: SensorRanges,
+    noise: PixelNoise = PixelNoise::default();
+}
+
+impl RaysConfig for CameraConfig {
+    fn seen(&self) -> Seen<'_> {
+        Seen { mount: &self.mount, world: &self.world, sees_robot: self.sees_robot }
+    }
 }
 
 /// Focal lengths and optical centre of a camera from a calibration.
@@ -78,27 +76,6 @@ pub struct Intrinsics {
     pub cx: f64,
     /// Row of the optical axis, from the middle of the top one (pixels).
     pub cy: f64,
-}
-
-impl Default for CameraConfig {
-    fn default() -> Self {
-        Self {
-            mount: Mount::default(),
-            world: World::default(),
-            sees_robot: true,
-            width: 160,
-            height: 120,
-            field_of_view: None,
-            vertical_field_of_view: None,
-            intrinsics: None,
-            most: 100.0,
-            noise: PixelNoise::default(),
-            latency: TimeSpan { ns: 0 },
-            drop_out: 0.0,
-            seed: None,
-            randomise: SensorRanges::default(),
-        }
-    }
 }
 
 impl CameraConfig {
@@ -169,17 +146,6 @@ impl RangeSensor for Camera {
     const SEES_COLOURS: bool = true;
     type Config = CameraConfig;
     type Outputs = CameraOutputs;
-
-    fn common(config: &CameraConfig) -> Common<'_> {
-        Common {
-            mount: &config.mount,
-            world: &config.world,
-            sees_robot: config.sees_robot,
-            timing: Timing { latency: config.latency, drop_out: config.drop_out },
-            seed: config.seed,
-            randomise: &config.randomise,
-        }
-    }
 
     fn new(config: &CameraConfig, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError> {
         if !(config.most > 0.0 && config.most <= 1e6) {

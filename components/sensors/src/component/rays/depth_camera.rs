@@ -5,79 +5,54 @@ use motorium::state::ImageInfo;
 use motorium::transport::SliceOutput;
 use motorium_robots::{Ray, RayHit, RayScene, World};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
 
 use super::super::readings::refused;
-use super::{Common, Mount, RangeSensor, Timing};
+use super::super::robot::Mount;
+use super::{RangeSensor, RaysConfig, Seen};
 use crate::channel::ErrorModel;
 use crate::pinhole::Pinhole;
-use crate::randomise::{SensorDraw, SensorRanges};
+use crate::randomise::SensorDraw;
 use crate::ranging::{RangeModel, RangeSettings};
 
-/// Configuration of `sensor.depth_camera`. The default is an ideal camera of 160 x 120 pixels at the root
-/// link that looks along its x.
-///
-/// ```toml
-/// mount         = { frame = "panda_hand", position = [0.05, 0.0, 0.0], rpy = [0.0, -1.5708, 0.0] }
-/// field_of_view = 1.2
-/// most          = 2.0
-/// depth         = { noise = 0.002, resolution = 0.001 }
-/// latency       = "33 ms"
-/// ```
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct DepthCameraConfig {
-    /// Place of the camera on the robot: it looks along x, the left of the picture is along y, its top along
-    /// z. Default: the root link.
-    pub mount: Mount,
+sensor_config! {
+    /// Configuration of `sensor.depth_camera`. The default is an ideal camera of 160 x 120 pixels at the root
+    /// link that looks along its x.
+    ///
+    /// ```toml
+    /// mount         = { frame = "panda_hand", position = [0.05, 0.0, 0.0], rpy = [0.0, -1.5708, 0.0] }
+    /// field_of_view = 1.2
+    /// most          = 2.0
+    /// depth         = { noise = 0.002, resolution = 0.001 }
+    /// latency       = "33 ms"
+    /// ```
+    pub struct DepthCameraConfig;
+
+    /// Mount of the camera on the robot: it looks along x; y points to the left of the image, z to its top.
+    /// Default: the root link.
+    mount: Mount = Mount::default();
     /// Ground and objects, in a graph without a `[world]`.
-    pub world: World,
+    world: World = World::default();
     /// `true` if the carrying robot appears in the image. Default true.
-    pub sees_robot: bool,
-    /// Pixels of a row. Default 160.
-    pub width: u32,
-    /// Rows. Default 120.
-    pub height: u32,
-    /// Angle between the left and the right edge of the picture (rad). Default 1.0472, which is 60 degrees.
-    pub field_of_view: f64,
-    /// The least depth that is measured (m). Default 0.05.
-    pub least: f64,
-    /// The greatest depth that is measured (m). Default 5.
-    pub most: f64,
+    sees_robot: bool = true;
+    /// Width of the image (pixels). Default 160.
+    width: u32 = 160;
+    /// Height of the image (pixels). Default 120.
+    height: u32 = 120;
+    /// Angle between the left and the right edge of the image (rad). Default 1.0472, which is 60 degrees.
+    field_of_view: f64 = std::f64::consts::FRAC_PI_3;
+    /// Smallest measurable depth (m). Default 0.05.
+    least: f64 = 0.05;
+    /// Largest measurable depth (m). Default 5.
+    most: f64 = 5.0;
     /// Errors of the depth of each pixel, m.
-    pub depth: ErrorModel,
-    /// Share of the pixels without a depth, 0 to 1. Default 0.
-    pub lost: f64,
-    /// Time from exposure until the image is available. Default 0.
-    pub latency: TimeSpan,
-    /// Fraction of the images that are dropped, 0 to 1. Default 0.
-    pub drop_out: f64,
-    /// Seed of the noise. Default: from the seed of the run and the name of the component.
-    pub seed: Option<u64>,
-    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
-    /// sampling.
-    pub randomise: SensorRanges,
+    depth: ErrorModel = ErrorModel::default();
+    /// Fraction of the pixels without a depth, 0 to 1. Default 0.
+    lost: f64 = 0.0;
 }
 
-impl Default for DepthCameraConfig {
-    fn default() -> Self {
-        Self {
-            mount: Mount::default(),
-            world: World::default(),
-            sees_robot: true,
-            width: 160,
-            height: 120,
-            field_of_view: std::f64::consts::FRAC_PI_3,
-            least: 0.05,
-            most: 5.0,
-            depth: ErrorModel::default(),
-            lost: 0.0,
-            latency: TimeSpan { ns: 0 },
-            drop_out: 0.0,
-            seed: None,
-            randomise: SensorRanges::default(),
-        }
+impl RaysConfig for DepthCameraConfig {
+    fn seen(&self) -> Seen<'_> {
+        Seen { mount: &self.mount, world: &self.world, sees_robot: self.sees_robot }
     }
 }
 
@@ -131,17 +106,6 @@ impl RangeSensor for DepthCamera {
     const SUMMARY: &'static str = "ray-traced depth and grey images: noise, lost pixels, latency";
     type Config = DepthCameraConfig;
     type Outputs = DepthCameraOutputs;
-
-    fn common(config: &DepthCameraConfig) -> Common<'_> {
-        Common {
-            mount: &config.mount,
-            world: &config.world,
-            sees_robot: config.sees_robot,
-            timing: Timing { latency: config.latency, drop_out: config.drop_out },
-            seed: config.seed,
-            randomise: &config.randomise,
-        }
-    }
 
     fn new(config: &DepthCameraConfig, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError> {
         let DepthCameraConfig { width, height, field_of_view, least, most, depth, lost, .. } = *config;

@@ -4,69 +4,46 @@ use motorium::prelude::*;
 use motorium::state::{HeightScan, MAX_HEIGHTS};
 use motorium_robots::{Ray, RayHit, RayScene, World};
 use nalgebra::{Isometry3, Point3, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
 
 use super::super::readings::refused;
-use super::{Common, Mount, RangeSensor, Timing};
+use super::super::robot::Mount;
+use super::{RangeSensor, RaysConfig, Seen};
 use crate::channel::{Channel, ErrorModel};
-use crate::randomise::{SensorDraw, SensorRanges};
+use crate::randomise::SensorDraw;
 
-/// Configuration of `sensor.height_scan`. The default is an ideal scan of 17 x 11 points about the root link.
-///
-/// ```toml
-/// size    = [1.6, 1.0]
-/// spacing = 0.1
-/// height  = { noise = 0.01, bias = 0.01 }
-/// latency = "20 ms"
-/// ```
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct HeightScanConfig {
-    /// Place of the sensor on the robot, in the middle of the grid. Default: the root link.
-    pub mount: Mount,
+sensor_config! {
+    /// Configuration of `sensor.height_scan`. The default is an ideal scan of 17 x 11 points about the root link.
+    ///
+    /// ```toml
+    /// size    = [1.6, 1.0]
+    /// spacing = 0.1
+    /// height  = { noise = 0.01, bias = 0.01 }
+    /// latency = "20 ms"
+    /// ```
+    pub struct HeightScanConfig;
+
+    /// Mount of the sensor on the robot, at the centre of the grid. Default: the root link.
+    mount: Mount = Mount::default();
     /// Ground and objects, in a graph without a `[world]`.
-    pub world: World,
+    world: World = World::default();
     /// `true` if the carrying robot is part of the scanned surface. Default false.
-    pub sees_robot: bool,
+    sees_robot: bool = false;
     /// Length of the grid along x and y of the sensor (m). Default 1.6 and 1.0.
-    pub size: [f64; 2],
-    /// Distance of two points that are side by side (m). Default 0.1.
-    pub spacing: f64,
+    size: [f64; 2] = [1.6, 1.0];
+    /// Distance between neighbouring points (m). Default 0.1.
+    spacing: f64 = 0.1;
     /// Minimum reported height, relative to the sensor (m). Default -2.
-    pub least: f64,
+    least: f64 = -2.0;
     /// Maximum reported height, relative to the sensor (m). The scan looks down from this height, so higher
     /// surfaces are invisible. Default 1.
-    pub most: f64,
+    most: f64 = 1.0;
     /// Errors of a height, m.
-    pub height: ErrorModel,
-    /// Time from sampling until the scan is available. Default 0.
-    pub latency: TimeSpan,
-    /// Fraction of the scans that are dropped, 0 to 1. Default 0.
-    pub drop_out: f64,
-    /// Seed of the noise. Default: from the seed of the run and the name of the component.
-    pub seed: Option<u64>,
-    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
-    /// sampling.
-    pub randomise: SensorRanges,
+    height: ErrorModel = ErrorModel::default();
 }
 
-impl Default for HeightScanConfig {
-    fn default() -> Self {
-        Self {
-            mount: Mount::default(),
-            world: World::default(),
-            sees_robot: false,
-            size: [1.6, 1.0],
-            spacing: 0.1,
-            least: -2.0,
-            most: 1.0,
-            height: ErrorModel::default(),
-            latency: TimeSpan { ns: 0 },
-            drop_out: 0.0,
-            seed: None,
-            randomise: SensorRanges::default(),
-        }
+impl RaysConfig for HeightScanConfig {
+    fn seen(&self) -> Seen<'_> {
+        Seen { mount: &self.mount, world: &self.world, sees_robot: self.sees_robot }
     }
 }
 
@@ -108,17 +85,6 @@ impl RangeSensor for HeightScanSensor {
     const SUMMARY: &'static str = "heights of the surface on a grid around the sensor: noise, latency";
     type Config = HeightScanConfig;
     type Outputs = Output<HeightScan>;
-
-    fn common(config: &HeightScanConfig) -> Common<'_> {
-        Common {
-            mount: &config.mount,
-            world: &config.world,
-            sees_robot: config.sees_robot,
-            timing: Timing { latency: config.latency, drop_out: config.drop_out },
-            seed: config.seed,
-            randomise: &config.randomise,
-        }
-    }
 
     fn new(config: &HeightScanConfig, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError> {
         let points = config.points()?;

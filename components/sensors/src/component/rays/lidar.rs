@@ -7,78 +7,53 @@ use motorium::state::{CloudPoint, MAX_RANGES, Ranges};
 use motorium::transport::SliceOutput;
 use motorium_robots::{Ray, RayHit, RayScene, World};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
 
 use super::super::readings::refused;
-use super::{Common, Mount, RangeSensor, Timing};
+use super::super::robot::Mount;
+use super::{RangeSensor, RaysConfig, Seen};
 use crate::channel::ErrorModel;
-use crate::randomise::{SensorDraw, SensorRanges};
+use crate::randomise::SensorDraw;
 use crate::ranging::{RangeModel, RangeSettings, azimuths, direction};
 
-/// Configuration of `sensor.lidar`. The default is an ideal sensor at the root link with 360 rays around z.
-///
-/// ```toml
-/// mount      = { frame = "base", position = [0.1, 0.0, 0.2] }
-/// rays       = 360
-/// elevations = [-0.26, -0.09, 0.09, 0.26]
-/// most       = 20.0
-/// distance   = { noise = 0.01, resolution = 0.001 }
-/// lost       = 0.002
-/// latency    = "50 ms"
-/// ```
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct LidarConfig {
-    /// Place of the sensor on the robot: rays turn about z, from x towards y. Default: the root link.
-    pub mount: Mount,
+sensor_config! {
+    /// Configuration of `sensor.lidar`. The default is an ideal sensor at the root link with 360 rays around z.
+    ///
+    /// ```toml
+    /// mount      = { frame = "base", position = [0.1, 0.0, 0.2] }
+    /// rays       = 360
+    /// elevations = [-0.26, -0.09, 0.09, 0.26]
+    /// most       = 20.0
+    /// distance   = { noise = 0.01, resolution = 0.001 }
+    /// lost       = 0.002
+    /// latency    = "50 ms"
+    /// ```
+    pub struct LidarConfig;
+
+    /// Mount of the sensor on the robot: azimuths turn about z, from x towards y. Default: the root link.
+    mount: Mount = Mount::default();
     /// Ground and objects, in a graph without a `[world]`.
-    pub world: World,
+    world: World = World::default();
     /// `true` if rays can hit the carrying robot. Default true.
-    pub sees_robot: bool,
-    /// Angle over which the rays of a ring spread, in its middle x (rad). Default: a whole turn.
-    pub field_of_view: f64,
+    sees_robot: bool = true;
+    /// Angle that the rays of a ring cover, centred on x (rad). Default: a whole turn.
+    field_of_view: f64 = TAU;
     /// Rays of a ring. Default 360.
-    pub rays: usize,
-    /// Angles of the rings above the xy plane of the sensor (rad). Default: one ring in the plane.
-    pub elevations: Vec<f64>,
-    /// The least distance that is measured (m). Default 0.1.
-    pub least: f64,
-    /// The greatest distance that is measured (m). Default 30.
-    pub most: f64,
+    rays: usize = 360;
+    /// Elevations of the rings above the xy plane of the sensor (rad). Default: one ring in the plane.
+    elevations: Vec<f64> = vec![0.0];
+    /// Smallest measurable distance (m). Default 0.1.
+    least: f64 = 0.1;
+    /// Largest measurable distance (m). Default 30.
+    most: f64 = 30.0;
     /// Errors of a distance, m.
-    pub distance: ErrorModel,
-    /// Share of the rays without a return, 0 to 1. Default 0.
-    pub lost: f64,
-    /// Time from sampling until the scan is available. Default 0.
-    pub latency: TimeSpan,
-    /// Fraction of the scans that are dropped, 0 to 1. Default 0.
-    pub drop_out: f64,
-    /// Seed of the noise. Default: from the seed of the run and the name of the component.
-    pub seed: Option<u64>,
-    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
-    /// sampling.
-    pub randomise: SensorRanges,
+    distance: ErrorModel = ErrorModel::default();
+    /// Fraction of the rays without a return, 0 to 1. Default 0.
+    lost: f64 = 0.0;
 }
 
-impl Default for LidarConfig {
-    fn default() -> Self {
-        Self {
-            mount: Mount::default(),
-            world: World::default(),
-            sees_robot: true,
-            field_of_view: TAU,
-            rays: 360,
-            elevations: vec![0.0],
-            least: 0.1,
-            most: 30.0,
-            distance: ErrorModel::default(),
-            lost: 0.0,
-            latency: TimeSpan { ns: 0 },
-            drop_out: 0.0,
-            seed: None,
-            randomise: SensorRanges::default(),
-        }
+impl RaysConfig for LidarConfig {
+    fn seen(&self) -> Seen<'_> {
+        Seen { mount: &self.mount, world: &self.world, sees_robot: self.sees_robot }
     }
 }
 
@@ -186,17 +161,6 @@ impl RangeSensor for Lidar {
     const SUMMARY: &'static str = "distances along rings of rays: noise, resolution, lost returns, latency";
     type Config = LidarConfig;
     type Outputs = LidarOutputs;
-
-    fn common(config: &LidarConfig) -> Common<'_> {
-        Common {
-            mount: &config.mount,
-            world: &config.world,
-            sees_robot: config.sees_robot,
-            timing: Timing { latency: config.latency, drop_out: config.drop_out },
-            seed: config.seed,
-            randomise: &config.randomise,
-        }
-    }
 
     fn new(config: &LidarConfig, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError> {
         let LidarConfig { distance, least, most, lost, field_of_view, rays, ref elevations, .. } = *config;

@@ -9,19 +9,15 @@ mod looks;
 mod ray;
 mod view;
 
-use std::time::Duration;
-
 use motorium::component::RunClock;
 use motorium::prelude::*;
-use motorium_robots::{RayScene, World};
+use motorium_robots::RayScene;
 use nalgebra::Isometry3;
 use schemars::JsonSchema;
 
-use super::draws::Draws;
-use super::readings::Readings;
-use super::robot::Mount;
-use crate::channel::Timing;
-use crate::randomise::{SensorDraw, SensorRanges};
+use super::config::SensorConfig;
+use super::delivery::Delivery;
+use crate::randomise::SensorDraw;
 use crate::rendering::Looks;
 
 pub use camera::{Camera, CameraConfig, CameraOutputs, Intrinsics};
@@ -29,23 +25,13 @@ pub use depth_camera::{DepthCamera, DepthCameraConfig, DepthCameraOutputs};
 pub use height_scan::{HeightScanConfig, HeightScanSensor};
 pub use lidar::{Lidar, LidarConfig, LidarOutputs};
 pub use ray::{RayConfig, RaySensor};
-use view::{Look, Seen, View};
+pub use view::Seen;
+use view::{Look, View};
 
-/// Configuration that every sensor of rays has.
-#[derive(Clone, Copy, Debug)]
-pub struct Common<'a> {
-    mount: &'a Mount,
-    world: &'a World,
-    sees_robot: bool,
-    timing: Timing,
-    seed: Option<u64>,
-    randomise: &'a SensorRanges,
-}
-
-impl<'a> Common<'a> {
-    fn seen(&self) -> Seen<'a> {
-        Seen { mount: self.mount, world: self.world, sees_robot: self.sees_robot }
-    }
+/// The configuration of a ray-casting sensor.
+pub trait RaysConfig: SensorConfig {
+    /// Returns the mount of the sensor and what it can see.
+    fn seen(&self) -> Seen<'_>;
 }
 
 /// A ray-casting sensor.
@@ -57,12 +43,10 @@ pub trait RangeSensor: Sized + 'static {
     /// `true` if the sensor sees colours and receives them by [`dress`](Self::dress). Default false.
     const SEES_COLOURS: bool = false;
     /// Its configuration.
-    type Config: serde::de::DeserializeOwned + JsonSchema;
+    type Config: RaysConfig + serde::de::DeserializeOwned + JsonSchema;
     /// Its outputs.
     type Outputs;
 
-    /// Returns mount, visibility, latency and seed.
-    fn common(config: &Self::Config) -> Common<'_>;
     /// The sensor of a seed, with the errors of an episode.
     ///
     /// # Errors
@@ -95,9 +79,7 @@ pub struct AlongRays<S: RangeSensor> {
     outputs: S::Outputs,
     config: S::Config,
     sensor: S,
-    readings: Readings,
-    draws: Draws,
-    period: Duration,
+    delivery: Delivery,
     values: Vec<f64>,
     since: Option<u64>,
     clock: RunClock,
@@ -111,31 +93,24 @@ impl<S: RangeSensor> Component for AlongRays<S> {
     type Config = S::Config;
 
     fn declare(config: &S::Config, declare: &mut Declare) -> Result<(), ConfigError> {
-        let common = S::common(config);
-        let Common { timing, randomise, .. } = common;
-        Draws::declare(randomise, declare)?;
-        let sensor = S::new(config, 0, &randomise.draw(0, timing.latency))?;
-        let timing = timing.late(randomise.longest(timing.latency));
-        Readings::declare_wide(&timing, sensor.width(), declare)?;
-        View::declare(common.seen(), declare)?;
+        let common = config.common();
+        let sensor = S::new(config, 0, &common.declare_draws(declare)?)?;
+        common.declare_readings(sensor.width(), declare)?;
+        View::declare(config.seen(), declare)?;
         sensor.declare(declare);
         Ok(())
     }
 
     fn configure(config: S::Config, setup: &mut Setup) -> Result<Self, ConfigureError> {
-        let common = S::common(&config);
-        let seed = common.seed.unwrap_or(setup.seed());
-        let draws = Draws::open(common.randomise, common.timing.latency, seed, setup)?;
-        let mut sensor = S::new(&config, seed, &draws.now())?;
-        let timing = common.timing.late(draws.now().latency);
-        let view = View::open(common.seen(), S::SEES_COLOURS, setup)?;
+        let opened = config.common().open(setup)?;
+        let (seed, draw) = opened.start();
+        let mut sensor = S::new(&config, seed, &draw)?;
+        let view = View::open(config.seen(), S::SEES_COLOURS, setup)?;
         view.looks().into_iter().for_each(|looks| sensor.dress(looks));
         Ok(Self {
             view,
             outputs: sensor.open(setup)?,
-            readings: Readings::new(&timing, sensor.width(), setup.period(), seed)?,
-            draws,
-            period: setup.period(),
+            delivery: opened.deliver(sensor.width())?,
             values: vec![0.0; sensor.width()],
             since: None,
             clock: setup.clock(),
@@ -145,33 +120,27 @@ impl<S: RangeSensor> Component for AlongRays<S> {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        self.draws.publish()?;
+        self.delivery.publish_draws()?;
         if let Some(Look { pose, times: (time, source) }) = self.view.newest(tick, &self.clock)? {
             let dt = self.since.replace(time).map_or(0.0, |since| time.saturating_sub(since) as f64 * 1e-9);
             self.sensor.read(&pose, &mut self.view.scene, dt, &mut self.values);
-            self.readings.push(tick.time_ns, source, &self.values);
+            self.delivery.push(tick.time_ns, source, &self.values);
         }
-        let Some((source, values)) = self.readings.due(tick.time_ns) else { return Ok(()) };
+        let Some((source, values)) = self.delivery.due(tick.time_ns) else { return Ok(()) };
         self.sensor.publish(values, source, &mut self.outputs)
     }
 
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
-        let Common { timing, seed, .. } = S::common(&self.config);
-        let seed = seed.unwrap_or(episode.seed);
-        let draw = self.draws.reset(episode.index, seed);
-        let failed = |error: ConfigError| StepError::failed(error.to_string());
-        self.sensor = S::new(&self.config, seed, &draw).map_err(failed)?;
+        let (seed, draw) = self.delivery.reset(episode)?;
+        self.sensor =
+            S::new(&self.config, seed, &draw).map_err(|error| StepError::failed(error.to_string()))?;
         self.view.looks().into_iter().for_each(|looks| self.sensor.dress(looks));
-        let timing = timing.late(draw.latency);
-        self.readings = Readings::new(&timing, self.values.len(), self.period, seed).map_err(failed)?;
         self.view.reset();
         self.since = None;
         Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        let mut result = self.readings.result();
-        self.draws.report(&mut result);
-        Some(result)
+        Some(self.delivery.result())
     }
 }

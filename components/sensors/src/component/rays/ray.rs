@@ -4,65 +4,43 @@ use motorium::prelude::*;
 use motorium::state::Ranges;
 use motorium_robots::{RayScene, World};
 use nalgebra::Isometry3;
-use schemars::JsonSchema;
-use serde::Deserialize;
 
+use super::super::robot::Mount;
 use super::lidar::Fan;
-use super::{Common, Mount, RangeSensor, Timing};
+use super::{RangeSensor, RaysConfig, Seen};
 use crate::channel::ErrorModel;
-use crate::randomise::{SensorDraw, SensorRanges};
+use crate::randomise::SensorDraw;
 use crate::ranging::RangeSettings;
 
-/// Configuration of `sensor.ray`. The default is an ideal sensor at the root link that looks along its x.
-///
-/// ```toml
-/// mount    = { frame = "panda_hand", rpy = [0.0, 1.5708, 0.0] }
-/// most     = 4.0
-/// distance = { noise = 0.002, resolution = 0.001 }
-/// ```
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct RayConfig {
+sensor_config! {
+    /// Configuration of `sensor.ray`. The default is an ideal sensor at the root link that looks along its x.
+    ///
+    /// ```toml
+    /// mount    = { frame = "panda_hand", rpy = [0.0, 1.5708, 0.0] }
+    /// most     = 4.0
+    /// distance = { noise = 0.002, resolution = 0.001 }
+    /// ```
+    pub struct RayConfig;
+
     /// Mount of the sensor on the robot; the ray points along x. Default: the root link.
-    pub mount: Mount,
+    mount: Mount = Mount::default();
     /// Ground and objects, in a graph without a `[world]`.
-    pub world: World,
+    world: World = World::default();
     /// `true` if the ray can hit the carrying robot. Default true.
-    pub sees_robot: bool,
-    /// The least distance that is measured (m). Default 0.
-    pub least: f64,
-    /// The greatest distance that is measured (m). Default 10.
-    pub most: f64,
+    sees_robot: bool = true;
+    /// Smallest measurable distance (m). Default 0.
+    least: f64 = 0.0;
+    /// Largest measurable distance (m). Default 10.
+    most: f64 = 10.0;
     /// Errors of the distance, m.
-    pub distance: ErrorModel,
-    /// Share of the readings without a return, 0 to 1. Default 0.
-    pub lost: f64,
-    /// Time from sampling until the reading is available. Default 0.
-    pub latency: TimeSpan,
-    /// Fraction of the readings that are dropped, 0 to 1. Default 0.
-    pub drop_out: f64,
-    /// Seed of the noise. Default: from the seed of the run and the name of the component.
-    pub seed: Option<u64>,
-    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
-    /// sampling.
-    pub randomise: SensorRanges,
+    distance: ErrorModel = ErrorModel::default();
+    /// Fraction of the readings without a return, 0 to 1. Default 0.
+    lost: f64 = 0.0;
 }
 
-impl Default for RayConfig {
-    fn default() -> Self {
-        Self {
-            mount: Mount::default(),
-            world: World::default(),
-            sees_robot: true,
-            least: 0.0,
-            most: 10.0,
-            distance: ErrorModel::default(),
-            lost: 0.0,
-            latency: TimeSpan { ns: 0 },
-            drop_out: 0.0,
-            seed: None,
-            randomise: SensorRanges::default(),
-        }
+impl RaysConfig for RayConfig {
+    fn seen(&self) -> Seen<'_> {
+        Seen { mount: &self.mount, world: &self.world, sees_robot: self.sees_robot }
     }
 }
 
@@ -74,17 +52,6 @@ impl RangeSensor for RaySensor {
     const SUMMARY: &'static str = "distance along one ray: noise, resolution, lost returns, latency";
     type Config = RayConfig;
     type Outputs = Output<Ranges>;
-
-    fn common(config: &RayConfig) -> Common<'_> {
-        Common {
-            mount: &config.mount,
-            world: &config.world,
-            sees_robot: config.sees_robot,
-            timing: Timing { latency: config.latency, drop_out: config.drop_out },
-            seed: config.seed,
-            randomise: &config.randomise,
-        }
-    }
 
     fn new(config: &RayConfig, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError> {
         let RayConfig { distance, least, most, lost, .. } = *config;

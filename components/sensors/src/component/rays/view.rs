@@ -18,7 +18,7 @@ use crate::rendering::Looks;
 
 /// Mount of a sensor, and the objects it sees.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Seen<'a> {
+pub struct Seen<'a> {
     /// Place of the sensor on the robot.
     pub(super) mount: &'a Mount,
     /// The world.
