@@ -12,7 +12,6 @@ const CYCLES: &[(&str, &str, &[&str])] = &[
     ("benches", "kill", &["outcome", "trial"]),
     ("components/can", "adapter", &["dialogue", "homing", "link"]),
     ("components/can", "component::adapter", &["config", "order"]),
-    ("runtime", "state", &["field", "finite"]),
 ];
 
 /// Remaining children that use their parent and are used by it, by crate.
@@ -25,7 +24,7 @@ const PARENTS: &[(&str, usize)] = &[
     ("components/models", 4),
     ("components/physics", 6),
     ("robots", 15),
-    ("runtime", 38),
+    ("runtime", 36),
     ("tools", 19),
 ];
 
