@@ -24,7 +24,7 @@ const PARENTS: &[(&str, usize)] = &[
     ("components/models", 4),
     ("components/physics", 6),
     ("robots", 15),
-    ("runtime", 36),
+    ("runtime", 14),
     ("tools", 19),
 ];
 
