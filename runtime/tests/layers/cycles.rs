@@ -24,7 +24,6 @@ const PARENTS: &[(&str, usize)] = &[
     ("components/models", 4),
     ("components/physics", 6),
     ("robots", 15),
-    ("runtime", 2),
     ("tools", 19),
 ];
 
