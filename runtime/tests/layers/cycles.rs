@@ -23,7 +23,7 @@ const PARENTS: &[(&str, usize)] = &[
     ("components/learners", 2),
     ("components/models", 4),
     ("components/physics", 6),
-    ("robots", 15),
+    ("robots", 10),
     ("tools", 19),
 ];
 
