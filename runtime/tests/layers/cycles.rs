@@ -23,7 +23,7 @@ const PARENTS: &[(&str, usize)] = &[
     ("components/learners", 2),
     ("components/models", 4),
     ("components/physics", 6),
-    ("robots", 10),
+    ("robots", 2),
     ("tools", 19),
 ];
 
