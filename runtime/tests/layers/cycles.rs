@@ -14,7 +14,6 @@ const CYCLES: &[(&str, &str, &[&str])] = &[("benches", "kill", &["outcome", "tri
 const PARENTS: &[(&str, usize)] = &[
     ("benches", 1),
     ("components/bridges", 4),
-    ("components/can", 10),
     ("components/control", 8),
     ("components/learners", 2),
     ("components/models", 4),
