@@ -16,7 +16,6 @@ const PARENTS: &[(&str, usize)] = &[
     ("components/bridges", 4),
     ("components/control", 8),
     ("components/learners", 2),
-    ("components/models", 4),
     ("components/physics", 6),
     ("robots", 2),
     ("tools", 19),
