@@ -13,7 +13,6 @@ const CYCLES: &[(&str, &str, &[&str])] = &[("benches", "kill", &["outcome", "tri
 /// Remaining children that use their parent and are used by it, by crate.
 const PARENTS: &[(&str, usize)] = &[
     ("benches", 1),
-    ("components/bridges", 4),
     ("components/control", 8),
     ("components/learners", 2),
     ("components/physics", 6),
