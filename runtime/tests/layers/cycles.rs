@@ -8,11 +8,10 @@ use crate::modules::{Arrows, Modules, PARENT, cycles, parents_in_cycles};
 use crate::{crates, root};
 
 /// Remaining cycles: the crate, the parent module, and its children that use each other.
-const CYCLES: &[(&str, &str, &[&str])] = &[("benches", "kill", &["outcome", "trial"])];
+const CYCLES: &[(&str, &str, &[&str])] = &[];
 
 /// Remaining children that use their parent and are used by it, by crate.
 const PARENTS: &[(&str, usize)] = &[
-    ("benches", 1),
     ("components/control", 8),
     ("components/learners", 2),
     ("components/physics", 6),
