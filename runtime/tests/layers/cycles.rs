@@ -16,7 +16,7 @@ const PARENTS: &[(&str, usize)] = &[
     ("components/learners", 2),
     ("components/physics", 6),
     ("robots", 2),
-    ("tools", 19),
+    ("tools", 5),
 ];
 
 /// A cycle of modules: the crate, the parent module, the children.
