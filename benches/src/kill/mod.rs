@@ -4,11 +4,12 @@
 //! is a signal to one process. The run's shared memory then shows when the actuators reached their safe
 //! state, when the launcher reacted, and when the component published again.
 
+mod consequence;
 mod fault;
 mod outcome;
 mod trial;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use rand::{RngExt as _, SeedableRng as _};
@@ -16,9 +17,10 @@ use rand_pcg::Pcg64;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use consequence::{Consequence, most_frequent_outcome};
 pub use fault::{Fault, Victim};
 pub use outcome::{After, Outcome, Robot};
-use trial::{Consequence, RunEnd, Trial};
+use trial::{RunEnd, Trial};
 
 use crate::{Distribution, MeasureError};
 
@@ -222,7 +224,7 @@ impl Cell {
         };
         let count = |of: fn(&Consequence) -> bool| consequences.iter().filter(|one| of(one)).count() as u32;
         Self {
-            outcome: Outcome::most_frequent(fault, &consequences),
+            outcome: most_frequent_outcome(fault, &consequences),
             victim,
             fault,
             count: consequences.len() as u32,
@@ -233,16 +235,6 @@ impl Cell {
             unsafe_outages: count(|one| one.unsafe_outage),
         }
     }
-}
-
-/// A new folder for the output of a run.
-fn scratch() -> Result<PathBuf, MeasureError> {
-    use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
-    static COUNT: AtomicU32 = AtomicU32::new(0);
-    let name = format!("motorium-kill-{}-{}", std::process::id(), COUNT.fetch_add(1, Relaxed));
-    let path: &Path = &std::env::temp_dir().join(name);
-    std::fs::create_dir(path).map_err(|error| MeasureError::system("making a folder", error))?;
-    Ok(path.to_path_buf())
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! One run of a graph as a separate process, with its faults.
 
+mod outcome;
+
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -14,8 +16,8 @@ use motorium::run_folder::RunFolder;
 use motorium::state::{JointCommand, StateBuffer as _};
 use rustix::process::Signal;
 
+use super::consequence::Consequence;
 use super::fault::{Fault, Victim};
-use super::outcome::{Before, Outcome};
 use crate::MeasureError;
 
 /// Upper bound of the time for all consequences of a fault. Detects hangs; not a figure.
@@ -40,25 +42,6 @@ pub(super) struct Trial {
     seen: Vec<Watch>,
 }
 
-/// The consequences of one fault.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Consequence {
-    /// From the fault to its detection by the launcher, ns.
-    pub(super) detected_ns: Option<u64>,
-    /// From the fault to the safe state of the last actuator, ns.
-    pub(super) safe_ns: Option<u64>,
-    /// From the fault to the first value published by the restarted component, ns.
-    pub(super) restarted_ns: Option<u64>,
-    /// The component did not recover in time.
-    pub(super) hung: bool,
-    /// Commands stopped for too long while an actuator was not in its safe state.
-    pub(super) unsafe_outage: bool,
-    /// Outcome in words; `None` if nothing happened in time.
-    pub(super) outcome: Option<Outcome>,
-    /// Length of a pause.
-    pub(super) pause: Duration,
-}
-
 /// The end of a run.
 #[derive(Debug, Default)]
 pub(super) struct RunEnd {
@@ -76,10 +59,32 @@ pub(super) struct RunEnd {
     pub(super) last_lines: String,
 }
 
+/// Counters of a run just before a fault.
+struct Before {
+    restarts: u32,
+    steps: u64,
+    guard: u32,
+}
+
+impl Before {
+    fn capture(trial: &Trial, victim: &Victim) -> Self {
+        let guard = trial.region.header().guard.load(Relaxed);
+        let index = match victim {
+            Victim::Component(name) => trial.index(name),
+            _ => None,
+        };
+        let (restarts, steps) = index.map_or((0, 0), |index| {
+            let block = &trial.region.components()[index];
+            (block.restarts.load(Relaxed), block.steps.load(Relaxed))
+        });
+        Self { restarts, steps, guard }
+    }
+}
+
 impl Trial {
     /// Starts a graph with restarts allowed and waits until each component steps.
     pub(super) fn start(program: &Path, graph: &Path, components: &[String]) -> Result<Self, MeasureError> {
-        let scratch = super::scratch()?;
+        let scratch = scratch()?;
         let open = |name: &str| {
             File::create(scratch.join(name)).map_err(|error| MeasureError::system("making a file", error))
         };
@@ -388,4 +393,14 @@ impl Drop for Trial {
         let _ = self.child.wait();
         let _ = std::fs::remove_dir_all(&self.scratch);
     }
+}
+
+/// A new folder for the output of a run.
+fn scratch() -> Result<PathBuf, MeasureError> {
+    use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let name = format!("motorium-kill-{}-{}", std::process::id(), COUNT.fetch_add(1, Relaxed));
+    let path: &Path = &std::env::temp_dir().join(name);
+    std::fs::create_dir(path).map_err(|error| MeasureError::system("making a folder", error))?;
+    Ok(path.to_path_buf())
 }

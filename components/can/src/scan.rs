@@ -1,59 +1,16 @@
 //! Scan of the devices on a bus: IDs, protocols and settings.
 
 mod answers;
+mod device;
 
 use core::time::Duration;
 
 use crate::bus::{Bus, Received};
 use crate::damiao::{Register, Request};
 use crate::frame::{Form, Frame, Id};
-use crate::moteus::{self, Home, Mode, Resolution};
+use crate::moteus::{self, Resolution};
 use answers::{damiao, heartbeat, moteus};
-
-/// Device found on a bus.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Device {
-    /// ID on the bus.
-    pub node: u8,
-    /// Kind of the device.
-    pub kind: DeviceKind,
-}
-
-/// Kind of a device.
-#[derive(Clone, Debug, PartialEq)]
-pub enum DeviceKind {
-    /// Damiao drive with readable settings.
-    Damiao {
-        /// Identifier of its answers.
-        master: u16,
-        /// Watchdog, ns, 0 for off; `None` if not read.
-        watchdog_ns: Option<u64>,
-        /// Ends of its ranges: position (rad), velocity (rad/s), torque (N m); `None` for each one that was
-        /// not read.
-        ranges: [Option<f64>; 3],
-    },
-    /// ODrive, found by the axis state and errors in its heartbeat.
-    Odrive {
-        /// State of the axis: 1 idle, 8 closed loop.
-        state: u8,
-        /// Errors of the axis.
-        errors: u32,
-    },
-    /// CANopen node, found by the state in its heartbeat.
-    CanOpen {
-        /// State: 0 boot-up, 4 stopped, 5 operational, 127 pre-operational.
-        state: u8,
-    },
-    /// moteus, which reports its state.
-    Moteus {
-        /// Mode.
-        mode: Mode,
-        /// Position reference, if it is reported.
-        home: Option<Home>,
-        /// Fault code.
-        fault: u8,
-    },
-}
+pub use device::{Device, DeviceKind};
 
 /// Drives found on a bus.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -216,27 +173,11 @@ impl Found {
     }
 }
 
-impl DeviceKind {
-    /// Adds the settings found in `other`.
-    fn complete(&mut self, other: Self) {
-        let (
-            Self::Damiao { watchdog_ns, ranges, .. },
-            Self::Damiao { watchdog_ns: other, ranges: other_ranges, .. },
-        ) = (self, other)
-        else {
-            return;
-        };
-        *watchdog_ns = watchdog_ns.or(other);
-        for (range, other) in ranges.iter_mut().zip(other_ranges) {
-            *range = range.or(other);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::mit::Ranges;
+    use crate::moteus::{Home, Mode};
     use crate::{AnySimulatedDrive, Overrides, Rates, SimulatedBus, SimulatedDrive, Table, mit};
 
     /// Bus with a Damiao drive, a moteus, an ODrive and a CANopen node that send heartbeats, and an unknown

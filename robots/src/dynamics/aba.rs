@@ -6,43 +6,11 @@
 use nalgebra::Vector3;
 
 use super::base_sweep::joint_motion;
+use super::recursion::Articulated;
 use super::{Dynamics, SingularMassMatrix, Wrench, external};
-use crate::algebra::{ArticulatedInertia, M3, Spatial, V3};
+use crate::algebra::{ArticulatedInertia, Spatial, V3};
 use crate::model::flat::{FlatModel, FramePlacement};
 use crate::{FrameId, Model};
-
-/// A body in base coordinates.
-#[derive(Clone, Debug)]
-pub(super) struct Articulated {
-    rotation: M3,
-    position: V3,
-    joint: Spatial,
-    velocity: Spatial,
-    /// Acceleration caused by velocity products and gravity; later with the contribution of the efforts.
-    acceleration: Spatial,
-    /// Wrench required by the motion beyond the applied one.
-    wrench: Spatial,
-    inertia: ArticulatedInertia,
-    /// Wrench along the joint's motion.
-    yielding: Spatial,
-    inverse: f64,
-    effort: f64,
-}
-
-impl Articulated {
-    pub(super) const START: Self = Self {
-        rotation: M3::IDENTITY,
-        position: V3::ZERO,
-        joint: Spatial::ZERO,
-        velocity: Spatial::ZERO,
-        acceleration: Spatial::ZERO,
-        wrench: Spatial::ZERO,
-        inertia: ArticulatedInertia::ZERO,
-        yielding: Spatial::ZERO,
-        inverse: 0.0,
-        effort: 0.0,
-    };
-}
 
 impl Dynamics {
     /// O(n) forward dynamics of a robot without mimic joints.

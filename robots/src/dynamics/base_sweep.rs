@@ -1,29 +1,9 @@
 //! Poses, joint motions and inertias of all bodies in base coordinates.
 
 use super::Dynamics;
-use crate::algebra::{M3, RigidInertia, Spatial, V3};
+use crate::algebra::{Spatial, V3};
 use crate::model::flat::FlatModel;
 use crate::model::node::Node;
-
-/// A body in base coordinates.
-#[derive(Clone, Debug)]
-pub(crate) struct Composite {
-    pub(crate) rotation: M3,
-    pub(crate) position: V3,
-    /// Motion of the body for one unit of joint velocity.
-    pub(crate) joint: Spatial,
-    /// Inertia of the body; later including everything it carries.
-    pub(crate) inertia: RigidInertia,
-}
-
-impl Composite {
-    pub(crate) const START: Self = Self {
-        rotation: M3::IDENTITY,
-        position: V3::ZERO,
-        joint: Spatial::ZERO,
-        inertia: RigidInertia::ZERO,
-    };
-}
 
 /// The motion of a body whose joint axis is `z` through `p`, for one unit of joint velocity.
 #[inline(always)]

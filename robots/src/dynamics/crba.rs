@@ -54,7 +54,7 @@ impl Dynamics {
         let out = out.as_mut_slice();
         if flat.orderly {
             self.check(model, q);
-            self.mass_in_dh_frames::<FUSED, BOTH>(flat, q, out, n);
+            self.composite[0].inertia = self.crba.mass::<FUSED, BOTH>(flat, q, out, n);
             if flat.floating {
                 self.base_block(out, n);
             }

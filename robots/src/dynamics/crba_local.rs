@@ -5,7 +5,6 @@
 //! step. All wrenches from beyond a body go through the same steps, so they are carried side by side, in
 //! blocks that fill the registers.
 
-use super::Dynamics;
 use crate::algebra::{LANES, M3, RigidInertia, Spatial, Turn, V3, fused, sin_cos_abreast};
 use crate::model::dh_frames::{DhBody, JointZeros, LinkTransform};
 use crate::model::flat::FlatModel;
@@ -65,39 +64,18 @@ impl CrbaWorkspace {
             places,
         }
     }
-}
 
-/// Bodies in order. A branch next to another starts a new block, so that a step processes all lanes of its
-/// blocks.
-fn places(flat: &FlatModel) -> Vec<Place> {
-    let mut places: Vec<Place> = Vec::with_capacity(flat.ends.len());
-    let mut next: usize = 0;
-    for (index, node) in flat.nodes.iter().enumerate().take(flat.ends.len()) {
-        if node.parent != index {
-            next = next.next_multiple_of(LANES);
-        }
-        places.push(Place { block: next / LANES, lane: next % LANES, end: 0 });
-        next += 1;
-    }
-    for (index, &end) in flat.ends.iter().enumerate() {
-        places[index].end = places[end - 1].block + 1;
-    }
-    places
-}
-
-impl Dynamics {
     /// Mass matrix of a model without mimic joints whose bodies are ordered depth first, except the base's
-    /// own block: the upper triangle, and the lower one if `BOTH`. The inertia of the whole robot is left in
-    /// the first slot of `composite`.
+    /// own block: the upper triangle, and the lower one if `BOTH`. Returns the inertia of the whole robot.
     #[inline(always)]
-    pub(super) fn mass_in_dh_frames<const FUSED: bool, const BOTH: bool>(
+    pub(super) fn mass<const FUSED: bool, const BOTH: bool>(
         &mut self,
         flat: &FlatModel,
         q: &[f64],
         out: &mut [f64],
         n: usize,
-    ) {
-        let CrbaWorkspace { postures, places, blocks, gathered } = &mut self.crba;
+    ) -> RigidInertia {
+        let CrbaWorkspace { postures, places, blocks, gathered } = self;
         let (q, first_column) = if flat.floating { (&q[7..], 6) } else { (q, 0) };
         let frames = &flat.dh_frames;
         for ((posture, zero), q) in postures.iter_mut().zip(&frames.zeros).zip(q.chunks(LANES)) {
@@ -114,7 +92,7 @@ impl Dynamics {
                 inertia += std::mem::replace(&mut gathered[index + 1], RigidInertia::ZERO);
             }
             let blocks = &mut blocks[place.block..place.end];
-            let Some(own) = blocks.first_mut() else { return };
+            let Some(own) = blocks.first_mut() else { return gathered[0] };
             own.set(place.lane, unit_wrench(body, &inertia));
             // Without mimic joints, columns are in the order of the bodies.
             let component = if body.prismatic { 2 } else { 5 };
@@ -171,8 +149,26 @@ impl Dynamics {
                 }
             }
         }
-        self.composite[0].inertia = gathered[0];
+        gathered[0]
     }
+}
+
+/// Bodies in order. A branch next to another starts a new block, so that a step processes all lanes of its
+/// blocks.
+fn places(flat: &FlatModel) -> Vec<Place> {
+    let mut places: Vec<Place> = Vec::with_capacity(flat.ends.len());
+    let mut next: usize = 0;
+    for (index, node) in flat.nodes.iter().enumerate().take(flat.ends.len()) {
+        if node.parent != index {
+            next = next.next_multiple_of(LANES);
+        }
+        places.push(Place { block: next / LANES, lane: next % LANES, end: 0 });
+        next += 1;
+    }
+    for (index, &end) in flat.ends.iter().enumerate() {
+        places[index].end = places[end - 1].block + 1;
+    }
+    places
 }
 
 impl Posture {

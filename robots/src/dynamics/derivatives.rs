@@ -7,9 +7,11 @@
 
 use nalgebra::{DMatrix, Vector3};
 
+use super::coriolis::Coriolis;
+use super::recursion::BodyDerivatives;
 use super::{Dynamics, SingularMassMatrix};
 use crate::Model;
-use crate::algebra::{M3, RigidInertia, S3, Spatial, V3, Work, fused, widest};
+use crate::algebra::{Spatial, V3, Work, fused, widest};
 use crate::model::flat::FlatModel;
 
 /// Derivatives of a vector of efforts or accelerations, each nv x nv.
@@ -31,82 +33,6 @@ impl Derivatives {
         let zeros = DMatrix::zeros(model.nv(), model.nv());
         Self { q: zeros.clone(), v: zeros.clone(), input: zeros }
     }
-}
-
-/// The Coriolis matrix of a body or composite, for motions in base coordinates.
-#[derive(Clone, Copy, Debug)]
-struct Coriolis {
-    /// Linear momentum.
-    momentum: V3,
-    /// `w -> sum m r x (w x velocity)`
-    moment: M3,
-}
-
-impl Coriolis {
-    const ZERO: Self = Self { momentum: V3::ZERO, moment: M3::ZERO };
-
-    #[inline(always)]
-    fn new(inertia: &RigidInertia, velocity: Spatial) -> Self {
-        let (u, w) = (velocity.linear, velocity.angular);
-        // sum m r r'
-        let i = &inertia.rotational;
-        let half = 0.5 * (i.xx + i.yy + i.zz);
-        let spread =
-            S3 { xx: half - i.xx, yy: half - i.yy, zz: half - i.zz, xy: -i.xy, xz: -i.xz, yz: -i.yz };
-        // sum m r velocity', the velocity of a point being u + w x r
-        let arms = M3::outer(inertia.moment, u) - spread.columns() * M3::skew(w);
-        let trace = arms.trace();
-        let turned = arms.transpose();
-        Self {
-            momentum: u * inertia.mass + w.cross(inertia.moment),
-            moment: M3 {
-                x: V3::new(trace, 0.0, 0.0) - turned.x,
-                y: V3::new(0.0, trace, 0.0) - turned.y,
-                z: V3::new(0.0, 0.0, trace) - turned.z,
-            },
-        }
-    }
-
-    #[inline(always)]
-    fn add(&mut self, other: &Self) {
-        self.momentum += other.momentum;
-        self.moment += other.moment;
-    }
-
-    #[inline(always)]
-    fn twice(&self, motion: Spatial) -> Spatial {
-        Spatial { linear: motion.angular.cross(self.momentum), angular: self.moment * motion.angular } * 2.0
-    }
-
-    /// The angular part of `2 B' motion`; the linear part is zero.
-    #[inline(always)]
-    fn twice_transposed(&self, motion: Spatial) -> V3 {
-        (self.momentum.cross(motion.linear) + self.moment.tr_mul(motion.angular)) * 2.0
-    }
-}
-
-/// Derivative workspace of one body, in addition to its composite inertia.
-#[derive(Clone, Debug)]
-pub(super) struct BodyDerivatives {
-    velocity: Spatial,
-    acceleration: Spatial,
-    /// Rate of the joint's motion with the parent, and the rate of that.
-    first: Spatial,
-    second: Spatial,
-    coriolis: Coriolis,
-    /// Wrench on the body and all it carries.
-    wrench: Spatial,
-}
-
-impl BodyDerivatives {
-    pub(super) const START: Self = Self {
-        velocity: Spatial::ZERO,
-        acceleration: Spatial::ZERO,
-        first: Spatial::ZERO,
-        second: Spatial::ZERO,
-        coriolis: Coriolis::ZERO,
-        wrench: Spatial::ZERO,
-    };
 }
 
 impl Dynamics {

@@ -8,6 +8,7 @@
 mod aba;
 mod base_sweep;
 mod contact;
+mod coriolis;
 mod crba;
 mod crba_local;
 mod derivatives;
@@ -15,6 +16,7 @@ mod external;
 mod factor;
 mod forward;
 mod momentum;
+mod recursion;
 mod regressor;
 mod rnea;
 
@@ -22,6 +24,8 @@ use nalgebra::DMatrix;
 
 use crate::Model;
 use crate::model::flat::Positions;
+use crba_local::CrbaWorkspace;
+use recursion::{Articulated, BodyDerivatives, Composite, Local};
 
 pub use contact::{ConstrainedDynamics, ConstrainedError, Constraint};
 pub use derivatives::Derivatives;
@@ -57,12 +61,12 @@ pub use regressor::PARAMETERS;
 pub struct Dynamics {
     positions: Positions,
     /// Newton-Euler state, one per body, the base first.
-    local: Vec<rnea::Local>,
+    local: Vec<Local>,
     /// Recursions in base coordinates, likewise.
-    composite: Vec<base_sweep::Composite>,
-    articulated: Vec<aba::Articulated>,
-    crba: crba_local::CrbaWorkspace,
-    body_derivatives: Vec<derivatives::BodyDerivatives>,
+    composite: Vec<Composite>,
+    articulated: Vec<Articulated>,
+    crba: CrbaWorkspace,
+    body_derivatives: Vec<BodyDerivatives>,
     mass: DMatrix<f64>,
     factor: MassFactor,
     zero: Vec<f64>,
@@ -75,11 +79,11 @@ impl Dynamics {
         let slots = model.bodies().len() + 1;
         Self {
             positions: Positions::new(model.bodies().len()),
-            local: vec![rnea::Local::START; slots],
-            composite: vec![base_sweep::Composite::START; slots],
-            body_derivatives: vec![derivatives::BodyDerivatives::START; slots],
-            crba: crba_local::CrbaWorkspace::new(model.flat()),
-            articulated: vec![aba::Articulated::START; slots],
+            local: vec![Local::START; slots],
+            composite: vec![Composite::START; slots],
+            body_derivatives: vec![BodyDerivatives::START; slots],
+            crba: CrbaWorkspace::new(model.flat()),
+            articulated: vec![Articulated::START; slots],
             mass: DMatrix::zeros(model.nv(), model.nv()),
             factor: MassFactor::new(model),
             zero: vec![0.0; model.nv()],

@@ -2,41 +2,14 @@
 
 use nalgebra::Vector3;
 
+use super::recursion::Local;
 use super::{Dynamics, Wrench, external};
 use crate::algebra::{M3, Spatial, V3, Work, widest};
 use crate::model::flat::FlatModel;
 use crate::model::node::Node;
 use crate::{FrameId, Model};
 
-/// State of the recursion for one body, in its node frame.
-#[derive(Clone, Debug)]
-pub(super) struct Local {
-    /// Pose in the parent.
-    rotation: M3,
-    translation: V3,
-    /// Angular velocity.
-    angular: V3,
-    /// Angular acceleration.
-    angular_rate: V3,
-    /// Classical acceleration of the origin, gravity counted as acceleration upwards.
-    acceleration: V3,
-    /// `[alpha]x + [omega]x^2`: times a fixed point of the body, its acceleration relative to the origin.
-    point_acceleration: M3,
-    /// Net wrench on the body and all it carries, about the origin.
-    pub(super) wrench: Spatial,
-}
-
 impl Local {
-    pub(super) const START: Self = Self {
-        rotation: M3::IDENTITY,
-        translation: V3::ZERO,
-        angular: V3::ZERO,
-        angular_rate: V3::ZERO,
-        acceleration: V3::ZERO,
-        point_acceleration: M3::ZERO,
-        wrench: Spatial::ZERO,
-    };
-
     /// Classical acceleration of the origin against gravity, angular velocity and acceleration.
     pub(super) fn motion(&self) -> (V3, V3, V3) {
         (self.acceleration, self.angular, self.angular_rate)

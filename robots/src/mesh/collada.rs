@@ -5,7 +5,9 @@ use std::collections::HashMap;
 use nalgebra::{Matrix4, Point3, Rotation3, Unit, Vector3};
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::{Fault, MeshProblem, TriangleMesh, ears, number};
+use super::ears;
+use super::error::{Fault, MeshProblem, number};
+use super::triangle_mesh::TriangleMesh;
 
 /// Largest depth of nodes: a deeper scene instances itself.
 const DEEPEST: usize = 64;

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use nalgebra::Vector3;
 use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
 
-use super::TriangleMesh;
+use super::triangle_mesh::TriangleMesh;
 use crate::algebra::{V3, v3, vector};
 
 /// Voxels along the longest side of a mesh that is cut into parts.

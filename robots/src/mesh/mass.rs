@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use super::TriangleMesh;
+use super::triangle_mesh::TriangleMesh;
 
 /// Volume, centre and inertia of a solid of uniform density.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,7 +2,9 @@
 
 use nalgebra::Vector3;
 
-use super::{Fault, MeshProblem, TriangleMesh, ears, number};
+use super::ears;
+use super::error::{Fault, MeshProblem, number};
+use super::triangle_mesh::TriangleMesh;
 
 pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
     let mut mesh = TriangleMesh::default();

@@ -4,7 +4,8 @@ use std::collections::HashMap;
 
 use nalgebra::Vector3;
 
-use super::{Fault, MeshProblem, TriangleMesh, number};
+use super::error::{Fault, MeshProblem, number};
+use super::triangle_mesh::TriangleMesh;
 
 const HEADER: usize = 84;
 const FACET: usize = 50;

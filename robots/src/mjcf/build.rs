@@ -11,8 +11,9 @@ use super::compiler::Compiler;
 use super::drives::{self, Drives};
 use super::error::{MjcfError, MjcfProblem};
 use super::geoms::Geoms;
+use super::robot::MjcfRobot;
 use super::sections::{check_options, read_assets, read_exclusions};
-use super::{MjcfRobot, actuators, equality, keyframes};
+use super::{actuators, equality, keyframes};
 use crate::options::{BaseMode, LoadOptions};
 use crate::{Base, Body, Coordinate, Dynamics, Frame, LinkColours, Model, Position, Srdf};
 

@@ -24,31 +24,16 @@ mod keyframes;
 pub(crate) mod looks;
 pub(crate) mod masks;
 pub(crate) mod pose;
+mod robot;
 pub(crate) mod schema;
 pub(crate) mod sections;
 
 use std::path::Path;
 
 pub use error::{MjcfError, MjcfProblem};
+pub use robot::MjcfRobot;
 
-use crate::{LinkColours, LoadOptions, Model, ModelWarning, Profile, Srdf};
-
-/// An MJCF text turned into a model.
-#[derive(Clone, Debug)]
-pub struct MjcfRobot {
-    /// The robot, with joints in MuJoCo's order.
-    pub model: Model,
-    /// Defects that did not prevent loading, and ignored elements.
-    pub warnings: Vec<ModelWarning>,
-    /// Pairs of bodies excluded by `<contact><exclude>` or by `contype` and `conaffinity`, as rules for a
-    /// [`CollisionModel`](crate::CollisionModel).
-    pub exclusions: Srdf,
-    /// Poses from keyframes, and gains and undriven joints from actuators; `None` without keyframes and
-    /// position actuators.
-    pub profile: Option<Profile>,
-    /// Colours of the model's shapes, from its geoms (`rgba`) or their materials.
-    pub colours: LinkColours,
-}
+use crate::LoadOptions;
 
 /// Parses MJCF `text`. `file` is its path, for messages and to find meshes next to it.
 ///

@@ -1,6 +1,7 @@
 //! The robot: bodies, joints, frames. Immutable once built.
 
 mod attach;
+mod body;
 pub(crate) mod dh_frames;
 pub(crate) mod flat;
 pub(crate) mod followers;
@@ -13,9 +14,10 @@ mod scale;
 mod shape;
 mod springs;
 
-use nalgebra::{DVector, Isometry3};
+use nalgebra::DVector;
 
 pub use attach::{AttachError, Placed};
+pub use body::{Base, Body};
 pub use frame::{Frame, FrameId, UnknownFrame};
 pub use inertia::Inertia;
 pub use joint::{Coordinate, Drive, Joint, JointDynamics, JointKind, Limits, SafetyController};
@@ -26,36 +28,6 @@ pub use springs::SpringError;
 
 use crate::nearest::nearest;
 use flat::FlatModel;
-
-/// The body moved by one joint, with every link fixed to it merged in.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Body {
-    /// URDF child link of the joint; its frame is the body frame.
-    pub name: String,
-    /// Joint that moves it.
-    pub joint: Joint,
-    /// Parent body; `None` for the fixed base.
-    pub parent: Option<usize>,
-    /// Inertia of all its links, in the body frame.
-    pub inertia: Inertia,
-    /// Collision geometry of all its links, in the body frame.
-    pub shapes: Vec<Shape>,
-}
-
-/// The root of the tree: every link fixed to the root link, merged.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Base {
-    /// `true` for a floating base: six entries of `v` and seven of `q`, before the joints.
-    pub floating: bool,
-    /// World pose in the neutral configuration, if given in the file.
-    pub neutral: Isometry3<f64>,
-    /// Inertia in the frame of the base's first link. Plays no part when the base is fixed.
-    pub inertia: Inertia,
-    /// Collision geometry in the same frame.
-    pub shapes: Vec<Shape>,
-    /// Collision geometry that stays in the world when the base floats.
-    pub world_shapes: Vec<Shape>,
-}
 
 /// A robot: a base and the bodies its joints move.
 ///

@@ -5,7 +5,7 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::TerrainError;
+use super::error::TerrainError;
 use super::expression::Expression;
 use super::image::Picture;
 

@@ -7,10 +7,11 @@ use urdf_rs::{JointType, Robot};
 
 use super::error::{UrdfError, UrdfProblem};
 use super::mimic::{self, Follow};
+use super::robot::UrdfRobot;
 use super::source::{self, Survey};
 use super::structure::{self, Edge, Structure};
 use super::warning::ModelWarning;
-use super::{MimicMode, PackagePath, UrdfRobot, inertia, joints, transmission, warn_of_model};
+use super::{MimicMode, PackagePath, inertia, joints, transmission, warn_of_model};
 use crate::options::{BaseMode, LoadOptions, ShapeSource};
 use crate::{
     Base, Body, Coordinate, Drive, Frame, Geometry, Inertia, Joint, JointKind, Limits, Model, Shape,

@@ -9,6 +9,7 @@ mod joints;
 mod mimic;
 mod pinocchio;
 mod plausibility;
+mod robot;
 mod source;
 mod structure;
 mod transmission;
@@ -23,20 +24,12 @@ pub(crate) use plausibility::warn_of_model;
 
 pub use error::{UrdfError, UrdfProblem};
 pub use pinocchio::pinocchio_joint_order;
+pub use robot::UrdfRobot;
 pub use warning::ModelWarning;
 pub(crate) use write::write;
 pub use write::{DrawnRobot, draw_as_urdf};
 
-use crate::{LoadOptions, MimicMode, Model, PackagePath};
-
-/// A URDF text turned into a model.
-#[derive(Clone, Debug)]
-pub struct UrdfRobot {
-    /// The robot.
-    pub model: Model,
-    /// Defects that did not prevent loading.
-    pub warnings: Vec<ModelWarning>,
-}
+use crate::{LoadOptions, MimicMode, PackagePath};
 
 /// Parses URDF `text`. `file` is its path, for messages and to find meshes next to it.
 ///

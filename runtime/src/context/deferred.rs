@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use std::fmt::Debug;
 use std::rc::Rc;
 
-use super::Context;
+use super::first_lines::FirstLines;
 use crate::region::Region;
 
 /// Number of ages kept until the end of a step; further ones are recorded immediately.
@@ -16,8 +16,9 @@ pub(crate) trait AfterStep: Debug {
     /// Wakes the components that the step has triggered.
     fn wake(&self);
 
-    /// Counts the publications of the step, and chooses the memory of the next one.
-    fn finish(&self, context: &Context);
+    /// Counts the publications of the step, and chooses the memory of the next one, which the next step needs
+    /// first.
+    fn finish(&self, region: &Region, first_lines: &FirstLines);
 
     /// Forgets the publications of the episode before.
     fn begin_episode(&self);
@@ -66,8 +67,8 @@ impl Deferred {
     }
 
     /// Does the rest of the work put off.
-    pub(crate) fn finish(&self, context: &Context) {
-        self.outputs.borrow().iter().for_each(|output| output.finish(context));
+    pub(crate) fn finish(&self, first_lines: &FirstLines) {
+        self.outputs.borrow().iter().for_each(|output| output.finish(&self.region, first_lines));
         for (edge, age_ns) in self.ages.borrow_mut().drain(..) {
             self.region.edges()[edge].age.record(age_ns);
         }

@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::{Error, Read as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Longest graph file, and most bytes of all files of a graph.
 pub(super) const LONGEST: u64 = 16 * 1024 * 1024;
@@ -30,7 +30,7 @@ pub(super) fn read(path: &Path) -> std::io::Result<Vec<u8>> {
 
 /// The name of a graph file in the folder of `path` that was probably meant.
 pub(super) fn near(path: &Path) -> Option<String> {
-    let graphs: Vec<String> = std::fs::read_dir(super::folder_of(path))
+    let graphs: Vec<String> = std::fs::read_dir(folder_of(path))
         .into_iter()
         .flatten()
         .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
@@ -38,6 +38,15 @@ pub(super) fn near(path: &Path) -> Option<String> {
         .collect();
     let wanted = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     crate::nearest::nearest(wanted, graphs.iter().map(String::as_str)).map(str::to_owned)
+}
+
+/// Folder of a file, absolute if it can be determined.
+pub(super) fn folder_of(path: &Path) -> PathBuf {
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf())
 }
 
 #[cfg(test)]

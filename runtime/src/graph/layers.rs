@@ -130,7 +130,7 @@ impl Layers {
         let mut sources = Sources::new(self.named);
         let mut problems = Vec::new();
         for layer in self.files {
-            let folder = super::folder_of(&layer.path);
+            let folder = file::folder_of(&layer.path);
             sources.add_file(layer.path.display().to_string(), layer.text, folder);
             let start = sources.files().last().map_or(0, |source: &Source| source.start);
             problems.extend(layer.problem.map(|problem| Problem {

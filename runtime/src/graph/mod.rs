@@ -35,6 +35,7 @@ pub use diagnostic::{Diagnostic, DiagnosticReport, PlaceReport};
 pub use error::GraphError;
 pub use machine::Machine;
 pub use overrides::{Override, OverrideError};
+pub use resolve::{DECLARE_BOUND_NS, DeclareTime};
 pub use schema::schema;
 
 use crate::plan::Plan;
@@ -53,19 +54,6 @@ pub struct Checked {
     /// Time for the declaration of each component, in file order.
     pub declared: Vec<DeclareTime>,
 }
-
-/// Time for the declaration of a component.
-#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
-pub struct DeclareTime {
-    /// The component.
-    pub component: String,
-    /// Wall time of its [`declare`](crate::component::Component::declare), ns; of a program of its own with
-    /// its start and its end.
-    pub wall_ns: u64,
-}
-
-/// Maximum declaration time of a component before `motorium check` warns, ns.
-pub const DECLARE_BOUND_NS: u64 = 100_000_000;
 
 /// Reads a graph file, applies `overrides`, and performs all checks possible before the start, for the
 /// current machine.
@@ -172,15 +160,6 @@ fn check_layers(
 fn read(path: &Path) -> Result<String, GraphError> {
     let bytes = file::read(path).map_err(|error| unreadable(path, &error))?;
     String::from_utf8(bytes).map_err(|error| not_text(path, &error))
-}
-
-/// Folder of a file, absolute if it can be determined.
-fn folder_of(path: &Path) -> PathBuf {
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf())
 }
 
 fn unreadable(path: &Path, error: &std::io::Error) -> GraphError {

@@ -4,15 +4,15 @@
 
 use std::sync::atomic::Ordering::Relaxed;
 
-use super::{Event, Launch};
-use crate::plan::{ClockKind, Plan};
+use super::Event;
+use crate::plan::Plan;
 use crate::region::{Command, ComponentBlock, GateState, Latch, Misses, Refusal, Region};
 
 /// Initial and final interval between repeated events of one kind and component, ns.
 const FIRST_QUIET_NS: u64 = 1_000_000_000;
 const LONGEST_QUIET_NS: u64 = 64_000_000_000;
 /// Simulated time between two looks in lockstep, ns.
-pub(super) const LOOK_NS: u64 = 100_000_000;
+const LOOK_NS: u64 = 100_000_000;
 
 /// Time of the next report of a persistent condition: immediately first, then after doubling intervals.
 #[derive(Debug, Clone, Default)]
@@ -84,6 +84,8 @@ const REFILL_NS: u64 = 10_000_000_000;
 pub(super) struct Accounts {
     components: Vec<Account>,
     latencies: Vec<Told<u64>>,
+    /// Lockstep: simulated time of the next look, ns.
+    next_look_ns: u64,
 }
 
 impl Accounts {
@@ -93,6 +95,7 @@ impl Accounts {
         Self {
             components: vec![fresh; plan.components.len()],
             latencies: vec![Told::default(); plan.latencies.len()],
+            next_look_ns: 0,
         }
     }
 
@@ -106,6 +109,26 @@ impl Accounts {
             (account.changes_left, account.refilled_ns) = (CHANGES, 0);
         }
         self.latencies.iter_mut().for_each(|reported| reported.pause = Pause::default());
+        self.next_look_ns = 0;
+    }
+
+    /// Simulated time of the next look in lockstep, ns.
+    pub(super) fn next_look_ns(&self) -> u64 {
+        self.next_look_ns
+    }
+
+    /// Reports changes in lockstep, when a look is due in simulated time.
+    #[inline]
+    pub(super) fn tell_at(
+        &mut self,
+        (plan, region): (&Plan, &Region),
+        simulated_ns: u64,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) {
+        if simulated_ns >= self.next_look_ns {
+            self.next_look_ns = simulated_ns + LOOK_NS;
+            self.tell((plan, region), simulated_ns, false, observe);
+        }
     }
 
     /// Reports changes; with `all`, including those held back by a pause.
@@ -220,7 +243,7 @@ const GATE_FAULTS: [&str; 2] = [
 
 /// Returns the numbers of safe states in which joints did not come to rest in time, and of resumes that took
 /// too long.
-fn gate_faults(block: &ComponentBlock) -> [u32; 2] {
+pub(super) fn gate_faults(block: &ComponentBlock) -> [u32; 2] {
     [block.gate.unsettled(), block.gate.late_resumes()]
 }
 
@@ -232,48 +255,6 @@ fn cause(latch: Option<Latch>, is_end: bool, refuses: bool) -> &'static str {
         Some(Latch::EmergencyStop) => "by an emergency stop",
         _ if refuses => "its commands are refused",
         _ => "its commands are stale",
-    }
-}
-
-impl Launch {
-    /// Reports misses, refusals and safe states since the last call.
-    pub(super) fn tell_accounts(&mut self, now_ns: u64, observe: &mut dyn FnMut(Event<'_>)) {
-        self.accounts.tell((&self.plan, &self.region), now_ns, false, observe);
-    }
-
-    /// Records for the report which actuators did not come to rest in their safe state, and which were late
-    /// to follow commands again.
-    pub(super) fn note_rest(&mut self) {
-        for (component, block) in self.plan.components.iter().zip(self.region.components()) {
-            let name = &component.name;
-            let [unsettled, late] = gate_faults(block);
-            if unsettled > 0 {
-                self.warnings.push(format!(
-                    "`{name}` did not come to rest in its safe state within 1 s, {unsettled}x"
-                ));
-            }
-            if late > 0 {
-                self.warnings.push(format!("`{name}` was resuming for more than 2 s, {late}x"));
-            }
-        }
-    }
-
-    /// The same in lockstep, when a poll is due in simulated time.
-    #[inline]
-    pub(super) fn tell_accounts_at(&mut self, simulated_ns: u64, observe: &mut dyn FnMut(Event<'_>)) {
-        if simulated_ns >= self.next_account_ns {
-            self.next_account_ns = simulated_ns + LOOK_NS;
-            self.tell_accounts(simulated_ns, observe);
-        }
-    }
-
-    /// Reports everything remaining at the end of a run or episode.
-    pub(super) fn tell_last_accounts(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
-        let now_ns = match self.plan.clock {
-            ClockKind::Realtime => crate::os::monotonic_ns(),
-            ClockKind::Lockstep => self.reached_ns,
-        };
-        self.accounts.tell((&self.plan, &self.region), now_ns, true, observe);
     }
 }
 

@@ -2,10 +2,13 @@
 
 use std::time::{Duration, Instant};
 
-use super::{CONFIGURE_WITHIN, Event, Hosting, Launch, LaunchError};
+use super::{Event, Hosting, Launch, LaunchError};
 use crate::plan::{ClockKind, SchedulingClass};
 use crate::region::{Command, End, Phase};
 use std::sync::atomic::Ordering::Relaxed;
+
+/// Time within which components must be configured.
+const CONFIGURE_WITHIN: Duration = Duration::from_secs(30);
 
 impl Launch {
     /// Waits until all components are configured, then until all are connected; `false` if a signal arrived

@@ -16,12 +16,15 @@ use std::time::Duration;
 use crossbeam_channel::{Receiver, Sender, bounded};
 use rustix::process::Signal;
 
+use super::LaunchError;
 use super::ending::Ending;
-use super::{LaunchError, STOP_WITHIN};
 use crate::os::{Watch, held_word, interrupt_thread, named, with_shortage};
 use crate::region::{ComponentBlock, End, PanicOrigin, Phase, Region};
 use crate::run_folder::RunFolder;
 use crate::worker::{Failure, GUARD, Host, Hosted, Kind, Outcome, WORKER, Worker};
+
+/// Default time for a component to end after the command to stop.
+const STOP_WITHIN: Duration = Duration::from_nanos(crate::plan::STOP_WITHIN_NS);
 
 /// A running component, or the guard.
 pub(super) struct Child {

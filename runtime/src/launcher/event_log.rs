@@ -3,13 +3,10 @@
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
 
-use super::{Event, Launch, LoggedEvent, logged};
+use super::Event;
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, Plan};
-use crate::region::{EventKind, EventReader, EventRecord, Region};
-
-/// The most events in a report.
-pub const REPORTED_EVENTS: usize = 256;
+use crate::region::{EventRecord, Region};
 
 /// Writes observed events to the log of a run.
 pub(super) struct EventWriter {
@@ -70,28 +67,5 @@ pub(super) fn logging<'a>(
     move |event| {
         writer.write(&event);
         observe(event);
-    }
-}
-
-impl Launch {
-    /// The events since the last call of this reader.
-    pub(crate) fn events(&self, reader: &mut EventReader) -> Vec<LoggedEvent> {
-        let records = reader.read(self.region.events()).into_iter();
-        records.map(|record| LoggedEvent::from_record(record, &self.plan, &self.region)).collect()
-    }
-
-    /// Returns the newest events for the report, and the number of omitted ones.
-    pub(super) fn reported_events(&self) -> (Vec<LoggedEvent>, u64) {
-        let (mut events, lost) = logged(&self.plan, &self.region);
-        let more = events.len().saturating_sub(REPORTED_EVENTS);
-        // Events of the run take precedence over printed lines.
-        let mut lines = more;
-        events.retain(|event| {
-            let goes = lines > 0 && event.kind == EventKind::Output;
-            lines -= usize::from(goes);
-            !goes
-        });
-        events.drain(..lines);
-        (events, lost + more as u64)
     }
 }

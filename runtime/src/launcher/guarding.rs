@@ -1,20 +1,16 @@
 //! The launcher's care for its guard: started, watched, replaced.
 
-use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering::Relaxed;
-
-use std::os::unix::fs::MetadataExt as _;
 
 use super::child::Child;
 use super::hang::SILENCE_NS;
 use super::restart::History;
-use super::{Event, Launch, LaunchError};
+use super::worker_program::WorkerProgram;
+use super::{Event, LaunchError};
 use crate::os::monotonic_ns;
 use crate::plan::{RestartPlan, RestartWhen};
-use crate::region::End;
-
-/// Program of this process, even if its file was replaced or removed.
-const OWN_PROGRAM: &str = "/proc/self/exe";
+use crate::region::{End, Region};
+use crate::run_folder::RunFolder;
 
 /// Consecutive failures after which a run counts as unguarded.
 const FAILURES: u32 = 3;
@@ -62,48 +58,48 @@ impl Guard {
             None => None,
         }
     }
-}
 
-impl Launch {
-    /// Starts the guard.
-    pub(super) fn start_guard(&mut self) -> Result<(), LaunchError> {
-        let child = Child::guard(&self.own_program(), &self.folder)?;
-        self.region.header().guard.store(child.pid(), Relaxed);
-        self.guard.since_ns = monotonic_ns();
-        self.guard.child = Some(child);
+    /// Starts the process.
+    pub(super) fn start(
+        &mut self,
+        program: &WorkerProgram,
+        (folder, region): (&RunFolder, &Region),
+    ) -> Result<(), LaunchError> {
+        let child = Child::guard(program.path(), folder)?;
+        region.header().guard.store(child.pid(), Relaxed);
+        self.since_ns = monotonic_ns();
+        self.child = Some(child);
         Ok(())
     }
 
-    /// Program for workers and guards. If the file of this process was replaced, for example by an upgrade,
-    /// the old program is used, because another version may have a different shared memory layout.
-    pub(super) fn own_program(&self) -> PathBuf {
-        let program = &self.options.program;
-        let is_replaced = self.runs_own_program && !is_own(program);
-        if is_replaced { PathBuf::from(OWN_PROGRAM) } else { program.clone() }
-    }
-
-    /// Replaces a dead or stopped guard. `late` is the delay of the launcher itself, ns.
-    pub(super) fn monitor_guard(&mut self, late: u64, observe: &mut dyn FnMut(Event<'_>)) {
+    /// Replaces a dead or stopped process. `late` is the delay of the launcher itself, ns.
+    pub(super) fn monitor(
+        &mut self,
+        program: &WorkerProgram,
+        run: (&RunFolder, &Region),
+        late: u64,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) {
+        let header = run.1.header();
         let now = monotonic_ns();
-        if let Some(due_ns) = self.guard.due_ns {
+        if let Some(due_ns) = self.due_ns {
             if now >= due_ns {
-                self.guard.due_ns = None;
-                self.restart_guard(observe);
+                self.due_ns = None;
+                self.restart(program, run, observe);
             }
             return;
         }
-        let alive_ns = self.region.header().guard_alive_ns.load(Relaxed).max(self.guard.since_ns);
-        let guard = &mut self.guard;
-        let Some(child) = &mut guard.child else { return };
+        let alive_ns = header.guard_alive_ns.load(Relaxed).max(self.since_ns);
+        let Some(child) = &mut self.child else { return };
         // After its own delay, the launcher gives the guard time again.
         if late > SILENCE_NS / 2 {
-            guard.since_ns = now;
+            self.since_ns = now;
         } else if now.saturating_sub(alive_ns) > SILENCE_NS {
             child.kill();
         }
         let Some(end) = child.ended() else {
-            if now.saturating_sub(guard.since_ns) >= SILENCE_NS {
-                guard.failures = 0;
+            if now.saturating_sub(self.since_ns) >= SILENCE_NS {
+                self.failures = 0;
             }
             return;
         };
@@ -112,12 +108,12 @@ impl Launch {
             _ => end.to_string(),
         };
         // It reported being alive until then.
-        let worked = self.region.header().guard_alive_ns.load(Relaxed) > guard.since_ns;
-        guard.failures = if worked { 0 } else { guard.failures + 1 };
+        let worked = header.guard_alive_ns.load(Relaxed) > self.since_ns;
+        self.failures = if worked { 0 } else { self.failures + 1 };
         let delay_ns =
-            guard.history.grant(&POLICY, true, worked.then_some(guard.since_ns), now).unwrap_or_default();
-        guard.due_ns = Some(now + delay_ns);
-        guard.child = None;
+            self.history.grant(&POLICY, true, worked.then_some(self.since_ns), now).unwrap_or_default();
+        self.due_ns = Some(now + delay_ns);
+        self.child = None;
         let consequence = match delay_ns / 1_000_000 {
             0 => "started again".to_string(),
             delay_ms => format!("started again in {delay_ms} ms"),
@@ -125,35 +121,28 @@ impl Launch {
         let consequence = &consequence;
         observe(Event::Failed { component: "guard", tick: 0, reason: &reason, consequence, seen_ns: None });
         if delay_ns == 0 {
-            guard.due_ns = None;
-            self.restart_guard(observe);
+            self.due_ns = None;
+            self.restart(program, run, observe);
         }
     }
 
-    fn restart_guard(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
-        let Err(error) = self.start_guard() else { return };
+    fn restart(
+        &mut self,
+        program: &WorkerProgram,
+        run: (&RunFolder, &Region),
+        observe: &mut dyn FnMut(Event<'_>),
+    ) {
+        let Err(error) = self.start(program, run) else { return };
         let reason = error.to_string();
         let consequence = "the run continues unguarded";
         observe(Event::Failed { component: "guard", tick: 0, reason: &reason, consequence, seen_ns: None });
-        self.guard.refused = Some(reason);
+        self.refused = Some(reason);
     }
-}
-
-/// True if a file is the program that this process runs.
-pub(super) fn is_own(program: &Path) -> bool {
-    let same = |path: &Path| std::fs::metadata(path).ok().map(|file| (file.dev(), file.ino()));
-    same(program).is_some_and(|file| Some(file) == same(Path::new(OWN_PROGRAM)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_replaced_file_is_not_the_own_program() {
-        assert!(is_own(&std::env::current_exe().unwrap()));
-        assert!(!is_own(Path::new("/bin/sh")) && !is_own(Path::new("/nowhere")));
-    }
 
     #[test]
     fn repeatedly_failing_guard_counts_as_missing() {

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::{Hosting, Launch, LaunchError};
+use super::{Hosting, LaunchError};
 use crate::os::IdleLimit;
 use crate::plan::{ClockKind, OnDenied, Plan, SchedulingClass};
 
@@ -20,8 +20,23 @@ pub(super) struct IdleStates {
 }
 
 impl IdleStates {
-    /// Requests the limit of a plan, until this value is dropped or the process dies.
-    pub(super) fn begin(plan: &Plan) -> Self {
+    /// Requests the limit of a plan, until this value is dropped or the process dies; unless the components
+    /// are threads of one process, which have no priorities.
+    ///
+    /// # Errors
+    /// The system denied the limit, and the plan is strict.
+    pub(super) fn request(plan: &Plan, hosting: Hosting) -> Result<Self, LaunchError> {
+        let this = if hosting == Hosting::Processes { Self::begin(plan) } else { Self::default() };
+        match &this.denied {
+            Some(reason) if plan.scheduling.on_denied == OnDenied::Strict => Err(LaunchError::System {
+                what: "limiting idle states (/dev/cpu_dma_latency)",
+                reason: reason.clone(),
+            }),
+            _ => Ok(this),
+        }
+    }
+
+    fn begin(plan: &Plan) -> Self {
         let exit_ns = plan.scheduling.idle_exit_ns;
         let waits = plan.components.iter().any(|component| component.class != SchedulingClass::Normal);
         if plan.clock != ClockKind::Realtime || !waits || exit_ns >= ANY_NS {
@@ -30,22 +45,6 @@ impl IdleStates {
         match IdleLimit::hold(Duration::from_nanos(exit_ns)) {
             Ok(limit) => Self { _limit: Some(limit), exit_ns: Some(exit_ns), denied: None },
             Err(error) => Self { denied: Some(error.to_string()), ..Self::default() },
-        }
-    }
-}
-
-impl Launch {
-    /// Requests the limit, unless the components are threads of one process, which have no priorities.
-    pub(super) fn limit_idle_states(&mut self) -> Result<(), LaunchError> {
-        if self.options.hosting == Hosting::Processes {
-            self.idle_states = IdleStates::begin(&self.plan);
-        }
-        match &self.idle_states.denied {
-            Some(reason) if self.plan.scheduling.on_denied == OnDenied::Strict => Err(LaunchError::System {
-                what: "limiting idle states (/dev/cpu_dma_latency)",
-                reason: reason.clone(),
-            }),
-            _ => Ok(()),
         }
     }
 }

@@ -83,7 +83,7 @@ impl Launch {
                 .then(|| super::stop_reason::reason(&self.plan, &self.region));
             rounds -= 1;
             // The accounts are read after the same rounds, by the launcher or by components.
-            let look_ns = self.rounds.round_from(self.next_account_ns).saturating_add(1);
+            let look_ns = self.rounds.round_from(self.accounts.next_look_ns()).saturating_add(1);
             self.region.header().turn.allow_rounds(limit.until_ns.min(look_ns), rounds);
             let mut place = 0;
             while stop.is_none()
@@ -112,7 +112,7 @@ impl Launch {
             let header = self.region.header();
             header.reached_ns.store(self.reached_ns, Relaxed);
             let is_over = header.is_episode_over();
-            self.tell_accounts_at(time, observe);
+            self.accounts.tell_at((&self.plan, &self.region), time, observe);
             if is_over {
                 return None;
             }
@@ -158,7 +158,6 @@ impl Launch {
         self.region.components().iter().for_each(|block| block.begin_episode());
         self.before_ns += core::mem::take(&mut self.reached_ns);
         self.accounts.begin_episode();
-        self.next_account_ns = 0;
         observe(Event::Reset { episode: index, seed });
         exit
     }
@@ -212,9 +211,9 @@ impl Launch {
     /// Checks everything that ticks do not report.
     fn look_around(&mut self, supervision: &mut [Supervision], observe: &mut dyn FnMut(Event<'_>)) {
         self.relay_output(observe);
-        self.monitor_guard(0, observe);
-        self.look_at_places(observe);
-        self.tell_stops(observe);
+        self.guard.monitor(&self.program, (&self.folder, &self.region), 0, observe);
+        self.places.look(&self.options, &self.folder, observe);
+        self.stops.tell(&self.plan, &self.region, observe);
         for (index, supervision) in supervision.iter_mut().enumerate() {
             self.tell_tolerated(index, supervision, observe);
         }

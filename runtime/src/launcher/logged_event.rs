@@ -6,7 +6,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::plan::Plan;
-use crate::region::{EventKind, EventRecord, EventSeverity, Region};
+use crate::region::{EventKind, EventReader, EventRecord, EventSeverity, Region};
+
+/// The most events in a report.
+pub const REPORTED_EVENTS: usize = 256;
 
 /// A logged event of a run.
 ///
@@ -69,4 +72,25 @@ impl LoggedEvent {
 pub fn logged(plan: &Plan, region: &Region) -> (Vec<LoggedEvent>, u64) {
     let (records, lost) = region.events().all();
     (records.into_iter().map(|record| LoggedEvent::from_record(record, plan, region)).collect(), lost)
+}
+
+/// The events since the last call of this reader.
+pub(super) fn unread_events(reader: &mut EventReader, plan: &Plan, region: &Region) -> Vec<LoggedEvent> {
+    let records = reader.read(region.events()).into_iter();
+    records.map(|record| LoggedEvent::from_record(record, plan, region)).collect()
+}
+
+/// Returns the newest events for the report, and the number of omitted ones.
+pub(super) fn reported_events(plan: &Plan, region: &Region) -> (Vec<LoggedEvent>, u64) {
+    let (mut events, lost) = logged(plan, region);
+    let more = events.len().saturating_sub(REPORTED_EVENTS);
+    // Events of the run take precedence over printed lines.
+    let mut lines = more;
+    events.retain(|event| {
+        let goes = lines > 0 && event.kind == EventKind::Output;
+        lines -= usize::from(goes);
+        !goes
+    });
+    events.drain(..lines);
+    (events, lost + more as u64)
 }

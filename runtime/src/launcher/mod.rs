@@ -32,41 +32,44 @@ mod restart;
 mod services;
 mod shortfalls;
 mod shutdown;
+mod signals;
 mod status;
 mod stop_reason;
 mod stops;
 mod supervise;
 mod supervision;
 mod watchdog;
+mod worker_program;
 
 use std::rc::Rc;
 use std::sync::atomic::Ordering::{Relaxed, Release};
-use std::time::Duration;
 
 use crate::os::{Placement, monotonic_ns};
 use crate::plan::{ClockKind, Plan, Program};
-use crate::region::{Command, Region};
+use crate::region::{Command, EventReader, Region};
 use crate::run_folder::RunFolder;
 use crate::worker::{Host, Registry, Rounds};
 use accounts::Accounts;
 use child::Child;
-use episodes::Began;
+use episodes::{Episodes, present_episode_ns};
 use event_log::{EventWriter, logging};
 use guarding::Guard;
 use idle_states::IdleStates;
+use logged_event::unread_events;
 use places::Places;
 use reserve::Spare;
 use services::Services;
-use shutdown::Signals;
+use signals::Signals;
+use stops::Stops;
 use supervision::Supervision;
+use worker_program::WorkerProgram;
 
 pub use cores::{CoreReport, CoreWatch};
 pub use error::LaunchError;
 pub use event::Event;
-pub use event_log::REPORTED_EVENTS;
 pub use exit::Exit;
 pub(crate) use lockstep::Limit;
-pub use logged_event::{LoggedEvent, logged};
+pub use logged_event::{LoggedEvent, REPORTED_EVENTS, logged};
 pub use options::{Hosting, Options};
 pub use report::{
     ComponentReport, EdgeReport, EpisodeReport, ExpectationReport, LatencyReport, REPORT_VERSION, Report,
@@ -87,8 +90,7 @@ pub(crate) struct Launch {
     children: Vec<Child>,
     supervision: Vec<Supervision>,
     guard: Guard,
-    /// The program of workers and guards is the one that this process runs.
-    runs_own_program: bool,
+    program: WorkerProgram,
     /// Time of the stop command to the components, ns.
     ended_ns: Option<u64>,
     lost: Vec<String>,
@@ -96,21 +98,18 @@ pub(crate) struct Launch {
     idle_states: IdleStates,
     spare: Spare,
     places: Places,
-    /// The last reported stop.
-    stop: Option<stops::Stop>,
+    stops: Stops,
     cores: Option<CoreWatch>,
     /// The event log, and what it contains of the accounts of components.
     log: Rc<EventWriter>,
     accounts: Accounts,
-    /// Lockstep: simulated time of the next look at the accounts, ns.
-    next_account_ns: u64,
     /// Order of the ticks, and the simulated time of the next one, ns.
     rounds: Rounds,
     reached_ns: u64,
     /// Simulated time of the episodes before, ns.
     before_ns: u64,
     /// Real time: the episodes that have begun.
-    episodes: Vec<Began>,
+    episodes: Episodes,
     /// Time of the next status, and of the next look at everything in real time, `CLOCK_MONOTONIC` ns.
     next_status_ns: u64,
     due_ns: u64,
@@ -145,7 +144,6 @@ impl Launch {
             rounds: Rounds::new(&plan, plays),
             log: Rc::new(EventWriter::new(&plan, region.clone())),
             accounts: Accounts::new(&plan),
-            next_account_ns: 0,
             plan,
             registry: registry.clone(),
             options: options.clone(),
@@ -156,18 +154,18 @@ impl Launch {
             children: Vec::new(),
             supervision: Vec::new(),
             guard: Guard::default(),
-            runs_own_program: guarding::is_own(&options.program),
+            program: WorkerProgram::new(&options.program),
             ended_ns: None,
             lost: Vec::new(),
             warnings: Vec::new(),
             idle_states: IdleStates::default(),
             spare: Spare::none(),
             places: Places::default(),
-            stop: None,
+            stops: Stops::default(),
             cores: None,
             reached_ns: 0,
             before_ns: 0,
-            episodes: Vec::new(),
+            episodes: Episodes::default(),
             next_status_ns: 0,
             due_ns: 0,
             _placement: Placement::remember(),
@@ -179,9 +177,9 @@ impl Launch {
 
     fn set_up(&mut self, observe: &mut dyn FnMut(Event<'_>)) -> Result<Option<Exit>, LaunchError> {
         self.place_launcher();
-        self.limit_idle_states()?;
+        self.idle_states = IdleStates::request(&self.plan, self.options.hosting)?;
         if self.options.hosting == Hosting::Processes {
-            self.start_guard()?;
+            self.guard.start(&self.program, (&self.folder, &self.region))?;
         }
         self.services = Services::create(&self.folder, &self.plan)?;
         self.spare = Spare::reserve(&self.folder)?;
@@ -217,7 +215,7 @@ impl Launch {
         let lockstep = self.plan.clock == ClockKind::Lockstep;
         let simulated = if lockstep { self.before_ns + self.reached_ns } else { wall };
         if !lockstep && start != 0 {
-            self.note_episodes(observe);
+            self.episodes.note(&self.region, observe);
         }
         let cores = self.cores.take().map(|watch| watch.stop());
         let in_good_order = matches!(exit, Exit::Finished | Exit::Interrupted);
@@ -282,6 +280,35 @@ impl Launch {
         }
     }
 
+    /// Begins the next episode, and returns its number. For runs whose episodes no component begins.
+    pub(crate) fn begin_episode(&mut self, seed: u64, observe: &mut dyn FnMut(Event<'_>)) -> u64 {
+        let observe = &mut logging(&self.log, observe);
+        let header = self.region.header();
+        // The launcher itself notes every episode that it begins.
+        header.begin_next_episode(seed, monotonic_ns());
+        self.episodes.note(&self.region, observe);
+        header.episode.load(Relaxed)
+    }
+
+    /// Start of the present episode of real time, ns since the start of the run; 0 in lockstep.
+    pub(crate) fn episode_ns(&self) -> u64 {
+        present_episode_ns(&self.plan, &self.region)
+    }
+
+    /// The events since the last call of this reader.
+    pub(crate) fn events(&self, reader: &mut EventReader) -> Vec<LoggedEvent> {
+        unread_events(reader, &self.plan, &self.region)
+    }
+
+    /// Reports everything remaining at the end of a run or episode.
+    fn tell_last_accounts(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
+        let now_ns = match self.plan.clock {
+            ClockKind::Realtime => monotonic_ns(),
+            ClockKind::Lockstep => self.reached_ns,
+        };
+        self.accounts.tell((&self.plan, &self.region), now_ns, true, observe);
+    }
+
     /// The launcher avoids the real-time cores; in lockstep it shares the single core with all components. A
     /// thread that hosts them itself is not moved unless a core was given.
     fn place_launcher(&self) {
@@ -307,7 +334,7 @@ impl Launch {
                 Child::process(path, &self.folder, &component.name, (&self.region, index))?
             }
             (Program::Builtin { .. }, Hosting::Processes) => {
-                Child::process(&self.own_program(), &self.folder, &component.name, (&self.region, index))?
+                Child::process(self.program.path(), &self.folder, &component.name, (&self.region, index))?
             }
             (Program::Builtin { kind }, Hosting::Threads) => {
                 Child::thread(self.registry.find(kind), &self.folder, &component.name)?
@@ -344,14 +371,9 @@ impl Drop for Launch {
             child.kill();
         }
         self.children.clear();
-        self.end_cleaner();
+        self.places.end_cleaner();
         self.services = Services::default();
         self.folder.remove();
         self.guard.kill();
     }
 }
-
-/// Time within which components must be configured.
-const CONFIGURE_WITHIN: Duration = Duration::from_secs(30);
-/// Default time for a component to end after the command to stop.
-const STOP_WITHIN: Duration = Duration::from_nanos(crate::plan::STOP_WITHIN_NS);

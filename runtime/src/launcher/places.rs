@@ -3,7 +3,9 @@
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use super::{Event, Hosting, Launch};
+use super::services::Services;
+use super::{Event, Hosting, Options};
+use crate::run_folder::RunFolder;
 use crate::worker::CLEANER;
 
 /// Time between two looks for dead processes.
@@ -21,20 +23,20 @@ pub(super) struct Places {
     cleaner: Option<Child>,
 }
 
-impl Launch {
+impl Places {
     /// Checks for dead processes periodically, and has their slots freed.
-    pub(super) fn look_at_places(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
-        if self.options.program.as_os_str().is_empty() {
+    pub(super) fn look(&mut self, options: &Options, folder: &RunFolder, observe: &mut dyn FnMut(Event<'_>)) {
+        if options.program.as_os_str().is_empty() {
             // Threads of one process: their slots are freed when one of them restarts.
             return;
         }
         let now = Instant::now();
-        if let Some(cleaner) = &mut self.places.cleaner {
+        if let Some(cleaner) = &mut self.cleaner {
             match cleaner.try_wait() {
                 Ok(None) => return,
                 Ok(Some(status)) if status.success() => {}
                 Ok(Some(status)) => {
-                    self.places.next = Some(now + AFTER_CRASH);
+                    self.next = Some(now + AFTER_CRASH);
                     let line = format!(
                         "the places of dead processes in the topics: freeing them ended with {status}; a component \
                          that dies again may not find a place"
@@ -43,43 +45,43 @@ impl Launch {
                 }
                 Err(_) => {}
             }
-            self.places.cleaner = None;
+            self.cleaner = None;
         }
-        if self.places.next.is_some_and(|next| now < next) {
+        if self.next.is_some_and(|next| now < next) {
             return;
         }
-        self.places.next = Some(now + LOOK_EVERY);
-        if self.folder.domain().is_ok_and(|domain| domain.has_dead()) {
-            self.start_cleaner();
+        self.next = Some(now + LOOK_EVERY);
+        if folder.domain().is_ok_and(|domain| domain.has_dead()) {
+            self.start_cleaner(options, folder);
         }
     }
 
     /// Frees the slots of a component that has just died and is about to be restarted. Spare slots exist, so
     /// that its successor need not wait.
-    pub(super) fn free_places(&mut self) {
-        match self.options.hosting {
+    pub(super) fn free(&mut self, options: &Options, folder: &RunFolder, services: &Services) {
+        match options.hosting {
             // The threads of one process share their node.
             Hosting::Threads | Hosting::Inline => {
-                if let Some(node) = &self.services.node {
+                if let Some(node) = &services.node {
                     node.try_cleanup_dead_nodes();
                 }
             }
-            Hosting::Processes if self.places.cleaner.is_none() => self.start_cleaner(),
-            Hosting::Processes => self.places.next = None,
+            Hosting::Processes if self.cleaner.is_none() => self.start_cleaner(options, folder),
+            Hosting::Processes => self.next = None,
         }
     }
 
-    fn start_cleaner(&mut self) {
-        let mut command = Command::new(&self.options.program);
-        command.arg(CLEANER).arg(self.folder.path());
+    fn start_cleaner(&mut self, options: &Options, folder: &RunFolder) {
+        let mut command = Command::new(&options.program);
+        command.arg(CLEANER).arg(folder.path());
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         // A machine without room for one more process has more urgent troubles; the next look tries again.
-        self.places.cleaner = command.spawn().ok();
+        self.cleaner = command.spawn().ok();
     }
 
     /// Ends the cleaner, which works in memory that is about to be removed.
     pub(super) fn end_cleaner(&mut self) {
-        if let Some(mut cleaner) = self.places.cleaner.take() {
+        if let Some(mut cleaner) = self.cleaner.take() {
             let _ = cleaner.kill();
             let _ = cleaner.wait();
         }

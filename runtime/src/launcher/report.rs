@@ -6,6 +6,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::logged_event::reported_events;
 use super::{CoreReport, Exit, Launch, LoggedEvent};
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, ComponentPlan, Plan};
@@ -226,7 +227,7 @@ impl Launch {
     pub(super) fn report(&self, exit: Exit, duration_ns: u64) -> Report {
         let lockstep = self.plan.clock == ClockKind::Lockstep;
         let components = self.plan.components.iter().zip(self.region.components());
-        let (events, events_left_out) = self.reported_events();
+        let (events, events_left_out) = reported_events(&self.plan, &self.region);
         let end_ns = if lockstep { self.reached_ns } else { self.ended_ns.unwrap_or_else(monotonic_ns) };
         // While the robot settles only its actuators step.
         let line_ns = match self.region.header().safe_stop_ns.load(Relaxed) {
@@ -241,7 +242,7 @@ impl Launch {
             duration_s: duration_ns as f64 * 1e-9,
             realtime_factor: 1.0,
             state_hash: lockstep.then(|| self.state_hash()),
-            episodes: self.episode_reports(line_ns),
+            episodes: self.episodes.reports(&self.plan, &self.region, line_ns),
             exit,
             lost: self.lost.clone(),
             warnings: self.warnings.clone(),

@@ -2,6 +2,7 @@
 
 use std::sync::atomic::Ordering::Relaxed;
 
+use super::accounts::gate_faults;
 use super::lost_steps::LostShare;
 use super::{Event, Launch};
 use crate::os::monotonic_ns;
@@ -52,6 +53,23 @@ impl Launch {
         }
         found.iter().for_each(|warning| observe(Event::Warning(warning)));
         self.warnings.extend(found);
+    }
+
+    /// Records for the report which actuators did not come to rest in their safe state, and which were late
+    /// to follow commands again.
+    pub(super) fn note_rest(&mut self) {
+        for (component, block) in self.plan.components.iter().zip(self.region.components()) {
+            let name = &component.name;
+            let [unsettled, late] = gate_faults(block);
+            if unsettled > 0 {
+                self.warnings.push(format!(
+                    "`{name}` did not come to rest in its safe state within 1 s, {unsettled}x"
+                ));
+            }
+            if late > 0 {
+                self.warnings.push(format!("`{name}` was resuming for more than 2 s, {late}x"));
+            }
+        }
     }
 
     /// Records the components' own `shortfalls` from their results.

@@ -3,33 +3,39 @@
 
 use std::sync::atomic::Ordering::Relaxed;
 
-use super::{Event, Launch};
+use super::Event;
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, Plan, ResumeRule};
 use crate::region::{Latch, Region};
 use crate::units::TimeSpan;
 
-impl Launch {
+/// A stop, and the index of the actuator that latched it, if any.
+type Stop = (Latch, Option<usize>);
+
+/// The reported stop of a run.
+#[derive(Debug, Default)]
+pub(super) struct Stops {
+    reported: Option<Stop>,
+}
+
+impl Stops {
     /// Reports a stop that started or ended since the last call.
-    pub(super) fn tell_stops(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
-        let stop = current(&self.plan, &self.region);
-        if stop == self.stop {
+    pub(super) fn tell(&mut self, plan: &Plan, region: &Region, observe: &mut dyn FnMut(Event<'_>)) {
+        let stop = current(plan, region);
+        if stop == self.reported {
             return;
         }
         match stop {
             Some((latch, component)) => {
-                let silent = silent(&self.plan, &self.region);
-                let cause = cause(&self.plan, latch, component, silent);
+                let silent = silent(plan, region);
+                let cause = cause(plan, latch, component, silent);
                 observe(Event::Stopped { latch, cause: &cause });
             }
             None => observe(Event::Resumed),
         }
-        self.stop = stop;
+        self.reported = stop;
     }
 }
-
-/// A stop, and the index of the actuator that latched it, if any.
-pub(super) type Stop = (Latch, Option<usize>);
 
 /// Returns the stop of the whole run, else that of the first actuator with a latched gate.
 fn current(plan: &Plan, region: &Region) -> Option<Stop> {

@@ -108,11 +108,11 @@ impl Launch {
         if !self.signals.is_raised() && supervision.iter().all(Supervision::is_gone) {
             return Some(Some(Exit::Finished));
         }
-        self.monitor_guard(late, observe);
-        self.look_at_places(observe);
-        self.tell_stops(observe);
-        self.tell_accounts(now, observe);
-        self.note_episodes(observe);
+        self.guard.monitor(&self.program, (&self.folder, &self.region), late, observe);
+        self.places.look(&self.options, &self.folder, observe);
+        self.stops.tell(&self.plan, &self.region, observe);
+        self.accounts.tell((&self.plan, &self.region), now, false, observe);
+        self.episodes.note(&self.region, observe);
         if now >= self.next_status_ns {
             self.next_status_ns = now + STATUS_NS;
             observe(Event::Status(&self.status()));
@@ -248,7 +248,7 @@ impl Launch {
         let down = supervision.state.down()?;
         if action == Action::Clear {
             // The dead process occupies its slots in the topics until they are cleaned up.
-            self.free_places();
+            self.places.free(&self.options, &self.folder, &self.services);
             self.spare.release();
             supervision.state = State::Due(down);
             return None;

@@ -1,6 +1,9 @@
 //! The folder of a run in shared memory: its plan, its control block, its iceoryx2 domain, its results.
 
+mod error;
 mod place;
+
+pub use error::RunFolderError;
 
 use std::fs;
 use std::io::Write as _;
@@ -10,10 +13,11 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use crate::domain::{Domain, DomainError};
+use crate::domain::Domain;
 use crate::os::{Lock, is_held, random_bytes};
 use crate::plan::Plan;
-use crate::region::{Region, RegionError};
+use crate::region::Region;
+use error::io;
 
 /// Age below which a folder without a holder may still be under construction.
 const YOUNG: Duration = Duration::from_secs(5);
@@ -29,48 +33,6 @@ pub struct RunFolder {
     id: String,
     /// Locks on the folder and on the shared memory objects, for holders of the run.
     locks: Option<Arc<[Lock; 2]>>,
-}
-
-/// Error of a run's folder.
-#[derive(Debug, thiserror::Error)]
-pub enum RunFolderError {
-    /// The file system refused.
-    #[error("{path}: {source}")]
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// The error of the system.
-        source: std::io::Error,
-    },
-    /// Other users could reach into the folder.
-    #[error("{path} is {found}: the runs of a user must be private to them; {advice}", path = .path.display())]
-    NotPrivate {
-        /// The folder.
-        path: PathBuf,
-        /// State found.
-        found: String,
-        /// Advice, in one sentence.
-        advice: String,
-    },
-    /// The plan is not one this version reads.
-    #[error("{path} is not a plan of this version of motorium: {reason}")]
-    Plan {
-        /// The plan's file.
-        path: PathBuf,
-        /// The reason.
-        reason: String,
-    },
-    /// The control block is unusable.
-    #[error(transparent)]
-    Region(#[from] RegionError),
-    /// The domain is unusable.
-    #[error(transparent)]
-    Domain(#[from] DomainError),
-}
-
-fn io(path: &Path) -> impl FnOnce(std::io::Error) -> RunFolderError {
-    let path = path.to_path_buf();
-    move |source| RunFolderError::Io { path, source }
 }
 
 /// Writes a file that its owner alone can read.

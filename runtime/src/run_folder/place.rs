@@ -4,7 +4,7 @@ use std::fs;
 use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
 
-use super::{RunFolderError, io};
+use super::error::{RunFolderError, io};
 
 /// Returns the folder for new runs of this user: `$XDG_RUNTIME_DIR/motorium` if the system provides it, else
 /// `/dev/shm/motorium-UID`. It is created if missing.

@@ -28,6 +28,7 @@
 mod drive;
 mod error;
 mod pace;
+mod ports;
 mod reader;
 mod topics;
 
@@ -47,7 +48,7 @@ use crate::plan::{ClockKind, Plan};
 use crate::region::EventReader;
 use crate::worker::Registry;
 use pace::Pace;
-use topics::Ports;
+use ports::Ports;
 
 /// A run that its owner drives. See [the module](self).
 ///

@@ -3,8 +3,6 @@
 use std::any::Any;
 use std::rc::Rc;
 
-use iceoryx2::node::Node;
-
 use super::{Session, SessionError, TopicReader};
 use crate::context::Context;
 use crate::launcher::LaunchError;
@@ -12,7 +10,7 @@ use crate::nearest::suggest;
 use crate::plan::{PortPlan, TopicPlan};
 use crate::raw::{RawError, RawOutput};
 use crate::state::{Stamp, StateBuffer, TypeLayout};
-use crate::transport::{Connect, Output, OutputPlace, Participant, PortError, Shared, Tap};
+use crate::transport::{Connect, Output, OutputPlace, Participant, PortError, Tap};
 
 /// A value of a topic as it was when the session read it.
 ///
@@ -73,29 +71,13 @@ impl TopicWriter<'_> {
             topic: self.output.topic().unwrap_or_default().to_string(),
             reason: error.to_string(),
         })?;
-        self.context.deferred().finish(self.context);
+        self.context.deferred().finish(self.context.first_lines());
         Ok(())
     }
 }
 
 /// An output of any type, and the connection to be made before it is used.
 type Opened = (Box<dyn Any>, Option<Rc<dyn Connect>>);
-
-/// The ports of a session, opened when they are first used.
-#[derive(Default)]
-pub(super) struct Ports {
-    node: Option<Rc<Node<Shared>>>,
-    readers: Vec<(usize, TopicReader)>,
-    writers: Vec<(usize, Box<dyn Any>, Rc<Context>)>,
-}
-
-impl Ports {
-    /// Begins an episode: there is nothing to read, and nothing was published.
-    pub(super) fn begin_episode(&mut self, index: u64) {
-        self.readers.iter_mut().for_each(|(_, reader)| reader.begin_episode());
-        self.writers.iter().for_each(|(.., context)| context.begin_episode(index));
-    }
-}
 
 impl Session<'_> {
     /// A copy of the newest value of a topic in this episode; `None` before the first publication. Of a
@@ -265,7 +247,7 @@ impl Session<'_> {
             }
         });
         sent.map_err(|error| refused(error.to_string()))?;
-        context.deferred().finish(context);
+        context.deferred().finish(context.first_lines());
         Ok(())
     }
 

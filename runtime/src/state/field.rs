@@ -1,8 +1,8 @@
 //! Types of the fields of a state buffer.
 
-#![allow(unsafe_code)] // `Field` promises facts about bytes in shared memory; only plain numbers get it here.
+#![allow(unsafe_code)] // `Field` promises facts about bytes in shared memory; values are seen as their numbers
 
-use super::finite::{self, Checked, Numbers, are_finite, are_plainly_finite};
+use super::finite::{self, Numbers, are_finite};
 use super::{Digest, FieldLayout};
 
 /// Number of bytes written before they are checked, small enough for the nearest cache.
@@ -77,6 +77,59 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
     /// Like [`digest`](Self::digest), for many consecutive values.
     fn digest_all(values: &[Self], digest: &mut Digest) {
         values.iter().for_each(|value| value.digest(digest));
+    }
+}
+
+/// Returns `true` if all values are known to be finite; `false` if they are not, or must be checked
+/// individually.
+#[inline]
+fn are_plainly_finite<T: Field>(values: &[T]) -> bool {
+    let bytes = size_of_val(values);
+    let first = values.as_ptr();
+    match T::NUMBERS {
+        Numbers::Whole => true,
+        Numbers::Mixed => false,
+        // SAFETY: by the promise of `Field` the values are these numbers, one after the other without
+        // padding, and so aligned like them.
+        Numbers::Double => are_finite(unsafe { core::slice::from_raw_parts(first.cast::<f64>(), bytes / 8) }),
+        // SAFETY: as above.
+        Numbers::Single => are_finite(unsafe { core::slice::from_raw_parts(first.cast::<f32>(), bytes / 4) }),
+    }
+}
+
+/// A part of a value whose numbers were found finite while being written.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Checked {
+    /// Addresses of the first byte and after the last; empty if equal.
+    from: usize,
+    to: usize,
+    /// True if the numbers are `f32`.
+    single: bool,
+}
+
+impl Checked {
+    /// The part covered by these values; empty unless they consist of one kind of floating-point numbers.
+    pub(crate) fn from_values<T: Field>(values: &[T]) -> Self {
+        let from = values.as_ptr().addr();
+        match T::NUMBERS {
+            Numbers::Double | Numbers::Single => {
+                Self { from, to: from + size_of_val(values), single: T::NUMBERS == Numbers::Single }
+            }
+            Numbers::Whole | Numbers::Mixed => Self::default(),
+        }
+    }
+
+    /// Returns `true` if the part is empty.
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        self.from == self.to
+    }
+
+    /// True if these values lie within the part.
+    #[inline]
+    pub fn covers<T: Field>(&self, values: &[T]) -> bool {
+        let asked = Self::from_values(values);
+        self.from <= asked.from && asked.to <= self.to && !asked.is_empty() && self.single == asked.single
     }
 }
 
@@ -167,14 +220,6 @@ macro_rules! number {
                 }
             }
         }
-
-        impl super::StateBuffer for $type {
-            const NAME: &'static str = stringify!($type);
-
-            fn layout() -> super::TypeLayout {
-                super::TypeLayout::of::<$type>()
-            }
-        }
     )* };
     (@numbers f64) => { Numbers::Double };
     (@numbers f32) => { Numbers::Single };
@@ -233,5 +278,23 @@ unsafe impl<T: Field, const N: usize> Field for [T; N] {
 
     fn digest(&self, digest: &mut Digest) {
         T::digest_all(self, digest);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn part_covers_only_its_own_numbers() {
+        let values = [0.0_f64; 8];
+        let part = Checked::from_values(&values[2..6]);
+        assert!(part.covers(&values[2..6]) && part.covers(&values[3..4]));
+        for range in [1..6, 2..7, 0..2, 6..8] {
+            assert!(!part.covers(&values[range.clone()]), "{range:?}");
+        }
+        assert!(!part.covers(&[0.0_f64]) && !Checked::default().covers(&values));
+        let bits: [u64; 8] = values.map(f64::to_bits);
+        assert!(Checked::from_values(&bits).is_empty());
     }
 }

@@ -1,10 +1,8 @@
 //! The check for finite numbers: of numbers at rest, and of numbers while they are written.
 
-#![allow(unsafe_code)] // wide instructions where the processor has them; values of one kind of number seen as that
+#![allow(unsafe_code)] // wide instructions where the processor has them
 
 use core::ops::BitOr;
-
-use super::Field;
 
 /// Minimum number of values for wide instructions, which are in a separate function and therefore page.
 #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
@@ -123,65 +121,12 @@ impl Numbers {
     }
 }
 
-/// Returns `true` if all values are known to be finite; `false` if they are not, or must be checked
-/// individually.
-#[inline]
-pub(super) fn are_plainly_finite<T: Field>(values: &[T]) -> bool {
-    let bytes = size_of_val(values);
-    let first = values.as_ptr();
-    match T::NUMBERS {
-        Numbers::Whole => true,
-        Numbers::Mixed => false,
-        // SAFETY: by the promise of `Field` the values are these numbers, one after the other without
-        // padding, and so aligned like them.
-        Numbers::Double => are_finite(unsafe { core::slice::from_raw_parts(first.cast::<f64>(), bytes / 8) }),
-        // SAFETY: as above.
-        Numbers::Single => are_finite(unsafe { core::slice::from_raw_parts(first.cast::<f32>(), bytes / 4) }),
-    }
-}
-
-/// A part of a value whose numbers were found finite while being written.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Checked {
-    /// Addresses of the first byte and after the last; empty if equal.
-    from: usize,
-    to: usize,
-    /// True if the numbers are `f32`.
-    single: bool,
-}
-
-impl Checked {
-    /// The part covered by these values; empty unless they consist of one kind of floating-point numbers.
-    pub(crate) fn from_values<T: Field>(values: &[T]) -> Self {
-        let from = values.as_ptr().addr();
-        match T::NUMBERS {
-            Numbers::Double | Numbers::Single => {
-                Self { from, to: from + size_of_val(values), single: T::NUMBERS == Numbers::Single }
-            }
-            Numbers::Whole | Numbers::Mixed => Self::default(),
-        }
-    }
-
-    /// Returns `true` if the part is empty.
-    #[inline]
-    pub fn is_empty(&self) -> bool {
-        self.from == self.to
-    }
-
-    /// True if these values lie within the part.
-    #[inline]
-    pub fn covers<T: Field>(&self, values: &[T]) -> bool {
-        let asked = Self::from_values(values);
-        self.from <= asked.from && asked.to <= self.to && !asked.is_empty() && self.single == asked.single
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::state::{CloudPoint, Defect};
+    use crate::state::{CloudPoint, Defect, Field};
 
     #[test]
     fn wide_and_portable_checks_agree() {
@@ -248,18 +193,5 @@ mod tests {
             let one_by_one: Result<Vec<()>, Defect> = points.iter().map(Field::check).collect();
             prop_assert_eq!(CloudPoint::check_all(&points).is_ok(), one_by_one.is_ok());
         }
-    }
-
-    #[test]
-    fn part_covers_only_its_own_numbers() {
-        let values = [0.0_f64; 8];
-        let part = Checked::from_values(&values[2..6]);
-        assert!(part.covers(&values[2..6]) && part.covers(&values[3..4]));
-        for range in [1..6, 2..7, 0..2, 6..8] {
-            assert!(!part.covers(&values[range.clone()]), "{range:?}");
-        }
-        assert!(!part.covers(&[0.0_f64]) && !Checked::default().covers(&values));
-        let bits: [u64; 8] = values.map(f64::to_bits);
-        assert!(Checked::from_values(&bits).is_empty());
     }
 }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Digest, StateBuffer};
+use super::Digest;
 
 /// One field of a state buffer.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -42,13 +42,6 @@ pub struct TypeLayout {
 }
 
 impl TypeLayout {
-    /// The layout of a type.
-    pub fn of<T: StateBuffer>() -> Self {
-        let mut fields = Vec::new();
-        T::describe("", 0, &mut fields);
-        Self { type_name: T::NAME.to_string(), size: size_of::<T>(), alignment: align_of::<T>(), fields }
-    }
-
     /// The layout of an input that reads topics of any type; see [`is_any`](Self::is_any).
     pub fn any() -> Self {
         Self { type_name: "any type".to_string(), size: 0, alignment: 1, fields: Vec::new() }

@@ -7,10 +7,10 @@ use std::sync::atomic::Ordering::Relaxed;
 use super::Participant;
 use super::latest::protocol::Words as _;
 use super::latest::{StateWriter, TopicMemory};
-use crate::context::{Access, AfterStep, Context, Line, Withheld};
+use crate::context::{Access, AfterStep, Context, FirstLines, Line, Withheld};
 use crate::declare::StepError;
 use crate::plan::{OnMiss, TopicPlan};
-use crate::region::{Command, Latch, add};
+use crate::region::{Command, Latch, Region, add};
 use crate::state::{Defect, Digest, Stamp};
 
 /// The place of an output in the graph.
@@ -160,7 +160,7 @@ impl TopicWriter {
             if !context.clock().is_lockstep() {
                 memory.notify();
             }
-            self.after.finish(context);
+            self.after.finish(context.region(), context.first_lines());
         }
         if !self.probes.is_empty() {
             self.measure(context, stamp);
@@ -238,14 +238,14 @@ impl AfterStep for AfterOutput {
         }
     }
 
-    fn finish(&self, context: &Context) {
+    fn finish(&self, region: &Region, first_lines: &FirstLines) {
         let Some((number, time_ns)) = self.uncounted.take() else { return };
-        let block = &context.region().topics()[self.topic];
+        let block = &region.topics()[self.topic];
         block.last_publish_ns.store(time_ns, Relaxed);
         block.published.store(number, Relaxed);
         let next = self.state.as_ref().and_then(|state| state.prepare());
         if let Some((line, next)) = self.slot.zip(next) {
-            context.first_lines().replace(line, next, Access::Write);
+            first_lines.replace(line, next, Access::Write);
         }
     }
 }

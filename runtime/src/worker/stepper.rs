@@ -226,7 +226,7 @@ impl Stepper {
             self.accounts.handed_over(os::monotonic_ns() - end);
             end
         };
-        context.deferred().finish(context);
+        context.deferred().finish(context.first_lines());
         context.note_step(steps, timing.release_ns, begin_ns, context.traced_ns(end));
 
         self.own_steps += 1;

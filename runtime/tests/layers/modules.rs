@@ -145,11 +145,13 @@ impl Modules {
                     self.0[module].items.extend(name(at + 1).map(|(item, _)| item));
                     at += 1;
                 }
+                // a visibility names a module and uses nothing of it
+                "pub" if is(at + 1, "(") && is(at + 2, "in") => at = tokens::closing(tokens, at + 1),
                 "macro_rules" => {
                     self.0[module].items.extend(name(at + 2).map(|(item, _)| item));
                     at += 3;
                 }
-                _ if is_path(at + 1) && !(at > 0 && is(at - 1, ":")) => {
+                _ if is_path(at + 1) && !(at > 1 && is_path(at - 2)) => {
                     let mut names = vec![word];
                     at += 1;
                     while let (true, Some((next, _))) = (is_path(at), name(at + 2)) {

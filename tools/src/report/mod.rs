@@ -12,10 +12,8 @@ use motorium::telemetry::Percentiles;
 use crate::wrap::wrapped;
 use crate::{gate, style};
 
+use results::WIDTH;
 pub(crate) use results::decimal;
-
-/// Columns that a summary takes at most.
-const WIDTH: usize = 80;
 
 /// A table without lines, its columns apart by two blanks.
 pub(crate) fn table<const N: usize>(header: [&str; N]) -> Table {

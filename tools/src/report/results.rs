@@ -3,7 +3,8 @@
 
 use serde_json::Value;
 
-use super::WIDTH;
+/// Columns that a summary takes at most.
+pub(super) const WIDTH: usize = 80;
 
 /// Values of a list that are printed; the rest are counted.
 const LISTED: usize = 8;

@@ -1,5 +1,6 @@
 //! Schemas derived from the layouts of state buffers.
 
+mod error;
 mod field;
 mod stamp;
 #[cfg(test)]
@@ -9,6 +10,7 @@ use motorium::state::{Stamp, StateBuffer as _, TypeLayout};
 
 use super::Schema;
 use super::wire::{self, Read};
+pub use error::DerivedError;
 use field::Field;
 use stamp::{STAMP, stamp_bytes, stamp_field, stamp_of};
 
@@ -39,33 +41,6 @@ pub struct Derived {
     size: usize,
     fields: Vec<Field>,
     stamp: Vec<Field>,
-}
-
-/// A layout or a message that cannot be read.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum DerivedError {
-    /// A field has a type that no state buffer contains, or exceeds the buffer.
-    #[error(
-        "field `{field}` of `{type_name}` is {kind} at byte {offset}, which cannot be written as protobuf"
-    )]
-    Field {
-        /// The type.
-        type_name: String,
-        /// The field.
-        field: String,
-        /// Type of the field in the layout.
-        kind: String,
-        /// Byte offset of the field.
-        offset: usize,
-    },
-    /// A message that is damaged or cut short.
-    #[error("a message of `{schema}` is damaged{}", .field.as_ref().map_or_else(String::new, |field| format!(" in field `{field}`")))]
-    Message {
-        /// Name of the schema.
-        schema: String,
-        /// The faulty field, if known.
-        field: Option<String>,
-    },
 }
 
 impl Derived {

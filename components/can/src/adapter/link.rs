@@ -1,5 +1,7 @@
 //! One drive from the adapter's point of view.
 
+mod homing;
+
 use super::dialogue::{Dialogue, Order, Response};
 use super::homing::{Homing, HomingFault, HomingState};
 use super::{Counts, OnTrip, Phase, Setpoint, WrongSetting};

@@ -16,9 +16,14 @@ mod counts;
 mod dialogue;
 mod enabling;
 mod homing;
+mod homing_sequence;
+mod line;
 mod link;
+mod on_trip;
+mod phase;
 mod plausible;
 mod rounding;
+mod setpoint;
 mod setting;
 
 use crate::bus::Received;
@@ -27,57 +32,17 @@ use crate::frame::{DecodeError, Frame};
 use crate::table::Table;
 use common_answer::CommonAnswer;
 pub use counts::Counts;
-use dialogue::{Dialogue, Order, Servo};
+use dialogue::{Dialogue, Order};
 pub(crate) use homing::{EASED, RUNAWAY, STILL};
 pub use homing::{HomingFault, HomingState};
 pub use link::Link;
+pub use on_trip::OnTrip;
+pub use phase::Phase;
+pub use setpoint::Setpoint;
 pub use setting::WrongSetting;
 
 /// Cycles of silence after which a drive counts as lost.
 pub const LOST_AFTER: u32 = 3;
-
-/// Reaction of the other drives when one is lost or reports a fault.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum OnTrip {
-    /// The drives brake softly: no position gain, and the velocity gain of the safe states. Drives commanded
-    /// by position hold their present position.
-    #[default]
-    Damp,
-    /// The drives are disabled.
-    Disable,
-}
-
-/// Phase of one drive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Phase {
-    /// The settings are being read; this is the number of the next one.
-    Checking(u8),
-    /// The drive is disabled and its settings are correct.
-    Disabled,
-    /// The joint moves to the mark that determines its position.
-    Homing,
-    /// The drive has been ordered to follow commands.
-    Enabling,
-    /// The drive follows commands.
-    Enabled,
-    /// The drive disabled itself because of a fault.
-    Fault,
-}
-
-/// Command of a joint, in joint units.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Setpoint {
-    /// Position, rad or m.
-    pub position: f64,
-    /// Velocity, rad/s or m/s.
-    pub velocity: f64,
-    /// Feed-forward effort, N m or N.
-    pub effort: f64,
-    /// Position gain, N m/rad or N/m.
-    pub kp: f64,
-    /// Velocity gain, N m s/rad or N s/m.
-    pub kd: f64,
-}
 
 /// Adapter of the drives of one robot.
 #[derive(Clone, Debug)]
@@ -350,7 +315,7 @@ impl Adapter {
         }
         if is_line {
             let common = self.common[bus].as_mut();
-            Servo::write_line(&mut self.links, common, bus, (trip, cycle), frames);
+            line::write(&mut self.links, common, bus, (trip, cycle), frames);
         }
         if is_synchronised {
             frames.extend([cia402::adapter_heartbeat(), cia402::sync()]);

@@ -4,6 +4,9 @@ use motorium::state::CanFrame;
 
 use crate::{Form, Frame, Id, Report};
 
+/// Largest number of frames in one batch of all buses.
+pub(super) const BATCH: usize = 128;
+
 /// Converts a frame of one bus for a topic; `time_ns` is its receive time, 0 for an outgoing frame.
 pub(super) fn to_topic(frame: &Frame, bus: usize, time_ns: u64) -> CanFrame {
     let (id, extended) = match frame.id {

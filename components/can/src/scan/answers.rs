@@ -1,6 +1,6 @@
 //! Frames that identify devices.
 
-use super::{Device, DeviceKind};
+use super::device::{Device, DeviceKind};
 use crate::damiao::{EVERYBODY, Register, Request, Value};
 use crate::frame::{Form, Frame, Id};
 use crate::moteus;

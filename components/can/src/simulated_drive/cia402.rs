@@ -3,8 +3,11 @@
 
 use core::f64::consts::TAU;
 
-use super::encoder::Search;
-use super::{Mark, Motor, Overrides, Watchdog};
+use super::encoder::Mark;
+use super::motor::Motor;
+use super::overrides::Overrides;
+use super::search::Search;
+use super::watchdog::Watchdog;
 use crate::cia402::{
     ADAPTER, DriveState, Emergency, HOMING_MODE, HOMING_START, Mapping, Mode, NetworkCommand, NetworkState,
     Node, Object, Process, Service, Setpoint, Value, adapter_heartbeat, sync,

@@ -1,6 +1,6 @@
 //! Simulated drive of the MIT family.
 
-use super::Motor;
+use super::motor::Motor;
 use crate::damiao::{Register, Request, Value};
 use crate::frame::Frame;
 use crate::mit::{Command, Drive, Fault, Feedback, Instruction, Reply, State};

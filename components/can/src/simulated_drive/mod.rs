@@ -4,8 +4,12 @@ mod cia402;
 mod encoder;
 mod mit;
 mod moteus;
+mod motor;
 mod odrive;
+mod overrides;
+mod search;
 mod servo;
+mod watchdog;
 
 use crate::frame::{Frame, Id};
 use crate::mit::Ranges;
@@ -14,15 +18,8 @@ use crate::{Range, damiao};
 pub use encoder::Mark;
 use encoder::Zero;
 pub use mit::SimulatedDrive;
-
-/// Settings of a simulated drive that differ from the table.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Overrides {
-    /// Watchdog time, ns; 0 for off.
-    pub watchdog_ns: Option<u64>,
-    /// Largest torque of its range, or its rated torque, N m.
-    pub torque: Option<f64>,
-}
+use motor::Motor;
+pub use overrides::Overrides;
 
 /// Simulated drive of any protocol in a drive table.
 ///
@@ -211,88 +208,5 @@ impl AnySimulatedDrive {
             Self::Moteus(drive) => drive.motor.temperature,
             Self::Servo(drive) => drive.motor.temperature,
         }
-    }
-}
-
-/// Motor of a simulated drive: its shaft, applied torque and temperature.
-#[derive(Clone, Debug)]
-struct Motor {
-    /// N m.
-    largest: f64,
-    /// Configured limit, N m.
-    limit: f64,
-    stepped_ns: u64,
-    position: f64,
-    velocity: f64,
-    torque: f64,
-    temperature: f64,
-    zero: Zero,
-    mark: Mark,
-}
-
-/// Ambient temperature, degrees Celsius.
-const SURROUNDINGS: f64 = 25.0;
-/// Temperature rise at continuous full torque, degrees.
-const RISE: f64 = 90.0;
-/// Time constant of the temperature, s.
-const WARM_UP: f64 = 120.0;
-/// Temperature at which a drive disables itself, degrees Celsius.
-const TOO_HOT: f64 = 100.0;
-
-impl Motor {
-    fn new(largest: f64) -> Self {
-        let temperature = SURROUNDINGS;
-        Self {
-            largest,
-            limit: largest,
-            stepped_ns: 0,
-            position: 0.0,
-            velocity: 0.0,
-            torque: 0.0,
-            temperature,
-            zero: Zero::Absolute,
-            mark: Mark::Works,
-        }
-    }
-
-    /// Sets the present position \[rad\] and velocity \[rad/s\] of the shaft.
-    fn turn(&mut self, position: f64, velocity: f64, now_ns: u64) {
-        (self.position, self.velocity) = (position, velocity);
-        let dt = now_ns.saturating_sub(self.stepped_ns) as f64 * 1e-9;
-        self.stepped_ns = now_ns;
-        let goal = SURROUNDINGS + RISE * (self.torque / self.largest).powi(2);
-        self.temperature += (goal - self.temperature) * (dt / WARM_UP).min(1.0);
-    }
-
-    /// Sets the largest torque, clamped to the drive's range, N m.
-    fn limit(&mut self, torque: f64) {
-        self.limit = torque.clamp(0.0, self.largest);
-    }
-
-    fn is_too_hot(&self) -> bool {
-        self.temperature > TOO_HOT
-    }
-
-    /// Applies a torque within the limits, N m; zero while the drive is disabled.
-    fn give(&mut self, wanted: Option<f64>) -> f64 {
-        self.torque = wanted.map_or(0.0, |torque| torque.clamp(-self.limit, self.limit));
-        self.torque
-    }
-}
-
-/// Watchdog that expires when it is not fed in time.
-#[derive(Clone, Copy, Debug)]
-struct Watchdog {
-    after_ns: Option<u64>,
-    fed_ns: u64,
-}
-
-impl Watchdog {
-    fn new(after_ns: Option<u64>) -> Self {
-        Self { after_ns, fed_ns: 0 }
-    }
-
-    fn has_expired(&self, now_ns: u64) -> bool {
-        self.after_ns.is_some_and(|after_ns| now_ns.saturating_sub(self.fed_ns) >= after_ns)
     }
 }

@@ -1,7 +1,8 @@
 //! Simulated moteus drive.
 
 use super::encoder::Zero;
-use super::{Motor, Watchdog};
+use super::motor::Motor;
+use super::watchdog::Watchdog;
 use crate::frame::{Frame, Id};
 use crate::moteus::{Command, Home, Instruction, Mode, Node, Resolution, State};
 use crate::table::{LoopEntry, Table};

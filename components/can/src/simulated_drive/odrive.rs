@@ -1,8 +1,10 @@
 //! Simulated ODrive: encoder estimates and torques at the configured rate, and a heartbeat each tenth of a
 //! second.
 
-use super::encoder::Search;
-use super::{Mark, Motor, Watchdog};
+use super::encoder::Mark;
+use super::motor::Motor;
+use super::search::Search;
+use super::watchdog::Watchdog;
 use crate::frame::{Frame, Id};
 use crate::odrive::{AxisState, ControlMode, Instruction, Node, Report};
 use crate::table::{LoopEntry, Table};

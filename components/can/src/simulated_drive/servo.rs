@@ -1,6 +1,8 @@
 //! Simulated servo of Feetech or Dynamixel: a table of registers, and a position loop.
 
-use super::{Motor, Overrides, Watchdog};
+use super::motor::Motor;
+use super::overrides::Overrides;
+use super::watchdog::Watchdog;
 use crate::dynamixel;
 use crate::feetech::{self, OVERHEATED, STATE_BYTES};
 use crate::frame::{Form, Frame, Id};

@@ -3,7 +3,7 @@
 use core::f64::consts::TAU;
 
 use super::refusal::Refusal;
-use super::{BusEntry, BusKind, ControlMode, DriveEntry, Protocol, Table};
+use super::{BusEntry, BusKind, ControlMode, DriveEntry, Protocol, Table, TableError};
 use super::{current, homing, wire};
 use crate::Range;
 use crate::bus::offered::Place;
@@ -18,8 +18,20 @@ const SERVOS: usize = 50;
 /// Number of servos whose states fit into one packet.
 const FAST_SERVOS: usize = (LONGEST - FAST_HEAD) / (dynamixel::STATE_BYTES as usize + FAST_AROUND);
 
-/// Checks a table without a robot.
-pub(super) fn check(table: &Table) -> Result<(), Mistake> {
+impl Table {
+    /// Checks a table without a robot.
+    ///
+    /// # Errors
+    /// Returns an error if a value is invalid.
+    pub fn check(&self) -> Result<(), TableError> {
+        let named =
+            |(entry, message, advice)| TableError { line: None, column: None, entry, message, advice };
+        check(self).map_err(named)
+    }
+}
+
+/// Returns the first mistake of a table.
+fn check(table: &Table) -> Result<(), Mistake> {
     for (index, bus) in table.buses.iter().enumerate() {
         let at = |(message, advice): Refusal| (Some(("bus", index)), message, advice);
         check_bus(bus, &table.buses[..index]).map_err(at)?;

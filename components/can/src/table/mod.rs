@@ -158,16 +158,6 @@ impl Table {
         Ok(())
     }
 
-    /// Checks a table without a robot.
-    ///
-    /// # Errors
-    /// Returns an error if a value is invalid.
-    pub fn check(&self) -> Result<(), TableError> {
-        let named =
-            |(entry, message, advice)| TableError { line: None, column: None, entry, message, advice };
-        check::check(self).map_err(named)
-    }
-
     /// Returns `true` if the buses are interfaces of the computer.
     pub fn is_real(&self) -> bool {
         self.buses.iter().any(|bus| bus.interface.is_some())

@@ -2,7 +2,7 @@
 
 use motorium_algebra::{Cholesky, Simd};
 
-use super::GpError;
+use super::error::GpError;
 use crate::kernel::{Kernel, Points};
 
 /// Added to the diagonal of every covariance, as GPy does.

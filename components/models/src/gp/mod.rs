@@ -22,9 +22,12 @@
 //! # Ok::<(), motorium_models::gp::GpError>(())
 //! ```
 
+mod error;
 mod marginal;
 mod sparse;
 
+pub use error::GpError;
+pub(crate) use error::check_finite;
 pub use marginal::NUGGET;
 pub(crate) use marginal::{Gradient, Marginal};
 use motorium_algebra::Simd;
@@ -32,57 +35,6 @@ pub use sparse::{Approximation, SparseGaussianProcess, SparseScratch};
 
 use crate::kernel::{Kernel, Points};
 use crate::optimise::{Minimum, Options, minimise};
-
-/// The errors of Gaussian processes.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum GpError {
-    /// The dimensions of the data do not match.
-    #[error("found {found} {what}, expected {expected}")]
-    Shape {
-        /// The counted quantity.
-        what: &'static str,
-        /// Number found.
-        found: usize,
-        /// Number expected.
-        expected: usize,
-    },
-    /// A value is not finite.
-    #[error("{what} {index} is {value}, expected a finite number")]
-    NotFinite {
-        /// The quantity that the value belongs to.
-        what: &'static str,
-        /// Index of the value.
-        index: usize,
-        /// The value.
-        value: f64,
-    },
-    /// A hyperparameter is out of range, or the kernel does not match the inputs.
-    #[error(
-        "the kernel or noise does not fit inputs of {dimensions} dimensions, expected positive finite parameters"
-    )]
-    Kernel {
-        /// Number of input dimensions.
-        dimensions: usize,
-    },
-    /// The covariance is not positive definite.
-    #[error(
-        "the covariance of {points} points is not positive definite, tried jitters {tried:?} on its diagonal\n\
-         help: remove repeated points or raise the noise variance"
-    )]
-    Factorisation {
-        /// Number of points.
-        points: usize,
-        /// Jitters tried.
-        tried: Vec<f64>,
-    },
-}
-
-pub(crate) fn check_finite(what: &'static str, values: &[f64]) -> Result<(), GpError> {
-    match values.iter().position(|value| !value.is_finite()) {
-        Some(index) => Err(GpError::NotFinite { what, index, value: values[index] }),
-        None => Ok(()),
-    }
-}
 
 /// Logarithms of hyperparameters stay within plus and minus this value during optimisation.
 pub(crate) const LOG_RANGE: f64 = 12.0;

@@ -2,7 +2,14 @@
 
 use motorium_algebra::Cholesky;
 
-use super::Shape;
+/// The form of covariances.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// Variances of independent columns.
+    Diagonal,
+    /// Full covariances.
+    Full,
+}
 
 /// Gaussian observation model of a state.
 #[derive(Clone, Debug)]

@@ -27,6 +27,7 @@ mod reproduction;
 mod train;
 
 pub use duration::Hsmm;
+pub use gaussian::Shape;
 pub use reproduction::{Regression, Tracker};
 
 use gaussian::Gaussian;
@@ -66,15 +67,6 @@ pub enum HmmError {
         /// Row of the sequence, from 0.
         row: usize,
     },
-}
-
-/// The form of covariances.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shape {
-    /// Variances of independent columns.
-    Diagonal,
-    /// Full covariances.
-    Full,
 }
 
 /// A hidden Markov model with Gaussian observations.

@@ -23,6 +23,7 @@ mod stationary;
 pub use points::Points;
 use serde::{Deserialize, Serialize};
 use stationary::Profile;
+pub use stationary::Stationary;
 
 /// A covariance function.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,27 +52,6 @@ pub enum Kernel {
     Sum(Vec<Kernel>),
     /// Product of kernels.
     Product(Vec<Kernel>),
-}
-
-/// Variance and length scales.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Stationary {
-    /// Variance.
-    pub variance: f64,
-    /// Length scales in units of the input: one for all dimensions, or one for each (automatic relevance
-    /// determination).
-    pub lengths: Vec<f64>,
-}
-
-impl Stationary {
-    /// A variance and length scales.
-    pub fn new(variance: f64, lengths: &[f64]) -> Self {
-        Self { variance, lengths: lengths.to_vec() }
-    }
-
-    fn length(&self, dimension: usize) -> f64 {
-        if self.lengths.len() == 1 { self.lengths[0] } else { self.lengths[dimension] }
-    }
 }
 
 impl Kernel {

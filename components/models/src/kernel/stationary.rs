@@ -1,8 +1,30 @@
-//! Rows of stationary kernels, computed as loops over contiguous points.
+//! Stationary kernels: their parameters, and their rows, computed as loops over contiguous points.
 
 use motorium_algebra::Simd;
+use serde::{Deserialize, Serialize};
 
-use super::{Points, Stationary};
+use super::Points;
+
+/// Variance and length scales.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stationary {
+    /// Variance.
+    pub variance: f64,
+    /// Length scales in units of the input: one for all dimensions, or one for each (automatic relevance
+    /// determination).
+    pub lengths: Vec<f64>,
+}
+
+impl Stationary {
+    /// A variance and length scales.
+    pub fn new(variance: f64, lengths: &[f64]) -> Self {
+        Self { variance, lengths: lengths.to_vec() }
+    }
+
+    pub(super) fn length(&self, dimension: usize) -> f64 {
+        if self.lengths.len() == 1 { self.lengths[0] } else { self.lengths[dimension] }
+    }
+}
 
 /// The function of the squared distance.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,10 +2,11 @@
 
 use std::collections::HashMap;
 
+use super::error::OnnxError;
+use super::input::{Input, Length};
 use super::node::{Computed, Node, Value};
 use super::proto::{FLOAT, ModelProto};
 use super::tensor::{Constant, MAX_NUMBERS, Numbers, count};
-use super::{Input, Length, OnnxError};
 use crate::inference::{Buffer, Operation, Port, Program, Run};
 
 /// A program under construction.

@@ -1,7 +1,7 @@
 //! Elementwise functions of one or two tensors.
 
-use super::OnnxError;
 use super::compile::{Compiler, Outputs};
+use super::error::OnnxError;
 use super::movement::{broadcast, broadcast_offsets};
 use super::node::{Computed, Node, Value};
 use super::tensor::{Constant, Numbers};

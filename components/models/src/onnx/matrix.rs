@@ -1,7 +1,7 @@
 //! Products of matrices.
 
-use super::OnnxError;
 use super::compile::{Compiler, Outputs};
+use super::error::OnnxError;
 use super::movement::{broadcast, broadcast_offsets};
 use super::node::{Computed, Node, Value};
 use super::tensor::{Constant, count};

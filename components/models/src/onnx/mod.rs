@@ -13,6 +13,8 @@
 mod adapt;
 mod compile;
 mod elementwise;
+mod error;
+mod input;
 mod matrix;
 mod movement;
 mod node;
@@ -29,76 +31,10 @@ use crate::inference::Program;
 #[cfg(test)]
 pub(crate) use adapt::split_input;
 pub use adapt::{Adapter, Part};
+pub use error::OnnxError;
+pub use input::{Input, Length};
 use proto::ModelProto;
 pub use write::{GruLayer, write_choice, write_gru, write_mlp};
-
-/// The network cannot be read or compiled.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum OnnxError {
-    /// The bytes are not a protocol buffer.
-    #[error("not an ONNX file: {0}")]
-    Format(String),
-    /// The model has no graph.
-    #[error("the file has no graph; is it an ONNX model?")]
-    Empty,
-    /// A constant is damaged or unsupported.
-    #[error("tensor \"{name}\": {message}")]
-    Tensor {
-        /// Name of the tensor.
-        name: String,
-        /// The defect, and the expected value.
-        message: String,
-    },
-    /// An operator is not supported.
-    #[error(
-        "node {node}: operator {operator} is not supported; help: the supported operators are listed in the docs of `motorium_models::onnx`"
-    )]
-    Operator {
-        /// Name or index of the node.
-        node: String,
-        /// The operator, with its domain.
-        operator: String,
-    },
-    /// A node does not match its inputs.
-    #[error("node {node} ({operator}): {message}")]
-    Node {
-        /// Name or index of the node.
-        node: String,
-        /// The operator.
-        operator: String,
-        /// The defect, and the expected value.
-        message: String,
-    },
-    /// The shape of an input is invalid.
-    #[error("input \"{name}\": {message}")]
-    Input {
-        /// Name of the input.
-        name: String,
-        /// The defect, and the expected shape.
-        message: String,
-    },
-    /// No node computes this output.
-    #[error("output \"{0}\" is not computed by any node")]
-    Output(String),
-}
-
-/// Length of an axis of an input.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Length {
-    /// Fixed in the file.
-    Fixed(usize),
-    /// Chosen when the network is compiled, such as the number of rows; the name may be empty.
-    Free(String),
-}
-
-/// An input of a model.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Input {
-    /// Name of the tensor.
-    pub name: String,
-    /// Length along each axis.
-    pub shape: Vec<Length>,
-}
 
 /// A network as stored in a file.
 #[derive(Clone, Debug, PartialEq)]

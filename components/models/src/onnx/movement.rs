@@ -1,7 +1,7 @@
 //! Operators that move elements and change shapes.
 
-use super::OnnxError;
 use super::compile::{Compiler, Outputs, runs};
+use super::error::OnnxError;
 use super::node::{Computed, Node, Value};
 use super::tensor::{Constant, Numbers, count, offsets, strides};
 use crate::inference::Operation;

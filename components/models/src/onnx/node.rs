@@ -1,6 +1,6 @@
 //! A node with its attributes and its inputs.
 
-use super::OnnxError;
+use super::error::OnnxError;
 use super::proto::{Attribute, NodeProto};
 use super::tensor::{Constant, Numbers};
 use crate::inference::Buffer;

@@ -1,7 +1,7 @@
 //! Convolutions and pooling.
 
-use super::OnnxError;
 use super::compile::{Compiler, Outputs};
+use super::error::OnnxError;
 use super::node::{Computed, Node, Value};
 use super::tensor::strides;
 use crate::inference::{Convolution, Operation, PADDING, Packed, Parts, Reduction};

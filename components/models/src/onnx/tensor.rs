@@ -1,6 +1,6 @@
 //! Constant tensors of a file, and shapes.
 
-use super::OnnxError;
+use super::error::OnnxError;
 use super::proto::TensorProto;
 
 /// Largest total size of all buffers of a network, in numbers.

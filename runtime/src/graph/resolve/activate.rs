@@ -1,6 +1,6 @@
 //! The activation of a component by events from outside of the graph.
 
-use super::Draft;
+use super::draft::Draft;
 use crate::graph::diagnostic::Report;
 use crate::graph::model::ActivateTable;
 use crate::graph::read::{At, good};

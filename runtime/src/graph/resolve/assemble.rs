@@ -1,10 +1,11 @@
 //! The plan, put together from its resolved parts.
 
+use super::context::Context;
+use super::draft::Draft;
 use super::latency::Latencies;
 use super::scheduling::Scheduling;
 use super::timing::Timing;
 use super::wiring::Wiring;
-use super::{Context, Draft};
 use crate::declare::{Direction, PortDeclaration, TopicPattern};
 use crate::graph::defaults;
 use crate::graph::model::{EpisodesTable, GraphTable, RestartTable};

@@ -7,9 +7,11 @@ use serde_json::Value as Json;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use super::context::Context;
+use super::draft::Draft;
 use super::robots::Robot;
 use super::siblings::Home;
-use super::{Context, Draft, doubts, exec, paths, periods, world};
+use super::{doubts, exec, paths, periods, world};
 use crate::declare::{
     Declaration, Declare, MAX_PARAMETER_NUMBERS, ParameterDeclaration, Placement, TopicPattern,
 };
@@ -27,6 +29,19 @@ use crate::worker::{ConfigProblem, DescribeRequest};
 /// Maximum number of components of a graph; more would not be a robot and would slow down the timing
 /// analysis.
 const MOST: usize = 512;
+
+/// Time for the declaration of a component.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct DeclareTime {
+    /// The component.
+    pub component: String,
+    /// Wall time of its [`declare`](crate::component::Component::declare), ns; of a program of its own with
+    /// its start and its end.
+    pub wall_ns: u64,
+}
+
+/// Maximum declaration time of a component before `motorium check` warns, ns.
+pub const DECLARE_BOUND_NS: u64 = 100_000_000;
 
 /// Resolves all components of the file, in order.
 pub(super) fn resolve<'g, 'i>(
@@ -228,7 +243,7 @@ fn identify(
                     };
                 }
                 Err(homeless) => {
-                    homeless.report(name, draft, &at.span, context, report);
+                    homeless.report(name, draft, &at.span, context.registry, report);
                     return None;
                 }
             };

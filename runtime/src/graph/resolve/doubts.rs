@@ -1,6 +1,6 @@
 //! Errors and warnings of components about their configuration, with the positions of the affected keys.
 
-use super::Draft;
+use super::draft::Draft;
 use super::wording::reworded;
 use crate::declare::{ConfigError, DeclareWarning};
 use crate::graph::diagnostic::Report;

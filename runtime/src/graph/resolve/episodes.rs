@@ -1,6 +1,6 @@
 //! Episodes: whether all components of a graph can be reset, and who begins and ends an episode.
 
-use super::Draft;
+use super::draft::Draft;
 use crate::declare::Declaration;
 use crate::graph::defaults;
 use crate::graph::diagnostic::Report;

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, bounded};
 use serde_json::Value as Json;
 
-use super::Draft;
+use super::draft::Draft;
 use crate::declare::{ConfigError, Declaration};
 use crate::graph::diagnostic::Report;
 use crate::graph::source::Span;

@@ -1,6 +1,6 @@
 //! Checks that the components of expected figures exist.
 
-use super::Draft;
+use super::draft::Draft;
 use crate::graph::diagnostic::Report;
 use crate::graph::model::GraphTable;
 use crate::graph::read::good;

@@ -1,6 +1,6 @@
 //! Histories of topics: number of older values kept for taps.
 
-use super::Draft;
+use super::draft::Draft;
 use super::wiring::Wiring;
 use crate::declare::{Direction, Taps, TopicPattern};
 use crate::graph::diagnostic::Report;

@@ -4,7 +4,7 @@
 //! time-triggered one the input on the path of a latency budget, if any. A chain starts at a component
 //! without such a cause, where its samples originate.
 
-use super::Draft;
+use super::draft::Draft;
 use super::timing::Timing;
 use super::wiring::{Wire, Wiring};
 use crate::declare::Direction;

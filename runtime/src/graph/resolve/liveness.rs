@@ -1,6 +1,6 @@
 //! Liveness limits: time without a step, time of computing without waiting, and lost steps.
 
-use super::Draft;
+use super::draft::Draft;
 use super::timing::Timing;
 use crate::graph::defaults;
 use crate::graph::diagnostic::Report;

@@ -5,8 +5,10 @@
 
 mod activate;
 mod assemble;
+mod context;
 mod declare;
 mod doubts;
+mod draft;
 mod episodes;
 pub(super) mod exec;
 mod expectations;
@@ -27,95 +29,14 @@ mod wiring;
 mod wording;
 mod world;
 
-use std::cell::OnceCell;
-use std::path::Path;
+pub(super) use context::Context;
+pub use declare::{DECLARE_BOUND_NS, DeclareTime};
 
-use super::DeclareTime;
 use super::defaults;
 use super::diagnostic::Report;
-use super::machine::Machine;
-use super::model::{ComponentTable, GraphTable};
+use super::model::GraphTable;
 use super::read::good_or;
-use super::source::{Sources, Span};
-use super::values::Schedule;
-use crate::declare::{Declaration, Direction, Placement, PortDeclaration, RobotReference};
-use crate::plan::{Plan, Program};
-use crate::worker::Registry;
-use siblings::Siblings;
-
-/// The file, the registry and the machine for which a graph is resolved.
-pub(super) struct Context<'c> {
-    /// The graph file.
-    pub file: &'c Path,
-    /// All texts; relative paths start in the folder of their file.
-    pub sources: &'c Sources,
-    /// Kinds of components, and robots.
-    pub registry: &'c Registry,
-    /// The machine it will run on.
-    pub machine: &'c Machine,
-    /// Other programs that host kinds, as far as they have been queried.
-    siblings: Siblings,
-    /// Gravity of the world file, in TOML notation, once read; `None` if unavailable.
-    gravity: OnceCell<Option<[String; 3]>>,
-}
-
-impl<'c> Context<'c> {
-    pub(super) fn new(
-        file: &'c Path,
-        sources: &'c Sources,
-        registry: &'c Registry,
-        machine: &'c Machine,
-    ) -> Self {
-        Self { file, sources, registry, machine, siblings: Siblings::default(), gravity: OnceCell::new() }
-    }
-}
-
-/// A partially resolved component.
-struct Draft<'g, 'i> {
-    /// Its name.
-    name: &'g str,
-    /// Place of its name.
-    place: Span,
-    /// Its table in the file.
-    table: &'g ComponentTable<'i>,
-    /// The robot it works on.
-    robot: Option<RobotReference>,
-    /// The robots it works on by `robots`.
-    robots: Vec<RobotReference>,
-    /// Its period, clock and folder.
-    placement: Placement,
-    /// Its program.
-    program: Option<Program>,
-    /// Its `config` table.
-    config: serde_json::Value,
-    /// Its declaration; `None` if the query failed, which has been reported.
-    declaration: Option<Declaration>,
-    /// Wall time of its declaration, ns.
-    declare_ns: u64,
-}
-
-impl Draft<'_, '_> {
-    /// Returns its kind or its program, for messages.
-    fn what(&self) -> String {
-        match &self.program {
-            Some(Program::Builtin { kind } | Program::Sibling { kind, .. }) => format!("`{kind}`"),
-            Some(Program::Exec { path }) => format!("`{}`", path.display()),
-            None => format!("component `{}`", self.name),
-        }
-    }
-
-    /// Its scheduling class: of the file, else as it declares.
-    fn schedule(&self) -> Schedule {
-        let declared = self.declaration.as_ref().is_some_and(|declared| declared.not_real_time.is_some());
-        let default = if declared { Schedule::Normal } else { defaults::SCHEDULE };
-        good_or(&self.table.schedule, default)
-    }
-
-    /// Returns its declared ports of one direction, in order of declaration.
-    fn ports(&self, direction: Direction) -> impl Iterator<Item = &PortDeclaration> {
-        self.declaration.iter().flat_map(|d| &d.ports).filter(move |port| port.direction == direction)
-    }
-}
+use crate::plan::Plan;
 
 /// Resolves a graph, with the time of each declaration. Returns `None` if and only if an error has been
 /// reported.

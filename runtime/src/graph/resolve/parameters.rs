@@ -1,6 +1,6 @@
 //! Initial values of parameters.
 
-use super::Draft;
+use super::draft::Draft;
 use crate::graph::diagnostic::Report;
 use crate::graph::read::good;
 use crate::nearest::suggest;

@@ -1,6 +1,6 @@
 //! Look-up of robots by the host program.
 
-use super::Context;
+use super::context::Context;
 use crate::declare::RobotReference;
 use crate::graph::diagnostic::Report;
 use crate::graph::model::{BaseTable, GraphTable};

@@ -7,7 +7,7 @@ mod emergency;
 pub(super) use actuators::resolve as of_actuators;
 pub(super) use emergency::emergency_stop;
 
-use super::Draft;
+use super::draft::Draft;
 use super::timing::Timing;
 use super::wiring::Wiring;
 use crate::declare::Direction;
@@ -15,7 +15,6 @@ use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
 use crate::graph::model::GraphTable;
 use crate::graph::read::{At, good, good_or};
-use crate::graph::source::Span;
 use crate::plan::{Activation, GateRules, SafetyPlan};
 use crate::state::{JointCommand, StateBuffer as _};
 use crate::units::TimeSpan;
@@ -36,7 +35,7 @@ pub(super) fn resolve(
     let stale_after =
         table.map_or(defaults::STALE_AFTER, |table| good_or(&table.stale_after, defaults::STALE_AFTER));
     let at = table.and_then(|table| table.stale_after.as_ref());
-    not_zero("stale_after", at, "every command would be stale at once", report);
+    bounds::not_zero("stale_after", at, "every command would be stale at once", report);
     if let Some(at) = graph.duration.as_ref().filter(|at| at.get() == Some(&TimeSpan { ns: 0 })) {
         report
             .error("`duration` is zero")
@@ -45,7 +44,7 @@ pub(super) fn resolve(
     }
     for draft in drafts {
         let at = draft.table.stop_within.as_ref();
-        not_zero("stop_within", at, "it would be killed before it could stop", report);
+        bounds::not_zero("stop_within", at, "it would be killed before it could stop", report);
         if let Some(at) = at.filter(|at| at.get().is_some_and(|time| time.ns > LONGEST_STOP.ns)) {
             report
                 .error(format!("`stop_within` of component `{}` is longer than {LONGEST_STOP}", draft.name))
@@ -54,8 +53,8 @@ pub(super) fn resolve(
         }
     }
     for restart in drafts.iter().filter_map(|draft| good(&draft.table.restart)) {
-        not_zero("window", restart.window.as_ref(), "nothing would ever be counted", report);
-        not_zero("within", restart.within.as_ref(), "no restart would be quick enough", report);
+        bounds::not_zero("window", restart.window.as_ref(), "nothing would ever be counted", report);
+        bounds::not_zero("within", restart.within.as_ref(), "no restart would be quick enough", report);
         if let Some(at) = restart.at_most.as_ref().filter(|at| at.get() == Some(&0)) {
             report
                 .error("`at_most` is 0")
@@ -92,7 +91,7 @@ pub(super) fn resolve(
 fn chains_ns(drafts: &[Draft<'_, '_>], wiring: &Wiring, timing: &Timing, causes: &[Option<usize>]) -> u64 {
     let mut longest = 0;
     for (component, draft) in drafts.iter().enumerate() {
-        if !is_actuator(draft) {
+        if !draft.is_actuator() {
             continue;
         }
         for (index, port) in draft.ports(Direction::Input).enumerate() {
@@ -117,33 +116,6 @@ fn chains_ns(drafts: &[Draft<'_, '_>], wiring: &Wiring, timing: &Timing, causes:
     longest
 }
 
-fn not_zero(key: &str, at: Option<&At<TimeSpan>>, why: &str, report: &mut Report) {
-    if let Some(at) = at.filter(|at| at.get() == Some(&TimeSpan { ns: 0 })) {
-        report.error(format!("`{key}` is zero")).label(&at.span, why).advise("leave it out for the default");
-    }
-}
-
-/// The slowest source of the commands of an actuator: the place of its wire, its index and its period, ns.
-fn slowest_source(
-    component: usize,
-    drafts: &[Draft<'_, '_>],
-    wiring: &Wiring,
-    timing: &Timing,
-) -> Option<(Span, usize, u64)> {
-    let commands = drafts[component].ports(Direction::Input).enumerate();
-    let commands = commands.filter(|(_, port)| port.layout.type_name == JointCommand::NAME);
-    let sources = commands.filter_map(|(index, _)| {
-        let wire = wiring.of_port(component, Direction::Input, index)?;
-        let writer = wiring.writer(wire.topic?)?.component;
-        Some((wire.span.clone(), writer, timing.period_ns(writer)?))
-    });
-    sources.max_by_key(|(.., period_ns)| *period_ns)
-}
-
-fn is_actuator(draft: &Draft<'_, '_>) -> bool {
-    draft.declaration.as_ref().is_some_and(|declaration| declaration.actuator)
-}
-
 /// Commands that come more slowly than they grow stale hold the robot in its safe state half of the time.
 fn stale_commands(
     stale_after: TimeSpan,
@@ -154,10 +126,11 @@ fn stale_commands(
     report: &mut Report,
 ) {
     for (component, draft) in drafts.iter().enumerate() {
-        if !is_actuator(draft) || actuators::stale_after(draft).is_some() {
+        if !draft.is_actuator() || actuators::stale_after(draft).is_some() {
             continue;
         }
-        let Some((span, writer, period_ns)) = slowest_source(component, drafts, wiring, timing) else {
+        let Some((span, writer, period_ns)) = actuators::slowest_source(component, drafts, wiring, timing)
+        else {
             continue;
         };
         if stale_after.ns >= period_ns || stale_after.ns == 0 {

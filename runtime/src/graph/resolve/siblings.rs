@@ -8,12 +8,12 @@ use std::rc::Rc;
 
 use serde_json::Value as Json;
 
+use super::draft::Draft;
 use super::exec::{self, ExecProblem};
-use super::{Context, Draft};
 use crate::graph::diagnostic::Report;
 use crate::graph::source::Span;
 use crate::nearest::{list, nearest};
-use crate::worker::{Kind, KindAnswer, Sibling};
+use crate::worker::{Kind, KindAnswer, Registry, Sibling};
 
 /// The program that hosts a kind.
 #[derive(Debug, Clone)]
@@ -77,14 +77,14 @@ impl Home<'_> {
     }
 }
 
-impl<'c> Context<'c> {
+impl Siblings {
     /// The program that hosts a kind.
-    pub(super) fn home(&self, kind: &str) -> Result<Home<'c>, Homeless> {
-        if let Some(kind) = self.registry.find(kind) {
+    pub(super) fn home<'c>(&self, kind: &str, registry: &'c Registry) -> Result<Home<'c>, Homeless> {
+        if let Some(kind) = registry.find(kind) {
             return Ok(Home::Here(kind));
         }
-        let sibling = *self.registry.sibling(kind).ok_or(Homeless::Unknown)?;
-        let mut asked = self.siblings.0.borrow_mut();
+        let sibling = *registry.sibling(kind).ok_or(Homeless::Unknown)?;
+        let mut asked = self.0.borrow_mut();
         let program = asked.entry(sibling.program).or_insert_with(|| find(sibling)).clone()?;
         match program.kinds.iter().position(|known| known.name == kind) {
             Some(index) => Ok(Home::Sibling(program, index)),
@@ -125,12 +125,12 @@ impl Homeless {
         kind: &str,
         draft: &Draft<'_, '_>,
         span: &Span,
-        context: &Context<'_>,
+        registry: &Registry,
         report: &mut Report,
     ) {
         match self {
             Self::Unknown => {
-                let kinds = context.registry.kinds().iter().map(|kind| kind.name);
+                let kinds = registry.kinds().iter().map(|kind| kind.name);
                 let advice = match nearest(kind, kinds.clone()) {
                     Some(near) => format!("did you mean `{near}`?"),
                     None => "use one of them, or name a program of your own with `exec`".to_string(),
@@ -143,7 +143,7 @@ impl Homeless {
             }
             Self::Missing { sibling, beside } => {
                 let program = sibling.program;
-                let here = context.registry.kinds().iter().map(|kind| kind.name);
+                let here = registry.kinds().iter().map(|kind| kind.name);
                 let get = match sibling.install {
                     Some(install) => format!("install it from a checkout of motorium: `{install}`"),
                     None => format!(
@@ -180,7 +180,7 @@ impl Homeless {
             }
             Self::NotAmong { program } => {
                 let kinds = program.kinds.iter().map(|kind| kind.name.as_str());
-                let here = context.registry.kinds().iter().map(|kind| kind.name);
+                let here = registry.kinds().iter().map(|kind| kind.name);
                 let path = program.path.display();
                 let (note, instead) = match program.kinds.is_empty() {
                     true => (format!("{path} has no kinds for graphs"), "name a built-in kind"),

@@ -1,7 +1,7 @@
 //! The activation of the components: rates, triggers, and the chains they form.
 
-use super::Draft;
 use super::activate;
+use super::draft::Draft;
 use super::wiring::Wiring;
 use crate::declare::Direction;
 use crate::graph::defaults;

@@ -1,6 +1,6 @@
 //! Topics: one writer each, and readers of the same type.
 
-use super::Draft;
+use super::draft::Draft;
 use super::wiring::{Wire, Wiring, carries};
 use crate::declare::{Direction, TopicPattern};
 use crate::graph::diagnostic::Report;

@@ -1,6 +1,6 @@
 //! Ports wired to topics.
 
-use super::Draft;
+use super::draft::Draft;
 use crate::declare::{Direction, PortDeclaration, TopicPattern};
 use crate::graph::diagnostic::Report;
 use crate::graph::model::GraphTable;

@@ -5,8 +5,9 @@ use std::borrow::Cow;
 use toml::Spanned;
 use toml::de::DeValue;
 
+use super::context::Context;
+use super::draft::Draft;
 use super::siblings::Home;
-use super::{Context, Draft};
 use crate::graph::diagnostic::Report;
 use crate::graph::model::GraphTable;
 use crate::graph::read::Value;

@@ -3,14 +3,17 @@
 //! This is one possible execution, not the worst case of every component; the bounds of
 //! [`admit`](super::admit) hold for all executions.
 
+mod lane;
 mod simulation;
+
+pub use lane::{Lane, Segment};
 
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use super::Overheads;
 use super::analysis::tasks::StaticPlan;
 use super::explain::words;
-use super::{Activity, Overheads};
 use crate::plan::{Activation, Plan};
 use simulation::Simulation;
 
@@ -34,32 +37,6 @@ pub struct CoreTimeline {
     pub core: usize,
     /// Its components: the chains with the most urgent heads first, each in its order.
     pub lanes: Vec<Lane>,
-}
-
-/// The segments of one component.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, JsonSchema)]
-pub struct Lane {
-    /// Name of the component.
-    pub component: String,
-    /// Its `SCHED_FIFO` priority.
-    pub priority: u8,
-    /// Releases, ns from the start: by the clock or a trigger.
-    pub releases_ns: Vec<u64>,
-    /// Intervals in which it runs on the core, in order.
-    pub segments: Vec<Segment>,
-    /// Ends of steps after the next release, ns.
-    pub late_ns: Vec<u64>,
-}
-
-/// A time for which a component runs on the core.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
-pub struct Segment {
-    /// From, ns.
-    pub start_ns: u64,
-    /// To, ns.
-    pub end_ns: u64,
-    /// The activity.
-    pub activity: Activity,
 }
 
 impl CoreTimeline {

@@ -3,10 +3,10 @@
 use core::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use super::{Activity, Lane, Segment};
+use super::lane::{Lane, Segment};
 use crate::plan::{Activation, OnOverrun, Plan};
-use crate::schedule::Overheads;
 use crate::schedule::analysis::tasks::{self, Place, StaticPlan};
+use crate::schedule::{Activity, Overheads};
 
 /// Limit of segments drawn.
 const MOST_SEGMENTS: usize = 20_000;

@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::Context as _;
 use motorium_can::Attached;
 
-use super::refused;
+use super::interface::refused;
 use crate::interrupt::interrupted;
 use crate::out::outln;
 

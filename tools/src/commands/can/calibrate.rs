@@ -8,7 +8,7 @@ use motorium_can::{Calibrated, calibrate};
 use serde_json::{Value, json};
 
 use super::check::{Found, adapters};
-use super::refused;
+use super::interface::refused;
 use crate::commands::loading::GraphArgs;
 use crate::out::{out, outln};
 use crate::report::table;

@@ -11,7 +11,7 @@ use anyhow::Context as _;
 use motorium::units::TimeSpan;
 use motorium_can::{Listener, Record};
 
-use super::refused;
+use super::interface::refused;
 use super::words::{Interpreter, Words};
 use crate::exit;
 use crate::interrupt::interrupted;

@@ -3,6 +3,7 @@
 mod attach;
 mod calibrate;
 mod check;
+mod interface;
 mod log;
 mod monitor;
 mod scan;
@@ -12,8 +13,6 @@ mod traffic;
 mod words;
 
 use std::process::ExitCode;
-
-use motorium_can::OpenError;
 
 /// Scan and monitor CAN buses, send frames, write logs, and check the bus load.
 ///
@@ -48,9 +47,4 @@ impl Can {
             Command::Calibrate(command) => command.run(),
         }
     }
-}
-
-/// An interface that cannot be opened, with the next step.
-fn refused(error: OpenError) -> anyhow::Error {
-    anyhow::anyhow!("{error}\n  {}", error.advice())
 }

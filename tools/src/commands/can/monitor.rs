@@ -8,7 +8,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use motorium::units::TimeSpan;
 use motorium_can::{Interface, Listener, Rates};
 
-use super::refused;
+use super::interface::refused;
 use super::traffic::{BusRow, Traffic};
 use super::words::Words;
 use crate::interrupt::interrupted;

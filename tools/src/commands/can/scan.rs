@@ -7,7 +7,8 @@ use motorium::units::TimeSpan;
 use motorium_can::{Device, DeviceKind, FdSearch, Found, Interface, Rates, RealBus, scan};
 use serde_json::{Value, json};
 
-use super::{refused, serial};
+use super::interface::refused;
+use super::serial;
 use crate::exit;
 use crate::out::{out, outln};
 use crate::report::table;

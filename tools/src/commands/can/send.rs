@@ -10,7 +10,7 @@ use anyhow::Context as _;
 use motorium::units::TimeSpan;
 use motorium_can::{Record, RecordError, Sender};
 
-use super::refused;
+use super::interface::refused;
 use crate::exit;
 use crate::interrupt::interrupted;
 use crate::out::errln;

@@ -6,7 +6,7 @@ use motorium_can::servo::Protocol;
 use motorium_can::{SERVO_SPEEDS, ServoBus, ServoFound, adapter_version, scan_servos};
 use serde_json::json;
 
-use super::refused;
+use super::interface::refused;
 use crate::exit;
 use crate::out::outln;
 

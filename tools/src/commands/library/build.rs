@@ -67,7 +67,7 @@ impl Build {
             Some(n) => MotionLibrary::build(&recordings, spring, metric, Truncation::All)?
                 .balanced(n, self.truncation.truncation())?,
         };
-        super::write(&library, &self.output)?;
-        super::show(&library, Some(&self.output), self.json)
+        super::output::write(&library, &self.output)?;
+        super::output::show(&library, Some(&self.output), self.json)
     }
 }

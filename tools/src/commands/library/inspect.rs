@@ -32,6 +32,6 @@ impl Inspect {
             let chart = eigenforces(&library, "Eigenforces", 0..self.eigenforces);
             std::fs::write(plot, chart.svg())?;
         }
-        super::show(&library, Some(&self.file), self.json)
+        super::output::show(&library, Some(&self.file), self.json)
     }
 }

@@ -42,11 +42,11 @@ impl Split {
         for part in parts {
             let path = self.output.join(format!("{}.library", part.name));
             let split = library.split(&part)?;
-            super::write(&split, &path)?;
+            super::output::write(&split, &path)?;
             if self.json {
-                all.push(super::summary(&split, Some(&path)));
+                all.push(super::output::summary(&split, Some(&path)));
             } else {
-                super::show(&split, Some(&path), false)?;
+                super::output::show(&split, Some(&path), false)?;
             }
         }
         if self.json {
@@ -93,8 +93,8 @@ impl Merge {
             (false, true) => merge_independent(&all, truncation)?,
             (false, false) => merge_parts(&all, truncation)?,
         };
-        super::write(&merged, &self.output)?;
-        super::show(&merged, Some(&self.output), self.json)
+        super::output::write(&merged, &self.output)?;
+        super::output::show(&merged, Some(&self.output), self.json)
     }
 }
 
@@ -150,7 +150,7 @@ impl Update {
                 self.file.display()
             );
         }
-        super::write(&updated, &self.output)?;
-        super::show(&updated, Some(&self.output), self.json)
+        super::output::write(&updated, &self.output)?;
+        super::output::show(&updated, Some(&self.output), self.json)
     }
 }

@@ -9,8 +9,8 @@ use anyhow::{Context as _, bail};
 use motorium_primitives::file::PrimitiveFile;
 use motorium_primitives::rollout::{Override, Trajectory, ViaPoint, roll_out};
 
+use super::numbers::{Numbers, numbers, per_dimension};
 use super::plot;
-use super::{Numbers, numbers, per_dimension};
 
 /// Run a primitive: as demonstrated, or with another start, goal, duration or via points.
 ///

@@ -4,6 +4,7 @@ mod compare;
 mod data;
 #[cfg(test)]
 mod example;
+mod interval;
 mod layout;
 mod order;
 mod plain;
@@ -12,8 +13,8 @@ mod view;
 
 use std::io::IsTerminal as _;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::time::{Duration, Instant};
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 use anyhow::Context as _;
 use motorium::units::TimeSpan;
@@ -24,6 +25,7 @@ use crate::out::{errln, out, outln};
 use crate::runs::{LivingRun, newest};
 use data::Span;
 pub(super) use data::Top as Data;
+use interval::{End, LONGEST, SHORTEST, wait};
 use order::Order;
 use view::View;
 
@@ -60,20 +62,6 @@ pub(crate) struct Top {
     /// Serve Prometheus metrics: a port of this machine alone (`9464`), or a whole address (`0.0.0.0:9464`)
     #[arg(long, value_name = "ADDR", conflicts_with = "once")]
     metrics: Option<Address>,
-}
-
-/// The shortest time between two readings: more would disturb the measurement.
-const SHORTEST: Duration = Duration::from_millis(100);
-/// The longest one.
-const LONGEST: Duration = Duration::from_secs(3600);
-
-/// Reason for the end of the display.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum End {
-    /// Requested by the user.
-    Asked,
-    /// The run is over.
-    RunOver,
 }
 
 impl Top {
@@ -159,24 +147,6 @@ fn follow(
         match written.and_then(|()| std::io::Write::flush(&mut out)) {
             Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => return Ok(End::Asked),
             other => other?,
-        }
-    }
-}
-
-/// Waits for an interval; returns the reason if it was interrupted.
-fn wait(run: &LivingRun, interval: Duration, interrupted: &AtomicBool) -> Option<End> {
-    let due = Instant::now() + interval;
-    loop {
-        let left = due.saturating_duration_since(Instant::now());
-        std::thread::sleep(left.min(Duration::from_millis(100)));
-        if interrupted.load(Relaxed) {
-            return Some(End::Asked);
-        }
-        if run.has_ended() {
-            return Some(End::RunOver);
-        }
-        if Instant::now() >= due {
-            return None;
         }
     }
 }

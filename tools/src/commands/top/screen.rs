@@ -13,10 +13,10 @@ use ratatui::text::{Line, Span as Piece};
 use ratatui::widgets::Paragraph;
 
 use super::data::{Span, Top};
+use super::interval::{End, LONGEST, SHORTEST};
 use super::layout::{Cell, Tone};
 use super::order::Order;
 use super::view::View;
-use super::{End, LONGEST, SHORTEST};
 use crate::metrics::Sample;
 use crate::runs::LivingRun;
 

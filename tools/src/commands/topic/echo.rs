@@ -11,10 +11,12 @@ use motorium::transport::Sample;
 
 use super::super::events::Follower;
 use super::content::Content;
+use super::find::find;
 use super::json::Line;
+use super::log;
 use super::pace::Pace;
+use super::text::readable;
 use super::watch::{End, Look, Watch, poll_for};
-use super::{find, log, readable};
 use crate::out::errln;
 use crate::runs::{LivingRun, RunArg};
 use crate::style;

@@ -8,7 +8,7 @@ use motorium::telemetry::Percentiles;
 use motorium::units::TimeSpan;
 use serde::Serialize;
 
-use super::find;
+use super::find::find;
 use super::pace::{Pace, percentiles};
 use super::watch::{End, Look, Watch, poll_for};
 use crate::out::{errln, out, outln};

@@ -9,9 +9,10 @@ use motorium::state::TypeLayout;
 use motorium::units::TimeSpan;
 use serde::Serialize;
 
+use super::find::find;
 use super::json::Row;
 use super::list::rows;
-use super::{find, names, readable};
+use super::text::{names, readable};
 use crate::out::{out, outln};
 use crate::report::table;
 use crate::runs::RunArg;

@@ -9,7 +9,8 @@ use motorium::units::TimeSpan;
 use std::sync::atomic::Ordering::Relaxed;
 
 use super::json::Row;
-use super::{log, names, pattern, readable};
+use super::log;
+use super::text::{names, pattern, readable};
 use crate::out::outln;
 use crate::report::table;
 use crate::runs::{LivingRun, RunArg};

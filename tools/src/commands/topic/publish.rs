@@ -9,7 +9,7 @@ use motorium::state::encode;
 use motorium::units::TimeSpan;
 use motorium_bridges::{Feed, Iceoryx2Bridge};
 
-use super::find;
+use super::find::find;
 use super::watch::{End, Look, Watch};
 use crate::out::errln;
 use crate::runs::RunArg;

@@ -3,7 +3,7 @@
 use motorium::state::TypeLayout;
 
 use super::super::wire::{self, Read};
-use super::DerivedError;
+use super::error::DerivedError;
 
 /// Number of the layout's first field; the others follow in order.
 const FIRST: u32 = 2;

@@ -7,8 +7,9 @@ use motorium::state::Decoder;
 
 use super::super::signals::as_f64;
 use super::super::{RecordedSample, Recording, Signal, SignalsError};
+use super::dataset::Dataset;
+use super::error::DatasetError;
 use super::pictures::Pictures;
-use super::{Dataset, DatasetError};
 use crate::parquet::{Column, Values};
 
 /// `state` and `action`.

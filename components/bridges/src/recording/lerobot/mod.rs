@@ -12,19 +12,23 @@
 //! <https://huggingface.co/docs/lerobot/lerobot-dataset-v3>
 
 mod choice;
+mod dataset;
+mod error;
 mod frames;
 mod pictures;
 mod stats;
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::{Recording, Signal, SignalsError};
+use super::Recording;
 use crate::parquet::{Column, Values, write};
 pub use choice::usual_signals;
+pub use dataset::{Camera, Dataset};
+pub use error::DatasetError;
 use frames::Frames;
 pub use pictures::usual_cameras;
 use stats::{Numbers, Stats};
@@ -38,50 +42,6 @@ const TASKS: &str = "meta/tasks.parquet";
 /// Frames per row group with images, whose data must stay below two gigabytes.
 const GROUP: usize = 200;
 
-/// A camera whose pictures are part of a dataset.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Camera {
-    /// The topic of its pictures.
-    pub topic: String,
-    /// Name of its feature behind `observation.images.`.
-    pub name: String,
-}
-
-impl Camera {
-    /// The camera of a topic, and its usual name.
-    ///
-    /// ```
-    /// use motorium_bridges::recording::Camera;
-    ///
-    /// assert_eq!(Camera::of_topic("wrist/image").name, "wrist");
-    /// assert_eq!(Camera::of_topic("left/camera/colour").name, "left_camera_colour");
-    /// ```
-    pub fn of_topic(topic: &str) -> Self {
-        // LeRobot refuses names with `/`, and has its own meaning for `.`.
-        let name = topic.strip_suffix("/image").unwrap_or(topic).replace(['/', '.'], "_");
-        Self { topic: topic.to_string(), name }
-    }
-}
-
-/// The contents of a dataset.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Dataset {
-    /// Policy inputs: `observation.state`, one signal after the other.
-    pub state: Vec<Signal>,
-    /// Policy outputs: `action`.
-    pub action: Vec<Signal>,
-    /// Policy images: the newest of each camera at each frame.
-    pub cameras: Vec<Camera>,
-    /// Frames a second.
-    pub fps: u32,
-    /// The task, in words.
-    pub task: String,
-    /// The type of the robot.
-    pub robot: Option<String>,
-    /// Names of the entries of state and action; signal names where entry names are missing.
-    pub names: [Vec<String>; 2],
-}
-
 /// Numbers of what was written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DatasetCounts {
@@ -89,62 +49,6 @@ pub struct DatasetCounts {
     pub episodes: usize,
     /// Frames of all episodes.
     pub frames: usize,
-}
-
-/// The error of writing a dataset.
-#[derive(Debug, thiserror::Error)]
-pub enum DatasetError {
-    /// The recording cannot be read, or has no such signal.
-    #[error(transparent)]
-    Signals(#[from] SignalsError),
-    /// A file cannot be written.
-    #[error("{path}: {source}", path = .path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// The error of the system.
-        source: io::Error,
-    },
-    /// The number of entries of a sample changed.
-    #[error(
-        "the {what} has {found} numbers at {time_s:.3} s and had {expected} before: a dataset has frames of one width; \
-         choose entries, such as TOPIC.FIELD[0..{least}]"
-    )]
-    Width {
-        /// `state` or `action`.
-        what: &'static str,
-        /// Numbers found.
-        found: usize,
-        /// Numbers expected.
-        expected: usize,
-        /// The lesser of both.
-        least: usize,
-        /// Time since the beginning of the recording, s.
-        time_s: f64,
-    },
-    /// The recording has no pictures of this topic.
-    #[error("the recording has no pictures of `{topic}`; {advice}")]
-    NoPictures {
-        /// The topic.
-        topic: String,
-        /// The one that was probably meant, or all.
-        advice: String,
-    },
-    /// A dataset cannot store the image.
-    #[error("the picture of `{topic}` at {time_s:.3} s {found}")]
-    Picture {
-        /// The topic.
-        topic: String,
-        /// Time since the beginning of the recording, s.
-        time_s: f64,
-        /// The fault of it.
-        found: String,
-    },
-    /// The signals never all have a value at the same time.
-    #[error(
-        "the dataset has no frame, because all signals of the state and the action, and pictures of all cameras, were never available together"
-    )]
-    Empty,
 }
 
 /// Writes a recording as a dataset into a folder. Each frame holds the newest samples at its time. The frames

@@ -6,8 +6,9 @@ use foxglove::messages::RawImage;
 use serde_json::{Value, json};
 
 use super::super::Recording;
+use super::dataset::Camera;
+use super::error::DatasetError;
 use super::stats::QUANTILES;
-use super::{Camera, DatasetError};
 use crate::parquet::{Column, Values};
 use crate::png;
 

@@ -7,7 +7,17 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::Serialize;
 
 use super::super::{RecordedSample, Recording};
-use super::{Tolerance, spectral_arc_length};
+use super::{robot, spectral_arc_length};
+
+/// Distances from a goal within which it counts as reached, if they differ from those in the reader's
+/// configuration.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Tolerance {
+    /// Distance, m.
+    pub position: Option<f64>,
+    /// Angle, rad.
+    pub orientation: Option<f64>,
+}
 
 /// Default distance from a goal within which it counts as reached, m.
 const POSITION: f64 = 5e-3;
@@ -117,7 +127,7 @@ impl Follower {
         tolerance: Tolerance,
     ) -> Option<Self> {
         let component = &plan.components[reader];
-        let loaded = super::load(component.robot.as_ref()?)?;
+        let loaded = robot::load(component.robot.as_ref()?)?;
         let recorded = |topic: usize| recording.topic(&plan.topics[topic].name);
         let input = |type_name: &str| {
             let found = component.inputs.iter().find(|input| input.layout.type_name == type_name);

@@ -64,7 +64,7 @@ impl Limits {
     pub(super) fn new(recording: &Recording, plan: &Plan, index: usize) -> Option<Self> {
         let name = plan.topics[index].name.clone();
         let topic = recording.topic(&name)?;
-        let loaded = super::load(robot_of_topic(plan, index)?)?;
+        let loaded = super::robot::load(robot_of_topic(plan, index)?)?;
         let of = |name: &String| JointScore {
             name: name.clone(),
             position_min: f64::INFINITY,

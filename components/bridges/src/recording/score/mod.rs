@@ -6,15 +6,14 @@
 
 mod goals;
 mod joints;
+mod robot;
 mod smoothness;
 
-use motorium::declare::RobotReference;
 use motorium::plan::Plan;
 use motorium::state::{JointState, PoseTarget, StateBuffer as _};
-use motorium_robots::{BasePose, Loaded, RobotSource};
 use serde::Serialize;
 
-pub use goals::{GoalScore, PoseScore};
+pub use goals::{GoalScore, PoseScore, Tolerance};
 pub use joints::{JointScore, JointsScore};
 pub use smoothness::spectral_arc_length;
 
@@ -51,16 +50,6 @@ impl Score {
         let sum = |of: fn(&PoseScore) -> u64| self.poses.iter().map(of).sum();
         (sum(|pose| pose.goals_reached), sum(|pose| pose.goals_missed))
     }
-}
-
-/// Distances from a goal within which it counts as reached, if they differ from those in the reader's
-/// configuration.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Tolerance {
-    /// Distance, m.
-    pub position: Option<f64>,
-    /// Angle, rad.
-    pub orientation: Option<f64>,
 }
 
 /// Computes the score of a recording.
@@ -103,18 +92,4 @@ pub fn score(recording: &Recording, plan: &Plan, tolerance: Tolerance) -> Result
         poses: followers.into_iter().filter_map(Follower::result).collect(),
         joints: limits.into_iter().filter_map(|limits| limits.result(&analysis.tracking)).collect(),
     })
-}
-
-/// Loads a robot at its pose in the world.
-fn load(robot: &RobotReference) -> Option<Loaded> {
-    let source = RobotSource {
-        name: &robot.name,
-        text: &robot.urdf,
-        base: &robot.base,
-        profile: robot.profile.as_deref(),
-        packages: &robot.package_path,
-        settings: robot.settings.as_ref(),
-        pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
-    };
-    source.load().ok()
 }

@@ -7,10 +7,13 @@
 
 mod emergency;
 mod homing;
+mod stage;
 
 use core::f64::consts::TAU;
 
-use super::{Motion, Order, Response};
+use super::motion::Motion;
+use super::order::Order;
+use super::response::Response;
 use crate::adapter::{HomingFault, WrongSetting};
 use crate::cia402::{
     ADAPTER, DISABLE_VOLTAGE, DriveState, FAULT_RESET, Mapping, Mode, NetworkCommand, NetworkState, Node,
@@ -20,7 +23,7 @@ use crate::frame::{DecodeError, Frame};
 use crate::mit::{Command, Feedback, Ranges, State};
 use crate::table::{ControlMode, HomingObjects, LoopEntry, Table};
 use emergency::{fault, response};
-use homing::Stage;
+use stage::Stage;
 
 #[derive(Clone, Debug)]
 pub(in crate::adapter) struct Cia402 {

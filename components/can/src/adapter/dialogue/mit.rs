@@ -1,6 +1,8 @@
 //! Dialogue with drives of the MIT family: one frame to the drive, one back.
 
-use super::{Motion, Order, Response};
+use super::motion::Motion;
+use super::order::Order;
+use super::response::Response;
 use crate::adapter::WrongSetting;
 use crate::adapter::rounding::Rounding;
 use crate::damiao::{Register, Request, Value};

@@ -4,52 +4,19 @@
 mod cia402;
 mod mit;
 mod moteus;
+mod motion;
 mod odrive;
+mod order;
+mod response;
 mod servo;
 
-use super::{HomingFault, WrongSetting};
+use super::HomingFault;
 use crate::frame::{DecodeError, Form, Frame};
-use crate::mit::{Command, Fault, Feedback, Ranges, State};
-use crate::table::{ControlMode, LoopEntry, Protocol, Table};
-pub(super) use servo::Servo;
-
-/// Request of the adapter to a drive in one cycle.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Order {
-    /// Read or write the setting with this number.
-    Check(u8),
-    /// Disable the drive.
-    Disable,
-    /// Only answer: the drive reported a fault, which stays latched.
-    Rest,
-    /// Search for the mark.
-    Home,
-    /// Start following commands.
-    Enable,
-    /// Follow a command, in units of the output shaft.
-    Follow(Command),
-}
-
-/// Content of a frame from a drive.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Response {
-    /// State of the drive: the answer of the cycle.
-    Feedback(Feedback),
-    /// A setting that matches the table (`None`), or its mismatch.
-    Setting(Option<WrongSetting>),
-    /// Operating state, sent apart from the answers.
-    State(State),
-    /// Heartbeat: the drive is alive.
-    Alive,
-    /// A setting does not have its value yet and is read again.
-    Waiting,
-    /// Error reported in a separate message, and its presence.
-    Emergency { fault: Fault, is_present: bool },
-    /// The drive has just started and has lost its configuration.
-    Restarted,
-    /// Any other frame.
-    Other,
-}
+use crate::mit::Feedback;
+use crate::table::{ControlMode, Protocol, Table};
+pub(super) use order::Order;
+pub(super) use response::Response;
+use servo::Servo;
 
 /// Dialogue with one drive.
 #[derive(Clone, Debug)]
@@ -216,47 +183,5 @@ impl Dialogue {
             Self::Moteus(drive) => drive.read(checking, frame),
             Self::Servo(drive) => drive.read(checking, frame),
         }
-    }
-}
-
-/// Newest state of a drive commanded by positions or torques, from which its setpoints are derived.
-#[derive(Clone, Copy, Debug, Default)]
-struct Motion {
-    position: f64,
-    velocity: f64,
-    /// Position held while commands have no position gain.
-    held: Option<f64>,
-}
-
-impl Motion {
-    /// Begins a cycle. A drive that is not yet following commands has no held position, since its joint may
-    /// have been moved.
-    fn begin(&mut self, order: &Order) {
-        if !matches!(order, Order::Follow(_)) {
-            self.held = None;
-        }
-    }
-
-    /// Position of a command. Without a position gain, it is the drive's position at the first such command.
-    fn target(&mut self, command: &Command) -> f64 {
-        if command.kp > 0.0 {
-            self.held = None;
-            command.position
-        } else {
-            *self.held.get_or_insert(self.position)
-        }
-    }
-
-    /// Velocity setpoint for a command at the newest state: the commanded velocity, and the velocity at which
-    /// the drive's own loop would approach the commanded position.
-    fn velocity(&self, command: &Command, gains: LoopEntry, ranges: &Ranges) -> f64 {
-        let towards =
-            if command.kp > 0.0 { gains.kp / gains.kd * (command.position - self.position) } else { 0.0 };
-        (command.velocity + towards).clamp(ranges.velocity.min, ranges.velocity.max)
-    }
-
-    /// Torque for a command at the newest state.
-    fn torque(&self, command: &Command, ranges: &Ranges) -> f64 {
-        command.torque_at(self.position, self.velocity).clamp(ranges.torque.min, ranges.torque.max)
     }
 }

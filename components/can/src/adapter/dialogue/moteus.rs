@@ -3,7 +3,8 @@
 //! Gains of commands are shares of the gains stored in the drive, and every command carries the watchdog.
 //! Before it is enabled, the drive reports its position reference.
 
-use super::{Order, Response};
+use super::order::Order;
+use super::response::Response;
 use crate::adapter::WrongSetting;
 use crate::frame::{DecodeError, Frame};
 use crate::mit::{Fault, Feedback, Ranges, State};

@@ -4,7 +4,9 @@
 //! Only the heartbeat carries state and errors, so a drive counts as enabled up to a tenth of a second after
 //! it has been enabled. Errors are cleared only when the adapter is resumed.
 
-use super::{Motion, Order, Response};
+use super::motion::Motion;
+use super::order::Order;
+use super::response::Response;
 use crate::adapter::HomingFault;
 use crate::frame::{DecodeError, Frame, Id};
 use crate::mit::{Command, Fault, Feedback, Ranges, State};

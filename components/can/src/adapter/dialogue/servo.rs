@@ -1,9 +1,9 @@
 //! Dialogue with servos on a serial line. One packet writes the goals of all servos on a line, one packet
 //! queries all of them, and they answer one after the other.
 
-mod line;
-
-use super::{Motion, Order, Response};
+use super::motion::Motion;
+use super::order::Order;
+use super::response::Response;
 use crate::adapter::WrongSetting;
 use crate::dynamixel;
 use crate::feetech;
@@ -14,8 +14,8 @@ use crate::table::{Protocol, Table};
 
 #[derive(Clone, Debug)]
 pub(in crate::adapter) struct Servo {
-    number: u8,
-    maker: Maker,
+    pub(in crate::adapter) number: u8,
+    pub(in crate::adapter) maker: Maker,
     /// Watchdog time, ns; 0 for off.
     watchdog_ns: u64,
     ranges: Ranges,
@@ -32,7 +32,7 @@ pub(in crate::adapter) struct Servo {
 
 /// Manufacturer of a servo, which determines its registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Maker {
+pub(in crate::adapter) enum Maker {
     Feetech,
     Dynamixel,
 }
@@ -48,10 +48,10 @@ enum Setting {
 }
 
 /// Registers written to all servos of a line together: the first register, and the bytes per servo.
-type Registers = (u16, u8);
+pub(in crate::adapter) type Registers = (u16, u8);
 
 impl Maker {
-    fn protocol(self) -> servo::Protocol {
+    pub(in crate::adapter) fn protocol(self) -> servo::Protocol {
         match self {
             Self::Feetech => servo::Protocol::One,
             Self::Dynamixel => servo::Protocol::Two,
@@ -59,7 +59,7 @@ impl Maker {
     }
 
     /// Registers written in a cycle, in this order.
-    fn written(self) -> &'static [Registers] {
+    pub(in crate::adapter) fn written(self) -> &'static [Registers] {
         match self {
             Self::Feetech => &[
                 (feetech::TORQUE_ENABLE as u16, 1),
@@ -79,7 +79,7 @@ impl Maker {
     }
 
     /// Registers read from the servo: the settings one after the other, and the state last.
-    fn asked(self) -> &'static [Registers] {
+    pub(in crate::adapter) fn asked(self) -> &'static [Registers] {
         match self {
             Self::Feetech => &[
                 (feetech::OPERATING_MODE as u16, 1),
@@ -159,7 +159,7 @@ impl Servo {
     }
 
     /// Index of the block to read with an order.
-    fn block(&self, order: &Order) -> usize {
+    pub(in crate::adapter) fn block(&self, order: &Order) -> usize {
         let state = self.maker.asked().len() - 1;
         match order {
             Order::Check(setting) => self.blocks().nth((*setting).into()).unwrap_or(state),
@@ -183,7 +183,7 @@ impl Servo {
 
     /// Writes the registers that an order requires: passes `put` the index of the block among the
     /// manufacturer's registers, and the bytes.
-    fn write(&mut self, order: &Order, put: &mut dyn FnMut(usize, &[u8])) {
+    pub(in crate::adapter) fn write(&mut self, order: &Order, put: &mut dyn FnMut(usize, &[u8])) {
         self.motion.begin(order);
         let goal = match order {
             Order::Check(_) => {

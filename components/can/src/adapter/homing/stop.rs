@@ -5,7 +5,7 @@
 //! is closed. A joint that comes to rest at two positions has met a movable obstacle. A joint stopped only by
 //! its own weight also comes to rest at the same position, but sinks back as soon as its effort is halved.
 
-use super::HomingFault;
+use super::fault::HomingFault;
 use crate::table::HomingEntry;
 
 /// Time over which motion is judged, ns.
@@ -110,14 +110,14 @@ impl Stop {
 
     /// Velocity to command to a joint with this measured velocity, and the velocity gain; together they never
     /// exceed the allowed effort.
-    pub(super) fn command(&self, measured: f64) -> (f64, f64) {
+    pub(in crate::adapter) fn command(&self, measured: f64) -> (f64, f64) {
         let most = self.velocity.abs();
         let share = if matches!(self.stage, Stage::Ease(_)) { EASED } else { 1.0 };
         ((self.direction() * most).clamp(measured - most, measured + most), share * self.kd)
     }
 
     /// Processes a cycle that ends with the joint at this position.
-    pub(super) fn step(&mut self, position: f64, cycle_ns: u64) -> Outcome {
+    pub(in crate::adapter) fn step(&mut self, position: f64, cycle_ns: u64) -> Outcome {
         let forward = (position - self.from.unwrap_or(position)) * self.direction();
         if let Stage::BackOff(from) | Stage::Leave(from) = self.stage
             && (from - position) * self.velocity.signum() >= self.back_off

@@ -5,12 +5,12 @@ use motorium::prelude::*;
 use motorium::state::CanFrame;
 use motorium::transport::{SliceInput, SliceOutput};
 
-use super::BATCH;
 use super::account::BusAccount;
 use crate::adapter::Adapter;
 use crate::bus::socket::Waiting;
 use crate::bus::{Bus, Received};
-use crate::component::{interfaces, wire};
+use crate::component::interfaces;
+use crate::component::wire::{self, BATCH};
 use crate::{Frame, RealBus, Table};
 
 /// Longest time spent disabling drives at the end, ns: an ODrive confirms in its next heartbeat.

@@ -14,19 +14,17 @@ use motorium::state::{BusHealth, CanFrame};
 use motorium_robots::{Dynamics, Model};
 use nalgebra::Vector3;
 
+use super::wire::BATCH;
 use super::{Equipped, interfaces, limits, load};
 use crate::Frame;
 use crate::adapter::{Adapter, Link, OnTrip, Phase, Setpoint};
 use account::BusAccount;
 use config::WhenTripped;
 pub use config::{CanAdapterConfig, JointHealth};
-use config::{check_budget, check_homing_loads, check_observer, check_watchdogs};
+use config::{check_homing_loads, check_observer, check_watchdogs};
 use exchange::{Exchange, Sockets, Topics};
 use hand_over::HandOver;
-use order::StepOrder;
-
-/// Largest number of frames in one batch of all buses.
-pub(super) const BATCH: usize = 128;
+use order::{StepOrder, check_budget};
 
 /// Component that commands drives on CAN buses.
 pub struct CanAdapter {

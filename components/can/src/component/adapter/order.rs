@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use motorium::declare::ConfigError;
+use motorium::declare::{ConfigError, Declare};
 
 use super::CanAdapterConfig;
-use crate::Table;
+use crate::{Budget, Table};
 
 /// Order in which a step sends commands, reads answers and publishes the state.
 ///
@@ -25,6 +25,15 @@ pub(super) struct StepOrder {
     /// does not wait.
     pub(super) command_within: Option<Duration>,
     is_real: bool,
+}
+
+impl CanAdapterConfig {
+    /// Time that answers on real buses have in a cycle of this length, from sending the batch until they are
+    /// read; `None` if all buses are simulated over topics.
+    pub fn answers_have(&self, table: &Table, cycle: Duration) -> Option<Duration> {
+        let order = StepOrder::from_config(self, table, table.is_real(), Some(cycle)).ok()?;
+        table.is_real().then(|| order.answers_have(cycle))
+    }
 }
 
 impl StepOrder {
@@ -112,6 +121,39 @@ impl StepOrder {
             None => cycle,
         }
     }
+}
+
+/// Refuses a bus whose frames do not fit into a cycle, and warns of one whose answers may be too late for
+/// this order of a step.
+pub(super) fn check_budget(
+    bus: &str,
+    budget: &Budget,
+    order: &StepOrder,
+    declare: &mut Declare,
+) -> Result<(), ConfigError> {
+    if !budget.fits() {
+        let message = format!("{} drives do not fit on bus `{bus}`: {budget}", budget.exchanges.len());
+        let advice = format!(
+            "at most {} such drives fit: spread them over more buses, or lower the rate",
+            budget.most()
+        );
+        return Err(ConfigError::key("drives", message).advise(advice));
+    }
+    let within = order.answers_have(Duration::from_nanos(budget.cycle_ns));
+    if (within.as_nanos() as u64) < budget.complete_ns() {
+        let message =
+            format!("answers on bus `{bus}` are waited for {within:?}, and may take longer: {budget}");
+        let advice = "wait longer, raise the bitrate, or lower the rate";
+        let key = if order.answer_within.is_some() { "answer_within" } else { "command_within" };
+        declare.warn(message).key(key).advise(advice);
+    }
+    if budget.share() > Budget::COMFORTABLE {
+        let warning = declare.warn(format!("bus `{bus}` is nearly full: {budget}"));
+        warning
+            .key("drives")
+            .advise("a single disturbed frame makes others miss their cycle: stay below 80 %");
+    }
+    Ok(())
 }
 
 #[cfg(test)]

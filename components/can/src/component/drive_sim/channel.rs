@@ -1,7 +1,7 @@
 //! One simulated bus: its nodes, and the adapter's interface to it.
 
-use super::Axis;
-use crate::component::adapter::BATCH;
+use super::axis::Axis;
+use crate::component::wire::BATCH;
 use crate::{Condition, Frame, SimulatedBus, Table};
 
 /// One bus. Node 0 is the adapter, nodes from 1 on are drives, followed by a babbling node and a twin of a

@@ -7,7 +7,7 @@ use motorium::transport::{SliceInput, SliceOutput};
 use super::channel::Channel;
 use crate::bus::Received;
 use crate::bus::offered::Offer;
-use crate::component::adapter::BATCH;
+use crate::component::wire::BATCH;
 use crate::component::{interfaces, wire};
 use crate::{Frame, Report, Table};
 

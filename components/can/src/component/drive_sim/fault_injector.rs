@@ -1,9 +1,12 @@
 //! Injection of faults into the frames sent by drives.
 
+use super::axis::Axis;
 use super::config::DriveSimulationConfig;
-use super::{Axis, Drive};
 use crate::component::faults::{Fault, FaultKind};
-use crate::{Frame, Id};
+use crate::{AnySimulatedDrive, Frame, Id};
+
+/// Time between two frames of a babbling node, ns: shorter than a frame.
+pub(super) const BABBLE_NS: u64 = 50_000;
 
 /// Drive that sends a frame, and its node.
 #[derive(Clone, Copy)]
@@ -15,7 +18,11 @@ pub(super) struct DriveNode {
 
 impl DriveNode {
     pub(super) fn from_axis(axis: &Axis) -> Self {
-        Self { entry: axis.entry, node: axis.node, is_odrive: matches!(axis.drive, Drive::Odrive(_)) }
+        Self {
+            entry: axis.entry,
+            node: axis.node,
+            is_odrive: matches!(axis.drive, AnySimulatedDrive::Odrive(_)),
+        }
     }
 }
 

@@ -1,10 +1,13 @@
 //! `can.drive_sim`: buses and drives of a robot simulated by a physics component.
 
 mod actuation;
+mod axis;
 mod channel;
 mod config;
+mod drives;
 mod endpoints;
 mod fault_injector;
+mod inner_loops;
 mod simulated;
 mod sockets;
 mod stiffness;
@@ -16,22 +19,20 @@ use motorium::component::RunClock;
 use motorium::prelude::*;
 use motorium::state::CanFrame;
 
-use super::adapter::BATCH;
 use super::faults::{Fault, FaultKind};
+use super::wire::BATCH;
 use super::{Equipped, interfaces, load};
 use crate::bus::offered::BATCH_NS;
-use crate::{AnySimulatedDrive as Drive, Frame, Mark, Overrides, Table, Transmission};
+use crate::{AnySimulatedDrive, Mark, Overrides, Table};
 
 use actuation::{Actuation, actuations};
+use axis::Axis;
 use channel::channels;
 pub use config::DriveSimulationConfig;
+use drives::Drives;
 use endpoints::Endpoints;
-use fault_injector::{DriveNode, FaultInjector, Sender};
 use simulated::Simulated;
 use sockets::Sockets;
-
-/// Time between two frames of a babbling node, ns: shorter than a frame.
-const BABBLE_NS: u64 = 50_000;
 
 /// Component that simulates the buses and drives of a robot.
 ///
@@ -55,31 +56,6 @@ pub struct DriveSimulation {
 enum Lines {
     Simulated(Box<Simulated>),
     Sockets(Sockets),
-}
-
-/// One joint with its drive.
-struct Axis {
-    name: String,
-    drive: Drive,
-    gear: Transmission,
-    /// Actuator between the drive and the joint, unless it is ideal.
-    actuation: Option<Actuation>,
-    bus: usize,
-    /// Node of the drive on the bus.
-    node: usize,
-    /// Index of the drive in the table.
-    entry: usize,
-    /// The drive had no power in the previous step.
-    was_off: bool,
-    /// The drive's controller is bus-off, or its cable is unplugged.
-    is_cut_off: bool,
-}
-
-impl Axis {
-    /// Returns `true` if the drive receives the traffic of the bus.
-    fn is_on_bus(&self) -> bool {
-        !self.was_off && !self.is_cut_off
-    }
 }
 
 impl Component for DriveSimulation {
@@ -214,66 +190,6 @@ impl Component for DriveSimulation {
     }
 }
 
-/// Drives as receivers of a frame.
-struct Drives<'a> {
-    axes: &'a mut [Axis],
-    faults: &'a [Fault],
-    config: &'a DriveSimulationConfig,
-    random: &'a mut u64,
-    lost: u64,
-}
-
-impl Drives<'_> {
-    /// Delivers a frame to all drives of a bus. Passes the answer of each addressed drive to `answer_with`,
-    /// with its node and the time when it is ready.
-    fn receive(
-        &mut self,
-        index: usize,
-        frame: &Frame,
-        time_ns: u64,
-        answer_with: &mut dyn FnMut(Sender, Frame, u64),
-    ) {
-        let Self { axes, faults, config, random, lost } = self;
-        let mut injector = FaultInjector { faults, config, random, lost };
-        for axis in axes.iter_mut().filter(|axis| axis.bus == index && axis.is_on_bus()) {
-            let drive = DriveNode::from_axis(axis);
-            let mut answer = |answer| injector.send(drive, answer, time_ns, config.delay.ns, answer_with);
-            axis.drive.receive(frame, time_ns, &mut answer);
-        }
-    }
-
-    /// Delivers the frame of one servo to the others on its serial line; the next one in turn answers
-    /// immediately.
-    fn observe(
-        &mut self,
-        index: usize,
-        frame: &Frame,
-        time_ns: u64,
-        answer_with: &mut dyn FnMut(Sender, Frame, u64),
-    ) {
-        let Self { axes, faults, config, random, lost } = self;
-        let mut injector = FaultInjector { faults, config, random, lost };
-        for axis in axes.iter_mut().filter(|axis| axis.bus == index && axis.is_on_bus()) {
-            let drive = DriveNode::from_axis(axis);
-            axis.drive.observe(frame, &mut |answer| injector.send(drive, answer, time_ns, 0, answer_with));
-        }
-    }
-
-    /// Collects the unsolicited frames of the drives of a bus until `now_ns`.
-    fn report(&mut self, index: usize, now_ns: u64, answer_with: &mut dyn FnMut(Sender, Frame, u64)) {
-        let Self { axes, faults, config, random, lost } = self;
-        let mut injector = FaultInjector { faults, config, random, lost };
-        for axis in axes.iter_mut().filter(|axis| axis.bus == index) {
-            let (drive, is_on_bus) = (DriveNode::from_axis(axis), axis.is_on_bus());
-            axis.drive.report(now_ns, &mut |frame, time_ns| {
-                if is_on_bus {
-                    injector.send(drive, frame, time_ns, 0, answer_with);
-                }
-            });
-        }
-    }
-}
-
 fn axes(
     config: &DriveSimulationConfig,
     equipped: &Equipped,
@@ -298,7 +214,7 @@ fn axes(
         }
         Axis {
             name: name.clone(),
-            drive: Drive::new(table, entry, overrides),
+            drive: AnySimulatedDrive::new(table, entry, overrides),
             gear: table.transmission(entry),
             actuation,
             bus: table.bus_of(drive).unwrap_or(0),

@@ -4,8 +4,9 @@ use motorium::component::RunClock;
 use motorium::prelude::*;
 
 use super::channel::Channel;
+use super::drives::Drives;
 use super::endpoints::Endpoints;
-use super::{BABBLE_NS, Drives};
+use super::fault_injector::BABBLE_NS;
 use crate::bus::simulated::Event;
 use crate::component::faults::FaultKind;
 use crate::{Condition, ErrorState, Form, Frame, Id, Report};

@@ -3,11 +3,13 @@
 use motorium::component::RunClock;
 use motorium::prelude::*;
 
-use super::{Axis, BABBLE_NS, Drives, Sender};
+use super::axis::Axis;
+use super::drives::Drives;
+use super::fault_injector::{BABBLE_NS, Sender};
 use crate::bus::{Bus, Received};
-use crate::component::adapter::BATCH;
 use crate::component::faults::{Fault, FaultKind};
 use crate::component::interfaces;
+use crate::component::wire::BATCH;
 use crate::{Condition, ErrorState, Frame, Id, RealBus, Report, Table};
 
 /// Interfaces of the drives.

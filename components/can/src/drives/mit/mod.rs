@@ -6,45 +6,17 @@
 //!
 //! Numbers are mapped to the [`Ranges`] configured in the drive: a wrong range scales them without any error.
 
+mod command;
 mod ranges;
 mod state;
 
 use super::range::{Fields, Range};
 use crate::frame::{DecodeError, Form, Frame, Id, exactly};
 
+pub use command::Command;
 pub use ranges::{CommandFields, Ranges};
 pub use state::{Fault, State};
 use state::{cubemars_code, cubemars_state, damiao_code, damiao_state};
-
-/// Command of a drive, in units of the output shaft.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Command {
-    /// Position setpoint, rad.
-    pub position: f64,
-    /// Velocity setpoint, rad/s.
-    pub velocity: f64,
-    /// Position gain, N m/rad.
-    pub kp: f64,
-    /// Velocity gain, N m s/rad.
-    pub kd: f64,
-    /// Feed-forward torque, N m.
-    pub torque: f64,
-}
-
-impl Command {
-    /// Torque that a drive applies for this command at this position \[rad\] and velocity \[rad/s\], without
-    /// limits, N m.
-    ///
-    /// ```
-    /// use motorium_can::mit::Command;
-    ///
-    /// let command = Command { position: 1.0, kp: 20.0, kd: 0.5, torque: 3.0, ..Command::default() };
-    /// assert_eq!(command.torque_at(0.9, 2.0), 3.0 + 20.0 * (1.0 - 0.9) - 0.5 * 2.0);
-    /// ```
-    pub fn torque_at(&self, position: f64, velocity: f64) -> f64 {
-        self.torque + self.kp * (self.position - position) + self.kd * (self.velocity - velocity)
-    }
-}
 
 /// Frame to a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]

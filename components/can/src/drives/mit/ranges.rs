@@ -1,6 +1,6 @@
 //! Ranges of the numbers in MIT frames, and the fields that represent them.
 
-use super::Command;
+use super::command::Command;
 use crate::drives::range::{Fields, Range};
 
 /// Ranges of the fields, in units of the drive's output shaft.

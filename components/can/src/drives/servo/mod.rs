@@ -347,13 +347,36 @@ fn one(packet: &[u8]) -> Result<Status<'_>, DecodeError> {
 }
 
 fn two(packet: &mut [u8]) -> Result<Status<'_>, DecodeError> {
-    let (end, expected) = (packet::checked(packet)?, 11);
+    let (end, expected) = (checked(packet)?, 11);
     if packet.len() < expected {
         return Err(DecodeError::Length { found: packet.len(), expected });
     }
     if packet[7] != STATUS {
         return Err(DecodeError::Field { field: "the instruction", found: packet[7].into() });
     }
-    let length = packet::unstuff(packet, end);
+    let length = unstuff(packet, end);
     Ok(Status { protocol: Protocol::Two, servo: packet[4], error: packet[8], data: &packet[9..length] })
+}
+
+/// Verifies the checksum of a protocol 2.0 packet. Returns the end of its data.
+fn checked(packet: &[u8]) -> Result<usize, DecodeError> {
+    let end = packet.len() - 2;
+    let sum = u16::from_le_bytes([packet[end], packet[end + 1]]);
+    if crc(&packet[..end]) != sum {
+        return Err(DecodeError::Field { field: "the checksum", found: sum.into() });
+    }
+    Ok(end)
+}
+
+/// Removes stuffing bytes. Returns the new end of the data.
+fn unstuff(packet: &mut [u8], end: usize) -> usize {
+    let (mut length, mut at) = (end, 7);
+    while at + 4 <= length {
+        if packet[at..at + 4] == [0xff, 0xff, 0xfd, 0xfd] {
+            packet.copy_within(at + 4..length, at + 3);
+            length -= 1;
+        }
+        at += 1;
+    }
+    length
 }

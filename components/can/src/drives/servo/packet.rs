@@ -2,7 +2,7 @@
 
 use super::{
     FAST_READ_MANY, Instruction, LONGEST, PING, Protocol, READ, READ_MANY, Status, WRITE, WRITE_MANY,
-    checksum, crc, one, two,
+    checked, checksum, one, two, unstuff,
 };
 use crate::frame::DecodeError;
 
@@ -119,27 +119,4 @@ impl Packet {
         };
         read().map(|instruction| (protocol, servo, instruction)).ok_or(unknown)
     }
-}
-
-/// Verifies the checksum of a protocol 2.0 packet. Returns the end of its data.
-pub(super) fn checked(packet: &[u8]) -> Result<usize, DecodeError> {
-    let end = packet.len() - 2;
-    let sum = u16::from_le_bytes([packet[end], packet[end + 1]]);
-    if crc(&packet[..end]) != sum {
-        return Err(DecodeError::Field { field: "the checksum", found: sum.into() });
-    }
-    Ok(end)
-}
-
-/// Removes stuffing bytes. Returns the new end of the data.
-pub(super) fn unstuff(packet: &mut [u8], end: usize) -> usize {
-    let (mut length, mut at) = (end, 7);
-    while at + 4 <= length {
-        if packet[at..at + 4] == [0xff, 0xff, 0xfd, 0xfd] {
-            packet.copy_within(at + 4..length, at + 3);
-            length -= 1;
-        }
-        at += 1;
-    }
-    length
 }

@@ -1,17 +1,37 @@
 //! The table `[component.X.safety]`: the safety of one actuator.
 
-use super::super::Draft;
+use super::super::draft::Draft;
 use super::super::timing::Timing;
 use super::super::wiring::Wiring;
-use super::{bounds, is_actuator, not_zero, slowest_source};
+use super::bounds;
+use crate::declare::Direction;
 use crate::graph::diagnostic::Report;
 use crate::graph::read::{At, good, good_or};
+use crate::graph::source::Span;
 use crate::plan::{ActuatorSafety, GateRules, SafetyPlan};
+use crate::state::{JointCommand, StateBuffer as _};
 use crate::units::TimeSpan;
 
 /// The `stale_after` of a component, where it overrides the graph's.
 pub(super) fn stale_after<'d>(draft: &'d Draft<'_, '_>) -> Option<&'d At<TimeSpan>> {
     good(&draft.table.safety).and_then(|table| table.stale_after.as_ref())
+}
+
+/// The slowest source of the commands of an actuator: the place of its wire, its index and its period, ns.
+pub(super) fn slowest_source(
+    component: usize,
+    drafts: &[Draft<'_, '_>],
+    wiring: &Wiring,
+    timing: &Timing,
+) -> Option<(Span, usize, u64)> {
+    let commands = drafts[component].ports(Direction::Input).enumerate();
+    let commands = commands.filter(|(_, port)| port.layout.type_name == JointCommand::NAME);
+    let sources = commands.filter_map(|(index, _)| {
+        let wire = wiring.of_port(component, Direction::Input, index)?;
+        let writer = wiring.writer(wire.topic?)?.component;
+        Some((wire.span.clone(), writer, timing.period_ns(writer)?))
+    });
+    sources.max_by_key(|(.., period_ns)| *period_ns)
 }
 
 /// Resolves and checks the safety of each component; `None` where the graph's holds.
@@ -25,14 +45,19 @@ pub(in super::super) fn resolve(
     let each = drafts.iter().enumerate().map(|(index, draft)| {
         let at = draft.table.safety.as_ref()?;
         let table = at.get()?;
-        if draft.declaration.is_some() && !is_actuator(draft) {
+        if draft.declaration.is_some() && !draft.is_actuator() {
             report
                 .error(format!("component `{}` is not an actuator", draft.name))
                 .label(&at.span, format!("{} applies no commands to a robot", draft.what()))
                 .advise("move the table to the component that moves the robot, or remove it");
             return None;
         }
-        not_zero("stale_after", table.stale_after.as_ref(), "every command would be stale at once", report);
+        bounds::not_zero(
+            "stale_after",
+            table.stale_after.as_ref(),
+            "every command would be stale at once",
+            report,
+        );
         bounds::check_age("stale_after", table.stale_after.as_ref(), 0, report);
         bounds::check_settle(table.settle.as_ref(), report);
         if let Some(at) = &table.stale_after

@@ -17,6 +17,13 @@ const SHORT_SETTLE: TimeSpan = TimeSpan { ns: 20 * MILLISECOND };
 /// The longest `settle` that is accepted.
 const LONGEST_SETTLE: TimeSpan = TimeSpan { ns: 60 * SECOND };
 
+/// Rejects a time of zero.
+pub(super) fn not_zero(key: &str, at: Option<&At<TimeSpan>>, why: &str, report: &mut Report) {
+    if let Some(at) = at.filter(|at| at.get() == Some(&TimeSpan { ns: 0 })) {
+        report.error(format!("`{key}` is zero")).label(&at.span, why).advise("leave it out for the default");
+    }
+}
+
 /// Rejects meaningless times and warns of doubtful ones.
 pub(super) fn check(table: &SafetyTable, stale_after: TimeSpan, chains_ns: u64, report: &mut Report) {
     check_age("stale_after", table.stale_after.as_ref(), 0, report);

@@ -5,7 +5,7 @@ use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
 use crate::graph::model::{GraphTable, SafetyTable};
 use crate::graph::read::{good, good_or};
-use crate::graph::resolve::Draft;
+use crate::graph::resolve::draft::Draft;
 use crate::graph::resolve::timing::Timing;
 use crate::graph::resolve::wiring::Wiring;
 use crate::plan::EMERGENCY_STOP_PORT;
@@ -47,7 +47,7 @@ pub(super) fn max_age(
     let default = defaults::EMERGENCY_STOP_MAX_AGE;
     let Some(table) = table else { return TimeSpan { ns: 0 } };
     let at = table.emergency_stop_max_age.as_ref();
-    super::not_zero("emergency_stop_max_age", at, "the robot could never move", report);
+    super::bounds::not_zero("emergency_stop_max_age", at, "the robot could never move", report);
     let Some(topic) = &table.emergency_stop else {
         if let Some(at) = at {
             report

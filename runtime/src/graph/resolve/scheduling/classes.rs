@@ -1,8 +1,8 @@
 //! Scheduling classes and priorities.
 
+use super::super::activate;
+use super::super::draft::Draft;
 use super::super::timing::Timing;
-use super::super::{Draft, activate};
-use super::leader;
 use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
 use crate::graph::read::good;
@@ -19,6 +19,11 @@ const DEADLINE_PERIODS_NS: std::ops::RangeInclusive<u64> = 100_000..=4_194_304_0
 /// that exhausts its budget would be throttled before its accounting.
 const DEADLINE_ROOM_NS: u64 = 120_000;
 const _: () = assert!(DEADLINE_ROOM_NS >= Overheads::CAUTIOUS.worker_ns + Overheads::CAUTIOUS.timer_ns);
+
+/// Component whose core and priority are inherited: the real-time head of its trigger chain, else itself.
+pub(super) fn leader(component: usize, schedules: &[Schedule], timing: &Timing) -> usize {
+    timing.head[component].filter(|head| schedules[*head] == Schedule::Fifo).unwrap_or(component)
+}
 
 /// Class and priority of each component: from the file, else by its rate.
 pub(super) fn classes(

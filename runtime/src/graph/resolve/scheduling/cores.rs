@@ -1,8 +1,8 @@
 //! The cores of the components.
 
-use super::super::Draft;
+use super::super::draft::Draft;
 use super::super::timing::Timing;
-use super::leader;
+use super::classes::leader;
 use crate::graph::diagnostic::Report;
 use crate::graph::machine::Machine;
 use crate::graph::model::GraphTable;

@@ -6,7 +6,7 @@ mod not_real_time;
 mod rise;
 mod spin;
 
-use super::Draft;
+use super::draft::Draft;
 use super::timing::Timing;
 use super::wiring::Wiring;
 use crate::graph::defaults;
@@ -62,9 +62,4 @@ pub(super) fn resolve(
         cores: pinned,
         spins,
     }
-}
-
-/// Component whose core and priority are inherited: the real-time head of its trigger chain, else itself.
-fn leader(component: usize, schedules: &[Schedule], timing: &Timing) -> usize {
-    timing.head[component].filter(|head| schedules[*head] == Schedule::Fifo).unwrap_or(component)
 }

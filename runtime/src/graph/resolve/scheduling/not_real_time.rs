@@ -1,6 +1,6 @@
 //! Components that declare that they cannot keep deadlines.
 
-use super::super::Draft;
+use super::super::draft::Draft;
 use super::super::wiring::Wiring;
 use crate::declare::Direction;
 use crate::graph::diagnostic::Report;

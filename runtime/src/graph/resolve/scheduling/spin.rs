@@ -1,7 +1,8 @@
 //! The spin times of the components.
 
+use super::super::activate;
+use super::super::draft::Draft;
 use super::super::timing::Timing;
-use super::super::{Draft, activate};
 use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
 use crate::graph::model::RealtimeTable;

@@ -1,6 +1,7 @@
 //! `motorium primitive fit`: a primitive from recordings.
 
 mod report;
+mod shown;
 
 use std::io::IsTerminal as _;
 use std::path::PathBuf;
@@ -20,6 +21,7 @@ use motorium_recordings::{Recording, Selection};
 use nalgebra::DMatrix;
 
 use report::{Report, text};
+use shown::Shown;
 
 use super::plot;
 use crate::chart::Panel;
@@ -127,15 +129,6 @@ enum ScalingArg {
     Fixed,
     Displacement,
     Similarity,
-}
-
-/// Evenly spaced positions of every recording (of a rhythm: of every period), the duration of each, the
-/// names.
-struct Shown {
-    recordings: usize,
-    names: Vec<String>,
-    duration: f64,
-    demonstrations: Vec<(f64, DMatrix<f64>)>,
 }
 
 impl Fit {

@@ -6,7 +6,7 @@ use motorium_primitives::file::PrimitiveFile;
 use motorium_primitives::rollout::Trajectory;
 use serde::Serialize;
 
-use super::Shown;
+use super::shown::Shown;
 use crate::report::table;
 use crate::style;
 

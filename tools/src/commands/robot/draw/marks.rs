@@ -5,7 +5,16 @@ use std::collections::BTreeSet;
 use motorium_robots::{Kinematics, Loaded};
 use nalgebra::{Isometry3, Vector3};
 
-use super::Frames;
+/// Choice of frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum Frames {
+    // The root's frame, and the frames of end effectors, feet and rotors; without a profile the ends of the
+    // chains.
+    Ends,
+    Joints,
+    All,
+    None,
+}
 
 /// Frames and their names, the centre of mass.
 #[derive(Debug, Clone)]

@@ -17,6 +17,7 @@ use motorium_robots::{Kinematics, MimicMode, ShapeSource};
 use super::source::RobotArgs;
 use crate::out::out;
 use camera::{Camera, View};
+use marks::Frames;
 use pose::PoseArgs;
 
 /// Draw a robot in a pose as an SVG picture: its shapes (meshes as hulls, bare links as sticks).
@@ -52,16 +53,6 @@ pub(super) struct Draw {
     /// File to write [default: standard output]
     #[arg(long, short)]
     output: Option<PathBuf>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Frames {
-    // The root's frame, and the frames of end effectors, feet and rotors; without a profile the ends of the
-    // chains.
-    Ends,
-    Joints,
-    All,
-    None,
 }
 
 fn size(text: &str) -> Result<(f64, f64), String> {

@@ -1,6 +1,6 @@
 //! Emergency messages of CiA 402 drives.
 
-use super::super::Response;
+use super::super::response::Response;
 use crate::cia402::Emergency;
 use crate::mit::Fault;
 

@@ -1,0 +1,47 @@
+//! The contents of a dataset.
+
+use super::super::Signal;
+
+/// The contents of a dataset.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dataset {
+    /// Policy inputs: `observation.state`, one signal after the other.
+    pub state: Vec<Signal>,
+    /// Policy outputs: `action`.
+    pub action: Vec<Signal>,
+    /// Policy images: the newest of each camera at each frame.
+    pub cameras: Vec<Camera>,
+    /// Frames a second.
+    pub fps: u32,
+    /// The task, in words.
+    pub task: String,
+    /// The type of the robot.
+    pub robot: Option<String>,
+    /// Names of the entries of state and action; signal names where entry names are missing.
+    pub names: [Vec<String>; 2],
+}
+
+/// A camera whose pictures are part of a dataset.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Camera {
+    /// The topic of its pictures.
+    pub topic: String,
+    /// Name of its feature behind `observation.images.`.
+    pub name: String,
+}
+
+impl Camera {
+    /// The camera of a topic, and its usual name.
+    ///
+    /// ```
+    /// use motorium_bridges::recording::Camera;
+    ///
+    /// assert_eq!(Camera::of_topic("wrist/image").name, "wrist");
+    /// assert_eq!(Camera::of_topic("left/camera/colour").name, "left_camera_colour");
+    /// ```
+    pub fn of_topic(topic: &str) -> Self {
+        // LeRobot refuses names with `/`, and has its own meaning for `.`.
+        let name = topic.strip_suffix("/image").unwrap_or(topic).replace(['/', '.'], "_");
+        Self { topic: topic.to_string(), name }
+    }
+}

@@ -1,0 +1,62 @@
+//! Errors of datasets.
+
+use std::io;
+use std::path::PathBuf;
+
+use super::super::SignalsError;
+
+/// The error of writing a dataset.
+#[derive(Debug, thiserror::Error)]
+pub enum DatasetError {
+    /// The recording cannot be read, or has no such signal.
+    #[error(transparent)]
+    Signals(#[from] SignalsError),
+    /// A file cannot be written.
+    #[error("{path}: {source}", path = .path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The error of the system.
+        source: io::Error,
+    },
+    /// The number of entries of a sample changed.
+    #[error(
+        "the {what} has {found} numbers at {time_s:.3} s and had {expected} before: a dataset has frames of one width; \
+         choose entries, such as TOPIC.FIELD[0..{least}]"
+    )]
+    Width {
+        /// `state` or `action`.
+        what: &'static str,
+        /// Numbers found.
+        found: usize,
+        /// Numbers expected.
+        expected: usize,
+        /// The lesser of both.
+        least: usize,
+        /// Time since the beginning of the recording, s.
+        time_s: f64,
+    },
+    /// The recording has no pictures of this topic.
+    #[error("the recording has no pictures of `{topic}`; {advice}")]
+    NoPictures {
+        /// The topic.
+        topic: String,
+        /// The one that was probably meant, or all.
+        advice: String,
+    },
+    /// A dataset cannot store the image.
+    #[error("the picture of `{topic}` at {time_s:.3} s {found}")]
+    Picture {
+        /// The topic.
+        topic: String,
+        /// Time since the beginning of the recording, s.
+        time_s: f64,
+        /// The fault of it.
+        found: String,
+    },
+    /// The signals never all have a value at the same time.
+    #[error(
+        "the dataset has no frame, because all signals of the state and the action, and pictures of all cameras, were never available together"
+    )]
+    Empty,
+}

@@ -1,0 +1,123 @@
+//! Packets of a serial line: one writes the goals of all servos, one queries all of them.
+
+use super::common_answer::CommonAnswer;
+use super::dialogue::Dialogue;
+use super::{Link, OnTrip};
+use crate::frame::Frame;
+use crate::servo::{self, Instruction, LONGEST};
+
+/// Length of the longest outgoing packet, bytes.
+const PACKET: usize = 64;
+/// Largest number of register blocks written, and of blocks read.
+const MOST: usize = 6;
+
+/// Writes the packets of a cycle for all servos of a line, and records for each servo the number of
+/// frames after which it has been queried. Servos answer together where supported, unless one was silent:
+/// the servos behind it would be silent, too.
+pub(super) fn write(
+    links: &mut [Link],
+    common: Option<&mut CommonAnswer>,
+    bus: usize,
+    (trip, cycle): (Option<OnTrip>, u64),
+    frames: &mut Vec<Frame>,
+) {
+    let before = frames.len();
+    let first = links.iter().find_map(|link| match &link.dialogue {
+        Dialogue::Servo(servo) if link.bus() == bus => Some(servo.maker),
+        _ => None,
+    });
+    // all servos of a line have the same manufacturer
+    let Some(maker) = first else { return };
+    let mut out = Packets { protocol: maker.protocol(), frames };
+    let mut groups = [const { Group::new(0, 0) }; MOST];
+    for (group, (register, each)) in groups.iter_mut().zip(maker.written()) {
+        *group = Group::new(*register, *each);
+    }
+    let mut askable = [false; MOST];
+    for link in links.iter_mut().filter(|link| link.bus() == bus && !link.is_probed) {
+        let order = link.order(trip);
+        let Dialogue::Servo(servo) = &mut link.dialogue else { continue };
+        askable[servo.block(&order)] = true;
+        let number = servo.number;
+        servo.write(&order, &mut |group, bytes| groups[group].add(number, bytes, &mut out));
+    }
+    groups.iter_mut().for_each(|group| group.write(&mut out));
+    // one query per cycle: two would be answered at once
+    let blocks = askable.iter().filter(|is| **is).count() as u64;
+    let Some(chosen) = (0..MOST).filter(|block| askable[*block]).nth((cycle % blocks.max(1)) as usize) else {
+        return;
+    };
+    let mut servos = [0; PACKET];
+    let mut count = 0;
+    let asked_by = out.frames.len() - before + 1;
+    for link in links.iter_mut().filter(|link| link.bus() == bus) {
+        let order = link.order(trip);
+        let Dialogue::Servo(servo) = &link.dialogue else { continue };
+        let is_asked = !link.is_probed && servo.block(&order) == chosen;
+        link.asked_by = is_asked.then_some(asked_by);
+        if is_asked && count < servos.len() {
+            servos[count] = servo.number;
+            count += 1;
+        }
+    }
+    // they answer in this order, and on a simulated line the lowest number answers first
+    servos[..count].sort_unstable();
+    let (register, bytes) = maker.asked()[chosen];
+    let servos = &servos[..count];
+    let is_whole = links.iter().all(|link| link.bus() != bus || link.silent() == 0 && !link.is_probed);
+    let together = is_whole && common.is_some_and(|common| common.ask(bytes));
+    out.push(&match together {
+        true => Instruction::FastReadMany { register, count: bytes, servos },
+        false => Instruction::ReadMany { register, count: bytes, servos },
+    });
+}
+
+/// Outgoing packets.
+struct Packets<'a> {
+    protocol: servo::Protocol,
+    frames: &'a mut Vec<Frame>,
+}
+
+impl Packets<'_> {
+    fn push(&mut self, instruction: &Instruction<'_>) {
+        let mut packet = [0; LONGEST];
+        let written = servo::write(self.protocol, servo::EVERYBODY, instruction, &mut packet);
+        let frame = written.and_then(|length| Frame::packet(servo::EVERYBODY, &packet[..length]));
+        debug_assert!(frame.is_some());
+        self.frames.extend(frame);
+    }
+}
+
+/// One set of registers of several servos, in as few packets as possible.
+struct Group {
+    register: u16,
+    each: u8,
+    data: [u8; PACKET],
+    length: usize,
+}
+
+/// Bytes of a packet besides the servo data, including the byte stuffing of protocol 2, which needs more.
+const AROUND: usize = 20;
+
+impl Group {
+    const fn new(register: u16, each: u8) -> Self {
+        Self { register, each, data: [0; PACKET], length: 0 }
+    }
+
+    fn add(&mut self, servo: u8, bytes: &[u8], out: &mut Packets<'_>) {
+        if self.length + 1 + bytes.len() > PACKET - AROUND {
+            self.write(out);
+        }
+        self.data[self.length] = servo;
+        self.data[self.length + 1..][..bytes.len()].copy_from_slice(bytes);
+        self.length += 1 + bytes.len();
+    }
+
+    fn write(&mut self, out: &mut Packets<'_>) {
+        if self.length > 0 {
+            let data = &self.data[..self.length];
+            out.push(&Instruction::WriteMany { register: self.register, each: self.each, data });
+            self.length = 0;
+        }
+    }
+}

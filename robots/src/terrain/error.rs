@@ -1,0 +1,60 @@
+//! Errors of terrain.
+
+/// The terrain cannot be generated.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TerrainError {
+    /// A number outside its range.
+    #[error("`{key}` is {value}, expected {expected}")]
+    Value {
+        /// The key.
+        key: String,
+        /// The value found.
+        value: f64,
+        /// The range expected.
+        expected: &'static str,
+    },
+    /// An equation that cannot be read.
+    #[error("`{key}` = \"{text}\": {problem}")]
+    Equation {
+        /// The key.
+        key: String,
+        /// The equation.
+        text: String,
+        /// The place and the problem.
+        problem: String,
+    },
+    /// A picture that cannot be read.
+    #[error("`{key}` = \"{file}\": {problem}")]
+    Picture {
+        /// The key.
+        key: String,
+        /// The file.
+        file: String,
+        /// The value found, and the values expected.
+        problem: String,
+    },
+    /// More heights than fit.
+    #[error("{found:.3e} heights, expected at most {most:.0e}; raise `spacing` or lower `size`")]
+    Fine {
+        /// Requested number of heights.
+        found: f64,
+        /// Heights possible.
+        most: f64,
+    },
+    /// A height is not finite.
+    #[error("the height at x = {x}, y = {y} is {height}, expected a finite number")]
+    Height {
+        /// Place.
+        x: f64,
+        /// Place.
+        y: f64,
+        /// Height.
+        height: f64,
+    },
+}
+
+impl TerrainError {
+    pub(super) fn value(key: impl Into<String>, value: f64, expected: &'static str) -> Self {
+        Self::Value { key: key.into(), value, expected }
+    }
+}

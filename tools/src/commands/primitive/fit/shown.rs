@@ -1,0 +1,12 @@
+//! The demonstrations of a fit.
+
+use nalgebra::DMatrix;
+
+/// Evenly spaced positions of every recording (of a rhythm: of every period), the duration of each, the
+/// names.
+pub(super) struct Shown {
+    pub(super) recordings: usize,
+    pub(super) names: Vec<String>,
+    pub(super) duration: f64,
+    pub(super) demonstrations: Vec<(f64, DMatrix<f64>)>,
+}
