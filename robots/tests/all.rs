@@ -32,6 +32,7 @@ mod pinocchio_catalogue;
 mod profiles;
 mod properties;
 mod rays;
+mod sdf_random;
 mod solids;
 mod standing;
 mod terrain;

@@ -2,14 +2,20 @@
 
 use motorium_robots::{FrictionCombine, MeshCollision, ObjectShape, World, parse_mjcf_world};
 
-/// The world of a moving ball with these parts, and its warnings; or the error.
+/// The world of a moving ball with these parts, and its warnings; or the error. Without a link of its own the
+/// ball has the inertia of its shape.
 fn ball(outside: &str, model: &str, link: &str, collision: &str) -> Result<(World, Vec<String>), String> {
-    let folder = tempfile::tempdir().unwrap();
-    let text = format!(
+    let link = if link.is_empty() { "<inertial auto=\"true\"/>" } else { link };
+    read(&format!(
         "<sdf version=\"1.9\"><world name=\"w\">{outside}\n<model name=\"ball\" {model}\n<link name=\"l\">{link}\n\
          <collision name=\"c\"><geometry><sphere><radius>0.1</radius></sphere></geometry>\n{collision}</collision></link>\
          </model></world></sdf>"
-    );
+    ))
+}
+
+/// The world of an SDF text, and its warnings; or the error.
+pub(crate) fn read(text: &str) -> Result<(World, Vec<String>), String> {
+    let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("w.sdf"), text).unwrap();
     let mut world: World = toml::from_str("file = \"w.sdf\"").unwrap();
     let warnings = world.locate(folder.path()).map_err(|error| error.to_string())?;
@@ -18,12 +24,20 @@ fn ball(outside: &str, model: &str, link: &str, collision: &str) -> Result<(Worl
 
 #[test]
 fn gravity_of_sdf_1_4_is_inside_physics() {
+    let world = |version: &str, inside: &str| {
+        let read = read(&format!("<sdf version=\"{version}\"><world name=\"w\">{inside}</world></sdf>"));
+        read.map(|(world, _)| world.gravity)
+    };
     let physics = "<physics type=\"ode\"><gravity>0 0 -1.62</gravity></physics>";
-    assert_eq!(ball(physics, ">", "", "").unwrap().0.gravity, [0.0, 0.0, -1.62]);
-    let both = format!("{physics}<gravity>0 0 -3</gravity>");
-    assert_eq!(ball(&both, ">", "", "").unwrap().0.gravity, [0.0, 0.0, -3.0]);
-    let both = format!("<gravity>0 0 -3</gravity>{physics}");
-    assert_eq!(ball(&both, ">", "", "").unwrap().0.gravity, [0.0, 0.0, -3.0]);
+    for version in ["1.4", "1.5"] {
+        assert_eq!(world(version, physics), Ok([0.0, 0.0, -1.62]));
+        assert_eq!(world(version, &format!("{physics}<gravity>0 0 -3</gravity>")), Ok([0.0, 0.0, -3.0]));
+        assert_eq!(world(version, &format!("<gravity>0 0 -3</gravity>{physics}")), Ok([0.0, 0.0, -3.0]));
+        assert_eq!(world(version, ""), Ok([0.0, 0.0, -9.8]));
+    }
+    let error = world("1.6", physics).unwrap_err();
+    assert!(error.contains("w.sdf:1:56: <gravity> in <physics> is not supported from SDF 1.6 on"), "{error}");
+    assert_eq!(world("1.11", "<physics/>"), Ok([0.0, 0.0, -9.8]));
 }
 
 #[test]
@@ -47,7 +61,8 @@ fn sdf_densities_give_masses() {
 #[test]
 fn sdf_surfaces_are_read_or_warned_of() {
     let surface = |inside: &str| ball("", ">", "", &format!("<surface>{inside}</surface>"));
-    let bounce = "<bounce><restitution_coefficient>0.8</restitution_coefficient></bounce>";
+    let bounce =
+        "<bounce><restitution_coefficient>0.8</restitution_coefficient><threshold>0</threshold></bounce>";
     let (world, warnings) = surface(bounce).unwrap();
     assert_eq!((world.objects[0].restitution, warnings.len()), (0.8, 0));
     for (inside, name) in [
@@ -57,7 +72,12 @@ fn sdf_surfaces_are_read_or_warned_of() {
         ("<friction><bullet><friction>0.05</friction></bullet></friction>", "<friction> of <bullet>"),
         ("<friction><torsional><coefficient>1</coefficient></torsional></friction>", "<torsional>"),
         ("<contact><ode><kp>1000</kp></ode></contact>", "<kp>"),
+        ("<contact><ode><soft_cfm>0.1</soft_cfm></ode></contact>", "<soft_cfm>"),
+        ("<contact><ode><min_depth>0.001</min_depth></ode></contact>", "<min_depth>"),
+        ("<contact><elastic_modulus>1e8</elastic_modulus></contact>", "<elastic_modulus>"),
+        ("<friction><ode><mu>0.4</mu></ode></friction>", "the default <mu2> of 1"),
         ("<bounce><threshold>0.1</threshold></bounce>", "<threshold>"),
+        ("<bounce><restitution_coefficient>1</restitution_coefficient></bounce>", "the default <threshold>"),
     ] {
         let warnings = surface(inside).unwrap().1;
         assert!(warnings.iter().any(|w| w.contains(name) && w.contains("line 5")), "{name}: {warnings:?}");
@@ -67,9 +87,11 @@ fn sdf_surfaces_are_read_or_warned_of() {
         assert!(error.contains(&format!("w.sdf:5:19: <{name}>")), "{error}");
     }
     let defaults = "<contact><collide_bitmask>65535</collide_bitmask><collide_without_contact>false</collide_without_contact>\
-                    </contact><friction><ode><mu>0.5</mu><mu2>0.5</mu2><slip1>0</slip1></ode></friction>";
+                    <ode><kp>1e12</kp><kd>1</kd></ode></contact>\
+                    <friction><ode><mu>0.5</mu><mu2>0.5</mu2><slip1>0</slip1><fdir1>0 0 0</fdir1></ode></friction>";
     assert_eq!(surface(defaults).unwrap().1, Vec::<String>::new());
-    assert!(surface("<glue/>").unwrap_err().contains("<glue> is not among the SDF"));
+    let error = surface("<glue/>").unwrap_err();
+    assert!(error.contains("5:10: <glue> in <surface> is not supported; remove it"), "{error}");
 }
 
 #[test]
@@ -78,11 +100,13 @@ fn sdf_frames_that_are_not_read_are_refused() {
         assert_eq!(ball("", &format!(">{pose}"), "", "").unwrap().0.objects[0].position, [0.0; 3]);
     }
     for (model, expected) in [
-        ("placement_frame=\"l\">", "w.sdf:2:1: placement_frame=\"l\" is not read"),
-        ("><pose frame=\"ground\">0 0 1 0 0 0</pose>", "found frame=\"ground\""),
-        ("><pose relative_to=\"ground\">0 0 1 0 0 0</pose>", "found relative_to=\"ground\""),
-        ("><pose rotation_format=\"quat_xyzw\">0 0 1 0 0 0 1</pose>", "rotation_format=\"quat_xyzw\""),
-        ("><frame name=\"f\"/>", "<frame> is not among the SDF"),
+        ("placement_frame=\"l\">", "w.sdf:2:1: placement_frame=\"l\" is not supported"),
+        ("><pose frame=\"ground\">0 0 1 0 0 0</pose>", "frame=\"ground\" in <pose> is not supported"),
+        ("><pose relative_to=\"ground\">0 0 1 0 0 0</pose>", "relative to the element around <model>"),
+        ("><pose rotation_format=\"axis\">0 0 1 0 0 0 1</pose>", "rotation_format=\"axis\" is not supported"),
+        ("><pose rotation_format=\"quat_xyzw\">0 0 1 0 0 0 0</pose>", "the quaternion is zero"),
+        ("><pose rotation_format=\"quat_xyzw\" degrees=\"1\">0 0 1 0 0 0 1</pose>", "has no degrees"),
+        ("><frame name=\"f\"/>", "<frame> in <model> is not supported; write each <pose>"),
     ] {
         let error = ball("", model, "", "").unwrap_err();
         assert!(error.contains(expected), "{error}");
@@ -223,8 +247,8 @@ fn fixed_meshes_of_sdf_and_urdf_touch_by_their_triangles() {
     std::fs::write(folder.path().join("twisted.obj"), CONCAVE.replace("f 1 2 8 7", "f 7 8 2 1")).unwrap();
     let sdf = |mesh: &str, fixed: bool| {
         format!(
-            "<sdf version=\"1.9\"><model name=\"m\"><static>{fixed}</static><link name=\"l\"><collision name=\"c\"><geometry>\
-             <mesh><uri>{mesh}</uri></mesh></geometry></collision></link></model></sdf>"
+            "<sdf version=\"1.9\"><model name=\"m\"><static>{fixed}</static><link name=\"l\"><inertial auto=\"1\"/><collision name=\"c\">\
+             <geometry><mesh><uri>{mesh}</uri></mesh></geometry></collision></link></model></sdf>"
         )
     };
     assert_eq!(read("w.sdf", &sdf("concave.obj", true)), (MeshCollision::Triangles, vec![]));
@@ -269,4 +293,50 @@ fn planes_have_no_ends() {
     assert!(sdf("0 0 0.5 0 0 0").ground.is_some_and(|ground| ground.height == 0.5));
     let ObjectShape::Box { size } = sdf("0 0 0.5 0.3 0 0").objects[0].shape else { panic!("a box") };
     assert!(size[0] >= 100.0 && size[1] >= 100.0);
+}
+
+#[test]
+fn soft_welds_and_surfaces_of_urdf_dialects_are_named() {
+    let weld = |attributes: &str| {
+        let text = format!(
+            "<mujoco><worldbody><body name=\"b\"><freejoint/><geom size=\"0.1\"/></body></worldbody>\n\
+             <equality><weld body1=\"b\" {attributes}/></equality></mujoco>"
+        );
+        let warnings = parse_mjcf_world(&text, None).unwrap().warnings;
+        warnings.iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    for (attributes, name) in [("solref=\"1 1\"", "solref"), ("torquescale=\"0\"", "torquescale")] {
+        let warnings = weld(attributes);
+        let expected = format!("{name} of <weld> ignored (line 2");
+        assert!(warnings.len() == 1 && warnings[0].contains(&expected), "{warnings:?}");
+    }
+    assert_eq!(weld("torquescale=\"1\""), Vec::<String>::new());
+    let urdf = |collision: &str, link: &str, robot: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let text = format!(
+            "<robot name=\"r\">\n<link name=\"l\">{link}<collision>{collision}<geometry><sphere radius=\"1\"/></geometry></collision></link>\
+             {robot}</robot>"
+        );
+        std::fs::write(folder.path().join("w.urdf"), text).unwrap();
+        let mut world: World = toml::from_str("file = \"w.urdf\"").unwrap();
+        let warnings = world.locate(folder.path()).map_err(|error| error.to_string())?;
+        Ok::<_, String>(warnings.iter().map(ToString::to_string).collect::<Vec<_>>())
+    };
+    assert_eq!(urdf("", "", "<gazebo><plugin/></gazebo>"), Ok(vec![]));
+    for (collision, link, robot, name) in [
+        ("", "<contact><lateral_friction value=\"0.1\"/></contact>", "", "<contact>"),
+        ("", "", "<gazebo reference=\"l\"><mu1>0.1</mu1></gazebo>", "<gazebo>"),
+        (
+            "<drake:proximity_properties xmlns:drake=\"d\"><drake:mu_static value=\"0\"/></drake:proximity_properties>",
+            "",
+            "",
+            "<proximity_properties>",
+        ),
+    ] {
+        let warnings = urdf(collision, link, robot).unwrap();
+        let expected = format!("the surface in {name} ignored (line 2");
+        assert!(warnings.len() == 1 && warnings[0].contains(&expected), "{warnings:?}");
+    }
+    let error = urdf("<origin quat_xyzw=\"0 0 1 0\"/>", "", "").unwrap_err();
+    assert!(error.contains("quat_xyzw of <origin> is not supported"), "{error}");
 }

@@ -260,8 +260,8 @@ fn a_world_of_a_fixed_urdf_is_its_collision_shapes() {
 const SDF: &str = r#"<sdf version="1.9"><world name="w">
 <gravity>0 0 -9.8</gravity>
 <model name="ground"><static>true</static><link name="l"><collision name="c"><geometry><plane><normal>0 0 1</normal><size>9 9</size></plane></geometry>
-  <surface><friction><ode><mu>0.7</mu></ode></friction></surface></collision></link></model>
-<model name="crate"><pose>1 0 0.25 0 0 0.5</pose><link name="l"><inertial><mass>3</mass></inertial>
+  <surface><friction><ode><mu>0.7</mu><mu2>0.7</mu2></ode></friction></surface></collision></link></model>
+<model name="crate"><pose>1 0 0.25 0 0 0.5</pose><link name="l"><inertial><mass>3</mass><inertia><ixx>0.125</ixx><iyy>0.125</iyy><izz>0.125</izz></inertia></inertial>
   <collision name="c"><geometry><box><size>0.5 0.5 0.5</size></box></geometry></collision>
   <visual name="v"/></link></model>
 </world></sdf>"#;
@@ -282,14 +282,18 @@ fn a_world_of_sdf_is_read_and_robots_in_it_are_refused() {
     for (old, new, expected) in [
         ("<gravity>0 0 -9.8<", "<gravity>0 0<", "w.sdf:2:1: <gravity> is \"0 0\", expected 3 numbers"),
         ("<visual name=\"v\"/></link>", "</link><joint name=\"j\"/>", "model \"crate\" has a joint"),
-        ("<gravity>", "<include/><gravity>", "<include> is not read"),
-        ("<box><size>0.5 0.5 0.5</size></box>", "<heightmap/>", "<heightmap> is not among the SDF read here"),
+        ("<gravity>", "<include/><gravity>", "<include> in <world> is not supported; copy the model"),
+        (
+            "<box><size>0.5 0.5 0.5</size></box>",
+            "<heightmap/>",
+            "<heightmap> in <geometry> is not supported; write the world in TOML",
+        ),
         ("<inertial>", "<gravity>false</gravity><inertial>", "w.sdf:5:65: <gravity> is \"false\""),
         ("<inertial>", "<kinematic>1</kinematic><inertial>", "w.sdf:5:65: <kinematic> is \"1\""),
         (
             "<box><size>0.5 0.5 0.5</size></box>",
             "<mesh><uri>a.obj</uri><submesh><name>b</name></submesh></mesh>",
-            "a part of a mesh is not read",
+            "<submesh> in <mesh> is not supported",
         ),
     ] {
         let refused = of_file("w.sdf", &SDF.replacen(old, new, 1)).unwrap_err().to_string();
@@ -311,13 +315,36 @@ fn what_sdf_states_about_motion_is_taken_over_or_told() {
     };
     let usual = "<gravity>true</gravity><kinematic>false</kinematic><inertial><pose>0 0 0 0 0 0</pose>";
     assert_eq!(warned("<inertial>", usual).1, Vec::<String>::new());
-    let (world, told) = warned("<mass>", "<pose>0 0 0.1 0 0 0</pose><inertia><ixx>1</ixx></inertia><mass>");
+    let (world, told) = warned("<mass>", "<pose>0 0 0.1 0 0 0</pose><mass>");
     assert_eq!(world.objects[0].mass, Some(3.0));
     assert!(
-        told.iter().any(|told| told.contains("<pose> of <inertial>") && told.contains("line 5")),
+        told.len() == 1 && told[0].contains("<pose> of <inertial>") && told[0].contains("line 5"),
         "{told:?}"
     );
-    assert!(told.iter().any(|told| told.contains("<inertia> of <inertial>")), "{told:?}");
+    for (old, new, name) in [
+        ("<ixx>0.125<", "<ixx>0.126<", "<inertia> of <inertial>"),
+        ("<iyy>0.125</iyy>", "<ixz>0.01</ixz>", "<inertia> of <inertial>"),
+        (
+            "<inertia><ixx>0.125</ixx><iyy>0.125</iyy><izz>0.125</izz></inertia>",
+            "",
+            "the default <inertia> of 1 kg m2",
+        ),
+        (
+            "<collision name=\"c\"><geometry><box>",
+            "<collision name=\"c\"><pose>0 0 1 0 0 0</pose><geometry><box>",
+            "<pose> of <inertial>",
+        ),
+        ("<visual", "<enable_wind>true</enable_wind><visual", "<enable_wind> of <link>"),
+        ("<static>", "<plugin filename=\"libTrackController.so\"/><static>", "<plugin> of <model>"),
+        ("<gravity>0 0", "<plugin filename=\"gz-sim-buoyancy-system\"/><gravity>0 0", "<plugin> of <world>"),
+        ("<mu>0.7</mu>", "<mu>0.7</mu><v:mu xmlns:v=\"v\">9</v:mu>", "<mu> of another program"),
+    ] {
+        let (world, told) = warned(old, new);
+        assert!(told.len() == 1 && told[0].contains(name), "{new}: {told:?}");
+        assert_eq!((world.ground.unwrap().friction, world.objects[0].mass), (0.7, Some(3.0)), "{new}");
+    }
+    let system = "<plugin filename=\"gz-sim-physics-system\" name=\"p\"/><gravity>0 0";
+    assert_eq!(warned("<gravity>0 0", system).1, Vec::<String>::new());
     for yes in ["true", "1"] {
         let turned = format!("<pose degrees=\"{yes}\">1 0 0.25 0 0 90<");
         let (world, _) = warned("<pose>1 0 0.25 0 0 0.5<", &turned);

@@ -87,6 +87,11 @@ pub enum UrdfProblem {
         /// Expected number of values.
         expected: usize,
     },
+    /// An orientation in another form.
+    #[error(
+        "quat_xyzw of <origin> is not supported; write the same rotation as rpy=\"ROLL PITCH YAW\" in radians"
+    )]
+    Quaternion,
     /// The joint type does not exist.
     #[error("joint \"{joint}\" has the unknown type \"{kind}\"{}", suggestion(.nearest.as_deref()))]
     UnknownJointType {

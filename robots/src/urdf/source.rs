@@ -251,6 +251,9 @@ impl<'a> Source<'a> {
                 if !node.has_tag_name(element) {
                     continue;
                 }
+                if element == "origin" && node.has_attribute("quat_xyzw") {
+                    return Err(self.error(node, UrdfProblem::Quaternion));
+                }
                 let Some(value) = node.attribute(attribute) else {
                     if required {
                         self.require_attribute(node, attribute)?;

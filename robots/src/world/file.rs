@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use roxmltree::Document;
+use roxmltree::{Document, Node};
 
 use super::mjcf::{MjcfWorld, parse_mjcf_world};
 use super::reading::{Read, WorldFileError, fixed, mesh, position, problem, unique};
@@ -80,6 +80,7 @@ fn urdf(text: &str, path: &Path, document: &Document<'_>) -> Result<Read, WorldF
     }
     let base = robot.model.base();
     let (mut world, mut warnings) = (World::default(), robot.warnings);
+    warnings.extend(surfaces(document));
     let (colours, mut used) = (LinkColours::of_urdf(text), BTreeMap::<&str, usize>::new());
     for shape in base.shapes.iter().chain(&base.world_shapes) {
         let named = |uri: &str| {
@@ -104,6 +105,31 @@ fn urdf(text: &str, path: &Path, document: &Document<'_>) -> Result<Read, WorldF
         world.objects.push(object);
     }
     Ok(Read { world, states_gravity: false, warnings })
+}
+
+/// Warnings of surfaces in the dialects of other programs, of which URDF has none.
+fn surfaces(document: &Document<'_>) -> impl Iterator<Item = ModelWarning> {
+    const DIALECTS: [(&str, &[&str]); 3] = [
+        (
+            "contact",
+            &["lateral_friction", "rolling_friction", "spinning_friction", "restitution", "stiffness"],
+        ),
+        ("gazebo", &["mu1", "mu2", "kp", "kd", "minDepth", "maxVel", "fdir1", "collision"]),
+        (
+            "proximity_properties",
+            &["mu_static", "mu_dynamic", "compliant_hydroelastic", "rigid_hydroelastic"],
+        ),
+    ];
+    DIALECTS.into_iter().filter_map(|(element, values)| {
+        let holds =
+            |node: &Node<'_, '_>| node.children().any(|child| values.contains(&child.tag_name().name()));
+        let is_it = |node: &Node<'_, '_>| node.tag_name().name() == element && holds(node);
+        let mut all = document.descendants().filter(is_it);
+        let at = position(all.next()?);
+        let what = format!("the surface in <{element}>");
+        let reason = "objects of a URDF have the default friction; describe them in TOML, MJCF or SDF";
+        Some(ModelWarning::Ignored { what, at, count: 1 + all.count(), reason })
+    })
 }
 
 /// Returns a fixed object for a shape, and the reason for a warning; the error is the name of a missing mesh.

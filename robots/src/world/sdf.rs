@@ -1,173 +1,187 @@
 //! Worlds from SDF (SDFormat 1.4 to 1.11), a subset: models of one link or fixed ones, with primitives,
 //! planes and meshes.
 
+mod bodies;
 mod schema;
+mod shapes;
 mod surface;
+mod values;
 
 use std::path::Path;
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::Isometry3;
 use roxmltree::{Document, Node};
 
-use self::schema::Treatment;
-use super::reading::{Read, WorldFileError, fixed, mesh, position, problem, unique};
-use super::{Ground, Object, ObjectShape, World};
-use crate::{FrictionCombine, ModelWarning};
+use self::schema::{Treatment, advice, treatment};
+use self::values::{child, elements, is_foreign, is_true, named, text};
+use super::reading::{Read, WorldFileError, fixed, position, problem, unique};
+use super::{Object, World};
+use crate::{FrictionCombine, ModelWarning, Position};
 
-/// Thickness and sides of the box that represents a plane on a slope \[m\].
-const THICK: f64 = 1.0;
-const WIDE: f64 = 100.0;
+/// Acceleration of free fall in a world of SDF without `<gravity>` \[m/s2\].
+const GRAVITY: [f64; 3] = [0.0, 0.0, -9.8];
+/// The last minor version of SDF whose `<gravity>` is in `<physics>`.
+const LAST_WITH_GRAVITY_IN_PHYSICS: u32 = 5;
+/// Levels of elements around a model, at most.
+const DEEPEST: usize = 64;
 
 /// Reads the first `<world>`, else the `<model>`s, of an SDF document.
 pub(super) fn read(path: &Path, document: &Document<'_>) -> Result<Read, WorldFileError> {
     let root = document.root_element();
-    let around = root.children().find(|node| node.has_tag_name("world")).unwrap_or(root);
-    let mut reader = Reader { path, world: World::default(), states_gravity: false, warnings: Vec::new() };
-    for node in around.children().filter(Node::is_element) {
+    let mut reader = Reader { path, world: World::default(), warnings: Vec::new(), first_bounce: None };
+    let minor = reader.minor_version(root)?;
+    reader.warn_of_foreign(root);
+    reader.refuse_repeated(root)?;
+    let world = child(root, "world");
+    let mut states_gravity = false;
+    if let Some(world) = world {
+        reader.world.gravity = GRAVITY;
+        for node in elements(root).filter(|node| *node != world) {
+            reader.beside_the_world(node)?;
+        }
+    }
+    let around = world.unwrap_or(root);
+    let is_default = |node: &Node<'_, '_>| node.attribute("default").is_some_and(is_true);
+    let physics = named(around, "physics").find(is_default).or(child(around, "physics"));
+    for node in elements(around) {
         match node.tag_name().name() {
-            "gravity" => {
-                (reader.world.gravity, reader.states_gravity) = (reader.numbers(node)?, true);
-            }
+            "gravity" => (reader.world.gravity, states_gravity) = (reader.numbers(node)?, true),
             "wind" => {
                 if let Some(velocity) = child(node, "linear_velocity") {
                     reader.world.wind = reader.numbers(velocity)?;
                 }
             }
-            "model" => reader.model(node)?,
-            // as in SDF up to 1.4
+            "model" => reader.model(node, &Isometry3::identity(), false, "world")?,
             "physics" => {
-                if let Some(gravity) = child(node, "gravity").filter(|_| !reader.states_gravity) {
-                    (reader.world.gravity, reader.states_gravity) = (reader.numbers(gravity)?, true);
+                let Some(gravity) = child(node, "gravity") else { continue };
+                if minor > LAST_WITH_GRAVITY_IN_PHYSICS {
+                    let text =
+                        "<gravity> in <physics> is not supported from SDF 1.6 on; move it into the <world>";
+                    return Err(problem(path, gravity, text));
                 }
-            }
-            "world" => return Err(problem(path, node, "a second <world>: a file holds one")),
-            "include" => {
-                return Err(problem(path, node, "<include> is not read; write the model into the file"));
+                if !states_gravity && Some(node) == physics {
+                    (reader.world.gravity, states_gravity) = (reader.numbers(gravity)?, true);
+                }
             }
             _ => reader.leave_out("world", node)?,
         }
     }
-    let Reader { mut world, states_gravity, warnings, .. } = reader;
-    world.combine_frictions(FrictionCombine::Min);
-    Ok(Read { world, states_gravity, warnings })
+    reader.warn_of_bounces();
+    let Reader { world: mut read, warnings, .. } = reader;
+    read.combine_frictions(FrictionCombine::Min);
+    Ok(Read { world: read, states_gravity: states_gravity || world.is_some(), warnings })
 }
 
 struct Reader<'p> {
     path: &'p Path,
     world: World,
-    states_gravity: bool,
     warnings: Vec<ModelWarning>,
-}
-
-/// Returns `true` for a true value; case does not matter, as in libsdformat.
-fn is_true(value: &str) -> bool {
-    value.trim().eq_ignore_ascii_case("true") || value.trim() == "1"
-}
-
-/// The text of an element, with comments left out.
-fn text(node: Node<'_, '_>) -> String {
-    node.children().filter(|child| child.is_text()).filter_map(|child| child.text()).collect()
-}
-
-fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
-    node.children().find(|child| child.has_tag_name(name))
+    /// The first collision that rebounds.
+    first_bounce: Option<Position>,
 }
 
 impl Reader<'_> {
-    fn unread(&self, node: Node<'_, '_>, name: &str) -> WorldFileError {
-        problem(
-            self.path,
-            node,
-            format!("<{name}> is not among the SDF read here; leave it out, or write the world in TOML"),
-        )
+    /// Returns the number after `1.`; refuses versions with other elements. Without a version it is the last
+    /// one.
+    fn minor_version(&self, root: Node<'_, '_>) -> Result<u32, WorldFileError> {
+        let Some(version) = root.attribute("version") else { return Ok(u32::MAX) };
+        let minor = version.strip_prefix("1.").and_then(|minor| minor.parse::<u32>().ok());
+        if let Some(minor) = minor.filter(|minor| *minor >= 4) {
+            return Ok(minor);
+        }
+        let text = format!(
+            "SDF version \"{version}\" is not supported, expected 1.4 or later; convert the file with `gz sdf -p`"
+        );
+        Err(problem(self.path, root, text))
     }
 
-    fn numbers<const N: usize>(&self, node: Node<'_, '_>) -> Result<[f64; N], WorldFileError> {
-        let text = text(node);
-        let numbers: Vec<f64> = text.split_whitespace().filter_map(|word| word.parse().ok()).collect();
-        let whole = numbers.len() == text.split_whitespace().count();
-        match <[f64; N]>::try_from(numbers) {
-            Ok(numbers) if whole && numbers.iter().all(|number| number.is_finite()) => Ok(numbers),
-            _ => {
-                let name = node.tag_name().name();
-                Err(problem(
-                    self.path,
-                    node,
-                    format!("<{name}> is \"{}\", expected {N} numbers", text.trim()),
-                ))
+    /// Warns of elements in the namespaces of other programs.
+    fn warn_of_foreign(&mut self, root: Node<'_, '_>) {
+        let own_parent = |node: &Node<'_, '_>| node.parent().is_none_or(|parent| !is_foreign(&parent));
+        let foreign =
+            root.descendants().filter(|node| node.is_element() && is_foreign(node)).filter(own_parent);
+        for node in foreign {
+            let what = format!("<{}> of another program", node.tag_name().name());
+            self.ignore(node, &what, "it is not an element of SDF");
+        }
+    }
+
+    /// Refuses a second value of an element.
+    fn refuse_repeated(&self, root: Node<'_, '_>) -> Result<(), WorldFileError> {
+        for node in elements(root) {
+            let name = node.tag_name().name();
+            if schema::ANY.contains(&name) {
+                continue;
             }
-        }
-    }
-
-    fn number(&self, node: Node<'_, '_>, name: &str) -> Result<f64, WorldFileError> {
-        let Some(inside) = child(node, name) else {
-            return Err(problem(self.path, node, format!("<{}> without a <{name}>", node.tag_name().name())));
-        };
-        self.numbers::<1>(inside).map(|[number]| number)
-    }
-
-    fn pose(&self, node: Node<'_, '_>) -> Result<Isometry3<f64>, WorldFileError> {
-        let Some(pose) = child(node, "pose") else { return Ok(Isometry3::identity()) };
-        // `frame` is the name of SDF 1.5 and 1.6 for the same
-        for attribute in ["relative_to", "frame"] {
-            if let Some(frame) = pose.attribute(attribute).filter(|frame| !frame.is_empty()) {
-                let text = format!(
-                    "a pose relative to another frame is not read, found {attribute}=\"{frame}\"; write it relative to what \
-                     it stands in"
-                );
-                return Err(problem(self.path, pose, text));
+            if schema::ONCE.contains(&name) && named(root, name).next() != Some(node) {
+                let text = format!("a second <{name}> in <{}>; keep one", root.tag_name().name());
+                return Err(problem(self.path, node, text));
             }
+            self.refuse_repeated(node)?;
         }
-        if let Some(format) = pose.attribute("rotation_format").filter(|format| *format != "euler_rpy") {
-            let text = format!("rotation_format=\"{format}\" is not read, expected euler_rpy");
-            return Err(problem(self.path, pose, text));
-        }
-        if text(pose).trim().is_empty() {
-            return Ok(Isometry3::identity());
-        }
-        let [x, y, z, mut roll, mut pitch, mut yaw] = self.numbers(pose)?;
-        if pose.attribute("degrees").is_some_and(is_true) {
-            [roll, pitch, yaw] = [roll, pitch, yaw].map(f64::to_radians);
-        }
-        Ok(Isometry3::from_parts(
-            Translation3::new(x, y, z),
-            UnitQuaternion::from_euler_angles(roll, pitch, yaw),
-        ))
+        Ok(())
     }
 
-    fn model(&mut self, model: Node<'_, '_>) -> Result<(), WorldFileError> {
-        let pose = self.pose(model)?;
+    /// Refuses the models of a file beside its `<world>`.
+    fn beside_the_world(&mut self, node: Node<'_, '_>) -> Result<(), WorldFileError> {
+        match node.tag_name().name() {
+            "world" => Err(problem(self.path, node, "a second <world>: a file holds one")),
+            "model" => {
+                let text = "<model> beside <world> is not supported; move it into the <world>";
+                Err(problem(self.path, node, text))
+            }
+            _ => self.leave_out("world", node),
+        }
+    }
+
+    /// The error of an element that no world can contain.
+    fn unsupported(&self, node: Node<'_, '_>) -> WorldFileError {
+        let name = node.tag_name().name();
+        let around = node.parent().map_or("sdf", |parent| parent.tag_name().name());
+        let text = format!("<{name}> in <{around}> is not supported; {}", advice(name));
+        problem(self.path, node, text)
+    }
+
+    /// Reads a model in a frame; its own pose may name this frame as `scope`. `fixed` is `true` in a static
+    /// model.
+    fn model(
+        &mut self,
+        model: Node<'_, '_>,
+        around: &Isometry3<f64>,
+        fixed: bool,
+        scope: &str,
+    ) -> Result<(), WorldFileError> {
+        if model.ancestors().nth(DEEPEST).is_some() {
+            return Err(problem(self.path, model, "models nested this deep are not supported"));
+        }
+        let pose = around * self.pose(model, Some(scope))?;
         if let Some(frame) = model.attribute("placement_frame").filter(|frame| !frame.is_empty()) {
-            let text = format!("placement_frame=\"{frame}\" is not read; write the pose of the model itself");
+            let text =
+                format!("placement_frame=\"{frame}\" is not supported; write the pose of the model itself");
             return Err(problem(self.path, model, text));
         }
-        let is_static = child(model, "static").map_or(Ok(false), |node| self.boolean(node))?;
+        let is_static = child(model, "static").map_or(Ok(false), |node| self.boolean(node))? || fixed;
         let name = model.attribute("name").unwrap_or("model");
-        let links = || model.children().filter(|node| node.has_tag_name("link"));
-        for node in model.children().filter(Node::is_element) {
+        for node in elements(model) {
             match node.tag_name().name() {
                 "pose" | "static" | "link" => {}
                 "joint" if is_static => {}
+                "model" if is_static => self.model(node, &pose, true, "__model__")?,
                 "joint" => {
-                    return Err(problem(
-                        self.path,
-                        node,
-                        format!(
-                            "model \"{name}\" has a joint: it is a robot; a world holds fixed models and bodies that move freely"
-                        ),
-                    ));
+                    let text = format!(
+                        "model \"{name}\" has a joint: it is a robot; a world holds fixed models and bodies that move freely"
+                    );
+                    return Err(problem(self.path, node, text));
                 }
                 _ => self.leave_out("model", node)?,
             }
         }
-        if let Some(second) = links().nth(1).filter(|_| !is_static) {
-            return Err(problem(
-                self.path,
-                second,
-                "a second link of a model that moves is not read: an object is one body",
-            ));
+        if let Some(second) = named(model, "link").nth(1).filter(|_| !is_static) {
+            let text = "a second <link> in a <model> that moves is not supported; make it a separate model, or \
+                        its <collision> one of the first link";
+            return Err(problem(self.path, second, text));
         }
-        for link in links() {
+        for link in named(model, "link") {
             self.link(link, name, &pose, !is_static)?;
         }
         Ok(())
@@ -180,28 +194,40 @@ impl Reader<'_> {
         pose: &Isometry3<f64>,
         moves: bool,
     ) -> Result<(), WorldFileError> {
-        let within = self.pose(link)?;
-        let mut found = 0;
-        let mut mass = None;
-        for node in link.children().filter(Node::is_element) {
+        let within = self.pose(link, Some("__model__"))?;
+        for node in elements(link) {
             match node.tag_name().name() {
-                "pose" => {}
+                "pose" | "inertial" | "collision" => {}
                 "gravity" | "kinematic" => self.check_motion(node, moves)?,
-                "inertial" if moves => mass = self.mass(node, link)?,
-                "inertial" => {}
-                "collision" => found += 1,
                 _ => self.leave_out("link", node)?,
             }
         }
-        if moves && found != 1 {
-            let problem_of = format!(
-                "model \"{model}\" moves and has {found} collisions, expected one: an object has one shape"
-            );
-            return Err(problem(self.path, link, problem_of));
+        if moves {
+            return self.free_link(link, model, (pose, &within));
         }
-        for collision in link.children().filter(|node| node.has_tag_name("collision")) {
-            self.collision(collision, model, (pose, &within), moves.then(|| mass.unwrap_or(1.0)))?;
+        for collision in named(link, "collision") {
+            let pose = pose * within * self.pose(collision, link.attribute("name"))?;
+            self.fixed_collision(collision, model, &pose)?;
         }
+        Ok(())
+    }
+
+    /// Adds a collision of a static model.
+    fn fixed_collision(
+        &mut self,
+        collision: Node<'_, '_>,
+        model: &str,
+        pose: &Isometry3<f64>,
+    ) -> Result<(), WorldFileError> {
+        let geometry = self.geometry(collision)?;
+        let (friction, restitution) = self.surface(collision)?;
+        if geometry.tag_name().name() == "plane" {
+            return self.plane((collision, geometry), model, pose, (friction, restitution));
+        }
+        let shape = self.shape(geometry, false)?;
+        let name = unique(&self.world, model);
+        self.paint(collision, &name);
+        self.world.objects.push(Object { friction, restitution, ..fixed(name, shape, pose) });
         Ok(())
     }
 
@@ -218,36 +244,31 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn boolean(&self, node: Node<'_, '_>) -> Result<bool, WorldFileError> {
-        let text = text(node);
-        if is_true(&text) {
-            return Ok(true);
-        }
-        if text.trim().eq_ignore_ascii_case("false") || text.trim() == "0" {
-            return Ok(false);
-        }
-        let name = node.tag_name().name();
-        Err(problem(self.path, node, format!("<{name}> is \"{}\", expected true or false", text.trim())))
-    }
-
     /// Accepts, warns of or rejects an unread element.
     fn leave_out(&mut self, section: &'static str, node: Node<'_, '_>) -> Result<(), WorldFileError> {
         let name = node.tag_name().name();
-        match schema::treatment(section, name) {
+        if schema::has_no_effect(node) {
+            return Ok(());
+        }
+        match treatment(section, name) {
             Some(Treatment::NoEffect) => Ok(()),
             Some(Treatment::Ignored(reason)) => {
                 self.ignore(node, &format!("<{name}> of <{section}>"), reason);
                 Ok(())
             }
             Some(Treatment::Refused(reason)) => {
-                Err(problem(self.path, node, format!("<{name}> of <{section}> is not read: {reason}")))
+                Err(problem(self.path, node, format!("<{name}> of <{section}> is not supported: {reason}")))
             }
-            None => Err(self.unread(node, name)),
+            None => Err(self.unsupported(node)),
         }
     }
 
     /// Warns of an ignored element, once per file.
     fn ignore(&mut self, node: Node<'_, '_>, element: &str, because: &'static str) {
+        self.ignore_at(position(node), element, because);
+    }
+
+    fn ignore_at(&mut self, at: Position, element: &str, because: &'static str) {
         for warning in &mut self.warnings {
             if let ModelWarning::Ignored { what, count, .. } = warning
                 && what == element
@@ -256,153 +277,20 @@ impl Reader<'_> {
                 return;
             }
         }
-        let (at, what) = (position(node), element.to_owned());
+        let what = element.to_owned();
         self.warnings.push(ModelWarning::Ignored { what, at, count: 1, reason: because });
     }
 
-    /// Adds a collision of a link with a pose in its model. A fixed one is an object at its own pose; one
-    /// that moves, with a mass, is an object at the pose of the model.
-    fn collision(
-        &mut self,
-        collision: Node<'_, '_>,
-        model: &str,
-        (model_pose, link_pose): (&Isometry3<f64>, &Isometry3<f64>),
-        mass: Option<f64>,
-    ) -> Result<(), WorldFileError> {
-        let in_model = link_pose * self.pose(collision)?;
-        let pose = model_pose * in_model;
-        let geometry = child(collision, "geometry")
-            .and_then(|geometry| geometry.children().find(Node::is_element))
-            .ok_or_else(|| problem(self.path, collision, "<collision> without a <geometry>"))?;
-        let (friction, restitution) = self.surface(collision)?;
-        let shape = match geometry.tag_name().name() {
-            "box" => {
-                let size = child(geometry, "size")
-                    .ok_or_else(|| problem(self.path, geometry, "<box> without a <size>"))?;
-                ObjectShape::Box { size: self.numbers(size)? }
-            }
-            "sphere" => ObjectShape::Sphere { radius: self.number(geometry, "radius")? },
-            "cylinder" => ObjectShape::Cylinder {
-                radius: self.number(geometry, "radius")?,
-                length: self.number(geometry, "length")?,
-            },
-            "capsule" => ObjectShape::Capsule {
-                radius: self.number(geometry, "radius")?,
-                length: self.number(geometry, "length")?,
-            },
-            "mesh" => self.mesh(geometry, mass.is_some())?,
-            "plane" => {
-                return self.plane(
-                    (collision, geometry),
-                    model,
-                    &pose,
-                    (friction, restitution),
-                    mass.is_some(),
-                );
-            }
-            name => return Err(self.unread(geometry, name)),
-        };
-        let name = unique(&self.world, model);
-        self.paint(collision, &name);
-        let (shape, pose) =
-            if mass.is_some() { (shape.displaced(&in_model), *model_pose) } else { (shape, pose) };
-        self.world.objects.push(Object { mass, friction, restitution, ..fixed(name, shape, &pose) });
-        Ok(())
-    }
-
-    /// Gives an object the diffuse colour of the visual at the place of its collision in the link, else of
-    /// the last one.
-    fn paint(&mut self, collision: Node<'_, '_>, object: &str) {
-        let of_kind = |kind| {
-            collision
-                .parent()
-                .into_iter()
-                .flat_map(|link| link.children())
-                .filter(move |node| node.has_tag_name(kind))
-        };
-        let place = of_kind("collision").position(|other| other == collision).unwrap_or(0);
-        let visual = of_kind("visual").nth(place).or_else(|| of_kind("visual").next_back());
-        let diffuse =
-            visual.and_then(|visual| child(visual, "material")).and_then(|looks| child(looks, "diffuse"));
-        let Some(diffuse) = diffuse else { return };
-        let parts: Vec<f64> = text(diffuse).split_whitespace().filter_map(|part| part.parse().ok()).collect();
-        if let [red, green, blue, ..] = parts[..] {
-            let colour = [red, green, blue].map(|part| part.clamp(0.0, 1.0));
-            self.world.appearance.colours.insert(object.to_owned(), colour);
+    /// Warns if surfaces differ in their restitution: programs combine them by different rules.
+    fn warn_of_bounces(&mut self) {
+        let objects = self.world.objects.iter().map(|object| object.restitution);
+        let mut all = self.world.ground.iter().map(|ground| ground.restitution).chain(objects);
+        let first = all.next();
+        if let Some(at) = self.first_bounce
+            && all.any(|other| Some(other) != first)
+        {
+            let reason = "a contact has the mean of both surfaces' restitutions";
+            self.ignore_at(at, "the rule of Gazebo for different <restitution_coefficient>s", reason);
         }
-    }
-
-    fn mesh(&mut self, geometry: Node<'_, '_>, moves: bool) -> Result<ObjectShape, WorldFileError> {
-        let uri =
-            child(geometry, "uri").ok_or_else(|| problem(self.path, geometry, "<mesh> without a <uri>"))?;
-        if let Some(part) = child(geometry, "submesh") {
-            let text = "a part of a mesh is not read; write the part into a separate file";
-            return Err(problem(self.path, part, text));
-        }
-        let name = text(uri);
-        let name = name.trim().strip_prefix("file://").unwrap_or(name.trim());
-        if name.contains("://") {
-            return Err(problem(
-                self.path,
-                uri,
-                format!("\"{name}\" is not a file; write a path relative to the SDF file"),
-            ));
-        }
-        let scale =
-            child(geometry, "scale").map(|scale| self.numbers(scale)).transpose()?.unwrap_or([1.0; 3]);
-        let file = self.path.parent().unwrap_or(Path::new("")).join(name);
-        if !file.is_file() {
-            return Err(problem(
-                self.path,
-                uri,
-                format!("its mesh \"{name}\" was not found beside the file"),
-            ));
-        }
-        let (shape, reason) = mesh(&file, scale, moves);
-        if let Some(reason) = reason {
-            self.ignore(geometry, "concavity of a <mesh>", reason);
-        }
-        Ok(shape)
-    }
-
-    /// A level plane becomes the ground, a slope a large box below it. Planes of collisions have no ends, by
-    /// the specification of SDF: their `size` is for drawing.
-    fn plane(
-        &mut self,
-        (collision, geometry): (Node<'_, '_>, Node<'_, '_>),
-        model: &str,
-        pose: &Isometry3<f64>,
-        (friction, restitution): (f64, f64),
-        moves: bool,
-    ) -> Result<(), WorldFileError> {
-        if moves {
-            return Err(problem(self.path, geometry, "a plane cannot move: make its model <static>"));
-        }
-        let normal = match child(geometry, "normal") {
-            Some(normal) => Vector3::from(self.numbers::<3>(normal)?),
-            None => Vector3::z(),
-        };
-        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &normal);
-        let Some(turn) = turn.filter(|_| normal.norm() > 1e-9) else {
-            return Err(problem(self.path, geometry, "the normal of a plane must point up or aside"));
-        };
-        let pose = pose * turn;
-        if (pose.rotation * Vector3::z()).z > 1.0 - 1e-9 {
-            if self.world.ground.is_some() {
-                let text =
-                    "a second level plane: planes have no ends, and a world has one ground; write a <box>";
-                return Err(problem(self.path, geometry, text));
-            }
-            self.world.ground =
-                Some(Ground { height: pose.translation.z, friction, restitution, ..Ground::default() });
-            self.paint(collision, "ground");
-            return Ok(());
-        }
-        let shape = ObjectShape::Box { size: [WIDE, WIDE, THICK] };
-        let pose = pose * Translation3::new(0.0, 0.0, -0.5 * THICK);
-        let name = unique(&self.world, model);
-        self.paint(collision, &name);
-        self.world.objects.push(Object { friction, restitution, ..fixed(name, shape, &pose) });
-        Ok(())
     }
 }

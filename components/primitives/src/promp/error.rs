@@ -9,7 +9,7 @@ pub enum ProMpError {
     #[error(transparent)]
     Value(#[from] ValueError),
     /// Too few demonstrations to estimate the variation.
-    #[error("{found} demonstrations, expected at least 2: one alone does not show how the movement varies")]
+    #[error("{found} demonstrations, expected at least 2: a covariance needs more than one; record another")]
     TooFew {
         /// Value found.
         found: usize,

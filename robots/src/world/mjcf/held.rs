@@ -77,6 +77,13 @@ pub(super) fn connections<'a, 'i>(
                 rule.refused("relpose", "bodies are fixed in their poses in the file; change these poses")
             );
         }
+        for (name, default) in [("solref", None), ("solimp", None), ("torquescale", Some(1.0))] {
+            let stated =
+                rule.get(name).filter(|value| default.is_none() || value.trim().parse().ok() != default);
+            if stated.is_some() {
+                rule.ignore(name, "a connection is rigid in all directions");
+            }
+        }
         let point = first.frame * Point3::from(anchor.unwrap_or_default());
         let parts = [first.object, second.object];
         connections.push(Connection { parts, kind, point: point.coords.into() });

@@ -1,0 +1,165 @@
+//! Geometries of collisions, and their colours.
+
+use std::path::Path;
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use roxmltree::Node;
+
+use super::super::reading::{fixed, mesh, unique};
+use super::super::{Ground, MeshCollision, MeshShape, Object, ObjectShape};
+use super::values::{child, elements, named, text};
+use super::{Reader, WorldFileError, problem};
+
+/// Thickness and sides of the box that represents a plane on a slope \[m\].
+const THICK: f64 = 1.0;
+const WIDE: f64 = 100.0;
+
+/// Default of `<max_convex_hulls>`, and the most convex parts of a mesh here.
+const HULLS: f64 = 16.0;
+const MOST_HULLS: f64 = 64.0;
+
+impl Reader<'_> {
+    /// Returns the element of the shape of a collision.
+    pub(super) fn geometry<'a, 'i>(&self, collision: Node<'a, 'i>) -> Result<Node<'a, 'i>, WorldFileError> {
+        let mut shapes = child(collision, "geometry").into_iter().flat_map(elements);
+        let shape = shapes.next();
+        let shape = shape.ok_or_else(|| problem(self.path, collision, "<collision> without a <geometry>"))?;
+        match shapes.next() {
+            Some(second) => {
+                Err(problem(self.path, second, "a second shape in <geometry>; give it its own <collision>"))
+            }
+            None => Ok(shape),
+        }
+    }
+
+    /// Returns the shape of an element of `<geometry>` other than a plane.
+    pub(super) fn shape(
+        &mut self,
+        geometry: Node<'_, '_>,
+        moves: bool,
+    ) -> Result<ObjectShape, WorldFileError> {
+        let round = |reader: &Self| -> Result<(f64, f64), WorldFileError> {
+            Ok((reader.number(geometry, "radius")?, reader.number(geometry, "length")?))
+        };
+        Ok(match geometry.tag_name().name() {
+            "box" => {
+                let size = child(geometry, "size")
+                    .ok_or_else(|| problem(self.path, geometry, "<box> without a <size>"))?;
+                ObjectShape::Box { size: self.numbers(size)? }
+            }
+            "sphere" => ObjectShape::Sphere { radius: self.number(geometry, "radius")? },
+            "cylinder" => round(self).map(|(radius, length)| ObjectShape::Cylinder { radius, length })?,
+            "capsule" => round(self).map(|(radius, length)| ObjectShape::Capsule { radius, length })?,
+            "mesh" => self.mesh(geometry, moves)?,
+            _ => return Err(self.unsupported(geometry)),
+        })
+    }
+
+    /// Gives an object the diffuse colour of the visual at the place of its collision in the link, else of
+    /// the last one.
+    pub(super) fn paint(&mut self, collision: Node<'_, '_>, object: &str) {
+        let of_kind = |kind| collision.parent().into_iter().flat_map(move |link| named(link, kind));
+        let place = of_kind("collision").position(|other| other == collision).unwrap_or(0);
+        let visual = of_kind("visual").nth(place).or_else(|| of_kind("visual").last());
+        let diffuse =
+            visual.and_then(|visual| child(visual, "material")).and_then(|looks| child(looks, "diffuse"));
+        let Some(diffuse) = diffuse else { return };
+        let parts: Vec<f64> = text(diffuse).split_whitespace().filter_map(|part| part.parse().ok()).collect();
+        if let [red, green, blue, ..] = parts[..] {
+            let colour = [red, green, blue].map(|part| part.clamp(0.0, 1.0));
+            self.world.appearance.colours.insert(object.to_owned(), colour);
+        }
+    }
+
+    fn mesh(&mut self, geometry: Node<'_, '_>, moves: bool) -> Result<ObjectShape, WorldFileError> {
+        let uri =
+            child(geometry, "uri").ok_or_else(|| problem(self.path, geometry, "<mesh> without a <uri>"))?;
+        if let Some(part) = child(geometry, "submesh") {
+            let text = "<submesh> in <mesh> is not supported; write the part into a separate file";
+            return Err(problem(self.path, part, text));
+        }
+        let name = text(uri);
+        let name = name.trim().strip_prefix("file://").unwrap_or(name.trim());
+        if name.contains("://") {
+            let text = format!("\"{name}\" is not a file; write a path relative to the SDF file");
+            return Err(problem(self.path, uri, text));
+        }
+        let scale =
+            child(geometry, "scale").map(|scale| self.numbers(scale)).transpose()?.unwrap_or([1.0; 3]);
+        let file = self.path.parent().unwrap_or(Path::new("")).join(name);
+        if !file.is_file() {
+            let text = format!("its mesh \"{name}\" was not found beside the file");
+            return Err(problem(self.path, uri, text));
+        }
+        let collision = match geometry.attribute("optimization") {
+            None | Some("" | "mesh") => {
+                let (shape, reason) = mesh(&file, scale, moves);
+                if let Some(reason) = reason {
+                    self.ignore(geometry, "concavity of a <mesh>", reason);
+                }
+                return Ok(shape);
+            }
+            Some("convex_hull") => MeshCollision::Hull,
+            Some("convex_decomposition") => MeshCollision::Parts(self.convex_hulls(geometry)?),
+            Some(other) => {
+                let text = format!(
+                    "optimization=\"{other}\" in <mesh> is not supported, expected \"convex_hull\" or \"convex_decomposition\""
+                );
+                return Err(problem(self.path, geometry, text));
+            }
+        };
+        let file = std::path::absolute(&file).unwrap_or(file);
+        Ok(ObjectShape::Mesh(MeshShape { scale, collision, ..MeshShape::new(file) }))
+    }
+
+    /// Returns the number of convex parts of a mesh.
+    fn convex_hulls(&self, geometry: Node<'_, '_>) -> Result<usize, WorldFileError> {
+        let settings = child(geometry, "convex_decomposition");
+        let hulls = self.number_or(settings, "max_convex_hulls", HULLS)?;
+        if !(1.0..=MOST_HULLS).contains(&hulls) || hulls.fract() != 0.0 {
+            let text =
+                format!("<max_convex_hulls> is {hulls}, expected a whole number from 1 to {MOST_HULLS}");
+            return Err(problem(self.path, settings.unwrap_or(geometry), text));
+        }
+        Ok(hulls as usize)
+    }
+
+    /// A level plane becomes the ground, a slope a large box below it. Planes of collisions have no ends, by
+    /// the specification of SDF: their `size` is for drawing.
+    pub(super) fn plane(
+        &mut self,
+        (collision, geometry): (Node<'_, '_>, Node<'_, '_>),
+        model: &str,
+        pose: &Isometry3<f64>,
+        (friction, restitution): (f64, f64),
+    ) -> Result<(), WorldFileError> {
+        let normal = match child(geometry, "normal") {
+            Some(normal) => Vector3::from(self.numbers::<3>(normal)?),
+            None => Vector3::z(),
+        };
+        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &normal);
+        let Some(turn) = turn.filter(|_| normal.norm() > 1e-9) else {
+            return Err(problem(self.path, geometry, "the normal of a plane must point up or aside"));
+        };
+        let pose = pose * turn;
+        if (pose.rotation * Vector3::z()).z > 1.0 - 1e-9 {
+            if self.world.ground.is_some() {
+                let text =
+                    "a second level plane: planes have no ends, and a world has one ground; write a <box>";
+                return Err(problem(self.path, geometry, text));
+            }
+            self.world.ground =
+                Some(Ground { height: pose.translation.z, friction, restitution, ..Ground::default() });
+            self.paint(collision, "ground");
+            return Ok(());
+        }
+        let reason = "it is a box of 100 m by 100 m, 1 m thick";
+        self.ignore(geometry, "the endless extent of a <plane> on a slope", reason);
+        let shape = ObjectShape::Box { size: [WIDE, WIDE, THICK] };
+        let pose = pose * Translation3::new(0.0, 0.0, -0.5 * THICK);
+        let name = unique(&self.world, model);
+        self.paint(collision, &name);
+        self.world.objects.push(Object { friction, restitution, ..fixed(name, shape, &pose) });
+        Ok(())
+    }
+}
