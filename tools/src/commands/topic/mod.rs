@@ -8,6 +8,7 @@ mod json;
 mod list;
 mod log;
 mod pace;
+mod pose;
 mod publish;
 
 mod watch;
