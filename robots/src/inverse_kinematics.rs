@@ -48,6 +48,22 @@ pub struct IkSolution {
     pub iterations: usize,
 }
 
+/// State of a search that advances in parts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum IkProgress {
+    /// The search has not ended.
+    Searching,
+    /// `q` reaches the target.
+    Found(IkSolution),
+    /// No starting point leads to the target; `q` is the best configuration found.
+    NotFound {
+        /// Distance of that configuration from the target \[m\].
+        position_error: f64,
+        /// Its angle from the target \[rad\].
+        rotation_error: f64,
+    },
+}
+
 /// A search without success. The best configuration it found is in `q`.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
@@ -91,6 +107,18 @@ pub struct InverseKinematics {
     trial: DVector<f64>,
     next: DVector<f64>,
     best: DVector<f64>,
+    progress: Search,
+}
+
+/// Progress of a search.
+#[derive(Clone, Copy, Debug, Default)]
+struct Search {
+    /// Index of the starting point.
+    seed: usize,
+    /// Steps from there.
+    iterations: usize,
+    /// Smallest error so far; `None` before the first iteration.
+    least: Option<f64>,
 }
 
 impl InverseKinematics {
@@ -107,6 +135,7 @@ impl InverseKinematics {
             trial: DVector::zeros(nq),
             next: DVector::zeros(nq),
             best: DVector::zeros(nq),
+            progress: Search::default(),
         }
     }
 
@@ -124,31 +153,86 @@ impl InverseKinematics {
         options: &IkOptions,
         q: &mut [f64],
     ) -> Result<IkSolution, IkFailure> {
+        self.restart();
+        loop {
+            match self.search(model, frame, target, options, q, usize::MAX) {
+                IkProgress::Searching => {}
+                IkProgress::Found(solution) => return Ok(solution),
+                IkProgress::NotFound { .. } => return Err(self.failure(model, frame, target, options)),
+            }
+        }
+    }
+
+    /// Begins a search that [`search`](Self::search) continues.
+    pub fn restart(&mut self) {
+        self.progress = Search::default();
+    }
+
+    /// Continues a search for at most `steps` iterations, for loops that must not wait for a solution: the
+    /// calls together return what [`solve`](Self::solve) returns. The arguments must not change between them.
+    /// Does not allocate.
+    ///
+    /// ```
+    /// # use motorium_robots::{IkOptions, IkProgress, InverseKinematics, Kinematics, load};
+    /// let panda = load("panda", std::path::Path::new(".")).unwrap();
+    /// let (model, tool) = (&panda.model, panda.end_effector(None).unwrap());
+    /// let mut q = panda.profile.as_ref().unwrap().home(model).unwrap();
+    /// let mut kinematics = Kinematics::new(model);
+    /// kinematics.update(model, q.as_slice());
+    /// let mut target = kinematics.pose(model, tool);
+    /// target.translation.x += 0.1;
+    /// let mut search = InverseKinematics::new(model);
+    /// search.restart();
+    /// // two iterations a step
+    /// let found = std::iter::from_fn(|| {
+    ///     Some(search.search(model, tool, &target, &IkOptions::default(), q.as_mut_slice(), 2))
+    /// });
+    /// let found = found.take(100).find(|progress| *progress != IkProgress::Searching);
+    /// assert!(matches!(found, Some(IkProgress::Found(_))));
+    /// ```
+    pub fn search(
+        &mut self,
+        model: &Model,
+        frame: FrameId,
+        target: &Isometry3<f64>,
+        options: &IkOptions,
+        q: &mut [f64],
+        steps: usize,
+    ) -> IkProgress {
         assert_eq!(q.len(), model.nq(), "length of q");
-        let mut least = f64::INFINITY;
-        for seed in 0..options.seeds.max(1) {
-            self.start(model, q, seed);
-            for iterations in 0..=options.iterations {
-                let error = self.error(model, frame, target, options);
-                let (position_error, rotation_error) = sizes(&error);
-                if error.norm() < least {
-                    least = error.norm();
-                    self.best.copy_from(&self.trial);
-                }
-                let turned = rotation_error <= options.rotation_tolerance;
-                if position_error <= options.position_tolerance && turned {
-                    q.copy_from_slice(self.trial.as_slice());
-                    return Ok(IkSolution { position_error, rotation_error, seed, iterations });
-                }
+        for _ in 0..steps {
+            let Search { seed, iterations, least } = self.progress;
+            if iterations == 0 {
+                self.start(model, q, seed);
+            }
+            let error = self.error(model, frame, target, options);
+            let (position_error, rotation_error) = sizes(&error);
+            if error.norm() < least.unwrap_or(f64::INFINITY) {
+                self.progress.least = Some(error.norm());
+                self.best.copy_from(&self.trial);
+            }
+            let turned = rotation_error <= options.rotation_tolerance;
+            if position_error <= options.position_tolerance && turned {
+                q.copy_from_slice(self.trial.as_slice());
+                return IkProgress::Found(IkSolution { position_error, rotation_error, seed, iterations });
+            }
+            if iterations < options.iterations {
                 // From the given start, the first half of the steps includes the pull towards the posture;
                 // the rest does not, so that the target is met. Other starts seek other solutions.
                 let posture = (seed == 0 && 2 * iterations < options.iterations).then_some(&*q);
                 self.advance(model, frame, &error, posture, options);
+                self.progress.iterations += 1;
+            } else if seed + 1 < options.seeds {
+                (self.progress.seed, self.progress.iterations) = (seed + 1, 0);
+            } else {
+                self.trial.copy_from(&self.best);
+                let error = self.error(model, frame, target, options);
+                let (position_error, rotation_error) = sizes(&error);
+                q.copy_from_slice(self.best.as_slice());
+                return IkProgress::NotFound { position_error, rotation_error };
             }
         }
-        let failure = self.failure(model, frame, target, options);
-        q.copy_from_slice(self.best.as_slice());
-        Err(failure)
+        IkProgress::Searching
     }
 
     /// The starting point `seed`: the one given, then points of a low-discrepancy sequence over the limits.

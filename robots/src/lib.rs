@@ -112,7 +112,7 @@ pub use geometry::{
     fit_capsule,
 };
 pub use installed::{Installed, installed, installed_folder};
-pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};
+pub use inverse_kinematics::{IkFailure, IkOptions, IkProgress, IkSolution, InverseKinematics};
 pub use kinematics::{CentreOfMass, Kinematics, TaskRows};
 pub use lines::Position;
 pub use load::{LoadError, Loaded, load, load_with};

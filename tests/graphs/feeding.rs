@@ -14,11 +14,18 @@ fn an_outside_value_reaches_only_the_topic_of_its_bridge() {
         let text = printed(&["topic", "echo", "panda/target", "--run", &id, "--count", "1", "--json"]);
         serde_json::from_str::<serde_json::Value>(text.trim()).expect("JSON")
     };
+    let position = "position=[0.35, 0.0, 0.55] goal=6";
+    let text = complaint(&["topic", "pub", "panda/target", position, "--run", &id]);
+    assert!(text.contains("`orientation` is missing, and `panda/target` has no value yet"), "{text}");
     let pose = "position=[0.35, 0.0, 0.55] orientation=[1, 0, 0, 0] goal=7";
     printed(&["topic", "pub", "panda/target", pose, "--run", &id]);
     let once = newest();
     assert_eq!(once["value"]["position"], serde_json::json!([0.35, 0.0, 0.55]));
     assert_eq!((&once["value"]["goal"], &once["publisher"]), (&7.into(), &"bridge".into()));
+    // without an orientation the pose keeps the one of the newest value
+    printed(&["topic", "pub", "panda/target", "position=[0.36, 0.0, 0.55]", "--run", &id]);
+    let once = newest();
+    assert_eq!(once["value"]["orientation"], serde_json::json!([1.0, 0.0, 0.0, 0.0]));
     // fields may be given one by one, and the value may be published repeatedly
     let fields = ["position=[0.36, 0, 0.55]", "orientation=[1, 0, 0, 0]", "goal=8"];
     let repeated =
@@ -37,6 +44,8 @@ fn an_outside_value_reaches_only_the_topic_of_its_bridge() {
     assert!(text.contains("no field `positon`; did you mean `position`?"), "{text}");
     let text = refused("panda/target", "position=[0, 0]");
     assert!(text.contains("`position` has 2 entries, expected 3"), "{text}");
+    let text = refused("panda/target", "position=[0, 0, 0] orientation=[3, 0, 0, 0]");
+    assert!(text.contains("`orientation` has the length 3.000, expected 1"), "{text}");
     let text = refused("panda/target", "position=[0, 0, inf]");
     assert!(text.contains("`position` is inf, expected f64, finite"), "{text}");
     let rows = json(&["topic", "list", "--run", &id, "--json"]);

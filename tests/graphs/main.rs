@@ -18,6 +18,7 @@ mod faults;
 mod feeding;
 mod forks;
 mod gaits;
+mod gotos;
 mod gravity;
 mod hangs;
 mod latches;

@@ -77,6 +77,16 @@ const TABLE: &[(&str, &[Row])] = &[
             ("angular_velocity", "rad/s", XYZ),
         ],
     ),
+    (
+        "MotionGoal",
+        &[
+            ("position", "m", XYZ),
+            ("orientation", "", XYZW),
+            ("duration", "s", NONE),
+            ("joint", "rad or m", NONE),
+        ],
+    ),
+    ("GoalStatus", &[("progress", "", NONE), ("remaining", "s", NONE), ("error", "rad or m", NONE)]),
     ("TwistTarget", &[("linear", "m/s", XYZ), ("angular", "rad/s", XYZ)]),
     (
         "Odometry",

@@ -34,6 +34,7 @@
 
 pub mod cpg;
 pub mod dmp;
+mod gripper;
 mod joint_command;
 pub mod joint_targets;
 pub mod latent;
@@ -41,6 +42,7 @@ pub mod library;
 mod motion_limits;
 pub mod network;
 pub mod promp;
+mod reach;
 mod robot;
 mod text_or_table;
 pub mod trajectory;
@@ -50,6 +52,7 @@ use motorium::worker::Kind;
 
 pub use cpg::CpgPolicy;
 pub use dmp::DmpPolicy;
+pub use gripper::{Fingers, Gripper, GripperEnd, GripperError, GripperTextError};
 pub use joint_command::JointCommandConfig;
 pub use joint_targets::JointTargetsPolicy;
 pub use latent::LatentPolicy;

@@ -17,6 +17,7 @@ mod emergency;
 mod encode;
 mod field;
 mod finite;
+mod goal;
 mod in_use;
 mod joint;
 mod layout;
@@ -40,6 +41,7 @@ pub use emergency::EmergencyStop;
 pub use encode::{EncodeError, encode};
 pub use field::{Checked, Defect, Field};
 pub use finite::Numbers;
+pub use goal::{GoalState, GoalStatus, MAX_GOAL_TEXT, MotionGoal};
 pub(crate) use in_use::InUse;
 pub use joint::{JointCommand, JointState, MAX_JOINTS};
 pub use layout::{FieldLayout, TypeLayout};
@@ -81,6 +83,7 @@ mod tests {
             include_str!("bus.rs"),
             include_str!("control.rs"),
             include_str!("emergency.rs"),
+            include_str!("goal.rs"),
             include_str!("joint.rs"),
             include_str!("learning.rs"),
             include_str!("legs.rs"),

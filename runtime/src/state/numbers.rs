@@ -3,9 +3,9 @@
 use super::{
     Action, ActionChunk, Altitude, BaseEstimate, BaseState, BusHealth, CanFrame, CloudPoint, ContactImpulses,
     ContactSchedule, Contacts, ControlDiagnostics, Controls, EmergencyStop, Event, FootContacts, GeoFix,
-    HeightScan, ImageInfo, ImuSample, JointCommand, JointState, MagneticField, ObjectPoses, Observation,
-    Odometry, Phase, PoseTarget, Randomisation, Ranges, Reward, StateBuffer, Text, TwistTarget, TypeLayout,
-    Weights, Wrench,
+    GoalStatus, HeightScan, ImageInfo, ImuSample, JointCommand, JointState, MagneticField, MotionGoal,
+    ObjectPoses, Observation, Odometry, Phase, PoseTarget, Randomisation, Ranges, Reward, StateBuffer, Text,
+    TwistTarget, TypeLayout, Weights, Wrench,
 };
 
 macro_rules! numbers {
@@ -88,6 +88,8 @@ numbers! {
     33 ContactImpulses,
     34 ContactSchedule,
     35 ActionChunk,
+    36 MotionGoal,
+    37 GoalStatus,
 }
 
 #[cfg(test)]

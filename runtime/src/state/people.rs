@@ -123,7 +123,8 @@ impl Event {
     }
 }
 
-fn valid(bytes: &[u8]) -> &str {
+/// Returns the text of bytes, up to the first byte that is not UTF-8.
+pub(super) fn valid(bytes: &[u8]) -> &str {
     match core::str::from_utf8(bytes) {
         Ok(text) => text,
         // the bytes up to there were found valid

@@ -9,6 +9,7 @@ mod doctor;
 mod draw;
 mod events;
 mod examples;
+mod goto;
 mod kill;
 mod kinds;
 mod latent;
@@ -59,6 +60,7 @@ enum Command {
     Events(events::Events),
     Trace(trace::Trace),
     Topic(topic::Topic),
+    Goto(goto::Goto),
     Param(param::Param),
     Replay(recording::Replay),
     Recover(recording::Recover),
@@ -100,6 +102,7 @@ impl Cli {
             Some(Command::Events(command)) => command.run(),
             Some(Command::Trace(command)) => command.run(),
             Some(Command::Topic(command)) => command.run(),
+            Some(Command::Goto(command)) => command.run(),
             Some(Command::Param(command)) => command.run(),
             Some(Command::Replay(command)) => command.run(),
             Some(Command::Recover(command)) => command.run(),

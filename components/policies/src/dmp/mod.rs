@@ -26,6 +26,7 @@ use imitation::PathRecord;
 use motorium_primitives::reach::{PoseReach, ReachPhase, SteerError};
 use start_pose::StartPose;
 use waypoints::Waypoints;
+pub(crate) use waypoints::orientation;
 use weights::LiveWeights;
 
 /// Moves the end effector of a robot through goals, with one movement primitive each; see [`PoseReach`].

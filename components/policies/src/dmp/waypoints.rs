@@ -291,7 +291,8 @@ fn goal_position(
     }
 }
 
-fn orientation(
+/// Converts a configured orientation: a quaternion, or roll, pitch and yaw. `key` names a key of its table.
+pub(crate) fn orientation(
     quaternion: Option<[f64; 4]>,
     rpy: Option<[f64; 3]>,
     key: impl Fn(&str) -> String,

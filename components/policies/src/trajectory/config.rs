@@ -7,6 +7,7 @@ use motorium_robots::PerJoint;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
 
+use crate::gripper::Gripper;
 use crate::joint_command::earth;
 use crate::motion_limits::MotionLimitsConfig;
 use crate::text_or_table::text_or_table;
@@ -18,6 +19,8 @@ use crate::text_or_table::text_or_table;
 /// goals  = [
 ///     { position = [0.5, -0.6, 0.0, -2.0, 0.0, 1.6, 0.8, 0.02], dwell = "500 ms" },
 ///     { offset = { panda_joint1 = -1.0 }, duration = "3 s" },
+///     { end_effector = { position = [0.4, 0.1, 0.3], rpy = [3.1416, 0.0, 0.0] }, gripper = "open" },
+///     { gripper = "close", duration = "300 ms" },
 ///     "ready",
 /// ]
 /// ```
@@ -29,6 +32,9 @@ pub struct TrajectoryConfig {
     /// Behaviour after the last goal: "once" stays there, "forever" returns to the first.
     #[serde(default)]
     pub repeat: Repeat,
+    /// Frame that poses of the end effector place. Default: the frame of the robot's only end effector.
+    #[serde(default)]
+    pub frame: Option<String>,
     /// "time_optimal" (default): as fast as the limits allow. "minimum_jerk": with the least jerk.
     #[serde(default)]
     pub profile: Shape,
@@ -90,7 +96,8 @@ impl From<HomeConfig> for TrajectoryConfig {
     fn from(home: HomeConfig) -> Self {
         let HomeConfig { pose, profile, limits, tolerance, gravity, joint_command } = home;
         let goals = vec![JointGoal::Pose(pose)];
-        Self { goals, repeat: Repeat::Once, profile, limits, tolerance, gravity, joint_command }
+        let (repeat, frame) = (Repeat::Once, None);
+        Self { goals, repeat, frame, profile, limits, tolerance, gravity, joint_command }
     }
 }
 
@@ -113,8 +120,8 @@ impl<'de> Deserialize<'de> for JointGoal {
     }
 }
 
-/// A joint-space goal, the duration of the movement and the time to stay. One of `pose`, `position` and
-/// `offset`.
+/// A joint-space goal, the duration of the movement and the time to stay. At most one of `pose`, `position`,
+/// `offset` and `end_effector`; `gripper` alone, or with one of them.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct JointGoalConfig {
@@ -125,10 +132,31 @@ pub struct JointGoalConfig {
     pub position: Option<JointNumbers>,
     /// Displacements from the previous goal, or from the robot's start, rad or m; same forms as `position`.
     pub offset: Option<JointNumbers>,
+    /// Pose of the end effector, which determines the joints that move it; the others keep their position
+    /// from the previous goal.
+    pub end_effector: Option<ToolPoseConfig>,
+    /// Goal of the gripper: "open", "close", or a position of the fingers' joints, rad or m. A closed gripper
+    /// may be stopped by an object, and counts as reached.
+    pub gripper: Option<Gripper>,
     /// Duration of the movement; longer if the limits require it. Default: the shortest.
     pub duration: Option<TimeSpan>,
     /// Time to stay at the goal. Default 0.
     pub dwell: TimeSpan,
+}
+
+/// A pose of the end effector.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ToolPoseConfig {
+    /// Position in the world frame, m.
+    pub position: [f64; 3],
+    /// Orientation in the world frame as a quaternion, x y z w. Default without `rpy`: the orientation of the
+    /// previous goal.
+    #[serde(default)]
+    pub orientation: Option<[f64; 4]>,
+    /// Orientation in the world frame as roll, pitch, yaw about the fixed axes x, y, z, in this order, rad.
+    #[serde(default)]
+    pub rpy: Option<[f64; 3]>,
 }
 
 /// Joint values.

@@ -1,9 +1,14 @@
 //! `policy.trajectory` and `policy.home`: move joints through waypoints within limits.
 
 mod config;
+mod live;
 mod plan;
+mod planner;
 
-pub use config::{HomeConfig, JointDriveConfig, JointGoal, JointGoalConfig, JointNumbers, TrajectoryConfig};
+pub use config::{
+    HomeConfig, JointDriveConfig, JointGoal, JointGoalConfig, JointNumbers, ToolPoseConfig, TrajectoryConfig,
+};
+pub use planner::{GoalPlanner, Planned, Refusal};
 
 use motorium::component::{Component, ConfigureError, Episode, EpisodeEnd, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
@@ -12,14 +17,26 @@ use motorium::units::TimeSpan;
 use motorium_primitives::profile::{Shape, StraightMove};
 use motorium_primitives::reach::Repeat;
 
+use crate::gripper::Fingers;
 use crate::joint_command::{CommandedJoints, JointCommandConfig, JointCommandWriter};
+use live::LiveGoals;
 use plan::{Goal, Plan};
+
+/// Time after the end of a motion in which the joints must come within the tolerance of a goal from the input
+/// `goal`, s.
+const SETTLING: f64 = 1.0;
 
 /// Moves the joints of a robot through goals, from rest to rest along straight lines in joint space, within
 /// limits of velocity, acceleration and jerk; see [`StraightMove`].
 ///
 /// The movement starts with the first joint state, at the robot's current position. A goal counts as reached
-/// if every measured joint is within the tolerance at the end of the dwell time.
+/// if every measured joint is within the tolerance at the end of the dwell time; a closed finger is never too
+/// far, as an object may stop it.
+///
+/// A goal from the input `goal` replaces all configured ones. Limits and reach are checked, and joint positions
+/// of a pose are found over several steps, while the present motion continues. Then the motion brakes on its
+/// line and continues to the new goal: position, velocity and acceleration are continuous, and within the
+/// limits.
 #[derive(Debug)]
 pub struct TrajectoryPolicy {
     writer: JointCommandWriter,
@@ -41,6 +58,25 @@ pub struct TrajectoryPolicy {
     rate: Vec<f64>,
     is_finished: bool,
     record: Record,
+    fingers: Option<Fingers>,
+    live: LiveGoals,
+    course: Course,
+    /// Duration of the motion to the goal from the input, and the requested one, s.
+    live_duration: f64,
+    requested: Option<f64>,
+}
+
+/// The source of the present motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Course {
+    /// The configured goals.
+    Configured,
+    /// The motion comes to rest before it starts to a goal from the input.
+    Braking,
+    /// The motion to a goal from the input.
+    Live,
+    /// The goal from the input was reached or missed.
+    Ended,
 }
 
 /// Statistics of the goals.
@@ -66,6 +102,7 @@ impl Component for TrajectoryPolicy {
         let plan = Plan::new(config, declare.robot())?;
         driven(config, &plan, declare.robot())?;
         CommandedJoints::declare(declare);
+        LiveGoals::declare(declare);
         declare.may_end_episodes();
         declare.float("speed", 1.0, 0.0..=1.0, "", "speed factor; 0 holds the present position");
         Ok(())
@@ -94,6 +131,11 @@ impl Component for TrajectoryPolicy {
             rate: zeros,
             is_finished: false,
             record: Record::default(),
+            fingers: plan.fingers,
+            live: LiveGoals::open(plan.planner, setup)?,
+            course: Course::Configured,
+            live_duration: 0.0,
+            requested: None,
         })
     }
 
@@ -111,13 +153,21 @@ impl Component for TrajectoryPolicy {
             }
             Some(_) => self.elapsed += speed * tick.dt(),
         }
-        // at most once through all goals per step: the robot may already be at a goal, which then takes no
-        // time
-        for _ in 0..self.goals.len() {
-            if !self.go_on() {
-                break;
-            }
+        if self.live.poll(&self.to) {
+            self.brake();
         }
+        if self.course == Course::Configured {
+            // at most once through all goals per step: the robot may already be at a goal, which then takes
+            // no time
+            for _ in 0..self.goals.len() {
+                if !self.go_on() {
+                    break;
+                }
+            }
+        } else {
+            self.follow_live();
+        }
+        self.live.publish()?;
         self.motion.sample(self.elapsed, &mut self.setpoint, &mut self.rate);
         self.rate.iter_mut().for_each(|rate| *rate *= speed);
         self.writer.command(tick.dt(), &self.setpoint, &self.rate)
@@ -127,19 +177,23 @@ impl Component for TrajectoryPolicy {
         self.writer.reset();
         (self.current, self.elapsed, self.is_finished) = (None, 0.0, false);
         self.record = Record::default();
+        self.live.reset();
+        self.course = Course::Configured;
         Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {
         let Record { reached, missed, worst, moved } = &self.record;
-        Some(serde_json::json!({
+        let mut result = serde_json::json!({
             "goals_reached": reached,
             "goals_missed": missed,
             "joint_error": worst.map(|worst| worst.0),
             "joint_of_the_error": worst.map(|worst| &self.joints[worst.1]),
             "moving_s": moved,
             "finished": self.is_finished,
-        }))
+        });
+        self.live.add_to(&mut result);
+        Some(result)
     }
 }
 
@@ -173,20 +227,63 @@ impl TrajectoryPolicy {
         true
     }
 
-    fn judge(&mut self) {
-        let mut error = (0.0, 0);
-        for (joint, to) in self.to.iter().enumerate() {
-            let off = (self.writer.position(joint) - to).abs();
-            if off > error.0 {
-                error = (off, joint);
-            }
-        }
+    /// Counts the goal as reached or missed. Returns the largest error and its joint.
+    fn judge(&mut self) -> (f64, usize) {
+        let error = self.error();
         let is_reached = error.0 <= self.tolerance;
         self.record.reached += u64::from(is_reached);
         self.record.missed += u64::from(!is_reached);
         self.record.moved += self.motion.duration();
         if self.record.worst.is_none_or(|worst| error.0 > worst.0) {
             self.record.worst = Some(error);
+        }
+        error
+    }
+
+    /// Returns the largest distance of a measured joint from its goal, rad or m, and the joint.
+    fn error(&self) -> (f64, usize) {
+        let mut error = (0.0, 0);
+        for (joint, to) in self.to.iter().enumerate() {
+            let off = (self.writer.position(joint) - to).abs();
+            let is_gripping = self.fingers.as_ref().is_some_and(|fingers| fingers.is_closed(joint, *to));
+            if off > error.0 && !is_gripping {
+                error = (off, joint);
+            }
+        }
+        error
+    }
+
+    /// Brings the present motion to rest, before the motion to the goal from the input.
+    fn brake(&mut self) {
+        self.motion.brake(self.elapsed);
+        let rest = self.motion.duration();
+        self.motion.sample(rest, &mut self.from, &mut self.rate);
+        self.to.copy_from_slice(self.live.target());
+        let least = self.motion.least_duration(&self.from, &self.to, self.shape);
+        self.requested = self.live.duration();
+        self.live_duration = rest + least.max(self.requested.unwrap_or(0.0));
+        (self.elapsed, self.course) = (0.0, Course::Braking);
+    }
+
+    /// Continues the motion to the goal from the input.
+    fn follow_live(&mut self) {
+        if self.course == Course::Braking && self.elapsed >= self.motion.duration() {
+            self.elapsed -= self.motion.duration();
+            self.motion.plan(&self.from, &self.to, self.shape, self.requested);
+            self.course = Course::Live;
+        }
+        let left = match self.course {
+            Course::Braking => self.live_duration - self.elapsed,
+            Course::Live => self.motion.duration() - self.elapsed,
+            Course::Configured | Course::Ended => return,
+        };
+        if left > 0.0 {
+            self.live.advance(1.0 - left / self.live_duration, left);
+        } else if self.error().0 <= self.tolerance || left < -SETTLING {
+            let (error, joint) = self.judge();
+            let missed = (error > self.tolerance).then(|| self.joints[joint].as_str());
+            self.live.end(error, missed);
+            self.course = Course::Ended;
         }
     }
 }

@@ -1,10 +1,14 @@
 //! Goals and limits of the configuration, resolved for a robot.
 
 use motorium::declare::{ConfigError, RobotReference};
+use motorium::state::MotionGoal;
 use motorium_primitives::profile::MotionLimits;
 use motorium_robots::{Loaded, Model, Profile};
 
-use super::config::{HOME, JointGoal, JointGoalConfig, JointNumbers, TrajectoryConfig};
+use super::config::{HOME, JointGoal, JointGoalConfig, JointNumbers, ToolPoseConfig, TrajectoryConfig};
+use super::planner::{GoalPlanner, Planned};
+use crate::dmp::orientation;
+use crate::gripper::Fingers;
 use crate::robot::required;
 
 /// The goals and limits of a trajectory.
@@ -13,6 +17,9 @@ pub(super) struct Plan {
     pub(super) goals: Vec<Goal>,
     pub(super) limits: Vec<MotionLimits>,
     pub(super) joints: Vec<String>,
+    /// The fingers of the end effector, if it has any.
+    pub(super) fingers: Option<Fingers>,
+    pub(super) planner: GoalPlanner,
 }
 
 /// One goal.
@@ -56,13 +63,33 @@ impl Plan {
             let message = format!("{}, expected a positive number", config.tolerance);
             return Err(ConfigError::key("tolerance", message));
         }
-        let Loaded { model, profile, .. } = crate::robot::load(robot)?;
+        let loaded = crate::robot::load(robot)?;
+        let mut planner = GoalPlanner::of_loaded(loaded.clone(), config.frame.as_deref())?;
+        let fingers = Fingers::of_robot(&loaded, config.frame.as_deref());
+        let Loaded { model, profile, .. } = loaded;
         let limits = config.limits.resolve(&model, profile.as_ref())?;
+        let home = profile.as_ref().and_then(|profile| profile.home(&model).ok());
         let mut goals = Vec::new();
         // the known position of the robot: all joints that some goal has set
         let mut known: Vec<Option<f64>> = vec![None; model.joint_count()];
         for (index, goal) in config.goals.iter().enumerate() {
-            let goal = read(goal, &model, profile.as_ref(), &format!("goals[{index}]"))?;
+            let (key, table) = (format!("goals[{index}]"), table(goal));
+            let mut goal = read(&table, &model, profile.as_ref(), &key)?;
+            if let Some(gripper) = table.gripper {
+                let error = |error: &dyn core::fmt::Display| {
+                    ConfigError::key(format!("{key}.gripper"), error.to_string())
+                };
+                let fingers = fingers.as_ref().map_err(|none| error(none))?;
+                for (joint, position) in fingers.positions(gripper).map_err(|outside| error(&outside))? {
+                    goal.target[joint] = Target::At(position);
+                }
+            }
+            if let Some(pose) = &table.end_effector {
+                let key = format!("{key}.end_effector");
+                for (joint, position) in solve(pose, &mut planner, &known, home.as_ref(), &key)? {
+                    goal.target[joint] = Target::At(position);
+                }
+            }
             for (joint, (known, target)) in known.iter_mut().zip(&goal.target).enumerate() {
                 *known = match target {
                     Target::At(position) => Some(*position),
@@ -81,25 +108,41 @@ impl Plan {
             }
             goals.push(goal);
         }
-        Ok(Self { goals, limits, joints: model.joint_names().to_vec() })
+        Ok(Self { goals, limits, joints: model.joint_names().to_vec(), fingers: fingers.ok(), planner })
     }
 }
 
-fn read(goal: &JointGoal, model: &Model, profile: Option<&Profile>, key: &str) -> Result<Goal, ConfigError> {
-    let table = match goal {
-        JointGoal::Pose(name) => &JointGoalConfig { pose: Some(name.clone()), ..JointGoalConfig::default() },
-        JointGoal::Table(table) => table,
-    };
-    let target = match (&table.pose, &table.position, &table.offset) {
-        (Some(name), None, None) => pose(name, model, profile, key)?.into_iter().map(Target::At).collect(),
-        (None, Some(position), None) => numbers(position, model, &format!("{key}.position"), Target::At)?,
-        (None, None, Some(offset)) => numbers(offset, model, &format!("{key}.offset"), Target::Beside)?,
-        (None, None, None) => {
-            let message = "`pose`, `position` and `offset` are all missing";
+fn table(goal: &JointGoal) -> JointGoalConfig {
+    match goal {
+        JointGoal::Pose(name) => JointGoalConfig { pose: Some(name.clone()), ..JointGoalConfig::default() },
+        JointGoal::Table(table) => table.clone(),
+    }
+}
+
+/// Reads a goal without its gripper and its end effector.
+fn read(
+    table: &JointGoalConfig,
+    model: &Model,
+    profile: Option<&Profile>,
+    key: &str,
+) -> Result<Goal, ConfigError> {
+    let stay = || vec![Target::Beside(0.0); model.joint_count()];
+    let target = match (&table.pose, &table.position, &table.offset, &table.end_effector) {
+        (Some(name), None, None, None) => {
+            pose(name, model, profile, key)?.into_iter().map(Target::At).collect()
+        }
+        (None, Some(position), None, None) => {
+            numbers(position, model, &format!("{key}.position"), Target::At)?
+        }
+        (None, None, Some(offset), None) => numbers(offset, model, &format!("{key}.offset"), Target::Beside)?,
+        (None, None, None, Some(_)) => stay(),
+        (None, None, None, None) if table.gripper.is_some() => stay(),
+        (None, None, None, None) => {
+            let message = "`pose`, `position`, `offset`, `end_effector` and `gripper` are all missing";
             return Err(ConfigError::key(key, message).advise("give one of them, or the name of a pose"));
         }
         _ => {
-            let message = "more than one of `pose`, `position` and `offset` is given";
+            let message = "more than one of `pose`, `position`, `offset` and `end_effector` is given";
             return Err(ConfigError::key(key, message).advise("keep one of them"));
         }
     };
@@ -108,6 +151,43 @@ fn read(goal: &JointGoal, model: &Model, profile: Option<&Profile>, key: &str) -
         duration: table.duration.map(|duration| duration.as_secs_f64()),
         dwell: table.dwell.as_secs_f64(),
     })
+}
+
+/// Finds positions of the joints that place the end effector. The search starts from the known positions of
+/// the joints, and elsewhere from the home pose.
+fn solve(
+    pose: &ToolPoseConfig,
+    planner: &mut GoalPlanner,
+    known: &[Option<f64>],
+    home: Option<&nalgebra::DVector<f64>>,
+    key: &str,
+) -> Result<Vec<(usize, f64)>, ConfigError> {
+    let moving: Vec<usize> = (0..known.len()).filter(|joint| planner.moves_end_effector(*joint)).collect();
+    let turn = orientation(pose.orientation, pose.rpy, |name| format!("{key}.{name}"))?;
+    if turn.is_none() && moving.iter().any(|joint| known[*joint].is_none()) {
+        let message = "the orientation is not given, and the previous goal does not determine it";
+        return Err(ConfigError::key(key, message).advise("add `rpy` or `orientation`"));
+    }
+    let mut goal = MotionGoal::default();
+    goal.set_position(pose.position);
+    goal.orientation = turn.map_or([0.0; 4], |turn| turn.coords.into());
+    let model = planner.model();
+    let start = known.iter().enumerate().map(|(joint, known)| {
+        let usual = home.map_or(0.0, |home| home[joint]);
+        known.unwrap_or(usual).max(model.lower()[joint]).min(model.upper()[joint])
+    });
+    let start: Vec<f64> = start.collect();
+    let planned = planner.begin(&goal, &start).map(|()| planner.advance(usize::MAX));
+    match planned {
+        Ok(Planned::Refused(refusal)) | Err(refusal) => {
+            let message = planner.explain(&refusal).to_string();
+            Err(ConfigError::key(key, message)
+                .advise("bring the goal nearer; positions are in metres, in the world frame"))
+        }
+        Ok(Planned::Ready | Planned::Searching) => {
+            Ok(moving.into_iter().map(|joint| (joint, planner.target()[joint])).collect())
+        }
+    }
 }
 
 fn pose(name: &str, model: &Model, profile: Option<&Profile>, key: &str) -> Result<Vec<f64>, ConfigError> {

@@ -10,6 +10,7 @@ mod joint_targets;
 mod kernelised;
 mod latent_policy;
 mod library_policy;
+mod live_goals;
 mod live_weights;
 mod network;
 mod pictures;

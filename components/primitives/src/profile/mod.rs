@@ -2,7 +2,8 @@
 //! minimum jerk.
 //!
 //! [`Profile`] is the motion of one coordinate; [`StraightMove`] synchronises several coordinates along the
-//! straight line between two points. [`Follower`] follows targets with step changes.
+//! straight line between two points, and [`Stop`] ends a motion early. [`Follower`] follows targets with step
+//! changes.
 //!
 //! ```
 //! use motorium_primitives::profile::{MotionLimits, Profile};
@@ -15,9 +16,11 @@
 //! ```
 
 mod follow;
+mod stop;
 mod straight;
 
 pub use follow::Follower;
+pub use stop::Stop;
 pub use straight::{Shape, StraightMove};
 
 use crate::dmp::Jet;

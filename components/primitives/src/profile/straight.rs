@@ -1,6 +1,7 @@
 //! Several coordinates along a straight line.
 
-use super::{MotionLimits, Profile};
+use super::{MotionLimits, Profile, Stop};
+use crate::dmp::Jet;
 
 /// Profile of a motion along its line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, schemars::JsonSchema)]
@@ -24,14 +25,42 @@ pub struct StraightMove {
     from: Vec<f64>,
     way: Vec<f64>,
     limits: Vec<MotionLimits>,
-    profile: Profile,
+    along: Along,
+}
+
+/// Motion along the line.
+#[derive(Clone, Copy, Debug)]
+enum Along {
+    /// From the start to the end.
+    Whole(Profile),
+    /// From a fraction of the path covered to rest.
+    Stop { covered: f64, stop: Stop },
+}
+
+impl Along {
+    fn duration(&self) -> f64 {
+        match self {
+            Self::Whole(profile) => profile.duration(),
+            Self::Stop { stop, .. } => stop.duration(),
+        }
+    }
+
+    fn sample(&self, time: f64) -> Jet {
+        match self {
+            Self::Whole(profile) => profile.sample(time),
+            Self::Stop { covered, stop } => {
+                let jet = stop.sample(time);
+                Jet { value: covered + jet.value, ..jet }
+            }
+        }
+    }
 }
 
 impl StraightMove {
     /// Creates a motion at rest at 0, within the limits of each coordinate.
     pub fn new(limits: Vec<MotionLimits>) -> Self {
         let zeros = vec![0.0; limits.len()];
-        Self { from: zeros.clone(), way: zeros, limits, profile: Profile::rest() }
+        Self { from: zeros.clone(), way: zeros, limits, along: Along::Whole(Profile::rest()) }
     }
 
     /// Limits of the fraction of the path covered.
@@ -66,7 +95,7 @@ impl StraightMove {
         self.way.iter_mut().zip(from.iter().zip(to)).for_each(|(way, (from, to))| *way = to - from);
         let least = self.least_duration(from, to, shape);
         let wanted = duration.unwrap_or(0.0);
-        self.profile = if from == to {
+        self.along = Along::Whole(if from == to {
             Profile::rest().taking(wanted)
         } else {
             match shape {
@@ -75,17 +104,26 @@ impl StraightMove {
                 }
                 Shape::MinimumJerk => Profile::minimum_jerk(1.0, least.max(wanted)),
             }
-        };
+        });
+    }
+
+    /// Replaces the rest of the motion after a time \[s\] by the fastest stop on its line. Times of the stop
+    /// count from there. It ends before the end of the motion would have been reached.
+    pub fn brake(&mut self, time: f64) {
+        let jet = self.along.sample(time);
+        let limits = self.limits_on(self.way.iter().copied());
+        let stop = Stop::new(jet.rate, jet.acceleration, &limits);
+        self.along = Along::Stop { covered: jet.value, stop };
     }
 
     /// Duration of the motion \[s\].
     pub fn duration(&self) -> f64 {
-        self.profile.duration()
+        self.along.duration()
     }
 
     /// Positions and velocities at a time \[s\].
     pub fn sample(&self, time: f64, position: &mut [f64], velocity: &mut [f64]) {
-        let along = self.profile.sample(time);
+        let along = self.along.sample(time);
         for (index, way) in self.way.iter().enumerate() {
             position[index] = self.from[index] + along.value * way;
             velocity[index] = along.rate * way;
@@ -136,6 +174,51 @@ mod tests {
             motion.sample(motion.duration(), &mut q, &mut v);
             assert_eq!(v, [0.0; 3]);
             assert!(q.iter().zip(&to).all(|(q, to)| (q - to).abs() < 1e-12));
+        }
+    }
+
+    #[test]
+    fn brakes_within_limits_before_the_end() {
+        let mut state = 5_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        for round in 0..200 {
+            let shape = if round % 2 == 0 { Shape::TimeOptimal } else { Shape::MinimumJerk };
+            let mut motion = StraightMove::new(limits());
+            let to = [4.0 * random() - 2.0, 4.0 * random() - 2.0, 4.0 * random() - 2.0];
+            motion.plan(&[0.0; 3], &to, shape, None);
+            let (mut q, mut v) = ([0.0; 3], [0.0; 3]);
+            let at = random() * motion.duration();
+            motion.sample(at, &mut q, &mut v);
+            let (begin, speed) = (q, v);
+            motion.brake(at);
+            // a second stop continues the first
+            if round % 3 == 0 {
+                motion.brake(0.5 * motion.duration());
+                motion.sample(0.0, &mut q, &mut v);
+            } else {
+                motion.sample(0.0, &mut q, &mut v);
+                assert!(q.iter().zip(&begin).all(|(q, begin)| (q - begin).abs() < 1e-12), "{q:?} {begin:?}");
+                assert!(v.iter().zip(&speed).all(|(v, speed)| (v - speed).abs() < 1e-12), "{v:?} {speed:?}");
+            }
+            let dt = motion.duration() / 2000.0;
+            let (mut before, mut accelerations) = (v, None::<[f64; 3]>);
+            for step in 1..=2000 {
+                motion.sample(f64::from(step) * dt, &mut q, &mut v);
+                let a: [f64; 3] = std::array::from_fn(|joint| (v[joint] - before[joint]) / dt);
+                for (joint, limits) in limits().into_iter().enumerate() {
+                    assert!(v[joint].abs() <= limits.velocity * (1.0 + 1e-9), "{round}");
+                    assert!(a[joint].abs() <= limits.acceleration * (1.0 + 1e-6), "{round} {a:?}");
+                    let jerk =
+                        accelerations.map_or(0.0, |accelerations| (a[joint] - accelerations[joint]) / dt);
+                    assert!(jerk.abs() <= limits.jerk * (1.0 + 1e-3), "{round} {jerk}");
+                }
+                (before, accelerations) = (v, Some(a));
+            }
+            assert_eq!(v, [0.0; 3]);
+            assert!(q.iter().zip(&to).all(|(q, to)| q.abs() <= to.abs() + 1e-9), "{q:?} beyond {to:?}");
         }
     }
 

@@ -9,11 +9,14 @@ mod json;
 mod list;
 mod log;
 mod pace;
+mod pose;
 mod publish;
 mod text;
-mod watch;
+pub(in crate::commands) mod watch;
 
 use std::process::ExitCode;
+
+pub(in crate::commands) use publish::fed_from_outside;
 
 /// Show the topics of a running graph, and feed topics that accept outside values.
 ///

@@ -1,6 +1,7 @@
 //! `motorium topic pub`: feeds a topic of a running graph from outside.
 
 use std::process::ExitCode;
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
@@ -10,6 +11,7 @@ use motorium::units::TimeSpan;
 use motorium_bridges::{Feed, Iceoryx2Bridge};
 
 use super::find::find;
+use super::pose;
 use super::watch::{End, Look, Watch};
 use crate::out::errln;
 use crate::runs::RunArg;
@@ -22,7 +24,8 @@ const POLL: Duration = Duration::from_millis(2);
 /// Publish values on a topic that a bridge of the graph feeds from outside.
 ///
 /// The topic must be published by `bridge.iceoryx2`: outside programs never replace a component. Omitted
-/// fields are zero; counts follow from the entries of arrays.
+/// fields are zero; counts follow from the entries of arrays. A PoseTarget without an orientation keeps the
+/// orientation of the topic's newest value.
 ///
 /// Example: motorium topic pub panda/target 'position=[0.4, 0.0, 0.5] orientation=[1, 0, 0, 0]' --rate 100
 /// --for 2s
@@ -54,11 +57,12 @@ fn rate(text: &str) -> Result<f64, String> {
 impl Pub {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let run = self.run.open()?;
-        let (_, topic) = find(&run.plan, &self.topic)?;
+        let (index, topic) = find(&run.plan, &self.topic)?;
         // what is wrong with the value is said first: it can be mended at once
-        let bytes = encode(&topic.layout, &self.fields.join(" "))?;
+        let mut bytes = encode(&topic.layout, &self.fields.join(" "))?;
         fed_from_outside(&run.plan, topic)?;
         let watch = Watch::open(&run, topic)?;
+        pose::complete(topic, &mut bytes, &mut watch.reader()?)?;
         let feed = Feed::open(&run.folder.domain()?, topic)
             .with_context(|| format!("`{}` of run {} cannot be fed", topic.name, run.folder.id()))?;
         let (mut tap, begin) = (watch.tap()?, Instant::now());
@@ -75,7 +79,10 @@ impl Pub {
                 Ok(look)
             })?;
             return match end {
-                End::Enough => Ok(ExitCode::SUCCESS),
+                End::Enough => {
+                    errln!("published on `{}`", topic.name);
+                    Ok(ExitCode::SUCCESS)
+                }
                 End::Interrupted => bail!("interrupted before the value was published"),
                 End::RunOver => bail!("run {} ended before the value was published", run.folder.id()),
                 End::Time => bail!(
@@ -86,6 +93,8 @@ impl Pub {
             };
         };
         let (interval, mut sent) = (Duration::from_secs_f64(1.0 / rate), 0u32);
+        let published = || run.region.topics()[index].published.load(Relaxed);
+        let before = published();
         let poll = interval.min(Duration::from_millis(20));
         let end = watch.follow(poll, self.time.map(|time| Duration::from_nanos(time.ns)), || {
             if begin.elapsed() >= interval * sent {
@@ -99,13 +108,14 @@ impl Pub {
         if end == End::RunOver {
             errln!("run {} is over", run.folder.id());
         }
-        errln!("{sent} values in {:.1} s", begin.elapsed().as_secs_f64());
+        let published = published().saturating_sub(before);
+        errln!("{sent} values sent, {published} published in {:.1} s", begin.elapsed().as_secs_f64());
         Ok(ExitCode::SUCCESS)
     }
 }
 
 /// Only what a bridge publishes may be fed: every other topic has a component that publishes it.
-fn fed_from_outside(plan: &Plan, topic: &TopicPlan) -> anyhow::Result<()> {
+pub(in crate::commands) fn fed_from_outside(plan: &Plan, topic: &TopicPlan) -> anyhow::Result<()> {
     let is_bridge = |program: &Program| matches!(program, Program::Builtin { kind } if kind == <Iceoryx2Bridge as motorium::component::Component>::KIND);
     let writer = &plan.components[topic.writer];
     if is_bridge(&writer.program) {

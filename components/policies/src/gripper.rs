@@ -1,0 +1,184 @@
+//! Grippers: goals of fingers, and the positions that they stand for.
+
+use core::str::FromStr;
+
+use motorium_robots::{EndEffectorError, Loaded};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// A goal of a gripper.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "expected \"open\", \"close\", or a position of the fingers' joints")]
+pub enum Gripper {
+    /// Fully open or closed.
+    End(GripperEnd),
+    /// Position of every joint of the fingers, rad or m.
+    Position(f64),
+}
+
+/// An end of the range of a gripper.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum GripperEnd {
+    /// The profile's pose "open", or the upper limits of the fingers' joints.
+    Open,
+    /// The profile's pose "closed", or the lower limits of the fingers' joints. An object may stop the
+    /// fingers.
+    Close,
+}
+
+/// A text is no goal of a gripper.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{found}`: expected `open`, `close`, or a position of the fingers' joints in rad or m")]
+pub struct GripperTextError {
+    /// The text.
+    pub found: String,
+}
+
+impl FromStr for Gripper {
+    type Err = GripperTextError;
+
+    fn from_str(text: &str) -> Result<Self, GripperTextError> {
+        match (text, text.parse::<f64>()) {
+            ("open", _) => Ok(Self::End(GripperEnd::Open)),
+            ("close", _) => Ok(Self::End(GripperEnd::Close)),
+            (_, Ok(position)) if position.is_finite() => Ok(Self::Position(position)),
+            _ => Err(GripperTextError { found: text.to_owned() }),
+        }
+    }
+}
+
+/// A gripper that cannot be commanded.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum GripperError {
+    /// There is no unique end effector.
+    #[error(transparent)]
+    EndEffector(#[from] EndEffectorError),
+    /// The end effector has no fingers.
+    #[error("the end effector of robot `{robot}` has no `fingers` in its profile")]
+    NoFingers {
+        /// Name of the robot in its file.
+        robot: String,
+    },
+    /// A position outside of a joint's range.
+    #[error("finger `{joint}` at {position}, outside of its range {lower} to {upper}")]
+    OutsideRange {
+        /// The joint.
+        joint: String,
+        /// The position, rad or m.
+        position: f64,
+        /// Lower limit, rad or m.
+        lower: f64,
+        /// Upper limit, rad or m.
+        upper: f64,
+    },
+}
+
+/// The fingers of an end effector.
+///
+/// ```
+/// use motorium_policies::{Fingers, Gripper};
+///
+/// let panda = motorium_robots::load("panda", std::path::Path::new(".")).unwrap();
+/// let fingers = Fingers::of_robot(&panda, None).unwrap();
+/// let open: Vec<_> = fingers.positions("open".parse().unwrap()).unwrap().collect();
+/// assert_eq!(open, [(7, 0.04)]);
+/// assert!(fingers.positions(Gripper::Position(0.5)).is_err());
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fingers(Vec<Finger>);
+
+#[derive(Debug, Clone, PartialEq)]
+struct Finger {
+    /// Index of its joint.
+    joint: usize,
+    name: String,
+    lower: f64,
+    upper: f64,
+    open: f64,
+    closed: f64,
+}
+
+impl Fingers {
+    /// Returns the fingers of the end effector with this frame, or of the only end effector.
+    ///
+    /// # Errors
+    /// There is no such end effector, or it has no fingers.
+    pub fn of_robot(robot: &Loaded, frame: Option<&str>) -> Result<Self, GripperError> {
+        let model = &robot.model;
+        let id = robot.end_effector(frame)?;
+        let frame = &model.frames()[id.index()].name;
+        let profile = robot.profile.as_ref();
+        let ends = profile.into_iter().flat_map(|profile| profile.end_effectors.values());
+        let names = ends.filter(|end| end.frame == *frame).flat_map(|end| &end.fingers);
+        let at = |pose: &str, joint: usize, usual: f64| {
+            let pose = profile.and_then(|profile| profile.pose(model, pose).ok());
+            pose.map_or(usual, |pose| pose[joint])
+        };
+        let finger = |name: &String| {
+            let joint = model.joint_index(name)?;
+            let (lower, upper) = (model.lower()[joint], model.upper()[joint]);
+            let (open, closed) = (at("open", joint, upper), at("closed", joint, lower));
+            Some(Finger { joint, name: name.clone(), lower, upper, open, closed })
+        };
+        let fingers: Vec<Finger> = names.filter_map(finger).collect();
+        match fingers.is_empty() {
+            true => Err(GripperError::NoFingers { robot: model.name().to_owned() }),
+            false => Ok(Self(fingers)),
+        }
+    }
+
+    /// Returns the index of each finger's joint and its position at a goal, rad or m.
+    ///
+    /// # Errors
+    /// The position is outside of a joint's range.
+    pub fn positions(&self, goal: Gripper) -> Result<impl Iterator<Item = (usize, f64)>, GripperError> {
+        let position = move |finger: &Finger| match goal {
+            Gripper::End(GripperEnd::Open) => finger.open,
+            Gripper::End(GripperEnd::Close) => finger.closed,
+            Gripper::Position(position) => position,
+        };
+        let is_outside = |finger: &&Finger| !(finger.lower..=finger.upper).contains(&position(finger));
+        if let Some(finger) = self.0.iter().find(is_outside) {
+            return Err(GripperError::OutsideRange {
+                joint: finger.name.clone(),
+                position: position(finger),
+                lower: finger.lower,
+                upper: finger.upper,
+            });
+        }
+        Ok(self.0.iter().map(move |finger| (finger.joint, position(finger))))
+    }
+
+    /// Returns `true` if this is the position at which a finger is closed: an object may stop it before.
+    pub(crate) fn is_closed(&self, joint: usize, position: f64) -> bool {
+        self.0.iter().any(|finger| finger.joint == joint && (position - finger.closed).abs() < 1e-9)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn goals_of_grippers_are_ends_or_positions() {
+        assert_eq!("close".parse(), Ok(Gripper::End(GripperEnd::Close)));
+        assert_eq!("0.02".parse(), Ok(Gripper::Position(0.02)));
+        for text in ["shut", "nan", ""] {
+            assert!(text.parse::<Gripper>().unwrap_err().to_string().contains("expected `open`"), "{text}");
+        }
+    }
+
+    #[test]
+    fn poses_of_the_profile_come_before_limits() {
+        let panda = motorium_robots::load("panda", std::path::Path::new(".")).unwrap();
+        let mut fingers = Fingers::of_robot(&panda, None).unwrap();
+        let closed: Vec<_> = fingers.positions(Gripper::End(GripperEnd::Close)).unwrap().collect();
+        assert_eq!(closed, [(7, 0.0)]);
+        assert!(fingers.is_closed(7, 0.0) && !fingers.is_closed(7, 0.012) && !fingers.is_closed(6, 0.0));
+        fingers.0[0].closed = -1.0;
+        assert!(fingers.positions(Gripper::End(GripperEnd::Close)).is_err());
+        let arm = motorium_robots::load("ur5e", std::path::Path::new(".")).unwrap();
+        assert!(Fingers::of_robot(&arm, None).unwrap_err().to_string().contains("no `fingers`"));
+    }
+}
