@@ -6,9 +6,10 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use super::Stream;
+use crate::problem::ROUNDING;
 use crate::{
-    ClarabelSettings, ClarabelSolver, Constraint, KktResidual, Problem, QpSolver, ROUNDING, Side, Solution,
-    SolveError, Structure,
+    ClarabelSettings, ClarabelSolver, Constraint, KktResidual, Problem, QpSolver, Side, Solution, SolveError,
+    Structure,
 };
 
 /// The outcome of one solve.
