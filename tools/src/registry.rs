@@ -54,6 +54,7 @@ fn kinds() -> Vec<Kind> {
     kinds.extend(motorium_physics::kinds());
     kinds.extend(motorium_sensors::kinds());
     kinds.extend(motorium_control::kinds());
+    kinds.extend(motorium_locomotion::kinds());
     kinds.extend(motorium_policies::kinds());
     kinds.extend(motorium_learners::kinds());
     kinds.extend(motorium_bridges::kinds());

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use motorium_control::inverse_dynamics::{Contact, MotionState};
-use motorium_control::mpc::{
+use motorium_locomotion::mpc::{
     Gait, GroundModel, Landing, LegPlanner, MpcSettings, PlanarVelocity, PlannedFoot, PlannerSettings,
     Stepping,
 };

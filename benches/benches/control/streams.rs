@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use criterion::Criterion;
-use motorium_control::solver::{
+use motorium_qp::{
     ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, Problem, QpSolver, Structure,
     recorded,
 };

@@ -1,14 +1,12 @@
 //! Cycles of inverse dynamics of a humanoid on two soles: model, tasks, limits, solution; a ring of states
 //! along its own motion.
 
+use motorium_control::inverse_dynamics::{AccelerationTask, InverseDynamics, MotionState};
 use motorium_control::tasks::Feedback;
 use motorium_control::tasks::{
     CartesianSettings, CartesianTask, CentreOfMassTask, MomentumTask, PostureTask,
 };
-use motorium_control::{
-    inverse_dynamics::{AccelerationTask, InverseDynamics, MotionState},
-    solver::{Problem, Sides, Structure},
-};
+use motorium_qp::{Problem, Sides, Structure};
 use motorium_robots::{Kinematics, Model};
 use nalgebra::{Isometry3, Vector3};
 

@@ -8,9 +8,9 @@ use std::time::Instant;
 use motorium_control::{
     DifferentialIk, FeedForward, JointSetpoint, RobotState,
     limits::{PositionLimit, VelocityLimit},
-    solver::{ActiveSetSettings, ActiveSetSolver, QpSolver},
     tasks::{CartesianTask, PostureTask},
 };
+use motorium_qp::{ActiveSetSettings, ActiveSetSolver, QpSolver};
 use motorium_robots::{Kinematics, load};
 use nalgebra::{Isometry3, Vector3};
 

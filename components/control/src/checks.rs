@@ -1,4 +1,4 @@
-//! Checks of values of the `config` table.
+//! Checks of values of the `config` table of a controller.
 
 use core::ops::RangeInclusive;
 
@@ -7,7 +7,10 @@ use motorium_robots::{Model, PerJoint};
 use nalgebra::{DVector, Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 /// Returns the value if it is within `range`. `f64::MIN` and `f64::MAX` as ends mean no limit.
-pub(crate) fn in_range(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64, ConfigError> {
+///
+/// # Errors
+/// [`ConfigError`] of this key if it is not, or not a number.
+pub fn in_range(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64, ConfigError> {
     if range.contains(&value) {
         return Ok(value);
     }
@@ -20,7 +23,10 @@ pub(crate) fn in_range(key: &str, value: f64, range: RangeInclusive<f64>) -> Res
 }
 
 /// The acceleration of gravity of the key `gravity`, m/s2, which must act along -z of the world.
-pub(crate) fn downward_gravity(gravity: [f64; 3]) -> Result<f64, ConfigError> {
+///
+/// # Errors
+/// [`ConfigError`] of this key if it acts along another direction, or is not from 0.01 to 1000.
+pub fn downward_gravity(gravity: [f64; 3]) -> Result<f64, ConfigError> {
     let [0.0, 0.0, down] = gravity else {
         let message = format!("{gravity:?}, expected one that acts along -z of the world");
         return Err(ConfigError::key("gravity", message));

@@ -2,10 +2,10 @@
 
 use std::fmt;
 
+use motorium_qp::{Conflict, Side};
 use motorium_robots::Model;
 
 use crate::contact::Contact;
-use crate::solver::{Conflict, Side};
 
 /// One scalar constraint of inverse kinematics or inverse dynamics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -1,15 +1,15 @@
 //! A least-squares cost on some of the unknowns.
 
+use motorium_qp::Problem;
 use nalgebra::{DMatrix, DVector};
 
 use crate::levels::Rows;
-use crate::solver::Problem;
 
 /// The cost `1/2 |W (A x - b)|^2`, with a diagonal `W`, on consecutive unknowns.
 ///
 /// ```
 /// use motorium_control::tasks::Cost;
-/// use motorium_control::solver::{Problem, Structure};
+/// use motorium_qp::{Problem, Structure};
 ///
 /// // x_1 + x_2 is to be 3
 /// let mut cost = Cost::dense(1, 1, 2);

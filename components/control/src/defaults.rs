@@ -1,25 +1,21 @@
 //! Structs whose fields have defaults.
 
-/// Defines a struct with the default of each field next to the field, and implements [`Default`]; or defines a
-/// constant with these values instead.
+/// Defines a struct with the default of each field next to the field, and implements [`Default`].
+///
+/// ```
+/// motorium_control::with_defaults! {
+///     /// Limits of a base.
+///     #[derive(Debug)]
+///     pub struct Limits;
+///
+///     /// Largest speed \[m/s\].
+///     pub speed: f64 = 0.5;
+/// }
+///
+/// assert_eq!(Limits::default().speed, 0.5);
+/// ```
+#[macro_export]
 macro_rules! with_defaults {
-    (
-        $(#[$meta:meta])*
-        $vis:vis struct $name:ident;
-
-        $(#[$const_meta:meta])*
-        $const_vis:vis const $constant:ident;
-
-        $( $(#[$field_meta:meta])* $field_vis:vis $field:ident: $type:ty = $default:expr; )*
-    ) => {
-        $(#[$meta])*
-        $vis struct $name {
-            $( $(#[$field_meta])* $field_vis $field: $type, )*
-        }
-
-        $(#[$const_meta])*
-        $const_vis const $constant: $name = $name { $( $field: $default, )* };
-    };
     (
         $(#[$meta:meta])*
         $vis:vis struct $name:ident;

@@ -11,18 +11,15 @@
 //!   joints keep a posture. Most hold for velocities and for accelerations; a [`formulation`] makes the cost.
 //!   They are weighed against one another, or stand in [levels](DifferentialIk::levels) of strict priority.
 //! - [`limits`] are bounds: joint position and velocity limits.
-//! - [`DifferentialIk`] assembles both, and a [`solver`] computes `v`.
+//! - [`DifferentialIk`] assembles both, and a solver of [`motorium_qp`] computes `v`.
 //! - [`JointSetpoint`] integrates `v` into a position setpoint that stays within the limits.
 //! - [`FeedForward`] computes the efforts of gravity and inertia that a joint drive adds to its feedback.
 //!
 //! At the level of torques, with contacts and floating bases, [`inverse_dynamics`] does the same.
 //!
-//! Legged robots plan contact forces ahead by [`mpc`]. Bases move by [`wheels`], robots on rotors by
-//! [`multirotor`].
-//!
 //! The library works on a [`motorium_robots::Model`], without clock, topics or threads. Everything is
 //! allocated at construction; a tick does not allocate. [`QpController`], the component `control.qp`,
-//! connects it to topics.
+//! connects it to topics. The components of other controllers share its [`checks`] and the [`measured`] state.
 //!
 //! # Example
 //!
@@ -65,7 +62,7 @@
 #[macro_use]
 mod defaults;
 
-mod checks;
+pub mod checks;
 mod component;
 mod conflict;
 mod contact;
@@ -79,15 +76,11 @@ pub mod inverse_dynamics;
 mod levels;
 pub mod limits;
 mod mixture;
-pub mod mpc;
-pub mod multirotor;
 mod relaxation;
 mod setpoint;
-pub mod solver;
 mod stacks;
 mod state;
 pub mod tasks;
-pub mod wheels;
 
 pub use component::*;
 pub use feed_forward::FeedForward;

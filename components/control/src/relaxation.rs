@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use crate::solver::{
+use motorium_qp::{
     ActiveSetSettings, ActiveSetSolver, Constraint, Problem, QpSolver, Sides, Solution, SolveError,
     Structure, UpdateError,
 };

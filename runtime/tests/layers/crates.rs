@@ -6,7 +6,9 @@ use std::path::Path;
 use crate::tokens::{self, Token};
 
 /// Wings that may use other wings, as CONTRIBUTING.md lists them; all others meet in topics only.
-const BETWEEN_WINGS: [(&str, &[&str]); 4] = [
+const BETWEEN_WINGS: [(&str, &[&str]); 6] = [
+    ("control", &["qp"]),
+    ("locomotion", &["control", "qp"]),
     ("library", &["algebra", "primitives", "recordings"]),
     ("models", &["algebra", "networks"]),
     ("learners", &["algebra", "primitives", "library", "models", "physics", "recordings"]),

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use motorium_control::solver::recorded::{self, Record, Replay, Stream};
-use motorium_control::solver::{
+use motorium_qp::recorded::{self, Record, Replay, Stream};
+use motorium_qp::{
     ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, QpSolver, Structure,
 };
 use motorium_recordings::read_bounded;

@@ -5,9 +5,9 @@ use std::time::Instant;
 use motorium::declare::ClockKind;
 use motorium::prelude::*;
 use motorium::state::{ControlDiagnostics, MAX_TASKS};
+use motorium_qp::Side;
 
 use crate::inverse_dynamics::ConstraintName;
-use crate::solver::Side;
 
 /// Output of [`ControlDiagnostics`]. It costs nothing unless it is wired: no figure is computed and no time
 /// is measured.

@@ -1,15 +1,28 @@
-//! The measured state of a robot, from topics.
+//! The robot of a controller, and its measured state from topics.
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
 use motorium_robots::{BasePose, Kinematics, Loaded, Model, RobotSource};
 
-use super::period_ns;
 use crate::RobotState;
 use crate::inverse_dynamics::MotionState;
 
+/// The robot of a component that needs one.
+///
+/// # Errors
+/// [`ConfigError`] if the graph assigns none to it.
+pub fn required_robot(declare: &Declare) -> Result<&RobotReference, ConfigError> {
+    declare.robot().ok_or_else(|| {
+        ConfigError::new("the component names no robot, but needs one")
+            .advise("add `robot = \"NAME\"` to the component")
+    })
+}
+
 /// Loads the robot that the graph assigns to a component.
-pub(super) fn load_robot(robot: &RobotReference) -> Result<Loaded, ConfigError> {
+///
+/// # Errors
+/// [`ConfigError`] of the key `robot` if it does not load, or has more than [`MAX_JOINTS`] joints.
+pub fn load_robot(robot: &RobotReference) -> Result<Loaded, ConfigError> {
     let source = RobotSource {
         name: &robot.name,
         text: &robot.urdf,
@@ -30,7 +43,7 @@ pub(super) fn load_robot(robot: &RobotReference) -> Result<Loaded, ConfigError> 
 
 /// Configuration and velocity of a robot, with its kinematics, from the newest states of its joints and its
 /// base.
-pub(super) struct MeasuredState {
+pub struct MeasuredState {
     joint_state: Input<JointState>,
     /// State of a floating base.
     base_state: Option<Input<BaseState>>,
@@ -50,16 +63,24 @@ pub(super) struct MeasuredState {
 
 /// A step with a fresh state.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct FreshStep {
+pub struct FreshStep {
     /// `true` at the start, and after a break.
-    pub(super) begins: bool,
+    pub begins: bool,
     /// Time since the last step, s: several periods after missed steps, so that setpoints do not fall behind
     /// the robot.
-    pub(super) dt: f64,
+    pub dt: f64,
+}
+
+/// Period of a step, ns.
+pub fn period_ns(tick: &Tick) -> u64 {
+    u64::try_from(tick.period.as_nanos()).unwrap_or(u64::MAX)
 }
 
 /// Checks the number of joints of a message.
-pub(super) fn check_joint_count(found: usize, expected: usize) -> Result<(), StepError> {
+///
+/// # Errors
+/// [`StepError`] if it is not the expected one.
+pub fn check_joint_count(found: usize, expected: usize) -> Result<(), StepError> {
     if found == expected {
         return Ok(());
     }
@@ -70,11 +91,10 @@ pub(super) fn check_joint_count(found: usize, expected: usize) -> Result<(), Ste
 
 impl MeasuredState {
     /// Opens the inputs of the state, which is fresh up to an age of `timeout_ns`.
-    pub(super) fn configure(
-        model: Model,
-        timeout_ns: u64,
-        setup: &mut Setup,
-    ) -> Result<Self, ConfigureError> {
+    ///
+    /// # Errors
+    /// [`ConfigureError`] if a topic cannot be opened.
+    pub fn configure(model: Model, timeout_ns: u64, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let floating = model.base().floating;
         Ok(Self {
             joint_state: setup.input("joint_state")?,
@@ -92,12 +112,15 @@ impl MeasuredState {
     }
 
     /// The same, with kinematics that include velocities or not.
-    pub(super) fn velocities(self, velocities: bool) -> Self {
+    pub fn velocities(self, velocities: bool) -> Self {
         Self { velocities, ..self }
     }
 
     /// Starts a step with the newest state. `None` without a fresh one.
-    pub(super) fn step(&mut self, tick: &Tick) -> Result<Option<FreshStep>, StepError> {
+    ///
+    /// # Errors
+    /// [`StepError`] if a message does not fit the robot.
+    pub fn step(&mut self, tick: &Tick) -> Result<Option<FreshStep>, StepError> {
         let Some(time_ns) = self.read()? else { return Ok(None) };
         let longest = self.timeout_ns.max(2 * period_ns(tick));
         let now_ns = self.clock.grid_ns(tick, time_ns);
@@ -143,27 +166,27 @@ impl MeasuredState {
     }
 
     /// Number of steps without a fresh state, after the first.
-    pub(super) fn stale(&self) -> u64 {
+    pub fn stale(&self) -> u64 {
         self.stale
     }
 
     /// Starts over with the next state.
-    pub(super) fn reset(&mut self) {
+    pub fn reset(&mut self) {
         (self.last_ns, self.stale) = (None, 0);
     }
 
     /// The state that was read last.
-    pub(super) fn motion(&self) -> MotionState<'_> {
+    pub fn motion(&self) -> MotionState<'_> {
         MotionState { model: &self.model, kinematics: &self.kinematics, q: &self.q, v: &self.v }
     }
 
     /// The same without its velocity.
-    pub(super) fn robot(&self) -> RobotState<'_> {
+    pub fn robot(&self) -> RobotState<'_> {
         RobotState { model: &self.model, kinematics: &self.kinematics, q: &self.q }
     }
 
     /// Positions and velocities of the joints.
-    pub(super) fn joints(&self) -> (&[f64], &[f64]) {
+    pub fn joints(&self) -> (&[f64], &[f64]) {
         (self.model.joints_of_q(&self.q), self.model.joints_of_v(&self.v))
     }
 }

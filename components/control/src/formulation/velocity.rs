@@ -1,8 +1,9 @@
 //! Costs on velocities.
 
+use motorium_qp::Problem;
+
 use super::{Equation, Response, Task};
 use crate::levels::Rows;
-use crate::solver::Problem;
 use crate::state::RobotState;
 
 /// A cost on the joint velocity `v` \[rad/s or m/s\]: `1/2 |W (A v - b)|^2`, convex and finite for every `v`.

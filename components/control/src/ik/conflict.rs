@@ -1,8 +1,9 @@
 //! The report of contradictory constraints of inverse kinematics.
 
+use motorium_qp::{Conflict, Constraint, QpSolver};
+
 use super::DifferentialIk;
 use crate::conflict::{Conflicting, ConstraintName};
-use crate::solver::{Conflict, Constraint, QpSolver};
 
 /// Contradictory constraints that no velocity satisfies, and the relaxed solution of the tick.
 ///

@@ -1,10 +1,11 @@
 //! Constraints of one tick: held contacts, constraint tasks, limits and soft limits.
 
+use motorium_qp::QpSolver;
+
 use super::DifferentialIk;
 use crate::{
     RobotState, levels,
     limits::{AccelerationLimit, Limit, LimitRows, RowLimit},
-    solver::QpSolver,
     tasks::{ContactTask, VelocityTask},
 };
 

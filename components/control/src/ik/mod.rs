@@ -6,6 +6,9 @@ mod solve;
 
 pub use conflict::IkConflict;
 
+use motorium_qp::{
+    ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, SolveError, Structure, UpdateError,
+};
 use motorium_robots::Model;
 use nalgebra::DVector;
 
@@ -14,9 +17,6 @@ use crate::{
     levels::{self, LevelSolver, LowerLevels, Rows},
     limits::Limit,
     relaxation::{Relaxable, Relaxation},
-    solver::{
-        ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, SolveError, Structure, UpdateError,
-    },
     tasks::VelocityTask,
 };
 

@@ -1,8 +1,9 @@
 //! Solution of a tick: the first level, the levels below, and contradictory constraints.
 
+use motorium_qp::{Conflict, Constraint, QpSolver, Side, SolveError};
+
 use super::{DifferentialIk, IkConflict, IkError};
 use crate::limits::are_alike;
-use crate::solver::{Conflict, Constraint, QpSolver, Side, SolveError};
 
 /// Maximum number of solutions in which only constraints named by a conflict are relaxed; then all are.
 const NAMED: u32 = 8;

@@ -1,12 +1,12 @@
 //! A level below the first with friction cones.
 
+use motorium_qp::{ClarabelSettings, ClarabelSolver, Problem, QpSolver, Sides, Structure};
 use nalgebra::DVector;
 
 use super::contact::ContactPlace;
 use super::order::Order;
 use super::solver::{friction_cones, set_friction};
 use crate::levels::{Freedom, Level, LevelError, LevelSolver, SolveLevel};
-use crate::solver::{ClarabelSettings, ClarabelSolver, Problem, QpSolver, Sides, Structure};
 
 /// The solver of a level below the first: active-set within friction pyramids, Clarabel within cones.
 #[derive(Debug)]

@@ -1,5 +1,6 @@
 //! Assembly and solution of one tick of inverse dynamics.
 
+use motorium_qp::{Problem, Sides, Structure};
 use motorium_robots::{Dynamics, Model};
 use nalgebra::{DMatrix, DVector};
 
@@ -16,7 +17,6 @@ use crate::cost::Cost;
 use crate::formulation::Task;
 use crate::levels::{self, LowerLevels, Rows};
 use crate::relaxation::{Relaxable, Relaxation};
-use crate::solver::{Problem, Sides, Structure};
 
 /// Inverse dynamics of a whole body: the accelerations and contact forces that minimise a weighted sum of
 /// task costs within all constraints, and the torques for them; see the [module](super). Nothing allocates

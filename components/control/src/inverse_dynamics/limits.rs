@@ -1,5 +1,6 @@
 //! Further constraints of a tick: velocity limits at acceleration level, and exact tasks.
 
+use motorium_qp::{Conflict, Constraint, SolveError, UpdateError};
 use nalgebra::Vector3;
 
 use super::MotionState;
@@ -9,7 +10,6 @@ use crate::RobotState;
 use crate::contact::WrenchCone;
 use crate::levels;
 use crate::limits::{LimitRows, RowLimit, are_alike};
-use crate::solver::{Conflict, Constraint, SolveError, UpdateError};
 
 /// Maximum number of solutions in which only returns named by a conflict are relaxed; then all are.
 const NAMED: u32 = 8;

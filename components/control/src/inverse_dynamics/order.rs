@@ -1,7 +1,8 @@
 //! The order of the constraints of inverse dynamics in its problem.
 
+use motorium_qp::{Conflict, Constraint};
+
 use crate::conflict::{Conflicting, ConstraintName};
-use crate::solver::{Conflict, Constraint};
 
 /// The order of the constraints in a problem.
 #[derive(Clone, Debug)]

@@ -1,12 +1,12 @@
 //! Settings, solutions and errors of inverse dynamics.
 
+use motorium_qp::{SolveError, UpdateError};
 use nalgebra::{DVector, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::JointAccelerationLimits;
 use crate::conflict::Conflicting;
-use crate::solver::{SolveError, UpdateError};
 
 with_defaults! {
     /// Settings of [`InverseDynamics`](super::InverseDynamics).

@@ -1,13 +1,13 @@
 //! Formulations with fewer unknowns: accelerations only, or contact forces only.
 
+use motorium_qp::{
+    ActiveSetSettings, ActiveSetSolver, Conflict, Constraint, Problem, QpSolver, Sides, SolveError, Structure,
+};
 use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 
 use super::order::Order;
 use super::outcome::{InverseDynamicsSettings, Unknowns};
 use super::solver::FirstLevel;
-use crate::solver::{
-    ActiveSetSettings, ActiveSetSolver, Conflict, Constraint, Problem, QpSolver, Sides, SolveError, Structure,
-};
 
 /// The problem in fewer unknowns `z`, of which all accelerations and forces follow: `x = offset + map z`.
 ///

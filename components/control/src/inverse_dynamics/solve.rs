@@ -1,11 +1,12 @@
 //! Solution of a tick: the first level, its relaxation, and the levels below.
 
+use motorium_qp::{Problem, Solution, SolveError};
+
 use super::control::InverseDynamics;
 use super::order::Order;
 use super::outcome::{InverseDynamicsError, InverseDynamicsSolution, Slack};
 use super::reduced::Reduced;
 use crate::conflict::Conflicting;
-use crate::solver::{Problem, Solution, SolveError};
 
 impl InverseDynamics {
     /// Solves the assembled problem.

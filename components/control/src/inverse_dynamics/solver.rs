@@ -1,11 +1,12 @@
 //! The solver of the first level: active-set for friction pyramids, Clarabel for friction cones.
 
-use super::contact::ContactPlace;
-use super::order::Order;
-use crate::solver::{
+use motorium_qp::{
     ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, Constraint, FrictionCone, Problem,
     QpSolver, Sides, Solution, SolveError, Structure, UpdateError,
 };
+
+use super::contact::ContactPlace;
+use super::order::Order;
 
 /// A solver for one friction model.
 #[derive(Debug)]

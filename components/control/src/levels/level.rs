@@ -1,11 +1,11 @@
 //! Levels of strict priority below the first.
 
+use motorium_qp::{
+    ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, SolveError, Structure, UpdateError,
+};
 use nalgebra::DVector;
 
 use super::{Freedom, Rows};
-use crate::solver::{
-    ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, SolveError, Structure, UpdateError,
-};
 
 /// A level has no solution.
 #[derive(Debug)]

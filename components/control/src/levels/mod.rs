@@ -12,9 +12,8 @@ pub(crate) use freedom::Freedom;
 pub use freedom::Rows;
 pub(crate) use level::{Level, LevelError, LevelSolver, SolveLevel};
 
+use motorium_qp::{Problem, SolveError, UpdateError};
 use nalgebra::DMatrix;
-
-use crate::solver::{Problem, SolveError, UpdateError};
 
 /// The levels below the first, with their solvers.
 #[derive(Debug)]

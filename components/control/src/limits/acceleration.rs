@@ -1,14 +1,15 @@
 //! Limits of joint accelerations and decelerations.
 
 use motorium::declare::ConfigError;
+use motorium_qp::Problem;
 use motorium_robots::{Model, PerJoint, Profile};
 use nalgebra::DVector;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::PositionLimit;
+use crate::RobotState;
 use crate::checks::{in_range, per_joint};
-use crate::{RobotState, solver::Problem};
 
 /// Limits the change of joint velocities per tick by the maximum acceleration `a` of each joint, and makes
 /// joints brake in time for their position limits:

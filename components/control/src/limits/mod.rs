@@ -29,7 +29,9 @@ pub(crate) use support::HeldSupport;
 pub use support::{SupportConfig, SupportLimit, Supported, SupportedPoint};
 pub use velocity::VelocityLimit;
 
-use crate::{RobotState, solver::Problem};
+use motorium_qp::Problem;
+
+use crate::RobotState;
 
 /// Bounds on the joint velocity `v` \[rad/s or m/s\] that always admit `v = 0`, so that any set of limits has
 /// a solution whatever the state.

@@ -1,10 +1,11 @@
 //! Joints stay within their position limits.
 
+use motorium_qp::Problem;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::Limit;
-use crate::{RobotState, solver::Problem};
+use crate::RobotState;
 
 with_defaults! {
     /// Limits the speed at which joints approach their position limits, so that they can still stop:

@@ -1,8 +1,9 @@
 //! Limits of combinations of velocities.
 
+use motorium_qp::Problem;
 use nalgebra::{DMatrix, Isometry3};
 
-use crate::{RobotState, solver::Problem};
+use crate::RobotState;
 
 /// Bounds on combinations of the velocities, `lower <= G v <= upper`. They admit `v = 0`, except where
 /// something beyond its limit must [return](LimitRows::push_barrier).

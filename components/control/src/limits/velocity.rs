@@ -1,10 +1,11 @@
 //! Joints stay within their velocity limits.
 
+use motorium_qp::Problem;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::Limit;
-use crate::{RobotState, solver::Problem};
+use crate::RobotState;
 
 with_defaults! {
     /// Joint velocities stay within a fraction of the model's limits:

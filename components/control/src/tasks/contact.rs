@@ -1,9 +1,10 @@
 //! Contact task: keeps a frame in place.
 
+use motorium_qp::Problem;
 use motorium_robots::{FrameId, Model, Reference};
 
 use super::{Cost, Rows, VelocityTask};
-use crate::{RobotState, solver::Problem};
+use crate::RobotState;
 
 /// Keeps a frame in contact with the world in place:
 ///

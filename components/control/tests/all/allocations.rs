@@ -2,11 +2,8 @@
 
 use crate::robot::{ClosedLoop, Panda};
 use motorium::testing::allocations;
-use motorium_control::{
-    FeedForward, RobotState,
-    solver::{ClarabelSettings, ClarabelSolver, QpSolver},
-    tasks::CentreOfMassTask,
-};
+use motorium_control::{FeedForward, RobotState, tasks::CentreOfMassTask};
+use motorium_qp::{ClarabelSettings, ClarabelSolver, QpSolver};
 use nalgebra::Vector3;
 
 /// Clarabel 0.11.1 rebuilds the table of its stopwatch in every solve.

@@ -6,9 +6,9 @@ use motorium_control::{
     DifferentialIk, IkError, IkRows, IkSettings, RobotState,
     inverse_dynamics::ConstraintName,
     limits::VelocityLimit,
-    solver::SolveError,
     tasks::{CartesianSettings, CartesianTask, PostureSettings, PostureTask, VelocityTask},
 };
+use motorium_qp::SolveError;
 use motorium_robots::Kinematics;
 use nalgebra::DVector;
 

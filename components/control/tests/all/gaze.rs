@@ -4,9 +4,9 @@ use approx::assert_abs_diff_eq;
 use motorium::testing::allocations;
 use motorium_control::{
     DifferentialIk, JointSetpoint, RobotState,
-    solver::{Problem, Structure},
     tasks::{GazeSettings, GazeTask, PostureTask, VelocityTask},
 };
+use motorium_qp::{Problem, Structure};
 use motorium_robots::{Kinematics, Model};
 use nalgebra::{DMatrix, DVector, Unit, Vector3};
 

@@ -4,9 +4,9 @@ use crate::robot::{ClosedLoop, Panda, Random};
 use motorium_control::{
     IkError, RobotState,
     limits::{Limit, PositionLimit, VelocityLimit},
-    solver::{Problem, UpdateError},
     tasks::CartesianSettings,
 };
+use motorium_qp::{Problem, UpdateError};
 use motorium_robots::{Kinematics, Twist};
 use nalgebra::{Isometry3, Vector3};
 

@@ -4,12 +4,12 @@
 use motorium_control::{
     DifferentialIk, RobotState,
     limits::Limit,
-    solver::{ClarabelSettings, ClarabelSolver, Problem, QpSolver, Sides, Structure},
     tasks::{
         CartesianTask, CentreOfMassSettings, CentreOfMassTask, ContactTask, PostureSettings, PostureTask,
         Rows, VelocityTask,
     },
 };
+use motorium_qp::{ClarabelSettings, ClarabelSolver, Problem, QpSolver, Sides, Structure};
 use motorium_robots::{Kinematics, Model, load};
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
 

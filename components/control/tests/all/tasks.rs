@@ -4,12 +4,12 @@ use crate::robot::{Panda, Random};
 use approx::assert_abs_diff_eq;
 use motorium_control::{
     DifferentialIk, RobotState,
-    solver::{Problem, Sides, Structure},
     tasks::{
         CartesianSettings, CartesianTask, CentreOfMassSettings, CentreOfMassTask, PostureSettings,
         PostureTask, VelocityTask,
     },
 };
+use motorium_qp::{Problem, Sides, Structure};
 use motorium_robots::{Kinematics, MimicMode, Model, PackagePath, Twist, lie::se3, parse_urdf};
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3, Vector6};
 

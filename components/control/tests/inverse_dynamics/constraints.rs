@@ -3,9 +3,9 @@
 use motorium_control::inverse_dynamics::{
     ConstraintName, InverseDynamics, InverseDynamicsError, InverseDynamicsSettings, JointAccelerationLimits,
 };
-use motorium_control::solver::KktResidual;
 use motorium_control::tasks::{CartesianSettings, CartesianTask, CentreOfMassTask, PostureTask};
 use motorium_control::tasks::{Feedback, ForceRegularisation};
+use motorium_qp::KktResidual;
 use motorium_robots::{Dynamics, Wrench};
 use nalgebra::{DVector, Vector3};
 
@@ -99,11 +99,11 @@ fn solutions_are_optimal_and_within_the_friction_cone() {
         control.add_task(&robot.state(), 0, &mut even);
         let solution = control.solve().unwrap().clone();
         assert!(solution.slack.is_none(), "case {case}");
-        let mut solver = motorium_control::solver::ActiveSetSolver::new(
+        let mut solver = motorium_qp::ActiveSetSolver::new(
             structure(control.problem()),
-            motorium_control::solver::ActiveSetSettings::default(),
+            motorium_qp::ActiveSetSettings::default(),
         );
-        use motorium_control::solver::QpSolver;
+        use motorium_qp::QpSolver;
         solver.update(control.problem()).unwrap();
         let residual = KktResidual::from_solution(control.problem(), solver.solve().unwrap());
         assert!(residual.worst() < 1e-6, "case {case}: {residual:?}");
@@ -118,8 +118,8 @@ fn solutions_are_optimal_and_within_the_friction_cone() {
     assert!(slipping > 20, "{slipping} faces of pyramids at work");
 }
 
-fn structure(problem: &motorium_control::solver::Problem) -> motorium_control::solver::Structure {
-    use motorium_control::solver::{Sides, Structure};
+fn structure(problem: &motorium_qp::Problem) -> motorium_qp::Structure {
+    use motorium_qp::{Sides, Structure};
     Structure::new(problem.gradient.len())
         .equalities(problem.equality_value.len())
         .rows(problem.row_lower.len(), Sides::Both)

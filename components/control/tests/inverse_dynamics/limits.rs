@@ -3,11 +3,11 @@
 use motorium_control::{
     DifferentialIk, RobotState,
     limits::{CartesianPositionLimit, CentreOfMassVelocityLimit, RowLimit, SupportLimit, Supported},
-    solver::Problem,
     tasks::{
         CartesianTask, CentreOfMassSettings, CentreOfMassTask, ContactTask, MinimumVelocityTask, VelocityTask,
     },
 };
+use motorium_qp::Problem;
 use motorium_robots::Kinematics;
 use nalgebra::{DVector, Vector2, Vector3};
 

@@ -4,11 +4,11 @@
 use motorium_control::inverse_dynamics::{
     AccelerationTask, Contact, InverseDynamics, InverseDynamicsError, InverseDynamicsSettings, MotionState,
 };
-use motorium_control::solver::SolveError;
 use motorium_control::tasks::Feedback;
 use motorium_control::tasks::{
     CartesianSettings, CartesianTask, CentreOfMassTask, MomentumTask, PostureTask,
 };
+use motorium_qp::SolveError;
 use motorium_robots::{Kinematics, load};
 use nalgebra::Vector3;
 
@@ -131,4 +131,35 @@ fn an_iteration_limit_is_reported_and_later_ticks_recover() {
         later.is_some_and(|iterations| iterations.unwrap() <= 5),
         "the working set is kept from tick to tick"
     );
+}
+
+#[test]
+fn each_tick_starts_from_the_previous_active_set() {
+    let loaded = load("humanoid", std::path::Path::new(".")).unwrap();
+    let (model, profile) = (&loaded.model, loaded.profile.unwrap());
+    let q = profile.configuration(model, "standing").unwrap();
+    let feet = profile.feet.iter().map(|(name, foot)| Contact::of_foot(model, name, foot).unwrap());
+    let mut control = InverseDynamics::new(model, feet.collect());
+    let (q, v) = (q.as_slice(), vec![0.0; model.nv()]);
+    let mut kinematics = Kinematics::new(model);
+    kinematics.update_with_velocity(model, q, &v);
+    let state = MotionState { model, kinematics: &kinematics, q, v: &v };
+    let mut centre = CentreOfMassTask::new(model).feedback(Feedback::critical(4.0)).weight(10.0);
+    let mut posture =
+        PostureTask::new(model, model.joints_of_q(q)).feedback(Feedback::critical(4.0)).weight(0.1);
+    let mut target = kinematics.centre_of_mass(model).position;
+    target.y += 0.1;
+    centre.set_target(target);
+    let mut decide = |lifted: bool| {
+        control.set_active(1, !lifted);
+        control.begin(&state, 1e-3);
+        control.add_task(&state, 0, &mut centre);
+        control.add_task(&state, 0, &mut posture);
+        control.solve().unwrap().iterations
+    };
+    decide(false);
+    assert_eq!(decide(false), 0, "on both feet");
+    let change = decide(true);
+    assert!(change < 20, "{change} iterations as the foot is lifted");
+    assert_eq!(decide(true), 0, "on one foot");
 }

@@ -1,13 +1,11 @@
 //! Limits of the whole wrench of a sole, and friction cones below the first of several levels.
 
+use motorium_control::inverse_dynamics::{
+    Contact, ContactShape, FrictionModel, InverseDynamics, InverseDynamicsSettings, WrenchCone,
+};
 use motorium_control::tasks::{CartesianSettings, CartesianTask, CentreOfMassTask, PostureTask};
 use motorium_control::tasks::{ContactWrench, Feedback};
-use motorium_control::{
-    inverse_dynamics::{
-        Contact, ContactShape, FrictionModel, InverseDynamics, InverseDynamicsSettings, WrenchCone,
-    },
-    solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Structure},
-};
+use motorium_qp::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Structure};
 use motorium_robots::Twist;
 use nalgebra::{Matrix3, Vector3};
 

@@ -1,0 +1,58 @@
+//! The `config` table of `control.wheels`.
+
+use motorium::units::TimeSpan;
+use motorium_control::with_defaults;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+with_defaults! {
+    /// Configuration of `control.wheels`. Every key has a default: for a robot of the catalogue the table may
+    /// stay empty.
+    ///
+    /// ```toml
+    /// speed = 0.15
+    /// acceleration = 0.5
+    /// start = { position = [1.0, 0.0], yaw = 1.57 }
+    /// ```
+    #[derive(Debug, Clone, Deserialize, JsonSchema)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct WheelsConfig;
+
+    /// Maximum rim speed of a wheel, m/s. Default: the joints' velocity limits, which always apply as well.
+    pub speed: Option<f64> = None;
+    /// Largest acceleration of the rim of a wheel, m/s^2; of joints that are the pose of the base, m/s^2 and
+    /// rad/s^2. Acceleration limits of the profile hold as well. Default 1.
+    pub acceleration: f64 = 1.0;
+    /// Proportional gain of the wheels, N m/rad, which acts against friction. Default: the profile's gain, or
+    /// 20/s times `wheel_kd`.
+    pub wheel_kp: Option<f64> = None;
+    /// Derivative gain of the wheels, N m s/rad. Default: the profile's gain.
+    pub wheel_kd: Option<f64> = None;
+    /// Maximum lead of a wheel's setpoint over its measured angle, rad (m for a prismatic joint). Default
+    /// 0.5.
+    pub max_lead: f64 = 0.5;
+    /// Pose of the base in the world at the beginning, for the odometry. Default the origin.
+    pub start: StartConfig = StartConfig::default();
+    /// Wheel slip assumed in the covariance of the odometry: standard deviation after 1 m travelled, m.
+    /// Default 0.003.
+    pub slip: f64 = 0.003;
+    /// Feed-forward effort that compensates the weight of held joints, such as an arm's. Default true.
+    pub gravity_compensation: bool = true;
+    /// Gravitational acceleration in the world, m/s^2. Default: the value in the graph's `[world]`, or [0, 0,
+    /// -9.81].
+    pub gravity: [f64; 3] = [0.0, 0.0, -9.81];
+    /// Maximum age of the joint state; beyond it nothing is commanded. Default 10 ms.
+    pub state_timeout: TimeSpan = TimeSpan { ns: 10_000_000 };
+    /// Age beyond which a target counts as zero, so that the base brakes. Default 100 ms.
+    pub target_timeout: TimeSpan = TimeSpan { ns: 100_000_000 };
+}
+
+/// Pose of a base in the plane.
+#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct StartConfig {
+    /// Position, m.
+    pub position: [f64; 2],
+    /// Angle about z, rad.
+    pub yaw: f64,
+}

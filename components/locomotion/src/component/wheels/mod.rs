@@ -1,0 +1,311 @@
+//! `control.wheels`: a controller that drives a wheeled base at a target velocity and publishes odometry.
+
+mod config;
+mod setup;
+
+pub use config::{StartConfig, WheelsConfig};
+
+use motorium::prelude::*;
+use motorium_control::measured::{check_joint_count, period_ns, required_robot};
+use motorium_robots::{Dynamics, Gains, Model};
+use nalgebra::{Matrix3, Vector3};
+
+use crate::wheels::{BaseKind, Odometry as DeadReckoning, PlanarPose, PlanarTwist, WheelDrive};
+use setup::{BaseJoint, WheelSetup};
+
+/// A controller that converts a target velocity of a base to commands of its wheels and steering joints; see
+/// [`WheelDrive`]. The other joints follow `arm_command`, or hold their initial positions.
+///
+/// It publishes odometry from the measured wheel angles, which continues after a crash. Without a fresh joint
+/// state it commands nothing; without a fresh target the base brakes.
+pub struct WheelController {
+    joint_state: Input<JointState>,
+    target: Input<TwistTarget>,
+    arm: Input<JointCommand>,
+    joint_command: Output<JointCommand>,
+    odometry: Output<Odometry>,
+    speed_factor: Parameter<f64>,
+    model: Model,
+    drive: WheelDrive,
+    wheels: Vec<BaseJoint>,
+    steering: Vec<Option<BaseJoint>>,
+    /// For every joint, `true` if it belongs to the base.
+    of_base: Vec<bool>,
+    gains: Gains,
+    reckoning: DeadReckoning,
+    config: WheelsConfig,
+    start: PlanarPose,
+    /// Gravity torques for an upright base; `None` without compensation.
+    dynamics: Option<Dynamics>,
+    configuration: Vec<f64>,
+    gravity: Vec<f64>,
+    /// Acceleration of free fall, m/s^2.
+    down: Vector3<f64>,
+    q: Vec<f64>,
+    v: Vec<f64>,
+    setpoint: Vec<f64>,
+    rate: Vec<f64>,
+    /// Angles of the wheels and steering joints, with the sign convention of the base.
+    angles: Vec<f64>,
+    /// `true` if the angles have not changed since the previous sample.
+    reckons: bool,
+    turned: Vec<f64>,
+    steered: Vec<f64>,
+    checkpoint: Checkpoint,
+    last_ns: Option<u64>,
+    limited: u64,
+    stale: u64,
+    without_target: u64,
+}
+
+/// Numbers of a checkpoint before the angles of the wheels: pose, distance, covariance.
+const REMEMBERED: usize = 13;
+
+impl Component for WheelController {
+    const KIND: &'static str = "control.wheels";
+    const SUMMARY: &'static str = "drives a wheeled base at a target velocity, with odometry";
+    const READS_GRAVITY: bool = true;
+    const RESETS: bool = true;
+    type Config = WheelsConfig;
+
+    fn declare(config: &WheelsConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        WheelSetup::new(config, required_robot(declare)?)?;
+        declare.input::<JointState>("joint_state", "measured joint state of the robot");
+        declare.input::<TwistTarget>("target", "target velocity of the base, in its own axes");
+        declare
+            .optional_input::<JointCommand>("arm_command", "command of the joints that are not the base's");
+        declare.output::<JointCommand>("joint_command", "setpoints and gains of all joints");
+        declare
+            .output::<Odometry>("odometry", "pose and velocity of the base, from the angles of its wheels");
+        declare.float("speed_factor", 1.0, 0.0..=1.0, "", "factor of the target velocity");
+        Ok(())
+    }
+
+    fn configure(config: WheelsConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let robot = setup.robot()?.clone();
+        let WheelSetup { model, drive, wheels, steering, gains, start } = WheelSetup::new(&config, &robot)?;
+        let (joints, count) = (model.joint_count(), wheels.len());
+        let mut of_base = vec![false; joints];
+        wheels.iter().chain(steering.iter().flatten()).for_each(|joint| of_base[joint.index] = true);
+        let mut checkpoint = setup.checkpoint(REMEMBERED + count)?;
+        let mut reckoning = DeadReckoning::new(start, config.slip);
+        let mut angles = vec![0.0; count];
+        let mut reckons = false;
+        if let Some(numbers) = checkpoint.resume().filter(|numbers| numbers.len() == REMEMBERED + count) {
+            let pose = PlanarPose { x: numbers[0], y: numbers[1], yaw: numbers[2] };
+            let covariance = Matrix3::from_row_slice(&numbers[4..REMEMBERED]);
+            reckoning = DeadReckoning::resumed(pose, covariance, numbers[3], config.slip);
+            angles.copy_from_slice(&numbers[REMEMBERED..]);
+            reckons = true;
+        }
+        Ok(Self {
+            joint_state: setup.input("joint_state")?,
+            target: setup.input("target")?,
+            arm: setup.input("arm_command")?,
+            joint_command: setup.output("joint_command")?,
+            odometry: setup.output("odometry")?,
+            speed_factor: setup.parameter("speed_factor")?,
+            dynamics: config.gravity_compensation.then(|| Dynamics::new(&model)),
+            configuration: model.neutral(),
+            gravity: vec![0.0; model.nv()],
+            down: config.gravity.into(),
+            q: vec![0.0; joints],
+            v: vec![0.0; joints],
+            setpoint: vec![0.0; joints],
+            rate: vec![0.0; joints],
+            turned: vec![0.0; count],
+            steered: vec![0.0; count],
+            angles,
+            reckons,
+            checkpoint,
+            last_ns: None,
+            limited: 0,
+            stale: 0,
+            without_target: 0,
+            model,
+            drive,
+            wheels,
+            steering,
+            of_base,
+            gains,
+            reckoning,
+            start,
+            config,
+        })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        if !self.read_state()? {
+            return Ok(());
+        }
+        let way = self.reckon();
+        let unbroken =
+            |last| tick.time_ns.saturating_sub(last) <= self.config.state_timeout.ns.max(2 * period_ns(tick));
+        if !self.last_ns.is_some_and(unbroken) {
+            self.begin();
+        }
+        self.last_ns = Some(tick.time_ns);
+        let dt = tick.dt();
+        let target = self.target();
+        let yaw = self.reckoning.pose().yaw;
+        let follows = self.drive.follow(&target, yaw, dt);
+        self.limited += u64::from(!follows);
+        self.lead(dt);
+        self.publish_command()?;
+        self.remember();
+        self.publish_odometry(way)
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        self.reckoning = DeadReckoning::new(self.start, self.config.slip);
+        (self.reckons, self.last_ns) = (false, None);
+        (self.limited, self.stale, self.without_target) = (0, 0, 0);
+        Ok(())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let (pose, covariance) = (self.reckoning.pose(), self.reckoning.covariance());
+        Some(serde_json::json!({
+            "distance_m": self.reckoning.distance(),
+            "position_m": [pose.x, pose.y],
+            "yaw_rad": pose.yaw,
+            "position_deviation_m": (covariance[(0, 0)] + covariance[(1, 1)]).sqrt(),
+            "yaw_deviation_rad": covariance[(2, 2)].sqrt(),
+            "steps_within_limits": self.limited,
+            "steps_without_fresh_state": self.stale,
+            "steps_without_fresh_target": self.without_target,
+        }))
+    }
+}
+
+impl WheelController {
+    /// Reads the newest joint state. False without a fresh one.
+    fn read_state(&mut self) -> Result<bool, StepError> {
+        let Some(state) = self.joint_state.latest() else { return Ok(false) };
+        if state.age_ns() > self.config.state_timeout.ns {
+            self.stale += 1;
+            self.last_ns = None;
+            return Ok(false);
+        }
+        check_joint_count(state.count(), self.q.len())?;
+        self.q.copy_from_slice(state.position());
+        self.v.copy_from_slice(state.velocity());
+        Ok(true)
+    }
+
+    /// Integrates the distance travelled since the previous sample and returns the velocity of the base.
+    fn reckon(&mut self) -> PlanarTwist {
+        let measured = self.wheels.iter().zip(&mut self.angles).zip(&mut self.turned);
+        for ((joint, angle), turned) in measured {
+            let now = joint.sign * self.q[joint.index];
+            (*turned, *angle) = (now - *angle, now);
+        }
+        if self.drive.base().kind() == BaseKind::Planar {
+            let at = &self.angles;
+            self.reckoning.set_pose(PlanarPose { x: at[0], y: at[1], yaw: at[2] }, self.reckons);
+        } else if self.reckons {
+            self.reckoning.advance(self.drive.base(), &self.turned);
+        }
+        self.reckons = true;
+        for (joint, turned) in self.wheels.iter().zip(&mut self.turned) {
+            *turned = joint.sign * self.v[joint.index];
+        }
+        let way = self.drive.base().way(&self.turned);
+        if self.drive.base().kind() != BaseKind::Planar {
+            return way;
+        }
+        let (sin, cos) = self.reckoning.pose().yaw.sin_cos();
+        PlanarTwist { x: cos * way.x + sin * way.y, y: cos * way.y - sin * way.x, yaw: way.yaw }
+    }
+
+    /// Starts at rest, with all joints at their current positions.
+    fn begin(&mut self) {
+        for (steered, joint) in self.steered.iter_mut().zip(&self.steering) {
+            *steered = joint.map_or(0.0, |joint| joint.sign * self.q[joint.index]);
+        }
+        self.drive.begin(&self.steered);
+        self.setpoint.copy_from_slice(&self.q);
+        self.rate.fill(0.0);
+    }
+
+    /// The target velocity: zero without a fresh one.
+    fn target(&mut self) -> PlanarTwist {
+        let fresh = self.target.latest().filter(|target| target.age_ns() <= self.config.target_timeout.ns);
+        let Some(target) = fresh else {
+            self.without_target += 1;
+            return PlanarTwist::default();
+        };
+        let twist = PlanarTwist { x: target.linear[0], y: target.linear[1], yaw: target.angular[2] };
+        twist.scaled(self.speed_factor.get())
+    }
+
+    /// Moves the setpoints of the base's joints by one step.
+    fn lead(&mut self, dt: f64) {
+        for (place, joint) in self.wheels.iter().enumerate() {
+            let BaseJoint { index, sign } = *joint;
+            self.rate[index] = sign * self.drive.speeds()[place];
+            let lead = self.setpoint[index] + self.rate[index] * dt - self.q[index];
+            self.setpoint[index] = self.q[index] + lead.clamp(-self.config.max_lead, self.config.max_lead);
+        }
+        for (place, joint) in self.steering.iter().enumerate() {
+            let Some(BaseJoint { index, sign }) = *joint else { continue };
+            self.setpoint[index] = sign * self.drive.steering()[place];
+            self.rate[index] = sign * self.drive.steering_rate()[place];
+        }
+    }
+
+    fn publish_command(&mut self) -> Result<(), StepError> {
+        if let Some(dynamics) = &mut self.dynamics {
+            let base = self.configuration.len() - self.q.len();
+            self.configuration[base..].copy_from_slice(&self.q);
+            dynamics.gravity(&self.model, &self.configuration, self.down, &mut self.gravity);
+        }
+        let count = self.q.len();
+        let mut command = self.joint_command.loan()?;
+        command.set_count(count);
+        command.position_mut().copy_from_slice(&self.setpoint);
+        command.velocity_mut().copy_from_slice(&self.rate);
+        command.kp_mut().copy_from_slice(self.gains.kp.as_slice());
+        command.kd_mut().copy_from_slice(self.gains.kd.as_slice());
+        let weights = self.model.joints_of_v(&self.gravity).iter().zip(self.model.effort_limit());
+        for (effort, (weight, limit)) in command.effort_mut().iter_mut().zip(weights) {
+            *effort = weight.max(-limit).min(*limit);
+        }
+        for joint in &self.wheels {
+            command.effort_mut()[joint.index] = 0.0;
+        }
+        let timeout = self.config.state_timeout.ns;
+        let arm = self.arm.latest().filter(|arm| arm.age_ns() <= timeout && arm.count() == count);
+        if let Some(arm) = arm {
+            for index in (0..count).filter(|index| !self.of_base[*index]) {
+                command.position_mut()[index] = arm.position()[index];
+                command.velocity_mut()[index] = arm.velocity()[index];
+                command.effort_mut()[index] = arm.effort()[index];
+                command.kp_mut()[index] = arm.kp()[index];
+                command.kd_mut()[index] = arm.kd()[index];
+                self.setpoint[index] = arm.position()[index];
+            }
+        }
+        command.publish()
+    }
+
+    fn remember(&mut self) {
+        let (pose, covariance) = (self.reckoning.pose(), self.reckoning.covariance());
+        let pose = [pose.x, pose.y, pose.yaw, self.reckoning.distance()];
+        // symmetric: columns are rows
+        let numbers = pose.into_iter().chain(covariance.iter().copied()).chain(self.angles.iter().copied());
+        self.checkpoint.save(numbers);
+    }
+
+    fn publish_odometry(&mut self, velocity: PlanarTwist) -> Result<(), StepError> {
+        let pose = self.reckoning.pose();
+        let mut odometry = self.odometry.loan()?;
+        odometry.position = [pose.x, pose.y];
+        odometry.yaw = pose.yaw;
+        odometry.velocity = [velocity.x, velocity.y];
+        odometry.yaw_rate = velocity.yaw;
+        odometry.covariance.copy_from_slice(self.reckoning.covariance().as_slice());
+        odometry.distance = self.reckoning.distance();
+        odometry.publish()
+    }
+}

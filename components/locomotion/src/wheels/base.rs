@@ -1,0 +1,248 @@
+//! Kinematics of a base on wheels.
+
+use motorium_control::with_defaults;
+use nalgebra::{Matrix3, Vector3};
+
+use super::PlanarTwist;
+
+with_defaults! {
+    /// One wheel, in the axes of the base.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Wheel;
+
+    /// Place of its centre \[m\].
+    pub position: [f64; 2] = [0.0; 2];
+    /// Radius \[m\].
+    pub radius: f64 = 1.0;
+    /// True for a steered wheel.
+    pub steered: bool = false;
+    /// Tangent of the angle of the rollers of a mecanum wheel: 1 or -1; 0 for a plain wheel.
+    pub rollers: f64 = 0.0;
+}
+
+/// Kind of base.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BaseKind {
+    /// Wheels on one axle, or in two rows, with independent speeds.
+    Differential,
+    /// Steered wheels that aim at one centre on the axle line of the fixed wheels.
+    Ackermann,
+    /// Mecanum wheels: any planar velocity.
+    Mecanum,
+    /// Joints that are the pose of the base: x, y, yaw.
+    Planar,
+}
+
+/// Wheels that cannot carry a base of their kind.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum WheelError {
+    /// Too few fixed wheels.
+    #[error("{found} wheels that are not steered, expected at least two, one on each side")]
+    Fixed {
+        /// Number found.
+        found: usize,
+    },
+    /// No steered wheel.
+    #[error("no steered wheel, expected at least one")]
+    Steered,
+    /// Fixed wheels in a line behind each other.
+    #[error("all fixed wheels are in one line, so their speeds do not determine how the base turns")]
+    OneLine,
+    /// A steered wheel on the axle of the fixed ones.
+    #[error("steered wheel {wheel} stands on the axle of the fixed wheels: it cannot steer")]
+    OnAxle {
+        /// Its index.
+        wheel: usize,
+    },
+    /// The speeds of the Mecanum wheels do not determine the velocity.
+    #[error("mecanum wheels in places in which their speeds do not determine the velocity of the base")]
+    Mecanum,
+    /// An invalid radius.
+    #[error("a radius of {found} m of wheel {wheel}, expected a positive number")]
+    Radius {
+        /// Its index.
+        wheel: usize,
+        /// The radius found.
+        found: f64,
+    },
+}
+
+/// A base on wheels that roll without slip.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WheelBase {
+    kind: BaseKind,
+    wheels: Vec<Wheel>,
+    /// The line of no sideways motion, x \[m\].
+    axle: f64,
+    /// Displacement of the base per wheel angle.
+    ways: Vec<Vector3<f64>>,
+}
+
+impl WheelBase {
+    /// A base on fixed wheels.
+    ///
+    /// # Errors
+    /// [`WheelError`]: fewer than two, or all in one line.
+    pub fn differential(wheels: Vec<Wheel>) -> Result<Self, WheelError> {
+        Self::rolling(BaseKind::Differential, wheels)
+    }
+
+    /// A base on fixed wheels and steered ones, which all may be driven.
+    ///
+    /// # Errors
+    /// [`WheelError`]: no steered wheel, one on the axle of the fixed ones, or too few of these.
+    pub fn ackermann(wheels: Vec<Wheel>) -> Result<Self, WheelError> {
+        let base = Self::rolling(BaseKind::Ackermann, wheels)?;
+        if !base.wheels.iter().any(|wheel| wheel.steered) {
+            return Err(WheelError::Steered);
+        }
+        let on_axle = |wheel: &Wheel| wheel.steered && (wheel.position[0] - base.axle).abs() < 1e-6;
+        match base.wheels.iter().position(on_axle) {
+            Some(wheel) => Err(WheelError::OnAxle { wheel }),
+            None => Ok(base),
+        }
+    }
+
+    /// A base on mecanum wheels.
+    ///
+    /// # Errors
+    /// [`WheelError`]: their speeds do not determine the velocity of the base.
+    pub fn mecanum(wheels: Vec<Wheel>) -> Result<Self, WheelError> {
+        check_radii(&wheels)?;
+        let row = |wheel: &Wheel| {
+            let [x, y] = wheel.position;
+            Vector3::new(1.0, wheel.rollers, wheel.rollers * x - y)
+        };
+        let normal: Matrix3<f64> = wheels.iter().map(|wheel| row(wheel) * row(wheel).transpose()).sum();
+        let values = normal.symmetric_eigenvalues();
+        if wheels.len() < 3 || values.min() < 1e-9 * values.max() {
+            return Err(WheelError::Mecanum);
+        }
+        let inverse = normal.try_inverse().ok_or(WheelError::Mecanum)?;
+        let ways = wheels.iter().map(|wheel| inverse * row(wheel) * wheel.radius).collect();
+        Ok(Self { kind: BaseKind::Mecanum, wheels, axle: 0.0, ways })
+    }
+
+    /// A base whose pose is given by three joints, x, y and yaw; their velocities are treated like wheel
+    /// velocities.
+    pub fn planar() -> Self {
+        let ways = vec![Vector3::x(), Vector3::y(), Vector3::z()];
+        Self { kind: BaseKind::Planar, wheels: vec![Wheel::default(); 3], axle: 0.0, ways }
+    }
+
+    fn rolling(kind: BaseKind, wheels: Vec<Wheel>) -> Result<Self, WheelError> {
+        check_radii(&wheels)?;
+        let fixed: Vec<Wheel> = wheels.iter().filter(|wheel| !wheel.steered).copied().collect();
+        if fixed.len() < 2 {
+            return Err(WheelError::Fixed { found: fixed.len() });
+        }
+        let count = fixed.len() as f64;
+        let axle = fixed.iter().map(|wheel| wheel.position[0]).sum::<f64>() / count;
+        let middle = fixed.iter().map(|wheel| wheel.position[1]).sum::<f64>() / count;
+        let spread: f64 = fixed.iter().map(|wheel| (wheel.position[1] - middle).powi(2)).sum();
+        if spread < 1e-12 {
+            return Err(WheelError::OneLine);
+        }
+        // straight line through (y, distance of the wheel): its slope is the turn, its value at y = 0 the
+        // distance ahead
+        let ways = wheels.iter().map(|wheel| {
+            if wheel.steered {
+                return Vector3::zeros();
+            }
+            let turn = -(wheel.position[1] - middle) / spread;
+            wheel.radius * Vector3::new(1.0 / count + middle * turn, -axle * turn, turn)
+        });
+        let ways = ways.collect();
+        Ok(Self { kind, wheels, axle, ways })
+    }
+
+    /// Its kind.
+    pub fn kind(&self) -> BaseKind {
+        self.kind
+    }
+
+    /// Its wheels.
+    pub fn wheels(&self) -> &[Wheel] {
+        &self.wheels
+    }
+
+    /// Projects `twist` to the velocities at which the wheels can roll. A base that cannot move sideways has
+    /// no lateral velocity at the axle. Curvature limits of a steered base are in
+    /// [`curvatures`](Self::curvatures).
+    #[must_use]
+    pub fn feasible(&self, twist: &PlanarTwist) -> PlanarTwist {
+        match self.kind {
+            BaseKind::Differential | BaseKind::Ackermann => {
+                PlanarTwist { y: -twist.yaw * self.axle, ..*twist }
+            }
+            BaseKind::Mecanum | BaseKind::Planar => *twist,
+        }
+    }
+
+    /// Speeds of the wheels \[rad/s\] for a velocity, at their steering angles \[rad\]; `steering` may be
+    /// empty without steered wheels. For a planar base with pose joints, returns the joint speeds at yaw 0.
+    pub fn speeds(&self, twist: &PlanarTwist, steering: &[f64], speeds: &mut [f64]) {
+        if self.kind == BaseKind::Planar {
+            speeds.copy_from_slice(&[twist.x, twist.y, twist.yaw]);
+            return;
+        }
+        for (index, (speed, wheel)) in speeds.iter_mut().zip(&self.wheels).enumerate() {
+            let [x, y] = wheel.position;
+            let (ahead, aside) = (twist.x - twist.yaw * y, twist.y + twist.yaw * x);
+            let (sin, cos) = steering.get(index).copied().unwrap_or(0.0).sin_cos();
+            *speed = match self.kind {
+                BaseKind::Mecanum => ahead + wheel.rollers * aside,
+                _ => ahead * cos + aside * sin,
+            } / wheel.radius;
+        }
+    }
+
+    /// Angle of a steered wheel \[rad\] for a path curvature at the middle of the axle \[1/m\]; 0 for a fixed
+    /// wheel.
+    pub fn steering(&self, wheel: usize, curvature: f64) -> f64 {
+        let Wheel { position: [x, y], steered, .. } = self.wheels[wheel];
+        if !steered {
+            return 0.0;
+        }
+        (curvature * (x - self.axle)).atan2(1.0 - curvature * y)
+    }
+
+    /// Curvatures \[1/m\] that a steered wheel reaches at its angles from `lower` to `upper` \[rad\].
+    pub fn curvatures(&self, wheel: usize, lower: f64, upper: f64) -> [f64; 2] {
+        let Wheel { position: [x, y], steered, .. } = self.wheels[wheel];
+        if !steered {
+            return [f64::NEG_INFINITY, f64::INFINITY];
+        }
+        let curvature = |angle: f64| {
+            // at most the angle at which the centre of rotation is on the wheel's own line
+            let tangent = angle.clamp(-1.5, 1.5).tan();
+            tangent / (x - self.axle + y * tangent)
+        };
+        let (one, other) = (curvature(lower), curvature(upper));
+        [one.min(other), one.max(other)]
+    }
+
+    /// Displacement of the base in its own axes, at constant velocity, for the wheel rotations \[rad\].
+    pub fn way(&self, turned: &[f64]) -> PlanarTwist {
+        let way: Vector3<f64> = self.ways.iter().zip(turned).map(|(way, angle)| way * *angle).sum();
+        PlanarTwist { x: way.x, y: way.y, yaw: way.z }
+    }
+
+    /// Covariance of the [`way`](Self::way) for independent variances of the distance rolled by each wheel
+    /// \[m2\].
+    pub(super) fn covariance(&self, variance: impl Fn(usize) -> f64) -> Matrix3<f64> {
+        let of_wheel = |(index, way): (usize, &Vector3<f64>)| {
+            let per_metre = way / self.wheels[index].radius;
+            per_metre * per_metre.transpose() * variance(index)
+        };
+        self.ways.iter().enumerate().map(of_wheel).sum()
+    }
+}
+
+fn check_radii(wheels: &[Wheel]) -> Result<(), WheelError> {
+    let wrong = |wheel: &Wheel| !(wheel.radius.is_finite() && wheel.radius > 0.0);
+    match wheels.iter().position(wrong) {
+        Some(wheel) => Err(WheelError::Radius { wheel, found: wheels[wheel].radius }),
+        None => Ok(()),
+    }
+}

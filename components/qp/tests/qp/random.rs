@@ -1,0 +1,15 @@
+//! Random numbers that are the same at every run.
+
+/// Uniform numbers in [0, 1): Knuth's linear congruential generator.
+pub(crate) struct Random(pub(crate) u64);
+
+impl Random {
+    pub(crate) fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    pub(crate) fn within(&mut self, magnitude: f64) -> f64 {
+        magnitude * (2.0 * self.next() - 1.0)
+    }
+}
