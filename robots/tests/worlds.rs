@@ -315,11 +315,11 @@ fn what_sdf_states_about_motion_is_taken_over_or_told() {
     };
     let usual = "<gravity>true</gravity><kinematic>false</kinematic><inertial><pose>0 0 0 0 0 0</pose>";
     assert_eq!(warned("<inertial>", usual).1, Vec::<String>::new());
-    let (world, told) = warned("<mass>", "<pose>0 0 0.1 0 0 0</pose><mass>");
+    let (world, named) = warned("<mass>", "<pose>0 0 0.1 0 0 0</pose><mass>");
     assert_eq!(world.objects[0].mass, Some(3.0));
     assert!(
-        told.len() == 1 && told[0].contains("<pose> of <inertial>") && told[0].contains("line 5"),
-        "{told:?}"
+        named.len() == 1 && named[0].contains("<pose> of <inertial>") && named[0].contains("line 5"),
+        "{named:?}"
     );
     for (old, new, name) in [
         ("<ixx>0.125<", "<ixx>0.126<", "<inertia> of <inertial>"),
@@ -339,8 +339,8 @@ fn what_sdf_states_about_motion_is_taken_over_or_told() {
         ("<gravity>0 0", "<plugin filename=\"gz-sim-buoyancy-system\"/><gravity>0 0", "<plugin> of <world>"),
         ("<mu>0.7</mu>", "<mu>0.7</mu><v:mu xmlns:v=\"v\">9</v:mu>", "<mu> of another program"),
     ] {
-        let (world, told) = warned(old, new);
-        assert!(told.len() == 1 && told[0].contains(name), "{new}: {told:?}");
+        let (world, named) = warned(old, new);
+        assert!(named.len() == 1 && named[0].contains(name), "{new}: {named:?}");
         assert_eq!((world.ground.unwrap().friction, world.objects[0].mass), (0.7, Some(3.0)), "{new}");
     }
     let system = "<plugin filename=\"gz-sim-physics-system\" name=\"p\"/><gravity>0 0";

@@ -149,7 +149,7 @@ pub(crate) fn fault(writer: &mut Writer) -> Fault {
     let index = writer.below(faults.len() + 3);
     match faults.into_iter().nth(index) {
         Some((text, expected)) => Fault { text, expected, ..Fault::default() },
-        None if index % 3 == 0 => Fault {
+        None if index.is_multiple_of(3) => Fault {
             version: Some(["1.3", "1.0", "2.0", "latest"][writer.below(4)]),
             expected: "is not supported, expected 1.4 or later".to_owned(),
             ..Fault::default()

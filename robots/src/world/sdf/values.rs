@@ -90,7 +90,7 @@ impl Reader<'_> {
         Err(problem(self.path, node, format!("<{name}> is \"{}\", expected true or false", text.trim())))
     }
 
-    /// The pose of an element in the frame of `around`, by default that of the element around it.
+    /// Returns the pose of an element in the element around it; the file may name that frame as `around`.
     pub(super) fn pose(
         &self,
         node: Node<'_, '_>,
