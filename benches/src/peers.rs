@@ -157,10 +157,26 @@ impl Peer {
     /// # Errors
     /// Something else is answered, as text.
     pub fn values(&mut self, line: &str) -> Result<Vec<f64>, String> {
-        writeln!(self.ask, "{line}").map_err(|error| format!("{} does not listen: {error}", self.name))?;
-        let answer = self.line()?;
+        let answer = self.exchange(line)?;
         let numbers = answer.split_whitespace().map(str::parse).collect::<Result<_, _>>();
         numbers.map_err(|_| format!("{} answers `{}`", self.name, answer.trim()))
+    }
+
+    /// Sends a line and returns the next line of the peer.
+    ///
+    /// # Errors
+    /// The peer has ended, as text.
+    pub fn exchange(&mut self, line: &str) -> Result<String, String> {
+        self.send(line)?;
+        self.line()
+    }
+
+    /// Sends a line that has no answer.
+    ///
+    /// # Errors
+    /// The peer has ended, as text.
+    pub fn send(&mut self, line: &str) -> Result<(), String> {
+        writeln!(self.ask, "{line}").map_err(|error| format!("{} does not listen: {error}", self.name))
     }
 
     fn line(&mut self) -> Result<String, String> {

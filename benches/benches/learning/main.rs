@@ -1,8 +1,10 @@
 //! Learning (criterion): search iterations, environment steps and training steps. With `--peers`, the
 //! searches are compared with cma and bayesian-optimization in one run, with `--training-peers` the time
-//! until a policy balances the cart-pole with Stable-Baselines3.
+//! until a policy balances the cart-pole with Stable-Baselines3. `--returns "TASK ALGORITHM STEPS"... SEEDS`
+//! compares the returns of trained policies with Stable-Baselines3's.
 
 mod cart_pole;
+mod returns;
 mod training;
 mod work;
 
@@ -12,6 +14,16 @@ use criterion::{Criterion, Throughput};
 use motorium_benches::peers::compare;
 
 fn main() {
+    let mut arguments = std::env::args().skip_while(|argument| argument != "--returns");
+    if arguments.next().is_some() {
+        // cargo adds its own option
+        let words: Vec<String> = arguments.filter(|word| !word.starts_with("--")).collect();
+        if let Err(error) = returns::compare(&words) {
+            eprintln!("{error}; pip install -r benches/peers/training.txt");
+            std::process::exit(1);
+        }
+        return;
+    }
     if std::env::args().any(|argument| argument == "--peers") {
         if let Err(error) = compare(&mut work::all(), "learning.py", &["cma", "bayesian-optimization"]) {
             eprintln!("no peers: {error}; pip install -r benches/peers/learning.txt");

@@ -153,8 +153,9 @@ fn sorted(values: &[f64]) -> Vec<f64> {
     sorted
 }
 
-/// Returns a quantile, interpolated between the two nearest values.
-fn quantile(values: &[f64], share: f64) -> f64 {
+/// Returns a quantile, interpolated between the two nearest values. `share` is from 0 to 1; NaN without
+/// values.
+pub fn quantile(values: &[f64], share: f64) -> f64 {
     let sorted = sorted(values);
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
     let place = share * last as f64;

@@ -44,6 +44,16 @@ pub enum FolderError {
         /// True if the run can be continued.
         has_checkpoint: bool,
     },
+    /// The path of the task cannot be stored in the description of a run.
+    #[error(
+        "{}: the path is not UTF-8\n\
+         help: move the task to a folder whose path is UTF-8",
+        folder.display()
+    )]
+    NotText {
+        /// Folder of the task.
+        folder: PathBuf,
+    },
 }
 
 /// Reads a task file; returns its text, too.
@@ -75,6 +85,15 @@ pub(crate) fn base(file: &Path) -> PathBuf {
     }
     let base = file.parent().unwrap_or(Path::new(""));
     std::path::absolute(base).unwrap_or_else(|_| base.to_path_buf())
+}
+
+/// [`base`] for the description of a run, which holds text.
+pub(crate) fn described_base(file: &Path) -> Result<PathBuf, FolderError> {
+    let folder = base(file);
+    if folder.to_str().is_none() {
+        return Err(FolderError::NotText { folder });
+    }
+    Ok(folder)
 }
 
 /// Writes the policy of a run on a task, whose robot has a digest.

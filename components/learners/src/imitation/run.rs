@@ -99,13 +99,13 @@ impl Run {
         let mut settings = ImitationSettings::from_table(&task.algorithms).map_err(invalid)?;
         if algorithm == Algorithm::Clone {
             // as many labels as all iterations make
-            settings.steps *= settings.iterations;
+            settings.steps = settings.steps.saturating_mul(settings.iterations);
             (settings.iterations, settings.beta) = (1, 1.0);
         }
         if let Some(steps) = steps {
             settings.steps = steps.div_ceil(settings.iterations);
         }
-        let base = folder::base(file);
+        let base = folder::described_base(file)?;
         let scene = Scene::load(&task, &base)?;
         let imitation = match (sources.expert, sources.recorded) {
             (None, recorded @ [_, ..]) if algorithm == Algorithm::Clone => {

@@ -23,7 +23,7 @@ pub(crate) use episodes::Episodes;
 pub use network::{Head, TrainedNetwork};
 pub use normaliser::Normaliser;
 pub use schedule::LinearSchedule;
-pub(crate) use settings::{Check, read_settings};
+pub(crate) use settings::{Check, read_settings, settings_table};
 
 use crate::environment::EnvironmentError;
 

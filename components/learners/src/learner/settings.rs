@@ -14,7 +14,7 @@ pub(crate) fn read_settings<S: Default + Serialize + DeserializeOwned>(
 ) -> Result<S, TaskError> {
     let name = algorithm.name();
     let invalid = |message: String| TaskError::Parse(format!("`algorithms.{name}`: {message}"));
-    let mut table = toml::Table::try_from(S::default()).map_err(|error| invalid(error.to_string()))?;
+    let mut table = settings_table(algorithm, &S::default())?;
     let given = match algorithms.get(name) {
         None => return Ok(S::default()),
         Some(given) => given.as_table().ok_or_else(|| invalid("expected a table".to_owned()))?,
@@ -27,6 +27,15 @@ pub(crate) fn read_settings<S: Default + Serialize + DeserializeOwned>(
         table.insert(key.clone(), value.clone());
     }
     table.try_into().map_err(|error: toml::de::Error| invalid(error.to_string()))
+}
+
+/// Returns settings as the table that has them.
+pub(crate) fn settings_table(
+    algorithm: Algorithm,
+    settings: &impl Serialize,
+) -> Result<toml::Table, TaskError> {
+    toml::Table::try_from(settings)
+        .map_err(|error| TaskError::Parse(format!("`algorithms.{}`: {error}", algorithm.name())))
 }
 
 /// Checks of the ranges of settings.

@@ -8,11 +8,11 @@ use crate::a2c::A2cSettings;
 use crate::ddpg::DdpgSettings;
 use crate::dqn::DqnSettings;
 use crate::environment::{EnvironmentError, Scene};
-use crate::learner::{Algorithm, Learner, read_settings};
+use crate::learner::{Algorithm, Learner, read_settings, settings_table};
 use crate::ppo::{Ppo, PpoSettings};
 use crate::reinforce::ReinforceSettings;
 use crate::sac::SacSettings;
-use crate::task::Task;
+use crate::task::{Task, TaskError};
 use crate::td3::Td3Settings;
 
 /// Returns a learner before its first step, with the settings of the task; `steps` replaces theirs.
@@ -65,6 +65,26 @@ pub fn start(
             Box::new(settings.learner(task, run, build)?)
         }
     })
+}
+
+/// Returns all settings of an algorithm: its table in the task, completed by defaults.
+///
+/// # Errors
+///
+/// [`TaskError`] with the key.
+pub fn settings(algorithm: Algorithm, task: &Task) -> Result<toml::Table, TaskError> {
+    let table = &task.algorithms;
+    match algorithm {
+        Algorithm::Ppo => settings_table(algorithm, &PpoSettings::from_table(table)?),
+        Algorithm::A2c => settings_table(algorithm, &read_settings::<A2cSettings>(table, algorithm)?),
+        Algorithm::Reinforce => {
+            settings_table(algorithm, &read_settings::<ReinforceSettings>(table, algorithm)?)
+        }
+        Algorithm::Sac => settings_table(algorithm, &read_settings::<SacSettings>(table, algorithm)?),
+        Algorithm::Td3 => settings_table(algorithm, &read_settings::<Td3Settings>(table, algorithm)?),
+        Algorithm::Ddpg => settings_table(algorithm, &read_settings::<DdpgSettings>(table, algorithm)?),
+        Algorithm::Dqn => settings_table(algorithm, &read_settings::<DqnSettings>(table, algorithm)?),
+    }
 }
 
 #[cfg(test)]

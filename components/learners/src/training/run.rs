@@ -139,7 +139,7 @@ impl Run {
     ) -> Result<Self, RunError> {
         let (task, text) = folder::read_task(file)?;
         folder::check_empty(folder)?;
-        let base = folder::base(file);
+        let base = folder::described_base(file)?;
         let (learner, scene) = build(algorithm, (&task, file), &base, steps, (seed, threads))?;
         let description = Description { algorithm, seed, steps: learner.total_steps(), base };
         let run = Self::new(folder, task, &scene, learner);
@@ -151,7 +151,7 @@ impl Run {
         }
         header.push('\n');
         files::write(&folder.join(PROGRESS), header.as_bytes())?;
-        let json = serde_json::to_string_pretty(&description).expect("numbers and texts serialise");
+        let json = serde_json::to_string_pretty(&description).expect("numbers and UTF-8 paths serialise");
         files::write(&folder.join(RUN), json.as_bytes())?;
         run.save()?;
         Ok(run)

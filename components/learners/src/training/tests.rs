@@ -251,6 +251,28 @@ fn runs_of_imitation_are_not_continued() {
     std::fs::remove_dir_all(&base).expect("the folder");
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn tasks_whose_path_is_not_utf_8_are_refused() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt as _;
+    let base = std::env::temp_dir().join(format!("motorium-path-{}", std::process::id()));
+    let named = base.join(OsStr::from_bytes(b"caf\xe9"));
+    std::fs::create_dir_all(&named).expect("a folder");
+    let (file, output) = (named.join("task.toml"), base.join("run"));
+    std::fs::write(&file, CART_POLE).expect("a file");
+    let trained = Run::create(Algorithm::Ppo, &file, &output, (1, 1), None).err();
+    let is_refused =
+        |error: &FolderError| matches!(error, FolderError::NotText { folder } if *folder == named);
+    assert!(matches!(&trained, Some(RunError::Folder(error)) if is_refused(error)), "{trained:?}");
+    let sources = imitation::Sources::default();
+    let cloned =
+        imitation::Run::create((&file, sources), &output, (1, 1), (imitation::Algorithm::Clone, None)).err();
+    assert!(matches!(&cloned, Some(imitation::RunError::Folder(error)) if is_refused(error)), "{cloned:?}");
+    assert!(!output.exists());
+    std::fs::remove_dir_all(&base).expect("the folder");
+}
+
 /// Values of an update.
 fn run_measures(algorithm: Algorithm) -> usize {
     let task = task(CART_POLE, &tiny(algorithm));
@@ -304,6 +326,18 @@ fn settings_of_all_algorithms_are_checked() {
     let error = begin(Algorithm::Td3, &unbounded, (1, 1)).err();
     let Some(EnvironmentError::Task(TaskError::Value { key, .. })) = error else { panic!("{error:?}") };
     assert_eq!(key, "action.clip");
+}
+
+#[test]
+fn settings_of_a_task_are_completed_by_defaults() {
+    for algorithm in Algorithm::ALL {
+        let given = task(CART_POLE, &format!("[{}]\nsteps = 77", algorithm.name()));
+        let found = settings(algorithm, &given).expect("settings");
+        let number = |key: &str| found.get(key).and_then(toml::Value::as_integer);
+        assert_eq!(number("steps"), Some(77), "{algorithm:?}");
+        assert!(found.contains_key("discount") && found.contains_key("rate"), "{algorithm:?}: {found:?}");
+        assert!(settings(algorithm, &task(CART_POLE, &format!("{} = 1", algorithm.name()))).is_err());
+    }
 }
 
 #[test]
