@@ -21,8 +21,9 @@ use serde::Deserialize;
 /// since, where other ways were nearly a third of the code of `motorium-sensors`; and a crate of the project,
 /// the algebra that models and the motion library share; and `ruzstd` and `lz4_flex`, which unpack the chunks
 /// of recordings by other programs; and `serde-saphyr`, which reads the YAML files that Isaac Lab and LEAPP
-/// write next to a trained policy (four crates: a parser, its ring buffer and its decoder of encodings); and two
-/// crates of the project: the QP solvers, a leaf below the controllers, and the controllers of moving bases.
+/// write next to a trained policy (four crates: a parser, its ring buffer and its decoder of encodings); and
+/// two crates of the project: the QP solvers, a leaf below the controllers, and the controllers of moving
+/// bases.
 /// `toml` and `signal-hook` are in the tree once, shared with iceoryx2 and the screen.
 ///
 /// What goes with each subtree, where all others stay: iceoryx2 32, `mcap` and `foxglove` 26, `ratatui` 25,

@@ -41,8 +41,16 @@ pub struct FootPlan {
 /// use nalgebra::Vector3;
 ///
 /// let (position, velocity) = (Vector3::new(1.0, 0.0, 0.25), Vector3::new(0.4, 0.0, 0.0));
-/// let plan =
-///     FootPlan { position, velocity, desired: velocity, heading: 0.0, stance: 0.2, height: 0.25, gravity: 9.81, ground: GroundPlane::default() };
+/// let plan = FootPlan {
+///     position,
+///     velocity,
+///     desired: velocity,
+///     heading: 0.0,
+///     stance: 0.2,
+///     height: 0.25,
+///     gravity: 9.81,
+///     ground: GroundPlane::default(),
+/// };
 /// let rest = Vector3::new(0.2, 0.15, -0.25);
 /// assert!((foothold(&plan, &rest, 0.1) - Vector3::new(1.24, 0.15, 0.0)).norm() < 1e-12);
 /// ```
@@ -82,7 +90,7 @@ pub struct Swing {
 
 impl Swing {
     /// Position \[m\] and velocity \[m/s\] after `elapsed` seconds.
-    pub fn at(&self, elapsed: f64) -> (Vector3<f64>, Vector3<f64>) {
+    pub fn point_at(&self, elapsed: f64) -> (Vector3<f64>, Vector3<f64>) {
         let s = (elapsed / self.time).clamp(0.0, 1.0);
         let way = s * s * s * (10.0 + s * (6.0 * s - 15.0));
         let rate = 30.0 * (s * (1.0 - s)).powi(2);
@@ -106,11 +114,11 @@ mod tests {
 
     #[test]
     fn swing_starts_and_ends_at_rest_with_clearance() {
-        assert_eq!(SWING.at(0.0), (SWING.from, Vector3::zeros()));
-        let (end, velocity) = SWING.at(0.2);
+        assert_eq!(SWING.point_at(0.0), (SWING.from, Vector3::zeros()));
+        let (end, velocity) = SWING.point_at(0.2);
         assert!((end - SWING.to).norm() < 1e-15 && velocity.norm() < 1e-15);
-        assert_eq!(SWING.at(0.3), SWING.at(0.2));
-        let (middle, _) = SWING.at(0.1);
+        assert_eq!(SWING.point_at(0.3), SWING.point_at(0.2));
+        let (middle, _) = SWING.point_at(0.1);
         assert!((middle - Vector3::new(0.2, 0.15, 0.025 + 0.06)).norm() < 1e-15);
     }
 
@@ -118,8 +126,8 @@ mod tests {
     fn swing_velocity_is_the_position_derivative() {
         for step in 1..40 {
             let time = 0.005 * f64::from(step);
-            let slope = (SWING.at(time + 1e-6).0 - SWING.at(time - 1e-6).0) / 2e-6;
-            assert!((slope - SWING.at(time).1).norm() < 1e-7, "{time}");
+            let slope = (SWING.point_at(time + 1e-6).0 - SWING.point_at(time - 1e-6).0) / 2e-6;
+            assert!((slope - SWING.point_at(time).1).norm() < 1e-7, "{time}");
         }
     }
 

@@ -30,7 +30,8 @@ pub enum GroundModel {
 /// use nalgebra::{Vector2, Vector3};
 ///
 /// let mut ground = GroundPlane::default();
-/// let feet = [[0.2, 0.1, 0.02], [0.2, -0.1, 0.02], [-0.2, 0.1, -0.02], [-0.2, -0.1, -0.02]].map(Vector3::from);
+/// let feet = [[0.2, 0.1, 0.02], [0.2, -0.1, 0.02], [-0.2, 0.1, -0.02], [-0.2, -0.1, -0.02]];
+/// let feet = feet.map(Vector3::from);
 /// ground.fit(feet.iter().copied(), 1.0);
 /// assert!((ground.height(&Vector2::new(1.0, 0.0)) - 0.1).abs() < 1e-12);
 /// assert!((ground.normal() - Vector3::new(-0.1, 0.0, 1.0).normalize()).norm() < 1e-12);

@@ -276,7 +276,7 @@ impl LegPlanner {
             });
             swing.to = to;
             leg.load = 0.0;
-            leg.target = swing.at(now - began);
+            leg.target = swing.point_at(now - began);
         }
     }
 

@@ -5,7 +5,7 @@
 //! `e_v` of the centre of the base, the rotation `R` of the base and the desired rotation `R_d`,
 //!
 //! ```text
-//! F   = -k_x e_x - k_v e_v - k_i int e_x + m g      the desired force, whose direction is the third axis of R_d
+//! F   = -k_x e_x - k_v e_v - k_i int e_x + m g      the desired force, along the third axis of R_d
 //! f   = F . R e_3                                   the thrust
 //! e_R = 1/2 vee(R_d' R - R' R_d)
 //! M   = -k_R e_R - k_W (W - W_d) + W x J W          the torque, J the inertia

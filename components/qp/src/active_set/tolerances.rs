@@ -1,6 +1,6 @@
 //! The tolerances of the method, and the failure that each guards against.
 //!
-//! `tests/qp/tolerances.rs` has problems that fail without one of them.
+//! `tests/qp/tolerances.rs` has problems that fail without each of them, except `tie`.
 //!
 //! All are relative: a share of the numbers that they are compared with. Rows are scaled before, so that
 //! their entries are near one.

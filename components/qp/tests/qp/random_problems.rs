@@ -110,6 +110,33 @@ pub(crate) fn trial(seed: u64) -> Trial {
     Trial { structure, problem, feasible }
 }
 
+/// The same with nearly dependent constraints: each equality after the first, and every other row, becomes
+/// an equality before it and a small share of itself. Feasible points stay feasible.
+pub(crate) fn nearly_dependent(seed: u64) -> Trial {
+    let mut trial = trial(seed);
+    let problem = &mut trial.problem;
+    let (m, p) = (problem.equality_value.len(), problem.row_lower.len());
+    let r = &mut Random(seed ^ 0x00ab_cdef);
+    let share = 10_f64.powi(-(3 + r.below(8) as i32));
+    for i in 1..m {
+        let j = r.below(i);
+        let row = problem.equality_matrix.row(j) + problem.equality_matrix.row(i) * share;
+        problem.equality_matrix.set_row(i, &row);
+        problem.equality_value[i] = problem.equality_value[j] + share * problem.equality_value[i];
+    }
+    for i in 0..p {
+        if r.one_in(2) && m > 0 {
+            let j = r.below(m);
+            let row = problem.equality_matrix.row(j) + problem.row_matrix.row(i) * share;
+            problem.row_matrix.set_row(i, &row);
+            let value = problem.equality_value[j];
+            problem.row_lower[i] = value + share * problem.row_lower[i];
+            problem.row_upper[i] = value + share * problem.row_upper[i];
+        }
+    }
+    trial
+}
+
 /// The largest residual of the optimality conditions, as a share of the numbers in them.
 fn residual(problem: &Problem, solution: &Solution) -> f64 {
     let multipliers = [&solution.equality_dual, &solution.row_dual, &solution.bound_dual];

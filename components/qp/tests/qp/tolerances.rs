@@ -1,13 +1,26 @@
-//! Random problems that each need one tolerance of the active-set method: without it they are refused, or their
+//! Problems that each need one tolerance of the active-set method: without it they are refused, or their
 //! answer is wrong. Each test is named after the failure that the tolerance guards against.
 
-use motorium_qp::{ActiveSetSettings, ActiveSetSolver, QpSolver};
+use motorium_qp::{
+    Accuracy, ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Solution, SolveError, Structure,
+};
 
-use crate::random_problems::{trial, wrong};
+use crate::random_problems::{Trial, nearly_dependent, trial, wrong};
 
 /// Asserts that these problems are solved or refused rightly, from an empty working set and from their own.
 #[track_caller]
 fn assert_decided(seeds: &[u64]) {
+    assert_all_decided(trial, seeds);
+}
+
+/// The same for problems with [nearly dependent](nearly_dependent) constraints.
+#[track_caller]
+fn assert_dependent_decided(seeds: &[u64]) {
+    assert_all_decided(nearly_dependent, seeds);
+}
+
+#[track_caller]
+fn assert_all_decided(trial: impl Fn(u64) -> Trial, seeds: &[u64]) {
     for seed in seeds {
         let trial = trial(*seed);
         let mut solver = ActiveSetSolver::new(trial.structure.clone(), ActiveSetSettings::default());
@@ -17,6 +30,19 @@ fn assert_decided(seeds: &[u64]) {
             assert_eq!(error, None, "problem {seed}, {pass}");
         }
     }
+}
+
+/// Solution of the minimum of `1/2 x^2 - x + 1/2 curvature y^2 + slope y`, with six more variables that cost
+/// nothing, so that the Hessian is singular.
+#[track_caller]
+fn flat(curvature: f64, slope: f64) -> Solution {
+    let structure = Structure::new(8);
+    let mut problem = Problem::new(&structure);
+    (problem.hessian[(0, 0)], problem.hessian[(1, 1)]) = (1.0, curvature);
+    (problem.gradient[0], problem.gradient[1]) = (-1.0, slope);
+    let mut solver = ActiveSetSolver::new(structure, ActiveSetSettings::default());
+    solver.update(&problem).unwrap();
+    solver.solve().unwrap().clone()
 }
 
 /// Guarded by `singular`: with 1 these fail.
@@ -95,4 +121,93 @@ fn violations_beyond_rounding_are_found() {
 #[test]
 fn rounding_is_not_a_gross_violation() {
     assert_decided(&[0, 1, 3]);
+}
+
+/// Guarded by `rounds_per_shift` and `lower_shift`: with a million, or with 1, this is not solved in 60
+/// rounds, each of which covers a thousandth of the distance.
+#[test]
+fn lower_shifts_reach_minima_along_flat_costs() {
+    let solution = flat(1e-7, 1e-7);
+    assert_eq!(solution.accuracy, Accuracy::Full);
+    assert!((solution.x[1] + 1.0).abs() < 1e-5, "{}", solution.x[1]);
+}
+
+/// Guarded by `little_force`: with 0 this is refused after the last round.
+#[test]
+fn drifts_along_nearly_flat_costs_end_with_reduced_accuracy() {
+    let solution = flat(1e-11, 5e-11);
+    assert_eq!(solution.accuracy, Accuracy::Reduced);
+    assert!((solution.x[0] - 1.0).abs() < 1e-9, "{}", solution.x[0]);
+}
+
+/// Guarded by `poor`: with 0 these fail.
+#[test]
+fn poorly_conditioned_problems_get_a_second_attempt() {
+    assert_decided(&[1_928_778]);
+    assert_dependent_decided(&[248, 330]);
+}
+
+/// Guarded by `repeat`: with 0 these fail.
+#[test]
+fn remainders_of_projections_keep_their_digits() {
+    assert_dependent_decided(&[12, 36, 43]);
+}
+
+/// Guarded by `noise`: with 0 these fail.
+#[test]
+fn multipliers_within_rounding_do_not_recur() {
+    assert_dependent_decided(&[637, 5922]);
+}
+
+/// Guarded by `unsure`: with 0 these fail.
+#[test]
+fn small_violations_of_unrefined_minima_are_ignored() {
+    assert_dependent_decided(&[637, 2642, 3821]);
+}
+
+/// Guarded by `degenerate_steps`: with a million this fails.
+#[test]
+fn degenerate_steps_end_an_attempt_that_broke_down() {
+    assert_dependent_decided(&[214]);
+}
+
+/// Guarded by `refinements`: with 0 these fail.
+#[test]
+fn minima_on_dependent_constraints_are_refined() {
+    assert_dependent_decided(&[12, 17, 26]);
+}
+
+/// Guarded by `converged`: with a million, which is one refinement, this fails.
+#[test]
+fn refinements_are_repeated_until_they_converge() {
+    assert_dependent_decided(&[142]);
+}
+
+/// Guarded by `exact`: with a million these are answered, with errors of 3e-8.
+#[test]
+fn minima_without_converged_refinement_are_rejected() {
+    for seed in [4297, 4363] {
+        let trial = nearly_dependent(seed);
+        let mut solver = ActiveSetSolver::new(trial.structure.clone(), ActiveSetSettings::default());
+        solver.update(&trial.problem).unwrap();
+        for pass in ["cold", "warm"] {
+            let refused = matches!(
+                solver.solve(),
+                Err(SolveError::Numerical { .. } | SolveError::MaxIterations { .. })
+            );
+            assert!(refused, "problem {seed}, {pass}");
+        }
+    }
+}
+
+/// Guarded by `far`: with 0 these fail.
+#[test]
+fn leftovers_of_a_certificate_are_not_proof_far_away() {
+    assert_dependent_decided(&[248, 972, 3481]);
+}
+
+/// Guarded by `out_of_reach` and `nearly`: with infinity, or with 0, this fails.
+#[test]
+fn constraints_that_hold_only_far_away_are_not_added() {
+    assert_dependent_decided(&[330]);
 }

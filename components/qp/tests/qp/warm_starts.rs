@@ -32,8 +32,8 @@ fn pressed() -> (Structure, Problem) {
 fn an_emptied_equality_does_not_remove_other_constraints() {
     let (structure, mut problem) = pressed();
     let mut solver = ActiveSetSolver::new(structure, ActiveSetSettings::default());
-    let anew = solve(&mut solver, &problem);
-    assert!(anew > 10, "from nothing: {anew}");
+    let cold = solve(&mut solver, &problem);
+    assert!(cold > 10, "from nothing: {cold}");
     assert_eq!(solve(&mut solver, &problem), 0, "the same once more");
     problem.equality_matrix.row_mut(2).fill(0.0);
     let changed = solve(&mut solver, &problem);

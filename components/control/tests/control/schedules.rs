@@ -21,7 +21,11 @@ fn standing() -> Graph {
     let robot = quadruped();
     let home = robot.profile.unwrap().configuration(&robot.model, "standing").unwrap();
     let joints: Vec<f64> = home.as_slice()[7..].to_vec();
-    let base = BaseState { position: [home[0], home[1], home[2]], ..BaseState::default() };
+    let base = BaseState {
+        position: [home[0], home[1], home[2]],
+        orientation: [home[3], home[4], home[5], home[6]],
+        ..BaseState::default()
+    };
     Graph::new("schedules")
         .robot("robot", "quadruped")
         .with(Source::new("base", "base", move |_| Some(base)).rate("1 kHz"))
