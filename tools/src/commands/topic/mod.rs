@@ -9,16 +9,14 @@ mod list;
 mod log;
 mod pace;
 mod pose;
-mod publish;
-pub(in crate::commands) mod watch;
+pub(crate) mod publish;
+pub(crate) mod watch;
 
 use std::process::ExitCode;
 
 use motorium::declare::TopicPattern;
 use motorium::nearest::suggest;
 use motorium::plan::{Plan, TopicPlan};
-
-pub(in crate::commands) use publish::fed_from_outside;
 
 /// Show the topics of a running graph, and feed topics that accept outside values.
 ///
