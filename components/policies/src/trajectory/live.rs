@@ -98,7 +98,8 @@ impl LiveGoals {
     /// Notes the progress of the motion, 0 to 1, and the time to its end, s. No effect while the status is
     /// about a newer goal, as in [`end`](Self::end).
     pub(super) fn advance(&mut self, progress: f64, remaining: f64) {
-        if !self.is(GoalState::Moving) || progress - self.status.progress < PROGRESS {
+        let is_first = self.status.remaining == 0.0;
+        if !self.is(GoalState::Moving) || (!is_first && progress - self.status.progress < PROGRESS) {
             return;
         }
         (self.status.progress, self.status.remaining) = (progress, remaining);

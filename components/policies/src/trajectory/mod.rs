@@ -33,10 +33,10 @@ const SETTLING: f64 = 1.0;
 /// if every measured joint is within the tolerance at the end of the dwell time; a closed finger is never too
 /// far, as an object may stop it.
 ///
-/// A goal from the input `goal` replaces all configured ones. Limits and reach are checked, and joint positions
-/// of a pose are found over several steps, while the present motion continues. Then the motion brakes on its
-/// line and continues to the new goal: position, velocity and acceleration are continuous, and within the
-/// limits.
+/// A goal from the input `goal` replaces all configured ones. Limits and reach are checked, and joint
+/// positions of a pose are found over several steps, while the present motion continues. Then the motion
+/// brakes on its line and continues to the new goal: position, velocity and acceleration are continuous, and
+/// within the limits.
 #[derive(Debug)]
 pub struct TrajectoryPolicy {
     writer: JointCommandWriter,

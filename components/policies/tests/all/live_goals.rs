@@ -73,7 +73,7 @@ fn joints(number: u64, positions: [f64; 3]) -> MotionGoal {
     goal
 }
 
-fn place(number: u64, position: [f64; 3]) -> MotionGoal {
+fn position_goal(number: u64, position: [f64; 3]) -> MotionGoal {
     let mut goal = MotionGoal::new(number);
     goal.set_position(position);
     goal
@@ -134,7 +134,7 @@ fn new_goals_take_over_within_all_limits() {
 #[test]
 fn poses_are_reached_by_joints_found_in_steps() {
     let q = [0.3, 1.0, 0.8];
-    let goal = place(9, tip(q));
+    let goal = position_goal(9, tip(q));
     let config = format!("{{ {LIMITS}, goals = [\"bent\"] }}");
     let run = Run::new::<TrajectoryPolicy>(&config, vec![(100, goal)], "3 s");
     assert_eq!(run.last_of(9).goal_state(), Some(GoalState::Reached));
@@ -149,13 +149,13 @@ fn poses_are_reached_by_joints_found_in_steps() {
 
 #[test]
 fn refused_goals_leave_the_motion_as_it_is() {
-    let far = place(1, [9.0, 0.0, 0.0]);
-    let out_of_plane = place(2, [0.5, 0.1, 0.4]);
+    let far = position_goal(1, [9.0, 0.0, 0.0]);
+    let out_of_plane = position_goal(2, [0.5, 0.1, 0.4]);
     let mut few = MotionGoal::new(4);
     few.set_count(2);
     let mut turned = MotionGoal::new(6);
     turned.orientation = [0.0, 0.0, 3.0, 0.0];
-    let mut both = place(7, tip(START));
+    let mut both = position_goal(7, tip(START));
     both.set_joint(0, 0.1);
     let mut slow = joints(8, START);
     slow.duration = -1.0;

@@ -15,7 +15,7 @@ use motorium_bridges::Feed;
 use motorium_policies::trajectory::{GoalPlanner, Planned};
 use serde_json::json;
 
-use super::topic::fed_from_outside;
+use super::topic::publish::fed_from_outside;
 use super::topic::watch::{End, Look, Watch};
 use crate::out::{errln, outln};
 use crate::robots;

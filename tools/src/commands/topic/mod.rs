@@ -10,13 +10,11 @@ mod list;
 mod log;
 mod pace;
 mod pose;
-mod publish;
+pub(crate) mod publish;
 mod text;
-pub(in crate::commands) mod watch;
+pub(crate) mod watch;
 
 use std::process::ExitCode;
-
-pub(in crate::commands) use publish::fed_from_outside;
 
 /// Show the topics of a running graph, and feed topics that accept outside values.
 ///

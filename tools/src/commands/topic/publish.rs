@@ -115,7 +115,7 @@ impl Pub {
 }
 
 /// Only what a bridge publishes may be fed: every other topic has a component that publishes it.
-pub(in crate::commands) fn fed_from_outside(plan: &Plan, topic: &TopicPlan) -> anyhow::Result<()> {
+pub(crate) fn fed_from_outside(plan: &Plan, topic: &TopicPlan) -> anyhow::Result<()> {
     let is_bridge = |program: &Program| matches!(program, Program::Builtin { kind } if kind == <Iceoryx2Bridge as motorium::component::Component>::KIND);
     let writer = &plan.components[topic.writer];
     if is_bridge(&writer.program) {

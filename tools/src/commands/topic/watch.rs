@@ -20,7 +20,7 @@ const TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Reason for the end of following a topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::commands) enum End {
+pub(crate) enum End {
     /// The caller ended it.
     Enough,
     /// Its time was over.
@@ -33,7 +33,7 @@ pub(in crate::commands) enum End {
 
 /// The result of one look at a topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::commands) enum Look {
+pub(crate) enum Look {
     /// There was no new sample.
     Nothing,
     /// There was a sample.
@@ -44,7 +44,7 @@ pub(in crate::commands) enum Look {
 
 /// A topic being followed.
 #[derive(Debug)]
-pub(in crate::commands) struct Watch<'a> {
+pub(crate) struct Watch<'a> {
     run: &'a LivingRun,
     topic: &'a TopicPlan,
     interrupted: Arc<AtomicBool>,
@@ -53,24 +53,24 @@ pub(in crate::commands) struct Watch<'a> {
 impl<'a> Watch<'a> {
     /// Prepares to follow a topic, away from the real-time cores. Signals from now on end the following in
     /// good order, so that the place of its reader becomes free again.
-    pub(in crate::commands) fn open(run: &'a LivingRun, topic: &'a TopicPlan) -> anyhow::Result<Self> {
+    pub(crate) fn open(run: &'a LivingRun, topic: &'a TopicPlan) -> anyhow::Result<Self> {
         run.stand_aside();
         let interrupted = interrupted()?;
         Ok(Self { run, topic, interrupted })
     }
 
     /// A reader of every sample of the topic.
-    pub(in crate::commands) fn tap(&self) -> anyhow::Result<Tap> {
+    pub(crate) fn tap(&self) -> anyhow::Result<Tap> {
         Ok(Tap::open(&self.run.folder.domain()?, self.topic)?)
     }
 
     /// A reader of the newest sample of the topic.
-    pub(in crate::commands) fn reader(&self) -> anyhow::Result<TopicReader> {
+    pub(crate) fn reader(&self) -> anyhow::Result<TopicReader> {
         Ok(TopicReader::open(&self.run.folder.domain()?, self.topic)?)
     }
 
     /// Calls `look` every `poll`, until it has seen enough.
-    pub(in crate::commands) fn follow(
+    pub(crate) fn follow(
         &self,
         poll: Duration,
         time: Option<Duration>,
