@@ -3,6 +3,7 @@
 use motorium::prelude::*;
 use motorium::units::TimeSpan;
 use motorium_robots::{Foot, Model, Profile};
+use nalgebra::DVector;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -12,6 +13,10 @@ use crate::inverse_dynamics::{
     WrenchCone,
 };
 use crate::limits::LimitsConfig;
+
+/// Share of the acceleration limits in the robot's profile that is used. Drives that follow the integrated
+/// accelerations overshoot them.
+const PROFILE_SHARE: f64 = 0.9;
 
 with_defaults! {
     /// Whole-body inverse dynamics: torques, contacts, floating bases. Every key has a default: for a robot
@@ -32,11 +37,12 @@ with_defaults! {
     pub contacts: Option<Vec<ContactConfig>> = None;
     /// Cost of a contact force, 1/N, 0 to 1000: spreads the load over the contact points. Default 1e-3.
     pub force_weight: f64 = 1e-3;
-    /// Deceleration with which a joint can always stop before its limits, rad/s2 or m/s2, 1e-3 to 1e6.
-    /// Default 20.
+    /// Deceleration with which a joint can always stop before its limits, rad/s2 or m/s2, 1e-3 to 1e6, and
+    /// at most the joint's largest acceleration. Default 20.
     pub braking: f64 = InverseDynamicsSettings::default().joints.braking;
-    /// Largest acceleration of a joint, rad/s2 or m/s2, at least `braking`. Default 1000.
-    pub max_acceleration: f64 = InverseDynamicsSettings::default().joints.max_acceleration;
+    /// Largest acceleration of a joint, rad/s2 or m/s2, at least `braking`. Default: 0.9 times the limit of
+    /// the robot's profile, 1000 for a joint without a limit.
+    pub max_acceleration: Option<f64> = None;
     /// Fraction of the torque limits that may be used, more than 0, at most 1. Default 1.
     pub torque_fraction: f64 = InverseDynamicsSettings::default().torque_fraction;
     /// Rate at which the room between a velocity and one of `limits.frames`, `limits.collision` and
@@ -183,6 +189,19 @@ impl InverseDynamicsConfig {
         Ok(contacts)
     }
 
+    /// Largest acceleration of each joint by the robot's profile; `None` if the table defines one for all
+    /// joints, or the robot has no profile.
+    pub(super) fn profile_acceleration(
+        &self,
+        model: &Model,
+        profile: Option<&Profile>,
+    ) -> Result<Option<DVector<f64>>, ConfigError> {
+        let Some(profile) = profile.filter(|_| self.max_acceleration.is_none()) else { return Ok(None) };
+        let limit = profile.acceleration_limit(model);
+        let limit = limit.map_err(|error| ConfigError::key("robot", error.to_string()))?;
+        Ok(Some(limit * PROFILE_SHARE))
+    }
+
     /// Share of the gains with which the drives follow the integrated accelerations.
     pub(super) fn impedance(&self) -> f64 {
         self.impedance.unwrap_or(if self.unknowns == Unknowns::Accelerations { 1.0 } else { 0.0 })
@@ -242,6 +261,7 @@ impl InverseDynamicsConfig {
         let key = |name: &str| format!("inverse_dynamics.{name}");
         self.refuse_unused_keys()?;
         in_range(&key("impedance"), self.impedance(), 0.0..=1.0)?;
+        let joints = JointAccelerationLimits::default();
         let braking = in_range(&key("braking"), self.braking, 1e-3..=1e6)?;
         in_range(&key("max_iterations"), f64::from(self.max_iterations), 10.0..=1e5)?;
         Ok(InverseDynamicsSettings {
@@ -251,7 +271,11 @@ impl InverseDynamicsConfig {
             contact_damping: in_range(&key("contact_damping"), self.contact_damping, 0.0..=1000.0)?,
             joints: JointAccelerationLimits {
                 braking,
-                max_acceleration: in_range(&key("max_acceleration"), self.max_acceleration, braking..=1e9)?,
+                max_acceleration: in_range(
+                    &key("max_acceleration"),
+                    self.max_acceleration.unwrap_or(joints.max_acceleration),
+                    braking..=1e9,
+                )?,
                 margin: limits.position.margin,
                 velocity_fraction: limits.velocity.fraction,
             },

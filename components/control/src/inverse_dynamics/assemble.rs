@@ -27,7 +27,7 @@ impl InverseDynamics {
         self.settings.joints.write(
             model,
             (q, v),
-            dt,
+            (self.acceleration_limit.as_slice(), dt),
             &mut self.problem.lower.as_mut_slice()[first..end],
             &mut self.problem.upper.as_mut_slice()[first..end],
         );

@@ -27,6 +27,8 @@ pub struct InverseDynamics {
     pub(crate) order: Order,
     pub(crate) contacts: Vec<ContactPlace>,
     pub(super) torque_limit: DVector<f64>,
+    /// Largest acceleration of each joint.
+    pub(super) acceleration_limit: DVector<f64>,
     pub(super) dynamics: Dynamics,
     pub(super) mass: DMatrix<f64>,
     pub(crate) bias: DVector<f64>,
@@ -106,6 +108,7 @@ impl InverseDynamics {
         Self {
             relaxed,
             torque_limit: model.effort_limit() * settings.torque_fraction,
+            acceleration_limit: DVector::from_element(joints, f64::INFINITY),
             dynamics: Dynamics::new(model),
             mass: DMatrix::zeros(nv, nv),
             bias: DVector::zeros(nv),

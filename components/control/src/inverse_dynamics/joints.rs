@@ -73,19 +73,26 @@ impl JointAccelerationLimits {
         bound.clamp(-self.max_acceleration, self.max_acceleration)
     }
 
-    /// Writes the bounds of all joints of `model` at `q` (nq) and `v` (nv): one entry per independent joint.
+    /// The limits of a joint that accelerates and brakes at `most` or less.
+    fn up_to(&self, most: f64) -> Self {
+        Self { braking: self.braking.min(most), max_acceleration: self.max_acceleration.min(most), ..*self }
+    }
+
+    /// Writes the bounds of all joints of `model` at `q` (nq) and `v` (nv), which accelerate by `most` or
+    /// less: one entry per independent joint.
     pub(super) fn write(
         &self,
         model: &Model,
         (q, v): (&[f64], &[f64]),
-        dt: f64,
+        (most, dt): (&[f64], f64),
         lower: &mut [f64],
         upper: &mut [f64],
     ) {
         let (q, v) = (model.joints_of_q(q), model.joints_of_v(v));
         for (joint, (q, v)) in q.iter().zip(v).enumerate() {
             let range = (model.lower()[joint], model.upper()[joint]);
-            (lower[joint], upper[joint]) = self.bounds(*q, *v, range, model.velocity_limit()[joint], dt);
+            let limits = self.up_to(most[joint]);
+            (lower[joint], upper[joint]) = limits.bounds(*q, *v, range, model.velocity_limit()[joint], dt);
         }
     }
 }

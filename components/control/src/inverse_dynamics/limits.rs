@@ -1,7 +1,7 @@
 //! Further constraints of a tick: velocity limits at acceleration level, and exact tasks.
 
 use motorium_qp::{Conflict, Constraint, SolveError, UpdateError};
-use nalgebra::Vector3;
+use nalgebra::{DVector, Vector3};
 
 use super::MotionState;
 use super::control::{AccelerationTask, InverseDynamics};
@@ -15,6 +15,18 @@ use crate::limits::{LimitRows, RowLimit, are_alike};
 const NAMED: u32 = 8;
 
 impl InverseDynamics {
+    /// Limits the acceleration and the braking of each joint \[rad/s2 or m/s2\], above 0, in addition to
+    /// [`InverseDynamicsSettings::joints`](super::InverseDynamicsSettings::joints). Default infinite.
+    ///
+    /// # Panics
+    /// If `most` does not have one number for each joint.
+    #[must_use]
+    pub fn limit_accelerations(mut self, most: DVector<f64>) -> Self {
+        assert_eq!(most.len(), self.order.joints, "one acceleration for each joint");
+        self.acceleration_limit = most;
+        self
+    }
+
     /// Adds the rows of `limit`, which bound velocities by `lower(q) <= G(q) v <= upper(q)`, as bounds of the
     /// accelerations of a tick of `dt` seconds.
     ///

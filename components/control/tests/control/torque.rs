@@ -46,6 +46,31 @@ fn impedance_adds_scaled_gains_to_the_integrated_motion() {
 }
 
 #[test]
+fn integrated_motions_keep_the_acceleration_limits_of_the_profile() {
+    let panda = motorium_robots::load("panda", std::path::Path::new(".")).unwrap();
+    let limits = panda.profile.unwrap().acceleration_limit(&panda.model).unwrap();
+    // the largest acceleration of a setpoint, in units of the joint's limit
+    let hardest = |rest: &str| {
+        let probe = Probe::<JointCommand>::for_topic("panda/joint_command").triggered();
+        let tasks = "tasks = [{ cartesian = { gain = 60.0 } }, { posture = { weight = 0.01, gain = 3.0 } }]";
+        let config = format!("{{ inverse_dynamics = {{ unknowns = \"accelerations\"{rest} }}, {tasks} }}");
+        let report = run(graph("{}", Targets::default(), controller(&config)).with(&probe));
+        assert_eq!(report.results["controller"]["steps_without_solution"], 0);
+        // After `stiff_start`, in which the drives hold their positions.
+        let commands = probe.values().split_off(610);
+        let accelerations = commands.windows(2).flat_map(|pair| {
+            (0..7).map(|joint| {
+                (pair[1].velocity()[joint] - pair[0].velocity()[joint]).abs() / 1e-3 / limits[joint]
+            })
+        });
+        accelerations.fold(0.0, f64::max)
+    };
+    let (limited, free) = (hardest(""), hardest(", max_acceleration = 1000.0"));
+    // The integrated velocities are drawn towards the measured ones.
+    assert!(limited <= 1.0 && free > 1.1, "{limited} {free}");
+}
+
+#[test]
 fn the_same_torques_are_published_to_the_last_bit() {
     let (one, two) = (reach(&torques("")), reach(&torques("")));
     assert!(one.state_hash.is_some());

@@ -178,6 +178,28 @@ fn a_joint_driven_to_its_end_stays_within_its_limits() {
 }
 
 #[test]
+fn joints_keep_their_own_acceleration_limits() {
+    let robot = Robot::new("panda");
+    let model = &robot.model;
+    let most = DVector::from_vec(vec![15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0, f64::INFINITY]);
+    let far: Vec<f64> = robot.q.iter().map(|q| q + 0.5).collect();
+    let mut posture = PostureTask::new(model, &far).feedback(Feedback::critical(20.0)).weight(1.0);
+    let mut solve = |control: InverseDynamics| {
+        let mut control = control;
+        control.begin(&robot.state(), 1e-3);
+        control.add_task(&robot.state(), 0, &mut posture);
+        control.solve().unwrap().acceleration.clone()
+    };
+    let limited = solve(InverseDynamics::new(model, Vec::new()).limit_accelerations(most.clone()));
+    let free = solve(InverseDynamics::new(model, Vec::new()));
+    for joint in 0..7 {
+        assert!(limited[joint].abs() <= most[joint] + 1e-6, "joint {joint}: {limited}");
+    }
+    let exceeds = (0..7).filter(|joint| free[*joint].abs() > 2.0 * most[*joint]).count();
+    assert!(exceeds > 3 && limited[7].abs() > 20.0, "{limited} {free}");
+}
+
+#[test]
 fn torques_at_their_limit_hold_and_are_named() {
     let robot = Robot::new("panda");
     let model = &robot.model;

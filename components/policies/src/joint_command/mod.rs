@@ -78,6 +78,8 @@ pub(crate) struct CommandedJoints {
     joints: Vec<usize>,
     /// Joints without a drive.
     passive: Vec<usize>,
+    /// Acceleration limits of the robot's profile, by joint of the robot; `None` if it has none.
+    acceleration: Option<DVector<f64>>,
 }
 
 /// The gains required by a command are unavailable.
@@ -188,7 +190,12 @@ impl CommandedJoints {
         let gains = gains(&model, loaded.profile.as_ref())?;
         let passive = loaded.profile.iter().flat_map(|profile| &profile.passive);
         let passive = passive.filter_map(|name| model.joint_index(name)).collect();
-        Ok(Self { model, gains, gravity: Vector3::from(gravity), joints: found, passive })
+        let acceleration = loaded.profile.as_ref().map(|profile| profile.acceleration_limit(&model));
+        let acceleration =
+            acceleration.transpose().map_err(|error| ConfigError::key("robot", error.to_string()))?;
+        let acceleration = acceleration.filter(|limits| limits.iter().any(|limit| limit.is_finite()));
+        let gravity = Vector3::from(gravity);
+        Ok(Self { model, gains, gravity, joints: found, passive, acceleration })
     }
 
     /// Declares the ports and parameters of the joint command writer of one robot.

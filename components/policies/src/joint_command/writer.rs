@@ -5,11 +5,15 @@ use motorium::declare::StepError;
 use motorium::state::{JointCommand, JointState};
 use motorium::transport::{Input, Output, Parameter};
 use motorium_primitives::dmp::{Jet, Quintic};
+use motorium_primitives::profile::{Follower, MotionLimits};
 use motorium_robots::{Dynamics, Model};
-use nalgebra::Vector3;
+use nalgebra::{DVector, Vector3};
 
 use super::{CommandedJoints, JointCommandConfig, JointPorts};
 use crate::robot::unexpected_joints;
+
+/// Share of the velocity and acceleration limits that limited setpoints use. Drives overshoot their setpoints.
+const LIMIT_SHARE: f64 = 0.9;
 
 /// Commanded quantity of the moved joints.
 enum Drive<'a> {
@@ -72,6 +76,45 @@ impl Compensation {
     }
 }
 
+/// Setpoints of the moved joints that keep acceleration limits.
+#[derive(Debug)]
+struct Limiter {
+    follower: Follower,
+    /// Setpoints before the limits, and their rates.
+    target: Vec<f64>,
+    rate: Vec<f64>,
+    has_started: bool,
+    /// Sum of squares, and number, of the differences between limited and unlimited setpoints.
+    squares: f64,
+    count: u64,
+}
+
+impl Limiter {
+    /// Limits the setpoints of the joints `moved`. Starts at rest where the joints were found.
+    fn limit(&mut self, dt: f64, joints: &mut [Joint], moved: &[usize]) {
+        if !self.has_started {
+            for (target, joint) in self.target.iter_mut().zip(moved) {
+                *target = joints[*joint].found;
+            }
+            self.follower.start(&self.target);
+            self.has_started = true;
+        }
+        for ((target, rate), joint) in self.target.iter_mut().zip(&mut self.rate).zip(moved) {
+            let Joint { setpoint, rate: of_joint, .. } = joints[*joint];
+            // The follower is where its target will be at the end of the step.
+            (*target, *rate) = (setpoint - of_joint * dt, of_joint);
+        }
+        self.follower.step(dt, &self.target, &self.rate);
+        let limited = self.follower.position().iter().zip(self.follower.velocity());
+        for ((position, velocity), joint) in limited.zip(moved) {
+            let joint = &mut joints[*joint];
+            self.squares += (position - joint.setpoint).powi(2);
+            (joint.setpoint, joint.rate) = (*position, *velocity);
+        }
+        self.count += moved.len() as u64;
+    }
+}
+
 /// Commands the joints of a robot. The joints that a policy moves ease from their current positions to its
 /// setpoints; the others stay at their initial positions. Setpoints are clamped to the position limits.
 #[derive(Debug)]
@@ -85,6 +128,9 @@ pub(crate) struct JointCommandWriter {
     kp_scale: Parameter<f64>,
     kd_scale: Parameter<f64>,
     compensation: Option<Box<Compensation>>,
+    /// Limits of the setpoints, if the robot's profile has acceleration limits and the policy keeps them.
+    limiter: Option<Limiter>,
+    acceleration: Option<DVector<f64>>,
     /// Fraction of the easing over time, and its duration, s.
     ease: Quintic,
     ease_duration: f64,
@@ -112,7 +158,7 @@ impl JointCommandWriter {
         ports: &JointPorts,
         setup: &mut Setup,
     ) -> Result<Self, ConfigureError> {
-        let CommandedJoints { model, gains, gravity, joints: moved, passive } = driven;
+        let CommandedJoints { model, gains, gravity, joints: moved, passive, acceleration } = driven;
         let joint = |joint: usize| Joint {
             lower: model.lower()[joint],
             upper: model.upper()[joint],
@@ -146,6 +192,8 @@ impl JointCommandWriter {
             kp_scale: setup.parameter("kp_scale")?,
             kd_scale: setup.parameter("kd_scale")?,
             compensation,
+            limiter: None,
+            acceleration,
             ease: Quintic::new(0.0, ease_duration, Jet::default(), 1.0),
             ease_duration,
             elapsed: 0.0,
@@ -154,9 +202,50 @@ impl JointCommandWriter {
         })
     }
 
+    /// Keeps setpoints within 0.9 times the velocity limits of the robot and the acceleration limits of its
+    /// profile, however the policy's setpoints move. Joints without an acceleration limit are not limited.
+    #[must_use]
+    pub(crate) fn within_limits(mut self) -> Self {
+        let Some(acceleration) = &self.acceleration else { return self };
+        let limits = |joint: &usize| match acceleration[*joint] {
+            limit if limit.is_finite() => MotionLimits {
+                velocity: LIMIT_SHARE * self.joints[*joint].velocity_limit,
+                acceleration: LIMIT_SHARE * limit,
+                jerk: f64::INFINITY,
+            },
+            _ => MotionLimits { velocity: f64::INFINITY, acceleration: f64::INFINITY, jerk: f64::INFINITY },
+        };
+        let range = |joint: &usize| [self.joints[*joint].lower, self.joints[*joint].upper];
+        let (limits, ranges) =
+            (self.moved.iter().map(limits).collect(), self.moved.iter().map(range).collect());
+        let zeros = vec![0.0; self.moved.len()];
+        self.limiter = Some(Limiter {
+            follower: Follower::new(limits, ranges),
+            target: zeros.clone(),
+            rate: zeros,
+            has_started: false,
+            squares: 0.0,
+            count: 0,
+        });
+        self
+    }
+
     /// Restarts with the next joint state.
     pub(crate) fn reset(&mut self) {
         (self.elapsed, self.is_found) = (0.0, false);
+        if let Some(limiter) = &mut self.limiter {
+            (limiter.has_started, limiter.squares, limiter.count) = (false, 0.0, 0);
+        }
+    }
+
+    /// Returns the commanded position of a moved joint, rad or m.
+    pub(crate) fn setpoint(&self, index: usize) -> f64 {
+        self.joints[self.moved[index]].setpoint
+    }
+
+    /// Returns the root mean square distance between the limited setpoints and those of the policy, rad or m.
+    pub(crate) fn limited_error(&self) -> f64 {
+        self.limiter.as_ref().map_or(0.0, |limiter| (limiter.squares / limiter.count.max(1) as f64).sqrt())
     }
 
     /// Reads the newest joint state. Returns `false` before the first one.
@@ -221,6 +310,9 @@ impl JointCommandWriter {
             if joint.setpoint == eased {
                 joint.rate = ease.value * rate + ease.rate * off;
             }
+        }
+        if let Some(limiter) = &mut self.limiter {
+            limiter.limit(dt, &mut self.joints, &self.moved);
         }
         self.publish(&Drive::Position)
     }

@@ -21,7 +21,8 @@ use follower::Follower;
 /// A pose of the human, from a port or a recorded movement, maps to a latent point, which maps to a pose of
 /// each robot and to the pose's novelty: the part of the predictive variance that the training poses do not
 /// explain. A robot slows down above the novelty `slow_from`, and holds above `hold_from`; it continues when
-/// the pose is familiar again. All robots hold while there is no fresh human pose.
+/// the pose is familiar again. All robots hold while there is no fresh human pose. Setpoints keep within 0.9
+/// times the velocity and acceleration limits of a robot whose profile limits accelerations.
 #[derive(Debug)]
 pub struct LatentPolicy {
     model: LatentModel,
@@ -201,7 +202,8 @@ impl Component for LatentPolicy {
             let joints = model.spaces()[mimic.space].dimensions();
             let ports = JointPorts::for_robot(&mimic.name);
             robots.push(Robot {
-                writer: JointCommandWriter::with_ports(mimic.driven, &config.joint_command, &ports, setup)?,
+                writer: JointCommandWriter::with_ports(mimic.driven, &config.joint_command, &ports, setup)?
+                    .within_limits(),
                 name: mimic.name,
                 space: mimic.space,
                 follower: Follower::new(joints, config.follow.as_secs_f64()),
@@ -263,8 +265,9 @@ impl Component for LatentPolicy {
             robot.figures.slowed += if self.has_pose && target_pace < 1.0 { dt } else { 0.0 };
             robot.figures.held += if robot.follower.pace() == 0.0 { dt } else { 0.0 };
             if robot.writer.is_eased_in() {
-                for (joint, position) in robot.follower.position().iter().enumerate() {
-                    robot.figures.squares += (position - robot.writer.position(joint)).powi(2);
+                for joint in 0..robot.target.len() {
+                    let error = robot.writer.setpoint(joint) - robot.writer.position(joint);
+                    robot.figures.squares += error.powi(2);
                 }
                 robot.figures.errors += robot.target.len() as u64;
             }
@@ -296,6 +299,7 @@ impl Component for LatentPolicy {
                     "slowed_s": figures.slowed,
                     "held_s": figures.held,
                     "tracking_error": (figures.squares / figures.errors.max(1) as f64).sqrt(),
+                    "limited_error": robot.writer.limited_error(),
                 });
                 (robot.name.clone(), result)
             })

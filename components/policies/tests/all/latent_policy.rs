@@ -168,6 +168,62 @@ fn a_recorded_movement_is_replayed() {
     assert!(figure(&report, "right", "tracking_error") < 0.05, "{}", report.results["policy"]);
 }
 
+const LIMITED: &str = r#"
+title = "Planar arm that accelerates slowly"
+sources = []
+joints = ["joint1", "joint2", "joint3"]
+home = "bent"
+[poses]
+bent = [0.5, 0.8, 0.8]
+[limits]
+acceleration = [8.0, 12.0, inf]
+"#;
+
+#[test]
+fn setpoints_keep_the_acceleration_limits_of_the_robot() {
+    let folder = tempfile::tempdir().expect("a folder");
+    train(&folder.path().join("arms.latent"), Some(BackForm::Pose));
+    std::fs::write(folder.path().join("limited.toml"), LIMITED).expect("written");
+    let config = format!("{{ model = \"arms.latent\", {GAINS}, follow = \"10 ms\" }}");
+    // the human jumps to and fro, and stays at one pose in the end
+    let person = Source::new::<Observation>("person", "pose", |tick| {
+        let side =
+            if tick.time_ns < 2_000_000_000 && tick.time_ns / 250_000_000 % 2 == 1 { -1.0 } else { 1.0 };
+        let mut observation = Observation::default();
+        observation.set_count(4);
+        observation.value_mut().copy_from_slice(&human(0.8 * side, -0.7 * side));
+        Some(observation)
+    });
+    let probes =
+        ["left/command", "right/command"].map(|topic| Probe::<JointCommand>::for_topic(topic).triggered());
+    let graph = graph(folder.path(), &config, true).with(person).with(&probes[0]).with(&probes[1]);
+    let report = graph.set("robot.left.profile", "limited.toml").run("4 s").expect("it runs");
+    let policy = report.components.iter().find(|component| component.name == "policy").expect("the policy");
+    assert_eq!((policy.allocations, policy.errors), (Some(0), 0), "a step allocates or fails");
+    let [left, right] = probes.map(|probe| probe.values());
+    // the largest change of the velocity of a joint, per second, and of its position beyond its velocity
+    let hardest = |commands: &[JointCommand], joint: usize| {
+        let pairs = commands.windows(2).map(|pair| {
+            let velocity = pair[1].velocity()[joint];
+            let moved = (pair[1].position()[joint] - pair[0].position()[joint]) * 1e3;
+            ((velocity - pair[0].velocity()[joint]).abs() * 1e3, (moved - velocity).abs())
+        });
+        pairs.fold((0.0_f64, 0.0_f64), |worst, pair| (worst.0.max(pair.0), worst.1.max(pair.1)))
+    };
+    for (joint, limit) in [(0, 8.0), (1, 12.0)] {
+        let (acceleration, difference) = hardest(&left, joint);
+        assert!(acceleration <= 0.9 * limit + 1e-6, "joint {joint}: {acceleration}");
+        assert!(acceleration > 0.89 * limit, "joint {joint} uses its limit: {acceleration}");
+        assert!(difference < 1e-6, "joint {joint} moves as its velocity says: {difference} rad/s");
+        assert!(hardest(&right, joint).0 > 3.0 * limit, "the other robot has no limits");
+    }
+    assert!(hardest(&left, 2).0 > 30.0, "the third joint has no limit");
+    let last = left.last().expect("commands").position();
+    assert!(last.iter().zip(robots(0.8, -0.7)[0]).all(|(a, b)| (a - b).abs() < 0.03), "{last:?}");
+    assert!(figure(&report, "left", "limited_error") > 0.01, "{}", report.results["policy"]);
+    assert_eq!(figure(&report, "right", "limited_error"), 0.0);
+}
+
 #[test]
 fn mistakes_are_refused_with_their_key() {
     let folder = tempfile::tempdir().expect("a folder");

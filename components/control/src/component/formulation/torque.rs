@@ -50,6 +50,7 @@ impl Torque {
     ) -> Result<(), ConfigError> {
         let QpControllerConfig { gravity, damping, limits, .. } = QpControllerConfig::default();
         config.settings(gravity, damping, &limits)?;
+        config.profile_acceleration(&parts.model, parts.profile.as_ref())?;
         let contacts = config.contacts(&parts.model, parts.profile.as_ref())?;
         ContactSwitches::declare(&contacts, parts, declare);
         Ok(())
@@ -72,10 +73,14 @@ impl Formulation for Torque {
         let switches = ContactSwitches::configure(&contacts, parts, loads, setup)?;
         let rows = DynamicsRows { limits: room.limits, constrained: room.constrained };
         let joints = parts.model.joint_count();
+        let mut control = InverseDynamics::with_room(&parts.model, contacts, settings, rows)
+            .levels(&room.levels)
+            .level_damping(&parts.level_damping(config)?);
+        if let Some(most) = table.profile_acceleration(&parts.model, parts.profile.as_ref())? {
+            control = control.limit_accelerations(most);
+        }
         Ok(Self {
-            control: InverseDynamics::with_room(&parts.model, contacts, settings, rows)
-                .levels(&room.levels)
-                .level_damping(&parts.level_damping(config)?),
+            control,
             contacts: switches,
             joints: settings.joints,
             velocity: vec![0.0; joints],
