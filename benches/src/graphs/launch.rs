@@ -52,7 +52,7 @@ impl Ran {
         Causes::from_report(&self.report)
     }
 
-    /// The least `SCHED_FIFO` priority among its components.
+    /// Lowest `SCHED_FIFO` priority among its components.
     pub fn fifo(&self) -> u32 {
         self.report.components.iter().map(|component| component.fifo_priority).min().unwrap_or(0)
     }

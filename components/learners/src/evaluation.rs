@@ -118,7 +118,7 @@ pub struct Comparison {
     pub difference: f64,
     /// Bootstrap interval of the difference, 95 %.
     pub difference_interval: [f64; 2],
-    /// Share of the episodes with a larger return than the baseline's; equal returns count half.
+    /// Fraction of the episodes with a larger return than the baseline's; equal returns count half.
     pub improved: f64,
 }
 

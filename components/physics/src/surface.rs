@@ -7,6 +7,6 @@ pub struct Surface {
     pub name: String,
     /// Coefficient of friction. A contact uses the mean of both surfaces.
     pub friction: f64,
-    /// Share of the approach speed kept after an impact. A contact uses the mean of both surfaces.
+    /// Fraction of the approach speed kept after an impact. A contact uses the mean of both surfaces.
     pub restitution: f64,
 }

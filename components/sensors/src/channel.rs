@@ -70,7 +70,7 @@ impl SettingError {
 pub struct Timing {
     /// Time from sampling until the reading is available.
     pub latency: TimeSpan,
-    /// Share of the readings that are lost, 0 to 1.
+    /// Fraction of the readings that are lost, 0 to 1.
     pub drop_out: f64,
 }
 

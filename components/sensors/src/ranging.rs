@@ -17,7 +17,7 @@ pub struct RangeSettings {
     pub distance: ErrorModel,
     /// Minimum distance, m. A nearer surface gives no return.
     pub least: f64,
-    /// The greatest distance that is measured, m.
+    /// Largest measurable distance, m.
     pub most: f64,
     /// Fraction of the rays without a return, 0 to 1.
     pub lost: f64,

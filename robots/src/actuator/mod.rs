@@ -138,7 +138,7 @@ impl ActuatorSettings {
 /// state at its end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EffortLaw {
-    /// Share of the desired effort, above 0, at most 1.
+    /// Fraction of the desired effort, above 0, at most 1.
     pub share: f64,
     /// Contribution of the previous state \[Nm or N\].
     pub carried: f64,

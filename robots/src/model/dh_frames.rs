@@ -30,7 +30,7 @@ pub(crate) enum LinkTransform {
 /// A body in its frame on the axis.
 #[derive(Clone, Debug)]
 pub(crate) struct DhBody {
-    /// Place of the parent: 0 is the base, body `i` is `i + 1`.
+    /// Index of the parent: 0 is the base, body `i` is `i + 1`.
     pub(crate) parent: usize,
     pub(crate) prismatic: bool,
     /// `true` if some child does not immediately follow it.

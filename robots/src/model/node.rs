@@ -10,7 +10,7 @@ pub(crate) struct Node {
     pub(crate) translation: V3,
     /// Inertia about the origin of the node frame, in its axes.
     pub(crate) inertia: RigidInertia,
-    /// Place of the parent in a work space: 0 is the base, body `i` is `i + 1`.
+    /// Index of the parent in a work space: 0 is the base, body `i` is `i + 1`.
     pub(crate) parent: usize,
     /// Translation along z instead of rotation about it.
     pub(crate) prismatic: bool,

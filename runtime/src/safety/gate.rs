@@ -15,7 +15,7 @@ use crate::state::Field as _;
 /// least. Without it a late command would brake the robot harder than any safe state.
 const GOES_ON_FOR: f64 = 0.02;
 
-/// Share of the velocity limits for a command and the difference that fades towards it.
+/// Fraction of the velocity limits for a command and the difference that fades towards it.
 const FADING_SHARE: f64 = 0.95;
 
 /// The command gate of one actuator: a state machine over the joints.

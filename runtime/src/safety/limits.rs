@@ -155,7 +155,7 @@ pub(super) struct Bounds {
 
 /// Acceleration of a joint whose model gives none: the velocity limit within this time, s.
 pub(super) const FULL_SPEED: f64 = 0.2;
-/// Share of the velocity limit that a joint may have at the very end of its range, or it could never leave
+/// Fraction of the velocity limit that a joint may have at the very end of its range, or it could never leave
 /// it.
 const CREEP: f64 = 0.05;
 

@@ -12,10 +12,10 @@
 use super::limits::{JointLimits, JointSetpoint};
 use super::states::{HOLD_EFFORT_BLEND, Joint};
 
-/// Share of the limits that the approach uses at first: a drive overshoots its reference, and joints that
+/// Fraction of the limits that the approach uses at first: a drive overshoots its reference, and joints that
 /// turn round at once push one another.
 const SHARE: f64 = 0.5;
-/// Share of the limits that the approach uses at last.
+/// Fraction of the limits that the approach uses at last.
 const LAST_SHARE: f64 = 0.6;
 /// Time for which the approach keeps to [`SHARE`], s.
 const GENTLE_FOR: f64 = 0.6;
@@ -27,13 +27,13 @@ const LONGEST_FADE: f64 = 0.3;
 const PATIENT_FOR: f64 = 1.0;
 /// Time in which the additional share of a fade rises to its full value, s.
 const LOSES_PATIENCE_FOR: f64 = 0.5;
-/// Share of the limits that a fade may use in addition then.
+/// Fraction of the limits that a fade may use in addition then.
 const MORE_FADE: f64 = 0.3;
 /// Growth of the longest fade, seconds per second.
 const FADE_GROWTH: f64 = 0.7;
 /// Time after which the approach ends for a command that it cannot meet otherwise, s.
 const URGENT_AFTER: f64 = 3.0;
-/// Share of the limits of an approach that lasts longer.
+/// Fraction of the limits of an approach that lasts longer.
 const URGENT_SHARE: f64 = 0.9;
 /// Longest time in which the difference fades then, s.
 const URGENT_FADE: f64 = 0.9;
@@ -54,13 +54,13 @@ const VELOCITY_LAG: f64 = 0.02;
 const RAMP: f64 = 0.01;
 /// Time over which the feed-forward effort goes over to that of the command, s.
 const EFFORT_BLEND: f64 = 0.5;
-/// Share of the velocity limit, and of the effort limit, by which a setpoint that is met may still differ.
+/// Fraction of the velocity limit, and of the effort limit, by which a setpoint that is met may still differ.
 const MET: f64 = 0.02;
 /// Time for which the setpoint must stay met, s.
 const MET_FOR: f64 = 0.01;
 /// Time in which the remaining difference fades where the command was met, s.
 const FADE: f64 = 0.1;
-/// Share of the acceleration limit that the fading may use.
+/// Fraction of the acceleration limit that the fading may use.
 const FADE_SHARE: f64 = 0.25;
 
 /// The reference of one joint on its way back.
@@ -237,7 +237,7 @@ impl Resume {
         self.elapsed > URGENT_AFTER
     }
 
-    /// Share of the limits that the approach uses now.
+    /// Fraction of the limits that the approach uses now.
     fn share(&self) -> f64 {
         if self.is_urgent() {
             return URGENT_SHARE;

@@ -6,7 +6,7 @@ use crate::plan::SafeState;
 /// Damping of the brake, N m s/rad or N s/m: so large that the effort limit acts until the joint stands.
 const BRAKE: f64 = 1e6;
 
-/// Share of the acceleration limit at which `hold` brings a moving joint to rest: the drives follow with some
+/// Fraction of the acceleration limit at which `hold` brings a moving joint to rest: the drives follow with some
 /// overshoot.
 const STOPPING_SHARE: f64 = 0.7;
 

@@ -69,7 +69,7 @@ crate::state_buffer! {
         pub errors: u64,
         /// Times that the controller left the bus.
         pub bus_off: u64,
-        /// Share of the time in which the bus carried bits, 0 to 1.
+        /// Fraction of the time in which the bus carried bits, 0 to 1.
         pub load: f64,
     }
 }

@@ -95,7 +95,7 @@ counted_buffer! {
             goal: u64;
             /// Its [`GoalState`], by number.
             state: u64;
-            /// Share of the motion that is complete, by time: 0 to 1.
+            /// Fraction of the motion that is complete, by time: 0 to 1.
             progress: f64;
             /// Time to the end of the motion, s.
             remaining: f64;

@@ -24,7 +24,7 @@ counted_buffer! {
     /// ```
     pub struct Ranges as "motorium.Ranges", at most MAX_RANGES {
         plain {
-            /// The least distance that the sensor measures, m.
+            /// Smallest measurable distance, m.
             least: f64;
             /// Maximum range of the sensor, m. A ray without a hit within it has a larger value.
             most: f64;

@@ -4,7 +4,7 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::outcome::Outcome;
 
-/// Share of the machine that a step uses.
+/// Fraction of the machine that a step uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Machine {
     /// Nothing else runs meanwhile. Earlier steps have ended, later ones have not started.

@@ -8,7 +8,7 @@ use super::families::{FAMILIES, on_dark};
 use super::theme;
 
 const WIDTH: f64 = 1200.0;
-/// The least height; a long legend makes it larger.
+/// Minimum height; a long legend makes it larger.
 const HEIGHT: f64 = 640.0;
 const LEFT: f64 = 96.0;
 const RIGHT: f64 = 470.0;

@@ -17,9 +17,9 @@ use super::{ReadError, Recording};
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Demonstration {
-    /// Numbers of an observation.
+    /// Length of an observation.
     pub inputs: usize,
-    /// Numbers of an action.
+    /// Length of an action.
     pub outputs: usize,
     /// The observations in order of time, one after the other.
     pub observations: Vec<f64>,

@@ -56,7 +56,7 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// Share of the cycle beyond which a single disturbed frame delays others into the next cycle.
+    /// Fraction of the cycle beyond which a single disturbed frame delays others into the next cycle.
     pub const COMFORTABLE: f64 = 0.8;
 
     /// Worst-case time of all bits of a cycle, ns.

@@ -40,7 +40,7 @@ pub struct SimulatedDrive {
     commanded_ns: u64,
     /// Control mode: register 10 of a Damiao drive.
     control_mode: u32,
-    /// Share of the full current at which the drive disables itself, followed by the torque at full current,
+    /// Fraction of the full current at which the drive disables itself, followed by the torque at full current,
     /// N m.
     over_current: f64,
     full_torque: Option<f64>,

@@ -14,7 +14,7 @@ use crate::inverse_dynamics::{
 };
 use crate::limits::LimitsConfig;
 
-/// Share of the acceleration limits in the robot's profile that is used. Drives that follow the integrated
+/// Fraction of the acceleration limits in the robot's profile that is used. Drives that follow the integrated
 /// accelerations overshoot them.
 const PROFILE_SHARE: f64 = 0.9;
 
@@ -54,7 +54,7 @@ with_defaults! {
     pub contact_damping: f64 = InverseDynamicsSettings::default().contact_damping;
     /// Time in which a contact that is switched on or off is loaded or unloaded. Default 200 ms.
     pub contact_ramp: TimeSpan = TimeSpan { ns: 200_000_000 };
-    /// Share of the gains kp and kd with which the drives follow the integrated accelerations, 0 to 1.
+    /// Fraction of the gains kp and kd with which the drives follow the integrated accelerations, 0 to 1.
     /// Default 0: torques alone; with `unknowns = "accelerations"` 1: positions and velocities, with the
     /// torques as a feed-forward.
     pub impedance: Option<f64> = None;
@@ -202,7 +202,7 @@ impl InverseDynamicsConfig {
         Ok(Some(limit * PROFILE_SHARE))
     }
 
-    /// Share of the gains with which the drives follow the integrated accelerations.
+    /// Fraction of the gains with which the drives follow the integrated accelerations.
     pub(super) fn impedance(&self) -> f64 {
         self.impedance.unwrap_or(if self.unknowns == Unknowns::Accelerations { 1.0 } else { 0.0 })
     }

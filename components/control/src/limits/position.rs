@@ -21,7 +21,7 @@ with_defaults! {
     #[serde(default, deny_unknown_fields)]
     pub struct PositionLimit;
 
-    /// Share of the remaining distance that may be covered per second, 1/s, at least 1e-3. Default 20.
+    /// Fraction of the remaining distance that may be covered per second, 1/s, at least 1e-3. Default 20.
     pub rate: f64 = 20.0;
     /// Distance kept from the limits of the robot, rad or m, at least 0; at most half the range is taken.
     /// Default 0.

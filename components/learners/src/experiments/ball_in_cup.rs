@@ -124,7 +124,7 @@ pub struct Point {
     pub rollouts: u64,
     /// Mean return of the movement without exploration.
     pub mean_return: f64,
-    /// Share of the episodes in which the ball is caught.
+    /// Fraction of the episodes in which the ball is caught.
     pub caught: f64,
 }
 
@@ -144,7 +144,7 @@ pub struct Trial {
 /// Searches in all spaces with several seeds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Study {
-    /// Share of the demonstrator's attempts that catch the ball.
+    /// Fraction of the demonstrator's attempts that catch the ball.
     pub caught_by_attempts: f64,
     /// Every trial: weights by weights, number by number, seed by seed.
     pub trials: Vec<Trial>,
@@ -249,7 +249,7 @@ impl<'a> Cup<'a> {
         Ok((episode.total, episode.end == End::Success))
     }
 
-    /// Share of the attempts that catch the ball.
+    /// Fraction of the attempts that catch the ball.
     fn attempts(&self) -> Result<f64, EnvironmentError> {
         let mut environment = self.setting.environment(0, 0)?;
         let mut caught = 0;

@@ -26,7 +26,7 @@ use crate::task::Task;
 /// Weights of the demonstrator for the observations of the task: positions of cart and pole relative to the
 /// default pose \[m, rad\], then their velocities; then its bias. The action is a share of the largest force.
 pub const DEMONSTRATOR: [f32; 5] = [0.0, 2.0, 0.0, 0.3, 0.03];
-/// Numbers of an observation.
+/// Length of an observation.
 const INPUTS: usize = DEMONSTRATOR.len() - 1;
 /// Standard deviation of the exploration of PoWER for these weights and for the bias.
 const EXPLORATION: [f64; 5] = [0.3, 1.0, 0.3, 0.3, 0.02];
@@ -123,9 +123,9 @@ pub enum StudyError {
     /// The task has other observations or actions than a cart-pole.
     #[error("the task has {inputs} observations and {actions} actions, expected 4 and 2, as of a cart-pole")]
     Task {
-        /// Numbers of an observation.
+        /// Length of an observation.
         inputs: usize,
-        /// Numbers of an action.
+        /// Length of an action.
         actions: usize,
     },
 }
@@ -263,7 +263,7 @@ struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// Numbers of an observation and of an action.
+    /// Lengths of an observation and of an action.
     fn size(&self) -> Result<(usize, usize), EnvironmentError> {
         let environment = self.setting.environment(0, 0)?;
         Ok((environment.terms().inputs(), environment.terms().actions()))

@@ -266,7 +266,7 @@ impl Study {
         self.trials(searcher).map(|trial| trial.best_speeds().last().copied().unwrap_or(0.0)).collect()
     }
 
-    /// Share of the gaits that failed.
+    /// Fraction of the gaits that failed.
     pub fn failures(&self, searcher: Searcher) -> f64 {
         let gaits = || self.trials(searcher).flat_map(|trial| &trial.gaits);
         let failed = gaits().filter(|(_, found)| !found.reward.is_finite()).count();

@@ -5,7 +5,7 @@ use crate::environment::EnvironmentError;
 /// Recorded observations of a task, each with the action that answered it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recorded {
-    /// Numbers of an observation and of an action.
+    /// Lengths of an observation and of an action.
     pub widths: [usize; 2],
     /// The observations, row by row.
     pub observations: Vec<f32>,
@@ -26,7 +26,7 @@ pub enum RecordedError {
         part: &'static str,
         /// Numbers found.
         found: usize,
-        /// Numbers of the task.
+        /// Lengths that the task expects.
         expected: usize,
     },
     /// Observations and actions differ in number, or are not whole rows.

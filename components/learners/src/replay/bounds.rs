@@ -32,7 +32,7 @@ impl Bounds {
         Ok(Self { active, scale, offset })
     }
 
-    /// Numbers of an action.
+    /// Length of an action.
     pub(crate) fn width(&self) -> usize {
         self.active.len()
     }

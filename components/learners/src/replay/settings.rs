@@ -27,7 +27,7 @@ pub struct ReplaySettings {
     pub n_step: usize,
     /// Discount of a step, above 0, below 1.
     pub discount: f64,
-    /// Share of the networks in their targets after each gradient, above 0, at most 1.
+    /// Fraction of the networks in their targets after each gradient, above 0, at most 1.
     pub polyak: f64,
     /// Learning rate of Adam, above 0.
     pub rate: f64,

@@ -13,7 +13,7 @@ pub struct PowerSettings {
     pub population: usize,
     /// Number of rollouts in an update: the best so far, from 1. Default 10.
     pub best: usize,
-    /// The least and the largest factor on the first variance of exploration. Default 0.1 and 10.
+    /// The smallest and the largest factor on the first variance of exploration. Default 0.1 and 10.
     pub variance: [f64; 2],
 }
 

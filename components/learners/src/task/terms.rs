@@ -186,12 +186,12 @@ impl Terms {
         &self.policy
     }
 
-    /// Numbers of an observation.
+    /// Length of an observation.
     pub fn inputs(&self) -> usize {
         self.inputs
     }
 
-    /// Numbers of an action.
+    /// Length of an action.
     pub fn actions(&self) -> usize {
         self.policy.outputs()
     }

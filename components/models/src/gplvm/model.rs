@@ -47,7 +47,7 @@ pub(super) struct Fitted {
 /// Iterations from each start, of which only the best continues. The paired poses of arms need 20 to 60 to
 /// the end, and the order of their starts does not change after these.
 const TRIAL: usize = 8;
-/// Share of the noise above which a transfer warns.
+/// Fraction of the noise above which a transfer warns.
 const NOISY: f64 = 0.5;
 /// Leave-one-out error above which a transfer warns: short length scales fit noise as well as the noise term
 /// does.

@@ -79,7 +79,7 @@ pub struct SurfaceConfig {
     pub friction: Option<f64>,
     /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
     pub friction_combine: Option<FrictionCombine>,
-    /// Share of the approach speed kept after an impact, 0 to 1. A contact uses the mean of both surfaces.
+    /// Fraction of the approach speed kept after an impact, 0 to 1. A contact uses the mean of both surfaces.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: Option<f64>,
     /// Softness: contact points yield like a spring and a damper. Default: the surface is rigid.

@@ -12,7 +12,7 @@ use nalgebra::{DVector, Vector3};
 use super::{CommandedJoints, JointCommandConfig, JointPorts};
 use crate::robot::unexpected_joints;
 
-/// Share of the velocity and acceleration limits that limited setpoints use. Drives overshoot their setpoints.
+/// Fraction of the velocity and acceleration limits that limited setpoints use. Drives overshoot their setpoints.
 const LIMIT_SHARE: f64 = 0.9;
 
 /// Commanded quantity of the moved joints.

@@ -42,7 +42,7 @@ struct Record {
     beside: Option<f64>,
 }
 
-/// Share of the wheel speed used for planning; the rest is available for corrections.
+/// Fraction of the wheel speed used for planning; the rest is available for corrections.
 const PLANNED: f64 = 0.8;
 
 impl Component for WaypointsPolicy {

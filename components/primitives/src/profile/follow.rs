@@ -2,7 +2,7 @@
 
 use super::MotionLimits;
 
-/// Share of the acceleration that brakes towards a target. The rest is kept for the target's own motion: with
+/// Fraction of the acceleration that brakes towards a target. The rest is kept for the target's own motion: with
 /// the whole of it, a joint overshoots targets that accelerate.
 const APPROACH: f64 = 0.5;
 

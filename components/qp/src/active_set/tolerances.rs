@@ -75,7 +75,7 @@ tolerances! {
     /// Violation that may be rounding: a constraint that was added for it and leaves without a step counts as
     /// implied.
     tie: f64 = 1e-8;
-    /// Share of the terms of a sum that is rounding: a row violated by less is satisfied.
+    /// Fraction of the terms of a sum that is rounding: a row violated by less is satisfied.
     sum: f64 = 1e-14;
     /// Number of constraints that may be added and dropped without a step before the arithmetic counts as
     /// broken down.

@@ -61,7 +61,7 @@ pub struct ForceTorqueConfig {
 
 sensor_config!(impl ForceTorqueConfig);
 
-/// Numbers of a reading: force and torque.
+/// Number of values in a reading: force and torque.
 const WIDTH: usize = 6;
 
 /// The earth's acceleration of free fall \[m/s2\].

@@ -65,7 +65,7 @@ pub struct Imu {
     delivery: Delivery,
 }
 
-/// Numbers of a reading: specific force, angular velocity, orientation.
+/// Number of values in a reading: specific force, angular velocity, orientation.
 const WIDTH: usize = 10;
 
 impl Component for Imu {

@@ -8,7 +8,7 @@ use crate::graph::source::Span;
 use crate::plan::ClockKind;
 use crate::units::TimeSpan;
 
-/// The least `min_interval`: as for rates, 100 kHz.
+/// Smallest `min_interval`: as for rates, 100 kHz.
 const SHORTEST: TimeSpan = TimeSpan { ns: 10_000 };
 
 /// Checks the activation of a component by events. Returns its `min_interval`, ns.

@@ -41,7 +41,7 @@ pub(super) struct BusRow {
     pub(super) frames: u64,
     /// Frames a second since the last table.
     pub(super) rate_hz: f64,
-    /// Share of the time in which it carried bits; `None` where its bitrate is not known.
+    /// Fraction of the time in which it carried bits; `None` where its bitrate is not known.
     pub(super) load: Option<f64>,
     pub(super) errors: u64,
     /// The newest report of its controller.

@@ -24,7 +24,7 @@ pub(super) struct Generate {
     /// A second one to blend with
     #[arg(long, requires = "movement")]
     with: Option<String>,
-    /// Share of the second movement, 0 to 1
+    /// Fraction of the second movement, 0 to 1
     #[arg(long, default_value_t = 0.5)]
     blend: f64,
     /// Weights of the first eigenforces, instead of a movement; start and goal are 0 unless given

@@ -18,7 +18,7 @@ const WHAT: [&str; 2] = ["state", "action"];
 /// The frames of all episodes, by columns.
 #[derive(Debug, Default)]
 pub(super) struct Frames {
-    /// Numbers of the state and of the action in a frame.
+    /// Lengths of the state and of the action in a frame.
     pub(super) widths: [usize; 2],
     /// The numbers of all frames.
     numbers: [Vec<f32>; 2],

@@ -13,7 +13,7 @@ pub(super) const QUANTILES: [(&str, f64); 5] =
 /// The numbers of a column, read out once for the statistics of all its ranges of rows.
 pub(super) struct Numbers {
     flat: Vec<f64>,
-    /// Numbers of a row.
+    /// Number of values in a row.
     width: usize,
 }
 

@@ -12,14 +12,14 @@ use crate::table::HomingEntry;
 const WINDOW_NS: u64 = 200_000_000;
 /// Consecutive windows without motion after which the joint is at rest.
 const STILL_WINDOWS: u32 = 2;
-/// Share of the commanded velocity below which a joint counts as not moving. Even a heavy joint accelerates
+/// Fraction of the commanded velocity below which a joint counts as not moving. Even a heavy joint accelerates
 /// beyond it in time.
 pub(crate) const STILL: f64 = 0.03;
 /// Multiple of the commanded velocity beyond which the joint counts as running away.
 pub(crate) const RUNAWAY: f64 = 5.0;
 /// Largest difference between the two stop positions, as a share of the distance backed off.
 const REPEATS_WITHIN: f64 = 0.4;
-/// Share of the effort with which the joint has to stay at the stop.
+/// Fraction of the effort with which the joint has to stay at the stop.
 pub(crate) const EASED: f64 = 0.5;
 /// Largest distance that the joint may yield then, as a share of the distance at the commanded velocity in a
 /// window.

@@ -43,7 +43,7 @@ pub struct DriveSimulationConfig {
     /// Largest random addition to `delay`. Default none.
     #[serde(default)]
     pub jitter: TimeSpan,
-    /// Share of the answers that are lost, 0 to 1. Default 0.
+    /// Fraction of the answers that are lost, 0 to 1. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub loss: f64,

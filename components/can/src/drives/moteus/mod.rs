@@ -110,9 +110,9 @@ pub struct Command {
     pub velocity: f64,
     /// Feed-forward torque, N m.
     pub torque: f64,
-    /// Share of the position gain stored in the drive, 0 to 1.
+    /// Fraction of the position gain stored in the drive, 0 to 1.
     pub kp_scale: f64,
-    /// Share of the velocity gain, 0 to 1.
+    /// Fraction of the velocity gain, 0 to 1.
     pub kd_scale: f64,
     /// Largest torque, N m; NaN for the drive's own limit.
     pub max_torque: f64,

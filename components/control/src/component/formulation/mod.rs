@@ -67,7 +67,7 @@ pub(super) trait Formulation: Sized {
     /// Records the step after its setpoint is known.
     fn record(&mut self, measured: &MeasuredState, setpoint: &JointSetpoint);
 
-    /// Share of the gains of the joints in a step with a solution.
+    /// Fraction of the gains of the joints in a step with a solution.
     fn gain_share(&self) -> f64 {
         1.0
     }

@@ -23,7 +23,7 @@ use crate::randomise::{SensorDraw, SensorRanges};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GpsConfig {
-    /// Place of the world's origin on the earth.
+    /// Position of the world's origin on the earth.
     pub origin: Origin,
     /// Angle from the east to the world's x, counter-clockwise (rad). Default 0.
     #[serde(default)]

@@ -21,11 +21,11 @@ pub use magnetometer::{Magnetometer, MagnetometerConfig};
 pub trait PlaceSensor: Sized + 'static {
     /// Name of the kind.
     const KIND: &'static str;
-    /// One line on it.
+    /// One-line summary.
     const SUMMARY: &'static str;
     /// Its output.
     const PORT: (&'static str, &'static str);
-    /// Numbers of a reading.
+    /// Number of values in a reading.
     const WIDTH: usize;
     /// Its configuration.
     type Config: SensorConfig + serde::de::DeserializeOwned + JsonSchema;

@@ -87,7 +87,7 @@ impl Fan {
         self.directions.len()
     }
 
-    /// Numbers of a reading with angles of incidence.
+    /// Number of values in a reading with angles of incidence.
     fn width(&self) -> usize {
         2 * self.count()
     }

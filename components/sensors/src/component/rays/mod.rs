@@ -38,7 +38,7 @@ pub trait RaysConfig: SensorConfig {
 pub trait RangeSensor: Sized + 'static {
     /// Name of the kind.
     const KIND: &'static str;
-    /// One line on it.
+    /// One-line summary.
     const SUMMARY: &'static str;
     /// `true` if the sensor sees colours and receives them by [`dress`](Self::dress). Default false.
     const SEES_COLOURS: bool = false;
@@ -52,7 +52,7 @@ pub trait RangeSensor: Sized + 'static {
     /// # Errors
     /// A number out of range.
     fn new(config: &Self::Config, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError>;
-    /// Numbers of a reading.
+    /// Number of values in a reading.
     fn width(&self) -> usize;
     /// Declares the outputs.
     fn declare(&self, declare: &mut Declare);

@@ -19,7 +19,7 @@ use crate::rendering::Looks;
 /// Mount of a sensor, and the objects it sees.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen<'a> {
-    /// Place of the sensor on the robot.
+    /// Mount of the sensor on the robot.
     pub(super) mount: &'a Mount,
     /// The world.
     pub(super) world: &'a World,
