@@ -164,7 +164,7 @@ mod tests {
         let home = goal(&["--pose", "home", "--gripper", "0.01", "--duration", "2 s"]).unwrap();
         assert_eq!(
             (home.count(), home.joint_at(5), home.joint_at(7)),
-            (8, Some(1.570_796_326_794_896_6), Some(0.01))
+            (8, Some(std::f64::consts::FRAC_PI_2), Some(0.01))
         );
         assert_eq!(home.duration, 2.0);
         let some = goal(&["--joints", "panda_joint1=-0.5,panda_joint7=1"]).unwrap();
