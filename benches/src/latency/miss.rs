@@ -9,8 +9,8 @@ pub(super) struct Miss {
     median: Option<String>,
     late: Option<String>,
     bare: Option<(f64, String)>,
-    /// Fraction of the excess over the target that the bare machine shows itself; 0 if its own value meets the
-    /// target.
+    /// Fraction of the excess over the target that the bare machine shows itself; 0 if its own value meets
+    /// the target.
     pub(super) share: Option<f64>,
 }
 

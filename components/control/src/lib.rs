@@ -19,7 +19,8 @@
 //!
 //! The library works on a [`motorium_robots::Model`], without clock, topics or threads. Everything is
 //! allocated at construction; a tick does not allocate. [`QpController`], the component `control.qp`,
-//! connects it to topics. The components of other controllers share its [`checks`] and the [`measured`] state.
+//! connects it to topics. The components of other controllers share its [`checks`] and the [`measured`]
+//! state.
 //!
 //! # Example
 //!

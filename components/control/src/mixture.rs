@@ -1,8 +1,8 @@
 //! Mixtures of solutions, for tasks that fade.
 
-/// A sum of solutions, weighted by their shares. A mixture with nonnegative shares that sum to 1 satisfies all
-/// limits that its solutions satisfy: of velocities, and also friction, unilateral contacts and torque limits,
-/// which are convex.
+/// A sum of solutions, weighted by their shares. A mixture with nonnegative shares that sum to 1 satisfies
+/// all limits that its solutions satisfy: of velocities, and also friction, unilateral contacts and torque
+/// limits, which are convex.
 ///
 /// A task alone on its level acts the same with a small weight as with a large one, so reducing its weight
 /// cannot fade it out. Mixing the solutions with and without it can.

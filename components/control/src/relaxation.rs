@@ -18,8 +18,8 @@ pub(crate) struct Relaxable {
     pub(crate) rows: Range<usize>,
 }
 
-/// A problem in which constraints yield: equalities become costs, and bounds and rows get a slack `s` with the
-/// same cost.
+/// A problem in which constraints yield: equalities become costs, and bounds and rows get a slack `s` with
+/// the same cost.
 ///
 /// ```text
 /// minimise   (cost) + 1/2 weight^2 |A_r x - b_r|^2 + 1/2 weight^2 |s|^2

@@ -1,9 +1,10 @@
 //! Retargeting: joint positions of a robot whose limbs point where a human's do.
 //!
-//! Each sample is a damped least-squares problem on the directions of the limbs, within the position limits, that starts from
-//! the sample before it and stays close to it:
-//! `min over q of sum_l |u_l(q) - d_l|^2 + w |q - q_before|^2`, with `u_l` the unit direction of limb `l` of the robot and `d_l`
-//! the human's. The first sample starts from the home pose and from configurations spread over the limits.
+//! Each sample is a damped least-squares problem on the directions of the limbs, within the position limits,
+//! that starts from the sample before it and stays close to it:
+//! `min over q of sum_l |u_l(q) - d_l|^2 + w |q - q_before|^2`, with `u_l` the unit direction of limb `l` of
+//! the robot and `d_l` the human's. The first sample starts from the home pose and from configurations spread
+//! over the limits.
 
 use motorium_robots::{FrameId, Kinematics, Model, Reference};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};

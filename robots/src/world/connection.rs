@@ -3,7 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{World, WorldError};
+use super::checks::finite;
+use super::{Object, WorldError};
 use crate::nearest::nearest;
 
 /// A connection of two links or objects beyond the robot's joints: closes a kinematic loop, or fixes an
@@ -51,20 +52,20 @@ pub enum ConnectionKind {
 }
 
 /// Checks the connections of a world: they refer to its objects, at least one of which moves.
-pub(super) fn check(world: &World) -> Result<(), WorldError> {
-    for Connection { parts, point, .. } in &world.connections {
-        let object = |name: &String| world.objects.iter().find(|object| object.name == *name);
+pub(super) fn check(connections: &[Connection], objects: &[Object]) -> Result<(), WorldError> {
+    for Connection { parts, point, .. } in connections {
+        let object = |name: &String| objects.iter().find(|object| object.name == *name);
         if let Some(name) = parts.iter().find(|name| *name != "world" && object(name).is_none()) {
-            let names = world.objects.iter().map(|object| object.name.as_str());
+            let names = objects.iter().map(|object| object.name.as_str());
             let nearest = nearest(name, names).map(str::to_owned);
             return Err(WorldError::NothingToConnect { name: name.clone(), nearest });
         }
         let [first, second] = parts;
-        if first == second || !parts.iter().filter_map(object).any(super::Object::is_dynamic) {
+        if first == second || !parts.iter().filter_map(object).any(Object::is_dynamic) {
             return Err(WorldError::RigidConnection { first: first.clone(), second: second.clone() });
         }
         for value in point {
-            super::finite(first, "point of a connection", *value)?;
+            finite(first, "point of a connection", *value)?;
         }
     }
     Ok(())

@@ -2,6 +2,7 @@
 //! planes and meshes.
 
 mod bodies;
+mod reader;
 mod schema;
 mod shapes;
 mod surface;
@@ -12,6 +13,7 @@ use std::path::Path;
 use nalgebra::Isometry3;
 use roxmltree::{Document, Node};
 
+use self::reader::Reader;
 use self::schema::{Treatment, advice, treatment};
 use self::values::{child, elements, is_foreign, is_true, named, text};
 use super::reading::{Read, WorldFileError, fixed, position, problem, unique};
@@ -70,14 +72,6 @@ pub(super) fn read(path: &Path, document: &Document<'_>) -> Result<Read, WorldFi
     let Reader { world: mut read, warnings, .. } = reader;
     read.combine_frictions(FrictionCombine::Min);
     Ok(Read { world: read, states_gravity: states_gravity || world.is_some(), warnings })
-}
-
-struct Reader<'p> {
-    path: &'p Path,
-    world: World,
-    warnings: Vec<ModelWarning>,
-    /// The first collision that rebounds.
-    first_bounce: Option<Position>,
 }
 
 impl Reader<'_> {

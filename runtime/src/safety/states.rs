@@ -6,8 +6,8 @@ use crate::plan::SafeState;
 /// Damping of the brake, N m s/rad or N s/m: so large that the effort limit acts until the joint stands.
 const BRAKE: f64 = 1e6;
 
-/// Fraction of the acceleration limit at which `hold` brings a moving joint to rest: the drives follow with some
-/// overshoot.
+/// Fraction of the acceleration limit at which `hold` brings a moving joint to rest: the drives follow with
+/// some overshoot.
 const STOPPING_SHARE: f64 = 0.7;
 
 /// Time in which the feed-forward of `hold` goes over from the effort before to that against gravity, to a

@@ -37,7 +37,8 @@ impl Struct {
         Self::default()
     }
 
-    /// Writes the header of a field: its type and the difference of its number to the last field's, at most 15.
+    /// Writes the header of a field: its type and the difference of its number to the last field's, at most
+    /// 15.
     fn field(&mut self, number: u8, kind: u8) {
         self.bytes.push((number - self.last) << 4 | kind);
         self.last = number;

@@ -40,8 +40,8 @@ pub struct SimulatedDrive {
     commanded_ns: u64,
     /// Control mode: register 10 of a Damiao drive.
     control_mode: u32,
-    /// Fraction of the full current at which the drive disables itself, followed by the torque at full current,
-    /// N m.
+    /// Fraction of the full current at which the drive disables itself, followed by the torque at full
+    /// current, N m.
     over_current: f64,
     full_torque: Option<f64>,
     pub(super) motor: Motor,

@@ -26,8 +26,8 @@ with_defaults! {
     pub z: Option<[f64; 2]> = None;
     /// Distance kept from the sides of the box, m, at least 0. Default 0.
     pub margin: f64 = 0.0;
-    /// Fraction of the remaining distance to a side that may be covered per second, 1/s, at least 1e-3. Default
-    /// 5.
+    /// Fraction of the remaining distance to a side that may be covered per second, 1/s, at least 1e-3.
+    /// Default 5.
     pub rate: f64 = 5.0;
     /// Largest velocity along each axis of the world, m/s, at least 0. Default: no limit.
     pub max_linear: Option<f64> = None;

@@ -46,7 +46,7 @@ fn impedance_adds_scaled_gains_to_the_integrated_motion() {
 }
 
 #[test]
-fn integrated_motions_keep_the_acceleration_limits_of_the_profile() {
+fn integrated_motions_keep_the_limits_of_the_profile() {
     let panda = motorium_robots::load("panda", std::path::Path::new(".")).unwrap();
     let limits = panda.profile.unwrap().acceleration_limit(&panda.model).unwrap();
     // the largest acceleration of a setpoint, in units of the joint's limit

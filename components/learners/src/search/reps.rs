@@ -17,8 +17,8 @@ pub struct RepsSettings {
     /// Bound of the relative entropy of the reweighted candidates, above 0, below `ln population`. Default
     /// 0.5.
     pub epsilon: f64,
-    /// Fraction of the covariance that an update keeps, 0 to 1. Default 0.5: a covariance of few candidates is
-    /// uncertain.
+    /// Fraction of the covariance that an update keeps, 0 to 1. Default 0.5: a covariance of few candidates
+    /// is uncertain.
     pub kept: f64,
 }
 

@@ -12,7 +12,8 @@ use nalgebra::{DVector, Vector3};
 use super::{CommandedJoints, JointCommandConfig, JointPorts};
 use crate::robot::unexpected_joints;
 
-/// Fraction of the velocity and acceleration limits that limited setpoints use. Drives overshoot their setpoints.
+/// Fraction of the velocity and acceleration limits that limited setpoints use. Drives overshoot their
+/// setpoints.
 const LIMIT_SHARE: f64 = 0.9;
 
 /// Commanded quantity of the moved joints.
@@ -243,7 +244,7 @@ impl JointCommandWriter {
         self.joints[self.moved[index]].setpoint
     }
 
-    /// Returns the root mean square distance between the limited setpoints and those of the policy, rad or m.
+    /// Returns the root mean square distance of the limited setpoints from the wanted ones, rad or m.
     pub(crate) fn limited_error(&self) -> f64 {
         self.limiter.as_ref().map_or(0.0, |limiter| (limiter.squares / limiter.count.max(1) as f64).sqrt())
     }

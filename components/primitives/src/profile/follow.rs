@@ -2,8 +2,8 @@
 
 use super::MotionLimits;
 
-/// Fraction of the acceleration that brakes towards a target. The rest is kept for the target's own motion: with
-/// the whole of it, a joint overshoots targets that accelerate.
+/// Fraction of the acceleration that brakes towards a target. The rest is kept for the target's own motion:
+/// with the whole of it, a joint overshoots targets that accelerate.
 const APPROACH: f64 = 0.5;
 
 /// Setpoints of several joints that follow targets, however these jump: velocity, acceleration and position

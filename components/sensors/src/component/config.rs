@@ -17,7 +17,8 @@ pub trait SensorConfig {
     fn common(&self) -> Common<'_>;
 }
 
-/// Defines the configuration of a sensor: its own keys with their defaults, and the keys that all sensors have.
+/// Defines the configuration of a sensor: its own keys with their defaults, and the keys that all sensors
+/// have.
 macro_rules! sensor_config {
     (
         $(#[$meta:meta])*

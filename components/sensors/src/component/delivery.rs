@@ -11,8 +11,8 @@ use crate::channel::Timing;
 use crate::randomise::SensorDraw;
 
 impl Common<'_> {
-    /// Checks the ranges of `randomise`, and declares the topic of what is drawn. Returns a draw for checks of
-    /// the sensor.
+    /// Checks the ranges of `randomise`, and declares the topic of what is drawn. Returns a draw for checks
+    /// of the sensor.
     pub(super) fn declare_draws(&self, declare: &mut Declare) -> Result<SensorDraw, ConfigError> {
         Draws::declare(self.randomise, declare)?;
         Ok(self.randomise.draw(0, self.timing.latency))

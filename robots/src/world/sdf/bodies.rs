@@ -4,9 +4,10 @@ use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
 use roxmltree::Node;
 
 use super::super::ObjectMass;
+use super::super::reading::{WorldFileError, problem};
 use super::super::reading::{fixed, unique};
+use super::reader::Reader;
 use super::values::{child, elements, is_true, named};
-use super::{Reader, WorldFileError, problem};
 use crate::{BasePose, CompoundPart, Object, ObjectShape};
 
 /// Distance of centres of mass \[m\] that are the same.

@@ -5,10 +5,11 @@ use std::path::Path;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use roxmltree::Node;
 
+use super::super::reading::{WorldFileError, problem};
 use super::super::reading::{fixed, mesh, unique};
 use super::super::{Ground, MeshCollision, MeshShape, Object, ObjectShape};
+use super::reader::Reader;
 use super::values::{child, elements, named, text};
-use super::{Reader, WorldFileError, problem};
 
 /// Thickness and sides of the box that represents a plane on a slope \[m\].
 const THICK: f64 = 1.0;

@@ -2,8 +2,9 @@
 
 use roxmltree::Node;
 
+use super::super::reading::{WorldFileError, position};
+use super::reader::Reader;
 use super::values::{child, elements, is_foreign};
-use super::{Reader, WorldFileError, position};
 
 /// The reason for the warnings of friction by direction.
 const ISOTROPIC: &str = "friction is the same in all directions; `mu` is read";

@@ -3,7 +3,8 @@
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use roxmltree::Node;
 
-use super::{Reader, WorldFileError, problem};
+use super::super::reading::{WorldFileError, problem};
+use super::reader::Reader;
 
 /// Shortest quaternion that has a direction.
 const SHORTEST: f64 = 1e-9;

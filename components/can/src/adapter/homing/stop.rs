@@ -12,8 +12,8 @@ use crate::table::HomingEntry;
 const WINDOW_NS: u64 = 200_000_000;
 /// Consecutive windows without motion after which the joint is at rest.
 const STILL_WINDOWS: u32 = 2;
-/// Fraction of the commanded velocity below which a joint counts as not moving. Even a heavy joint accelerates
-/// beyond it in time.
+/// Fraction of the commanded velocity below which a joint counts as not moving. Even a heavy joint
+/// accelerates beyond it in time.
 pub(crate) const STILL: f64 = 0.03;
 /// Multiple of the commanded velocity beyond which the joint counts as running away.
 pub(crate) const RUNAWAY: f64 = 5.0;

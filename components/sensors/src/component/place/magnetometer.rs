@@ -10,7 +10,8 @@ use crate::channel::{Channel, ErrorModel};
 use crate::randomise::SensorDraw;
 
 sensor_config! {
-    /// Configuration of `sensor.magnetometer`. The default is an ideal sensor in a field as in central Europe.
+    /// Configuration of `sensor.magnetometer`. The default is an ideal sensor in a field as in central
+    /// Europe.
     ///
     /// ```toml
     /// field  = [0.0, 2.1e-5, -4.3e-5]

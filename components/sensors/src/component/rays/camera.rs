@@ -17,8 +17,8 @@ use crate::randomise::SensorDraw;
 use crate::rendering::{PixelNoise, PixelSensor, Renderer};
 
 sensor_config! {
-    /// Configuration of `sensor.camera`. The default is an ideal camera of 160 x 120 pixels at the root link that
-    /// looks along its x.
+    /// Configuration of `sensor.camera`. The default is an ideal camera of 160 x 120 pixels at the root link
+    /// that looks along its x.
     ///
     /// ```toml
     /// mount         = { frame = "panda_hand", position = [0.05, 0.0, 0.0], rpy = [0.0, -1.5708, 0.0] }

@@ -12,7 +12,8 @@ use crate::channel::{Channel, ErrorModel};
 use crate::randomise::SensorDraw;
 
 sensor_config! {
-    /// Configuration of `sensor.height_scan`. The default is an ideal scan of 17 x 11 points about the root link.
+    /// Configuration of `sensor.height_scan`. The default is an ideal scan of 17 x 11 points about the root
+    /// link.
     ///
     /// ```toml
     /// size    = [1.6, 1.0]

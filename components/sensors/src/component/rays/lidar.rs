@@ -16,7 +16,8 @@ use crate::randomise::SensorDraw;
 use crate::ranging::{RangeModel, RangeSettings, azimuths, direction};
 
 sensor_config! {
-    /// Configuration of `sensor.lidar`. The default is an ideal sensor at the root link with 360 rays around z.
+    /// Configuration of `sensor.lidar`. The default is an ideal sensor at the root link with 360 rays around
+    /// z.
     ///
     /// ```toml
     /// mount      = { frame = "base", position = [0.1, 0.0, 0.2] }
