@@ -25,11 +25,10 @@ use serde::Serialize;
 use crate::{Appearance, HeightField, ModelWarning, Terrain, TerrainError};
 use checks::{finite, from_zero};
 pub use connection::{Connection, ConnectionKind};
-pub use error::WorldError;
+pub use error::{WorldError, WorldFileError};
 pub use gravity::gravity_of_file;
 pub use mesh::{MeshBody, MeshCollision, MeshShape};
 pub use mjcf::{MjcfWorld, parse_mjcf_world};
-pub use reading::WorldFileError;
 pub use shape::{CompoundPart, ObjectMass, ObjectShape};
 pub use things::{Conveyor, Copies, Ground, Object};
 

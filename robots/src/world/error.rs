@@ -1,8 +1,9 @@
-//! Errors of worlds.
+//! Errors of worlds and of their files.
 
-use super::reading::WorldFileError;
+use std::path::PathBuf;
+
 use crate::nearest::suggestion;
-use crate::{MeshError, TerrainError};
+use crate::{MeshError, MjcfError, Position, TerrainError, UrdfError};
 
 /// A mistake in a world description.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -112,5 +113,42 @@ pub enum WorldError {
         name: String,
         /// The owner of the name.
         by: &'static str,
+    },
+}
+
+/// The file cannot be read as a world.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum WorldFileError {
+    /// The file cannot be read.
+    #[error("{}: {reason}", .path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        reason: String,
+    },
+    /// Another format.
+    #[error("{}: the root element is <{root}>, expected <mujoco>, <robot> or <sdf>; a world in TOML is named by world = \"FILE.toml\"", .path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// Its root element.
+        root: String,
+    },
+    /// A fault of an MJCF file.
+    #[error(transparent)]
+    Mjcf(#[from] MjcfError),
+    /// A fault of a URDF file.
+    #[error(transparent)]
+    Urdf(#[from] UrdfError),
+    /// An element that a world cannot contain.
+    #[error("{}:{}:{}: {problem}", .path.display(), .at.line, .at.column)]
+    Problem {
+        /// The file.
+        path: PathBuf,
+        /// Its place.
+        at: Position,
+        /// The problem.
+        problem: String,
     },
 }

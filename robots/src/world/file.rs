@@ -5,8 +5,9 @@ use std::path::Path;
 
 use roxmltree::{Document, Node};
 
+use super::WorldFileError;
 use super::mjcf::{MjcfWorld, parse_mjcf_world};
-use super::reading::{Read, WorldFileError, fixed, mesh, position, problem, unique};
+use super::reading::{Read, fixed, mesh, position, problem, unique};
 use super::{EARTH, Object, ObjectShape, World, sdf};
 use crate::file::read_bounded;
 use crate::format::is_mjcf;

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use super::WorldFileError;
 use super::file::read;
-use super::reading::WorldFileError;
 use super::{EARTH, World};
 
 /// Returns the gravity of a [world](World::file) file \[m/s2\]; 9.81 downwards if unstated.

@@ -1,49 +1,12 @@
-//! Reading of world files of all formats: errors, places, and the objects of shapes.
+//! Reading of world files of all formats: places, and the objects of shapes.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::Isometry3;
 use roxmltree::Node;
 
-use super::{MeshCollision, MeshShape, Object, ObjectShape, World};
-use crate::{BasePose, MjcfError, ModelWarning, Position, TriangleMesh, UrdfError};
-
-/// The file cannot be read as a world.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum WorldFileError {
-    /// The file cannot be read.
-    #[error("{}: {reason}", .path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        reason: String,
-    },
-    /// Another format.
-    #[error("{}: the root element is <{root}>, expected <mujoco>, <robot> or <sdf>; a world in TOML is named by world = \"FILE.toml\"", .path.display())]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// Its root element.
-        root: String,
-    },
-    /// A fault of an MJCF file.
-    #[error(transparent)]
-    Mjcf(#[from] MjcfError),
-    /// A fault of a URDF file.
-    #[error(transparent)]
-    Urdf(#[from] UrdfError),
-    /// An element that a world cannot contain.
-    #[error("{}:{}:{}: {problem}", .path.display(), .at.line, .at.column)]
-    Problem {
-        /// The file.
-        path: PathBuf,
-        /// Its place.
-        at: Position,
-        /// The problem.
-        problem: String,
-    },
-}
+use super::{MeshCollision, MeshShape, Object, ObjectShape, World, WorldFileError};
+use crate::{BasePose, ModelWarning, Position, TriangleMesh};
 
 /// The world of a file, and its skipped elements.
 pub(super) struct Read {

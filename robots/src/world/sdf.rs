@@ -16,7 +16,8 @@ use roxmltree::{Document, Node};
 use self::reader::Reader;
 use self::schema::{Treatment, advice, treatment};
 use self::values::{child, elements, is_foreign, is_true, named, text};
-use super::reading::{Read, WorldFileError, fixed, position, problem, unique};
+use super::WorldFileError;
+use super::reading::{Read, fixed, position, problem, unique};
 use super::{Object, World};
 use crate::{FrictionCombine, ModelWarning, Position};
 

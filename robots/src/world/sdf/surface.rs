@@ -2,7 +2,8 @@
 
 use roxmltree::Node;
 
-use super::super::reading::{WorldFileError, position};
+use super::super::WorldFileError;
+use super::super::reading::position;
 use super::reader::Reader;
 use super::values::{child, elements, is_foreign};
 

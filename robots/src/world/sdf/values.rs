@@ -3,7 +3,8 @@
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use roxmltree::Node;
 
-use super::super::reading::{WorldFileError, problem};
+use super::super::WorldFileError;
+use super::super::reading::problem;
 use super::reader::Reader;
 
 /// Shortest quaternion that has a direction.
