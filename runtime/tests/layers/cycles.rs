@@ -11,8 +11,7 @@ use crate::{crates, root};
 const CYCLES: &[(&str, &str, &[&str])] = &[];
 
 /// Remaining children that use their parent and are used by it, by crate.
-const PARENTS: &[(&str, usize)] =
-    &[("components/control", 7), ("components/learners", 2), ("components/physics", 6), ("components/qp", 1)];
+const PARENTS: &[(&str, usize)] = &[];
 
 /// A cycle of modules: the crate, the parent module, the children.
 type Cycle = (String, String, Vec<String>);
@@ -85,7 +84,18 @@ fn children_and_parents_use_each_other_no_more_than_listed() {
     let (mut problems, mut table) = (Vec::new(), String::new());
     let listed: BTreeMap<&str, usize> = PARENTS.iter().copied().collect();
     for (area, levels) in arrows() {
-        let count: usize = levels.values().map(parents_in_cycles).sum();
+        let mut count = 0;
+        for (parent, arrows) in &levels {
+            for child in parents_in_cycles(arrows) {
+                let place = |from: &str, to: &str| &arrows[&(from.to_string(), to.to_string())];
+                println!(
+                    "{area}, {parent}: {child} -> its parent ({}), and back ({})",
+                    place(child, PARENT),
+                    place(PARENT, child)
+                );
+                count += 1;
+            }
+        }
         if count > 0 {
             table += &format!("    ({area:?}, {count}),\n");
         }
@@ -177,7 +187,7 @@ fn children_of_a_parent_in_a_cycle_are_counted() {
         ("a::c", "use super::A; pub struct C;"),
     ]);
     assert_eq!(between(&arrows, "a"), [pair(PARENT, "b"), pair("b", PARENT), pair("c", PARENT)]);
-    assert_eq!(parents_in_cycles(&arrows["a"]), 1);
+    assert_eq!(parents_in_cycles(&arrows["a"]), ["b"]);
     assert!(cycles(&arrows["a"]).is_empty());
 }
 

@@ -335,8 +335,9 @@ pub(crate) fn cycles(arrows: &Arrows) -> Vec<Vec<String>> {
     groups.into_iter().collect()
 }
 
-/// Number of children that use their parent and are used by it.
-pub(crate) fn parents_in_cycles(arrows: &Arrows) -> usize {
+/// Children that use their parent and are used by it.
+pub(crate) fn parents_in_cycles(arrows: &Arrows) -> Vec<&str> {
     let back = |child: &str| arrows.contains_key(&(child.to_string(), PARENT.to_string()));
-    arrows.keys().filter(|(from, to)| from == PARENT && back(to)).count()
+    let children = arrows.keys().filter(|(from, to)| from == PARENT && back(to));
+    children.map(|(_, child)| child.as_str()).collect()
 }

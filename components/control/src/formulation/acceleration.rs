@@ -1,59 +1,11 @@
 //! Costs on accelerations.
 
-use motorium_robots::{MassFactor, Model};
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use motorium_robots::Model;
+use nalgebra::{DMatrix, DVector, Matrix3};
 
-use super::velocity::length;
-use super::{Equation, Response};
-use crate::cost::Cost;
-
-/// Feedback of a task: the acceleration `kp e + kd e'` for an error `e`.
-///
-/// ```
-/// use motorium_control::tasks::Feedback;
-///
-/// // both eigenvalues of the error at -10 / s: kd = 2 sqrt(kp)
-/// assert_eq!(Feedback::critical(10.0), Feedback { kp: 100.0, kd: 20.0 });
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Feedback {
-    /// Gain of the position error \[1/s^2\].
-    pub kp: f64,
-    /// Gain of the velocity error \[1/s\].
-    pub kd: f64,
-}
-
-impl Feedback {
-    /// Critically damped, both eigenvalues of the error at `-rate` \[1/s\].
-    pub fn critical(rate: f64) -> Self {
-        Self { kp: rate * rate, kd: 2.0 * rate }
-    }
-
-    /// Acceleration for a vector error `e` and its rate `e'`, with the correction speed limited to
-    /// `max_speed`: `kd (clip(kp / kd e) + e')`.
-    pub fn acceleration(&self, error: &Vector3<f64>, rate: &Vector3<f64>, max_speed: f64) -> Vector3<f64> {
-        let mut found = Vector3::zeros();
-        self.write(error.as_slice(), rate.as_slice(), max_speed, found.as_mut_slice());
-        found
-    }
-
-    /// The same for any number of rows.
-    fn write(&self, error: &[f64], rate: &[f64], max_speed: f64, acceleration: &mut [f64]) {
-        let Self { kp, kd } = *self;
-        for (out, error) in acceleration.iter_mut().zip(error) {
-            *out = error * kp;
-        }
-        if max_speed < f64::INFINITY {
-            let (length, most) = (length(acceleration.iter().copied()), kd * max_speed);
-            if length > most {
-                acceleration.iter_mut().for_each(|out| *out *= most / length);
-            }
-        }
-        for (out, rate) in acceleration.iter_mut().zip(rate) {
-            *out += rate * kd;
-        }
-    }
-}
+use super::equation::Equation;
+use super::impedance::Impedance;
+use super::response::Response;
 
 impl Equation {
     /// Replaces the feedback of accelerations by springs and dampers: a stiffness and a damping for each row.
@@ -122,62 +74,6 @@ impl Equation {
         let desired = cost.desired_mut().iter_mut().zip(&*correction);
         for ((desired, correction), (ahead, drift)) in desired.zip(ahead.iter().zip(&*drift)) {
             *desired = correction + ahead - drift;
-        }
-    }
-}
-
-/// Springs and dampers, and the accelerations that their forces cause on a robot without contacts.
-#[derive(Clone, Debug)]
-pub(crate) struct Impedance {
-    stiffness: DVector<f64>,
-    damping: DVector<f64>,
-    force: DVector<f64>,
-    /// Jacobian at whose rows the forces act; `None` for the task's own.
-    jacobian: Option<DMatrix<f64>>,
-    factor: MassFactor,
-    moving: DVector<f64>,
-}
-
-impl Impedance {
-    fn new(model: &Model, [stiffness, damping]: [DVector<f64>; 2]) -> Self {
-        let (force, moving) = (DVector::zeros(stiffness.len()), DVector::zeros(model.nv()));
-        Self { stiffness, damping, force, jacobian: None, factor: MassFactor::new(model), moving }
-    }
-
-    /// Computes the forces `K e + D e'`; `K e` of a block of three rows is at most `D` times its largest
-    /// speed.
-    fn exert(&mut self, error: &DVector<f64>, rate: &DVector<f64>, max_speeds: [f64; 2]) {
-        let Self { stiffness, damping, force, .. } = self;
-        for row in 0..force.len() {
-            force[row] = stiffness[row] * error[row];
-        }
-        for ((block, damping), speed) in
-            force.as_mut_slice().chunks_mut(3).zip(damping.iter().step_by(3)).zip(max_speeds)
-        {
-            let (length, most) = (length(block.iter().copied()), damping * speed);
-            if speed < f64::INFINITY && length > most {
-                block.iter_mut().for_each(|force| *force *= most / length);
-            }
-        }
-        for row in 0..force.len() {
-            force[row] += damping[row] * rate[row];
-        }
-    }
-
-    /// Writes `J M^-1 J' f`; zero for a robot without inertia somewhere.
-    fn write(&mut self, mass: &DMatrix<f64>, cost: &Cost, acceleration: &mut DVector<f64>) {
-        let Self { force, jacobian, factor, moving, .. } = self;
-        match &*jacobian {
-            Some(jacobian) => moving.gemv_tr(1.0, jacobian, force, 0.0),
-            None => cost.multiply_transposed(force, moving),
-        }
-        match factor.factor(mass) {
-            Ok(()) => factor.solve(moving.as_mut_slice()),
-            Err(_) => moving.fill(0.0),
-        }
-        match &*jacobian {
-            Some(jacobian) => acceleration.gemv(1.0, jacobian, moving, 0.0),
-            None => cost.multiply(moving, acceleration),
         }
     }
 }

@@ -2,7 +2,9 @@
 
 use motorium_qp::Problem;
 
-use super::{Equation, Response, Task};
+use super::Task;
+use super::equation::Equation;
+use super::response::{Response, length};
 use crate::levels::Rows;
 use crate::state::RobotState;
 
@@ -88,9 +90,4 @@ impl Equation {
             self.damping = damping * length(weighted);
         }
     }
-}
-
-/// Length of a vector.
-pub(super) fn length(entries: impl Iterator<Item = f64>) -> f64 {
-    entries.map(|entry| entry * entry).sum::<f64>().sqrt()
 }

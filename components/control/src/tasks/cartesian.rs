@@ -12,12 +12,11 @@ use serde::Deserialize;
 use super::axes::stacked;
 use super::context::TaskContext;
 use super::held::{HeldTask, TaskCost};
+use super::jacobian_view::JacobianView;
 use super::kind::{BuiltTask, GAINS, TaskKind, TaskParameter, TaskTable, WEIGHTS};
 use super::ramp::{Fades, Ramped, TaskBounds};
 use super::target::TargetInput;
-use super::{
-    AxesConfig, AxisShares, Cost, Equation, Feedback, JacobianView, PoseAxes, PoseError, Response, Task,
-};
+use super::{AxesConfig, AxisShares, Cost, Equation, Feedback, PoseAxes, PoseError, Response, Task};
 use crate::{GoalError, GoalRecord, GoalTolerance, MotionState, RobotState};
 
 /// Half the time over which an error is differenced \[s\].

@@ -6,7 +6,8 @@ use motorium::prelude::*;
 use motorium_robots::{EndEffectorError, FrameId, Model, Profile, World};
 use nalgebra::{Unit, Vector3};
 
-use super::{PoseError, RATE};
+use super::PoseError;
+use super::velocities::RATE;
 use crate::checks;
 use crate::contact::Contact;
 

@@ -6,9 +6,10 @@ use nalgebra::{Matrix6xX, Unit, Vector3};
 
 use super::context::TaskContext;
 use super::held::{Driven, Reach};
+use super::jacobian_view::JacobianView;
 use super::kind::{BuiltTask, GAINS, TaskKind, WEIGHTS};
 use super::target::TargetInput;
-use super::{Cost, Equation, Feedback, JacobianView, Response, Task};
+use super::{Cost, Equation, Feedback, Response, Task};
 use crate::{GoalError, GoalTolerance, MotionState, RobotState};
 
 /// Minimum distance from the frame origin to the target \[m\]; closer targets are ignored because the

@@ -8,7 +8,8 @@ use serde::Deserialize;
 use super::context::TaskContext;
 use super::held::Driven;
 use super::kind::{ActsOn, BuiltTask, TaskHead, TaskKind, TaskTable, WEIGHTS};
-use super::{Cost, Equation, RATE, Response, Task, differentiate_velocities};
+use super::velocities::{RATE, differentiate_velocities};
+use super::{Cost, Equation, Response, Task};
 use crate::{MotionState, RobotState};
 
 /// The measure that a [`ManipulabilityTask`] increases.

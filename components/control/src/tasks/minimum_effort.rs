@@ -3,7 +3,8 @@
 use motorium_robots::{Dynamics, Model};
 use nalgebra::Vector3;
 
-use super::{Cost, Equation, RATE, Response, Task, differentiate_velocities};
+use super::velocities::{RATE, differentiate_velocities};
+use super::{Cost, Equation, Response, Task};
 use crate::{MotionState, RobotState};
 
 /// Step along the scaled efforts over which their change is measured \[rad\].

@@ -2,7 +2,8 @@
 
 use motorium_robots::Model;
 
-use super::{Cost, Equation, RATE, Response, Task, differentiate_velocities};
+use super::velocities::{RATE, differentiate_velocities};
+use super::{Cost, Equation, Response, Task};
 use crate::{MotionState, RobotState};
 
 /// Velocities are small, or near given ones:

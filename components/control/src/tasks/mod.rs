@@ -136,6 +136,7 @@ mod contact_wrench;
 mod context;
 mod gaze;
 mod held;
+mod jacobian_view;
 mod limit;
 mod manipulability;
 mod minimum;
@@ -152,6 +153,7 @@ mod rigid_rotation;
 mod rolling;
 mod target;
 mod unicycle;
+mod velocities;
 
 pub use admittance::{Admittance, AdmittanceSettings};
 pub use axes::{AxesConfig, AxisShares, PoseAxes, SharesConfig};
@@ -164,6 +166,7 @@ pub use contact_wrench::ContactWrench;
 pub(crate) use context::TaskContext;
 pub use gaze::{GazeSettings, GazeTask};
 pub(crate) use held::{Held, TaskCost};
+pub use jacobian_view::JacobianView;
 pub(crate) use kind::{ActsOn, Formulations, TaskHead, TaskKind};
 pub use manipulability::{ManipulabilityRows, ManipulabilityTask, Measure};
 pub use minimum::MinimumOf;
@@ -181,11 +184,9 @@ pub use rolling::RollingTask;
 pub use unicycle::{UnicycleSettings, UnicycleTask};
 
 use motorium::declare::ConfigError;
-use nalgebra::{Const, Dyn, MatrixView, U1};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::MotionState;
 pub use crate::cost::Cost;
 pub use crate::formulation::{Equation, Feedback, Response, Task, VelocityTask};
 pub use crate::levels::Rows;
@@ -298,21 +299,5 @@ impl TaskConfig {
                     .advise("name a task, such as task = { cartesian = {} }"))
             }
         }
-    }
-}
-
-/// The Jacobian of a task with `R` rows, R x nv.
-pub type JacobianView<'a, const R: usize> = MatrixView<'a, f64, Const<R>, Dyn, U1, Dyn>;
-
-/// Rate at which accelerations reduce an error of a velocity, unless another is set \[1/s\].
-const RATE: f64 = 20.0;
-
-/// Differentiates the equation of a task on all velocities. At the level of accelerations a floating base is
-/// left to other tasks.
-fn differentiate_velocities(equation: &mut Equation, state: &MotionState<'_>) {
-    let base = state.model.nv() - state.model.joint_count();
-    equation.weights_mut().rows_mut(0, base).fill(0.0);
-    for (error_rate, (rate, v)) in equation.error_rate.iter_mut().zip(equation.rate.iter().zip(state.v)) {
-        *error_rate = rate - v;
     }
 }

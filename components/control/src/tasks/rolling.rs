@@ -7,7 +7,8 @@ use nalgebra::{Matrix6xX, Unit, Vector3};
 use super::context::TaskContext;
 use super::held::Driven;
 use super::kind::{ActsOn, BuiltTask, TaskHead, TaskKind, TaskTable, WEIGHTS};
-use super::{Cost, Equation, RATE, Response, Task};
+use super::velocities::RATE;
+use super::{Cost, Equation, Response, Task};
 use crate::{MotionState, RobotState};
 
 /// Sine of the angle between wheel axis and ground normal below which the wheel counts as flat.

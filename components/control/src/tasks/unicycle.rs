@@ -8,7 +8,8 @@ use nalgebra::Matrix6xX;
 use super::context::TaskContext;
 use super::held::Driven;
 use super::kind::{BuiltTask, TaskKind, WEIGHTS};
-use super::{Cost, Equation, RATE, Response, Task};
+use super::velocities::RATE;
+use super::{Cost, Equation, Response, Task};
 use crate::{MotionState, RobotState};
 
 with_defaults! {

@@ -11,6 +11,7 @@
 //! Source: Ross, Gordon, Bagnell, *A reduction of imitation learning and structured prediction to no-regret
 //! online learning*, AISTATS 2011.
 
+mod error;
 pub mod movements;
 mod recorded;
 mod regression;
@@ -23,6 +24,7 @@ use motorium_physics::{BuildError, Engine, Simulation};
 use rand::RngExt as _;
 use serde::Serialize;
 
+pub use error::ImitationError;
 pub use recorded::{Recorded, RecordedError};
 pub use regression::Regression;
 pub use run::{Run, RunError, Sources, Summary};
@@ -53,25 +55,6 @@ impl Algorithm {
             Self::Dagger => "dagger",
         }
     }
-}
-
-/// The errors of imitation.
-#[derive(Debug, thiserror::Error)]
-pub enum ImitationError {
-    /// The environment failed.
-    #[error(transparent)]
-    Environment(#[from] EnvironmentError),
-    /// The loss is not finite.
-    #[error(
-        "iteration {iteration}: the loss is {loss}, expected a finite number\n\
-         help: lower `rate` or clip the observations of the task"
-    )]
-    NotFinite {
-        /// Number of the iteration.
-        iteration: u64,
-        /// The loss.
-        loss: f64,
-    },
 }
 
 /// Progress after an iteration.

@@ -4,7 +4,8 @@ use motorium_models::networks::{Adam, Perceptron};
 use nalgebra::DMatrix;
 use rand::seq::SliceRandom as _;
 
-use super::{ImitationError, ImitationSettings};
+use super::error::ImitationError;
+use super::settings::ImitationSettings;
 use crate::learner::{Head, Normaliser, TrainedNetwork, layer_sizes, numbers_sha256};
 use crate::random::{Counter, Purpose};
 use crate::task::TaskError;

@@ -27,6 +27,7 @@
 //! strong baseline for many POMDPs*, ICML 2022 (separate memories); defaults: [`PpoSettings`].
 
 mod checkpoint;
+mod collect;
 mod network;
 mod rollout;
 mod settings;

@@ -1,16 +1,6 @@
-//! Steps of all worlds between two updates.
+//! The samples of an update.
 
-use motorium_physics::Engine;
-use nalgebra::DMatrix;
-use rand_distr::{Distribution as _, StandardNormal};
-
-use super::Ppo;
-use super::network::{Piece, single_steps};
-use crate::environment::EnvironmentError;
-use crate::random::{Counter, Purpose};
-
-/// Bound of normalised rewards, as CleanRL's.
-const REWARD_CLIP: f64 = 10.0;
+use super::network::Piece;
 
 /// Steps of all worlds, step by step, world by world.
 #[derive(Clone, Debug)]
@@ -28,13 +18,13 @@ pub(super) struct Rollout {
     pub(super) worlds: usize,
     /// Consecutive steps of a world through which a gradient is propagated; 1 without a memory.
     pub(super) unroll: usize,
-    units: usize,
+    pub(super) units: usize,
     /// Recurrent states of policy and value before each sequence of `unroll` steps, world after world.
     pub(super) states: [Vec<f32>; 2],
-    rewards: Vec<f32>,
+    pub(super) rewards: Vec<f32>,
     /// Value after the step: 0 where the episode terminated, of the final observation where it was truncated.
-    next_values: Vec<f32>,
-    ended: Vec<bool>,
+    pub(super) next_values: Vec<f32>,
+    pub(super) ended: Vec<bool>,
 }
 
 impl Rollout {
@@ -127,135 +117,4 @@ pub(super) fn log_density(away: impl Iterator<Item = (f32, f32, bool)>) -> f32 {
             -0.5 * scaled * scaled - deviation - HALF_LN_TAU
         })
         .sum()
-}
-
-impl<E: Engine + Send> Ppo<E> {
-    /// Steps all worlds through a horizon, or each through an episode.
-    pub(super) fn collect(&mut self) -> Result<(), EnvironmentError> {
-        let (worlds, horizon) = (self.settings.worlds, self.settings.horizon);
-        let (inputs, width) = (self.worlds.terms().inputs(), self.worlds.terms().actions());
-        let discount = self.settings.discount;
-        let units = self.settings.recurrent;
-        self.worlds.set_level(self.worlds.terms().level(self.state.steps));
-        // the statistics that normalise stay the same for a whole horizon; raw observations join them
-        // afterwards
-        let normaliser = self.state.observations.clone();
-        let mut raw = Vec::with_capacity(horizon * worlds * inputs);
-        let mut last = DMatrix::zeros(inputs, worlds);
-        // worlds whose steps count
-        let mut live = vec![true; worlds];
-        self.rollout.used.clear();
-        for step in 0..horizon {
-            if !live.contains(&true) {
-                break;
-            }
-            let samples = step * worlds..(step + 1) * worlds;
-            let observations = &mut self.rollout.observations[samples.start * inputs..samples.end * inputs];
-            normaliser.apply(self.worlds.observations(), observations);
-            let rows = self.worlds.observations().chunks_exact(inputs).zip(&live);
-            raw.extend(rows.filter(|(_, live)| **live).flat_map(|(row, _)| row));
-            let input = DMatrix::from_column_slice(inputs, worlds, observations);
-            if units > 0 && step % self.rollout.unroll == 0 {
-                let first = step / self.rollout.unroll * worlds * units;
-                for (stored, states) in self.rollout.states.iter_mut().zip(&self.memories) {
-                    stored[first..first + worlds * units].copy_from_slice(states);
-                }
-            }
-            let values = self.value.forward(input.clone(), single_steps(&self.memories[1], units));
-            self.rollout.values[samples.clone()].copy_from_slice(values.output().as_slice());
-            let means = self.policy.forward(input, single_steps(&self.memories[0], units));
-            self.memories[0].copy_from_slice(means.states());
-            self.memories[1].copy_from_slice(values.states());
-            let actions = &mut self.rollout.actions[samples.start * width..samples.end * width];
-            for world in 0..worlds {
-                let mean = means.output().column(world);
-                let counter = Counter {
-                    seed: self.state.seed,
-                    world: world as u64,
-                    episode: self.state.updates,
-                    step: step as u64,
-                };
-                let mut random = counter.stream(Purpose::Action);
-                let action = &mut actions[world * width..][..width];
-                for (k, action) in action.iter_mut().enumerate() {
-                    let noise: f32 = StandardNormal.sample(&mut random);
-                    // an action without effect is not explored
-                    let spread = if self.active[k] { self.deviations[k].exp() * noise } else { 0.0 };
-                    *action = mean[k] + spread;
-                }
-                let away = action.iter().zip(mean.iter()).map(|(a, m)| a - m);
-                let terms =
-                    away.zip(&self.deviations).zip(&self.active).map(|((a, d), active)| (a, *d, *active));
-                self.rollout.log_probabilities[samples.start + world] = log_density(terms);
-            }
-            self.worlds.step(actions)?;
-            // values after the step: first of final observations, then of the next step
-            last.fill(0.0);
-            for world in 0..worlds {
-                if let Some(observation) = self.worlds.final_observation(world) {
-                    normaliser.apply(observation, last.column_mut(world).as_mut_slice());
-                }
-            }
-            let is_any = self.worlds.steps().iter().any(|step| step.end.is_some());
-            let finals =
-                is_any.then(|| self.value.forward(last.clone(), single_steps(&self.memories[1], units)));
-            for world in 0..worlds {
-                if self.worlds.steps()[world].end.is_some() {
-                    for states in &mut self.memories {
-                        states[world * units..(world + 1) * units].fill(0.0);
-                    }
-                }
-            }
-            for (world, result) in self.worlds.steps().iter().enumerate() {
-                let k = samples.start + world;
-                self.rollout.ended[k] = result.end.is_some();
-                self.rollout.next_values[k] = 0.0;
-                if !live[world] {
-                    continue;
-                }
-                self.rollout.used.push(k);
-                self.state.steps += 1;
-                self.state.episodes.record(world, result);
-                let discounted = &mut self.state.discounted[world];
-                *discounted = *discounted * discount + result.reward;
-                self.state.returns.update(&[*discounted as f32]);
-                let scaled = result.reward / self.state.returns.deviation(0);
-                self.rollout.rewards[k] = scaled.clamp(-REWARD_CLIP, REWARD_CLIP) as f32;
-                // the value of the next observation follows below
-                if let (Some(end), Some(finals)) = (result.end, &finals)
-                    && !end.is_terminal()
-                    && !self.variant.uses_episodes
-                {
-                    self.rollout.next_values[k] = finals.output()[world];
-                }
-                if result.end.is_some() {
-                    *discounted = 0.0;
-                    live[world] = !self.variant.uses_episodes;
-                }
-            }
-        }
-        let mut next = vec![0.0; worlds * inputs];
-        normaliser.apply(self.worlds.observations(), &mut next);
-        let next = DMatrix::from_column_slice(inputs, worlds, &next);
-        let next = self.value.forward(next, single_steps(&self.memories[1], units));
-        for step in 0..horizon {
-            for world in 0..worlds {
-                let k = step * worlds + world;
-                if !self.rollout.ended[k] {
-                    let following = k + worlds;
-                    self.rollout.next_values[k] = if step + 1 < horizon {
-                        self.rollout.values[following]
-                    } else {
-                        next.output()[world]
-                    };
-                }
-            }
-        }
-        if self.variant.uses_episodes {
-            self.worlds.restart()?;
-        }
-        self.state.observations.update(&raw);
-        self.rollout.estimate(worlds, discount as f32, self.settings.lambda as f32);
-        Ok(())
-    }
 }

@@ -1,38 +1,12 @@
-//! Compilation of a model, and the indices of motorium's coordinates in MuJoCo's vectors.
-
-use motorium_robots::{Coordinate, ObjectMass};
+//! Compilation of a model.
 
 use super::library::Library;
 use super::native::{Kind, Native};
+use super::places::{ArticulationPlaces, ObjectPlace, Places};
 use super::{Mujoco, YIELD, mjcf};
 use crate::contact::Colliders;
-use crate::robot::{Articulation, Robot};
+use crate::robot::Robot;
 use crate::{BuildError, World};
-
-/// Indices of motorium's coordinates in MuJoCo's position and velocity vectors.
-pub(super) struct Places {
-    pub(super) articulations: Vec<ArticulationPlaces>,
-    pub(super) objects: Vec<ObjectPlace>,
-    /// Mass properties of the movable objects.
-    pub(super) masses: Vec<Option<ObjectMass>>,
-}
-
-pub(super) struct ArticulationPlaces {
-    pub(super) base: Option<(usize, usize)>,
-    /// One entry per body of the model.
-    pub(super) joints: Vec<(usize, usize)>,
-    pub(super) coordinates: Vec<Coordinate>,
-    /// Body of each independent joint.
-    pub(super) drives: Vec<usize>,
-}
-
-#[derive(Clone, Copy, Debug)]
-pub(super) enum ObjectPlace {
-    /// A movable object.
-    Free(usize, usize),
-    /// An object at a fixed pose.
-    Placed(usize),
-}
 
 impl Mujoco {
     /// Writes the model and compiles it with MuJoCo.
@@ -91,12 +65,4 @@ impl Mujoco {
         }
         Ok((native, places, geometries))
     }
-}
-
-/// Returns the inertia of drive and rotor on the joint of each body of each articulation.
-pub(super) fn armatures(robot: &Robot) -> Vec<Vec<f64>> {
-    let of_part = |(of, own): (usize, &Articulation)| {
-        (0..own.model.bodies().len()).map(|body| mjcf::armature(robot, (of, body))).collect()
-    };
-    robot.articulations.iter().enumerate().map(of_part).collect()
 }

@@ -328,6 +328,14 @@ pub(super) fn armature(robot: &Robot, (of, body): (usize, usize)) -> f64 {
     joint.drive.armature() + added
 }
 
+/// Returns the inertia of drive and rotor on the joint of each body of each articulation.
+pub(super) fn armatures(robot: &Robot) -> Vec<Vec<f64>> {
+    let articulations = robot.articulations.iter().enumerate();
+    articulations
+        .map(|(of, own)| (0..own.model.bodies().len()).map(|body| armature(robot, (of, body))).collect())
+        .collect()
+}
+
 fn numbers(numbers: impl IntoIterator<Item = f64>) -> String {
     numbers.into_iter().map(|number| number.to_string()).collect::<Vec<_>>().join(" ")
 }

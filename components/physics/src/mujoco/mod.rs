@@ -12,6 +12,7 @@ mod library;
 mod mjcf;
 mod native;
 mod placed;
+mod places;
 mod step;
 
 use motorium_robots::{FrameId, Reference};
@@ -27,11 +28,10 @@ use crate::{
     BuildError, BuildWarning, Capabilities, Contact, LibraryError, Options, RayHit, ResetError, StepError,
     StepReport, World,
 };
-use compile::{ObjectPlace, Places, armatures};
 use contact::{Seen, Touch};
 use library::Library;
 use native::{Native, Parts};
-use step::pose_at;
+use places::{ObjectPlace, Places, pose_at};
 
 /// A robot with a fixed or floating base in a world, simulated by the [`Mujoco`] engine.
 ///
@@ -159,7 +159,7 @@ impl Engine for Mujoco {
         Ok(Self {
             rays: Rays::new(&colliders),
             sums: ImpulseSums::new(&colliders.colliders, &robot.articulations),
-            armatures: armatures(robot),
+            armatures: mjcf::armatures(robot),
             laws: vec![Laws::FREE; robot.joints.len()],
             drives: vec![Drive::Linear; robot.joints.len()],
             seen: Seen::new(),
@@ -207,7 +207,7 @@ impl Engine for Mujoco {
             }
         }
         self.world = world.clone();
-        self.armatures = armatures(robot);
+        self.armatures = mjcf::armatures(robot);
         Ok(())
     }
 

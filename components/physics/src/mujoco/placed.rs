@@ -1,8 +1,8 @@
 //! Placed articulations in MuJoCo: joints and base with so much inertia that nothing deflects them in a step.
 
 use super::Mujoco;
-use super::compile::ArticulationPlaces;
 use super::native::Native;
+use super::places::ArticulationPlaces;
 use crate::articulated::Drive;
 use crate::robot::Articulation;
 

@@ -1,13 +1,13 @@
 //! The step: implicit drives in the mass matrix, and the contacts found by MuJoCo.
 
 use motorium_robots::{Coordinate, ObjectMass, Reference};
-use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Point3, Vector3};
 
 use super::Mujoco;
-use super::compile::ObjectPlace;
 use super::contact::{Seen, Touch};
 use super::native::{Native, Parts};
 use super::placed;
+use super::places::{ObjectPlace, pose_at};
 use crate::air::Air;
 use crate::articulated::Laws;
 use crate::joint::JointProperties;
@@ -251,10 +251,4 @@ fn touch(native: &Native, index: usize, colliders: [usize; 2]) -> Option<Touch> 
         friction: row(1) * force[1] + row(2) * force[2],
         torque: row(0) * force[3] + row(1) * force[4] + row(2) * force[5],
     })
-}
-
-/// Returns position and rotation at the start of a slice of MuJoCo's positions.
-pub(super) fn pose_at(qpos: &[f64]) -> (Vector3<f64>, UnitQuaternion<f64>) {
-    let rotation = Quaternion::new(qpos[3], qpos[4], qpos[5], qpos[6]);
-    (Vector3::from_column_slice(&qpos[..3]), UnitQuaternion::new_normalize(rotation))
 }

@@ -2,12 +2,13 @@
 
 mod config;
 mod quantity;
+mod range_error;
+mod robot;
 mod share;
 mod start;
 
 use core::hash::Hasher as _;
 
-use motorium_robots::Model;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 use twox_hash::XxHash3_64;
@@ -19,45 +20,13 @@ pub use config::{
 pub(crate) use quantity::check_ties;
 use quantity::quantities;
 pub use quantity::{Property, Quantity};
+pub use range_error::RangeError;
+pub use robot::RandomisedRobot;
 use share::{Share, shares};
 use start::Scene;
 pub use start::Start;
 
 use crate::{Engine, Properties, Simulation, Simulator};
-
-/// A range is invalid.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{key}`: {message}")]
-pub struct RangeError {
-    /// Dotted key in the `randomise` table.
-    pub key: String,
-    /// The found and the expected values.
-    pub message: String,
-    /// Advice, if any.
-    pub advice: Option<String>,
-}
-
-impl RangeError {
-    fn new(key: impl Into<String>, message: impl Into<String>) -> Self {
-        Self { key: key.into(), message: message.into(), advice: None }
-    }
-
-    fn advise(mut self, advice: impl Into<String>) -> Self {
-        self.advice = Some(advice.into());
-        self
-    }
-}
-
-/// A robot whose properties are sampled.
-#[derive(Clone, Debug)]
-pub struct RandomisedRobot {
-    /// Name of the robot, if there are several. Its links then start with `NAME/` in the simulation.
-    pub name: Option<String>,
-    /// Index of the articulation that the robot is, or is part of.
-    pub articulation: usize,
-    /// Model of this robot alone.
-    pub model: Model,
-}
 
 /// Samples of physical properties. Equal seeds produce equal values, in a graph and in a batch.
 ///

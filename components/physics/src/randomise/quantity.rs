@@ -3,8 +3,9 @@
 use motorium_robots::{ActuatorSettings, Connection};
 
 use super::config::{Allowed, Interval, RandomiseConfig, TerrainIntervals};
+use super::range_error::RangeError;
+use super::robot::RandomisedRobot;
 use super::share::shares;
-use super::{RandomisedRobot, RangeError};
 use crate::Properties;
 
 /// A physical property with a range.

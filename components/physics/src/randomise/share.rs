@@ -1,6 +1,6 @@
 //! Parts of several robots in the models of a simulation.
 
-use super::RandomisedRobot;
+use super::robot::RandomisedRobot;
 
 /// A robot's part of the models of a simulation.
 #[derive(Clone, Debug)]

@@ -38,35 +38,17 @@ mod refine;
 mod rounds;
 mod row_scales;
 mod run;
+mod settings;
 mod tolerances;
+mod work;
 mod working_set;
 
 use super::{Constraint, Problem, QpSolver, Side, Solution, SolveError, Structure, UpdateError};
-use kernels::{Lower, padded};
-use progress::Progress;
 use row_scales::RowScales;
 use run::Run;
-use working_set::{Member, WorkingSet};
-
-/// Settings of [`ActiveSetSolver`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ActiveSetSettings {
-    /// Largest violation of a row or a bound, in its own unit; relative for bounds above one. A row with a
-    /// largest entry outside 1/32 to 32 is scaled first, so that this entry is from 1 to 2. Default 1e-10.
-    pub feasibility: f64,
-    /// Largest number of iterations of one solve, the bound of its time: of changes of the working set, and
-    /// of factorisations of the problem and its working set after the first. All that a solve tries counts.
-    /// Default: `None`, ten times the number of constraints and variables, and 50.
-    pub max_iterations: Option<u32>,
-    /// Warm start: a solve starts with the previous working set. Default true.
-    pub warm_start: bool,
-}
-
-impl Default for ActiveSetSettings {
-    fn default() -> Self {
-        Self { feasibility: 1e-10, max_iterations: None, warm_start: true }
-    }
-}
+pub use settings::ActiveSetSettings;
+use work::Work;
+use working_set::Member;
 
 /// A [`QpSolver`] that keeps its working set between solves.
 #[derive(Debug)]
@@ -82,57 +64,11 @@ pub struct ActiveSetSolver {
     solution: Solution,
 }
 
-/// Working memory of a solve, without the problem.
-#[derive(Debug)]
-struct Work {
-    /// The Cholesky factor of the Hessian.
-    hessian: Lower,
-    working: WorkingSet,
-    /// Number added to each diagonal entry of the Hessian; 0 if the Hessian is well conditioned.
-    shift: f64,
-    /// Centre of the proximal term `shift / 2 |x - centre|^2`.
-    centre: Vec<f64>,
-    /// `q - shift centre`.
-    gradient: Vec<f64>,
-    /// `L^-1 gradient`.
-    g: Vec<f64>,
-    x: Vec<f64>,
-    residual: Vec<f64>,
-    gaps: Vec<f64>,
-    /// `G x`.
-    rows: Vec<f64>,
-    /// Flag of each constraint: true if it is a member of the working set, or implied by the members.
-    is_member: Vec<bool>,
-    /// Constraints that the members imply.
-    implied: Vec<usize>,
-    /// The members of the solve before.
-    previous: Vec<Member>,
-    progress: Progress,
-}
-
 impl ActiveSetSolver {
     /// Builds a solver for `structure` and allocates all memory.
     pub fn new(structure: Structure, settings: ActiveSetSettings) -> Self {
-        let n = structure.variables();
-        let all = structure.equality_count() + structure.row_sides().len() + n;
-        let row = || vec![0.0; padded(n)];
-        let work = Work {
-            hessian: Lower::new(n),
-            working: WorkingSet::new(n),
-            shift: 0.0,
-            centre: row(),
-            gradient: row(),
-            g: row(),
-            x: row(),
-            residual: row(),
-            gaps: row(),
-            rows: vec![0.0; structure.row_sides().len()],
-            is_member: vec![false; all],
-            implied: Vec::with_capacity(all),
-            previous: Vec::with_capacity(n),
-            progress: Progress::default(),
-        };
         Self {
+            work: Work::new(&structure),
             problem: Problem::new(&structure),
             scales: RowScales::new(structure.equality_count(), structure.row_sides().len()),
             solution: Solution::new(&structure),
@@ -140,7 +76,6 @@ impl ActiveSetSolver {
             settings,
             instructions: pulp::Arch::new(),
             updated: false,
-            work,
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The parts of one solve.
 
-use super::{ActiveSetSettings, Work};
+use super::settings::ActiveSetSettings;
+use super::work::Work;
 use crate::{Problem, Solution};
 
 /// One solve.

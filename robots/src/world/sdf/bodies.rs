@@ -3,10 +3,8 @@
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
 use roxmltree::Node;
 
-use super::super::ObjectMass;
-use super::super::WorldFileError;
-use super::super::reading::problem;
-use super::super::reading::{fixed, unique};
+use super::super::reading::{fixed, problem, unique};
+use super::super::{ObjectMass, WorldFileError};
 use super::reader::Reader;
 use super::values::{child, elements, is_true, named};
 use crate::{BasePose, CompoundPart, Object, ObjectShape};

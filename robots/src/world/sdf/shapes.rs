@@ -5,10 +5,8 @@ use std::path::Path;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use roxmltree::Node;
 
-use super::super::WorldFileError;
-use super::super::reading::problem;
-use super::super::reading::{fixed, mesh, unique};
-use super::super::{Ground, MeshCollision, MeshShape, Object, ObjectShape};
+use super::super::reading::{fixed, mesh, problem, unique};
+use super::super::{Ground, MeshCollision, MeshShape, Object, ObjectShape, WorldFileError};
 use super::reader::Reader;
 use super::values::{child, elements, named, text};
 

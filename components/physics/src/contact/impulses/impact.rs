@@ -14,27 +14,10 @@ use nalgebra::Vector3;
 
 use super::super::site::{Side, Site};
 use super::Impulses;
+use super::rebound::Rebound;
 
 /// Differences of a bound below this share of its energies are rounding.
 const ROUNDING: f64 = 1e-6;
-
-/// Impulses and velocities of the points of an island, three numbers each.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Impact {
-    /// Impulses and velocities by Newton's law.
-    newton: [Vec<f64>; 2],
-    /// Velocities of the plastic impact, whose impulses are the current ones.
-    plastic: Vec<f64>,
-}
-
-impl Impact {
-    /// Reserves space for this number of points.
-    pub(super) fn make_room(&mut self, points: usize) {
-        for numbers in self.newton.iter_mut().chain([&mut self.plastic]) {
-            numbers.resize(3 * points, 0.0);
-        }
-    }
-}
 
 impl Impulses {
     /// Returns `true` if an island has an impact whose energy friction may raise.
@@ -73,7 +56,7 @@ impl Impulses {
 
     /// Returns the interpolation factor from the plastic impact, whose impulses are the current ones, to
     /// Newton's.
-    fn rebound_share(&self, places: Range<usize>, impact: &Impact) -> f64 {
+    fn rebound_share(&self, places: Range<usize>, impact: &Rebound) -> f64 {
         let [newton, newton_velocity] = &impact.newton;
         // Twice the energies: at the plastic impact, with slope and curvature of the interpolation.
         let (mut start, mut slope, mut curve, mut size) = (0.0, 0.0, 0.0, 0.0);

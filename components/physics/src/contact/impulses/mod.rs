@@ -4,7 +4,9 @@ mod articulations;
 mod assembly;
 mod couples;
 mod impact;
+mod rebound;
 mod sleeping;
+mod turning;
 mod warm;
 
 use core::ops::Range;
@@ -21,7 +23,8 @@ use super::point::ContactPoint;
 use super::site::{Mobility, ObjectRow, Side, Site};
 use super::sweeps::Room;
 use crate::robot::{Articulation, Robot};
-use impact::Impact;
+use rebound::Rebound;
+use turning::add_turning;
 pub(crate) use warm::Known;
 
 /// Decay rate of penetration \[1/s\].
@@ -87,7 +90,7 @@ pub(crate) struct Impulses {
     sum: Vec<f64>,
     pub(super) lambda: Vec<f64>,
     room: Room,
-    impact: Impact,
+    impact: Rebound,
     islands: Islands,
     /// True for islands that must be solved.
     pending: Vec<bool>,
@@ -137,7 +140,7 @@ impl Impulses {
             sum: vec![0.0; n],
             lambda: vec![0.0; 3 * most],
             room: Room::new(most, n, objects),
-            impact: Impact::default(),
+            impact: Rebound::default(),
             islands: Islands::new(articulations.len() + objects, most),
             pending: Vec::with_capacity(most),
             cone: ConeSolver::new(most.min(DENSE)),
@@ -250,7 +253,7 @@ impl Impulses {
                 let Some(of) = owner.articulation() else { continue };
                 let columns = &mut columns[self.parts[of].clone()];
                 if turning {
-                    couples::add_turning(&slopes, (owner, sign), &point.point, site.axes, columns);
+                    add_turning(&slopes, (owner, sign), &point.point, site.axes, columns);
                 } else {
                     slopes(owner, &point.point, &site.axes, sign, columns);
                 }

@@ -1,0 +1,103 @@
+//! Equations of tasks.
+
+use nalgebra::{DMatrix, DVector, Matrix3};
+
+use super::impedance::Impedance;
+use super::response::Response;
+use crate::cost::Cost;
+
+/// The equation of a task at a state, and the cost that a formulation makes of it.
+#[derive(Clone, Debug)]
+pub struct Equation {
+    /// `e`, one entry per row; zero for a task without a position.
+    pub error: DVector<f64>,
+    /// `nu`, the rate of the target: `e' = nu - J v`.
+    pub rate: DVector<f64>,
+    /// `nu'`.
+    pub rate_derivative: DVector<f64>,
+    /// `e'` at the velocity of the robot.
+    pub error_rate: DVector<f64>,
+    /// `J' v`, the part of `(J v)'` that no acceleration changes.
+    pub drift: DVector<f64>,
+    /// The requested motion of the error.
+    pub response: Response,
+    /// Factors `S` of the first and the following three rows, which the error `e` and its rate do not
+    /// contain; `J`, `nu`, `nu'` and `J' v` do. A formulation requests `S e`. Default: the identity.
+    pub selection: Option<[Matrix3<f64>; 2]>,
+    pub(super) cost: Cost,
+    /// `gain e`, slowed to the largest speeds.
+    pub(super) correction: DVector<f64>,
+    /// Levenberg-Marquardt damping as of the last update.
+    pub(super) damping: f64,
+    pub(super) impedance: Option<Impedance>,
+}
+
+impl Equation {
+    /// `rows` rows on `width` velocities from `first` on: everything zero, all weights 1.
+    pub fn dense(rows: usize, first: usize, width: usize) -> Self {
+        Self::new(Cost::dense(rows, first, width))
+    }
+
+    /// `count` velocities from `first` on themselves: `J` the identity, everything else zero, all weights 1.
+    pub fn identity(first: usize, count: usize) -> Self {
+        Self::new(Cost::identity(first, count))
+    }
+
+    fn new(cost: Cost) -> Self {
+        let zero = DVector::zeros(cost.rows());
+        Self {
+            error: zero.clone(),
+            rate: zero.clone(),
+            rate_derivative: zero.clone(),
+            error_rate: zero.clone(),
+            drift: zero.clone(),
+            response: Response::decay(0.0),
+            selection: None,
+            cost,
+            correction: zero,
+            damping: 0.0,
+            impedance: None,
+        }
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.error.len()
+    }
+
+    /// `J`, to be written.
+    ///
+    /// # Panics
+    /// If `J` is the identity.
+    pub fn jacobian_mut(&mut self) -> &mut DMatrix<f64> {
+        self.cost.matrix_mut()
+    }
+
+    /// `J` as of the last evaluation.
+    ///
+    /// # Panics
+    /// If `J` is the identity.
+    pub fn jacobian(&self) -> &DMatrix<f64> {
+        self.cost.matrix()
+    }
+
+    /// The diagonal of `W`, to be written.
+    pub fn weights_mut(&mut self) -> &mut DVector<f64> {
+        self.cost.weights_mut()
+    }
+
+    /// Replaces `correction` by `S correction`, or by `S' correction`.
+    pub(super) fn select(&mut self, transposed: bool) {
+        let Some(factors) = &self.selection else { return };
+        for (block, factor) in factors.iter().enumerate() {
+            let mut rows = self.correction.fixed_rows_mut::<3>(3 * block);
+            let selected = if transposed { factor.tr_mul(&rows) } else { factor * &rows };
+            rows.copy_from(&selected);
+        }
+    }
+
+    /// The cost as of the last update by a formulation.
+    pub fn cost(&self) -> &Cost {
+        &self.cost
+    }
+}

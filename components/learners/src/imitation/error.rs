@@ -1,0 +1,22 @@
+//! Errors of imitation.
+
+use crate::environment::EnvironmentError;
+
+/// The errors of imitation.
+#[derive(Debug, thiserror::Error)]
+pub enum ImitationError {
+    /// The environment failed.
+    #[error(transparent)]
+    Environment(#[from] EnvironmentError),
+    /// The loss is not finite.
+    #[error(
+        "iteration {iteration}: the loss is {loss}, expected a finite number\n\
+         help: lower `rate` or clip the observations of the task"
+    )]
+    NotFinite {
+        /// Number of the iteration.
+        iteration: u64,
+        /// The loss.
+        loss: f64,
+    },
+}

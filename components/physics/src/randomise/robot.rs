@@ -1,0 +1,14 @@
+//! Robots of a simulation whose properties are sampled.
+
+use motorium_robots::Model;
+
+/// A robot whose properties are sampled.
+#[derive(Clone, Debug)]
+pub struct RandomisedRobot {
+    /// Name of the robot, if there are several. Its links then start with `NAME/` in the simulation.
+    pub name: Option<String>,
+    /// Index of the articulation that the robot is, or is part of.
+    pub articulation: usize,
+    /// Model of this robot alone.
+    pub model: Model,
+}
