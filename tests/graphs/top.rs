@@ -90,7 +90,8 @@ fn signal(child: &Child, signal: rustix::process::Signal) {
 
 fn graph(name: &str, more: &[&str]) -> Command {
     let name = format!("name={name}");
-    let mut arguments = vec!["run", GRAPH, "--set", &name, "--for", "1000s", "--json", "--metrics", "0"];
+    // in lockstep, an hour and more of real time
+    let mut arguments = vec!["run", GRAPH, "--set", &name, "--for", "100000s", "--json", "--metrics", "0"];
     arguments.extend(ANY_LOSS);
     arguments.extend(more);
     motorium(&arguments)
