@@ -1,7 +1,7 @@
 //! The `motorium` commands that the viewer starts: the run of a graph, its times, a stop.
 
 use std::io::{BufRead as _, BufReader};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, Receiver};
 use std::time::{Duration, Instant};
@@ -138,7 +138,7 @@ impl Drop for Times {
 }
 
 /// Runs a `motorium` command on a run and returns its standard output.
-pub(crate) fn command(motorium: &PathBuf, arguments: &[&str]) -> Result<String, String> {
+pub(crate) fn command(motorium: &Path, arguments: &[&str]) -> Result<String, String> {
     let output = Command::new(motorium).args(arguments).stdin(Stdio::null()).output();
     let output = output.map_err(|error| format!("{} does not start: {error}", motorium.display()))?;
     let words = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_string();

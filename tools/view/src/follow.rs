@@ -1,9 +1,9 @@
 //! Following a run: the polling loop over its shared memory.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
@@ -53,6 +53,8 @@ pub(crate) struct Follower {
     run_channel: Arc<RawChannel>,
     times_channel: Arc<RawChannel>,
     shown: Vec<Parameter>,
+    /// Commands on a run by their id.
+    commands: Sender<(Command, String, Responder)>,
 }
 
 impl Follower {
@@ -60,6 +62,9 @@ impl Follower {
     pub(crate) fn new(request: Request, server: Arc<Server>, asks: Receiver<Ask>) -> anyhow::Result<Self> {
         let run_channel = server.json_channel(RUN, "motorium.Run", RUN_SCHEMA)?;
         let times_channel = server.json_channel(TIMES, "motorium.Top", TIMES_SCHEMA)?;
+        let (commands, requested) = mpsc::channel();
+        let motorium = request.motorium.clone();
+        std::thread::spawn(move || execute(&motorium, requested));
         let mut follower = Self {
             motorium: request.motorium.clone(),
             request,
@@ -73,6 +78,7 @@ impl Follower {
             run_channel,
             times_channel,
             shown: Vec::new(),
+            commands,
         };
         if let Some(run) = &follower.request.run {
             let folder = named(run)?;
@@ -294,10 +300,6 @@ impl Follower {
     }
 
     fn command(&mut self, command: Command, responder: Responder) {
-        let respond = |responder: Responder, outcome: Result<String, String>| match outcome {
-            Ok(message) => responder.respond_ok(json!({ "done": true, "message": message }).to_string()),
-            Err(message) => responder.respond_err(message),
-        };
         if command == Command::Start {
             let outcome = if self.request.graph.is_none() {
                 Err("this viewer has not started the graph, and cannot start it again".to_string())
@@ -318,15 +320,29 @@ impl Follower {
             // Immediate, independent of the process that waits for the outcome.
             joined.region.header().latch(Latch::Stop);
         }
-        let (motorium, run) = (self.motorium.clone(), joined.folder.id().to_string());
-        std::thread::spawn(move || {
-            let words: &[&str] = match command {
-                Command::Stop => &["stop", "--now", "--run", &run],
-                Command::Resume => &["resume", "--run", &run],
-                Command::End | Command::Start => &["stop", "--run", &run],
-            };
-            respond(responder, children::command(&motorium, words));
-        });
+        // the thread that executes them lives as long as this sender
+        let _ = self.commands.send((command, joined.folder.id().to_string(), responder));
         self.tell_run();
+    }
+}
+
+/// Executes commands one after another: `motorium stop` of an earlier click must not stop a robot that a later
+/// one has released.
+fn execute(motorium: &Path, requested: Receiver<(Command, String, Responder)>) {
+    for (command, run, responder) in requested {
+        let words: &[&str] = match command {
+            Command::Stop => &["stop", "--now", "--run", &run],
+            Command::Resume => &["resume", "--run", &run],
+            Command::End | Command::Start => &["stop", "--run", &run],
+        };
+        respond(responder, children::command(motorium, words));
+    }
+}
+
+/// Answers a request with the output of its command, or with its error.
+fn respond(responder: Responder, outcome: Result<String, String>) {
+    match outcome {
+        Ok(message) => responder.respond_ok(json!({ "done": true, "message": message }).to_string()),
+        Err(message) => responder.respond_err(message),
     }
 }
