@@ -326,8 +326,8 @@ impl Follower {
     }
 }
 
-/// Executes commands one after another: `motorium stop` of an earlier click must not stop a robot that a later
-/// one has released.
+/// Executes commands one after another: `motorium stop` of an earlier click must not stop a robot that a
+/// later one has released.
 fn execute(motorium: &Path, requested: Receiver<(Command, String, Responder)>) {
     for (command, run, responder) in requested {
         let words: &[&str] = match command {
