@@ -160,10 +160,7 @@ fn a_babbling_node_is_counted_and_the_drives_still_answer() {
     let adapter = &row.results()["adapter"];
     // one frame every 50 us for 200 ms
     assert!(number(&adapter["stray_frames"]) > 3_000, "{adapter}");
-    // behind them, a slow machine delays some replies of 8 drives beyond their cycle
-    let replies = 8 * number(&adapter["cycles"]);
-    assert!(100 * number(&adapter["missing_replies"]) <= replies, "{adapter}");
-    assert_eq!(adapter["tripped"], false, "{adapter}");
+    row.assert_steady(adapter);
 }
 
 #[test]
