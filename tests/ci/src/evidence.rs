@@ -10,9 +10,8 @@ use core::fmt;
 
 use crate::proc::{CoreTicks, TICKS_PER_SECOND};
 
-/// Shortest gap [s] that makes a failed real-time check inconclusive: a drive that is commanded at 250 Hz
-/// misses its watchdog of 20 ms after a gap of 16 ms.
-pub(crate) const MIN_GAP_S: f64 = 0.015;
+/// Shortest gap [s] that makes a failed real-time check inconclusive.
+pub(crate) const MIN_GAP_S: f64 = 0.020;
 /// Smallest stolen share of the processor time that makes a failed real-time check inconclusive.
 pub(crate) const MIN_STEAL_SHARE: f64 = 0.05;
 /// Share of a gap that must be reported as stolen.

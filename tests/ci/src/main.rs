@@ -39,7 +39,7 @@ Options:
   --help       Prints this help
 
 Exit code: 0 if all steps passed, 1 if one failed, 2 on a usage error. A real-time check that failed while the
-host took at least 15 ms in one piece, or 5 % of the processor time, is inconclusive; at most 1 % may be.
+host took at least 20 ms in one piece, or 5 % of the processor time, is inconclusive; at most 1 % may be.
 ";
 
 /// What the arguments request.
