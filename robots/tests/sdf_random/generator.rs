@@ -47,7 +47,7 @@ pub(crate) struct File {
     pub(crate) wind: [f64; 3],
     pub(crate) ground: Option<Plane>,
     pub(crate) objects: Vec<Expected>,
-    /// What the reader warns of.
+    /// Names of the elements that the reader warns about.
     pub(crate) named: BTreeSet<String>,
     /// Part of the error of a file that a world cannot contain.
     pub(crate) refused: Option<String>,

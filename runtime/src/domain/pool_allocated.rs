@@ -67,7 +67,7 @@ fn take(layout: Layout) -> *mut u8 {
 }
 
 /// Returns memory that `take` allocated for the same layout.
-fn give(memory: *mut u8, layout: Layout) {
+fn recycle(memory: *mut u8, layout: Layout) {
     let kept = fits(layout)
         && POOL
             .try_with(|pool| {
@@ -131,7 +131,7 @@ impl<T> Drop for PoolAllocated<T> {
         if self.release() {
             // SAFETY: this was the last handle: nobody else sees the value or its block.
             unsafe { ManuallyDrop::drop(&mut self.shared.as_mut().value) };
-            give(self.shared.as_ptr().cast(), Layout::new::<Shared<T>>());
+            recycle(self.shared.as_ptr().cast(), Layout::new::<Shared<T>>());
         }
     }
 }

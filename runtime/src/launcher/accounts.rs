@@ -119,7 +119,7 @@ impl Accounts {
 
     /// Reports changes in lockstep, when a look is due in simulated time.
     #[inline]
-    pub(super) fn tell_at(
+    pub(super) fn report_at(
         &mut self,
         (plan, region): (&Plan, &Region),
         simulated_ns: u64,
@@ -127,12 +127,12 @@ impl Accounts {
     ) {
         if simulated_ns >= self.next_look_ns {
             self.next_look_ns = simulated_ns + LOOK_NS;
-            self.tell((plan, region), simulated_ns, false, observe);
+            self.report((plan, region), simulated_ns, false, observe);
         }
     }
 
     /// Reports changes; with `all`, including those held back by a pause.
-    pub(super) fn tell(
+    pub(super) fn report(
         &mut self,
         (plan, region): (&Plan, &Region),
         now_ns: u64,
@@ -155,7 +155,7 @@ impl Accounts {
                 observe(Event::Missed { component: name, misses });
             }
             if component.actuator {
-                account.tell_gate((name, block), region, (now_ns, all), observe);
+                account.report_gate((name, block), region, (now_ns, all), observe);
             }
         }
         let blocks = plan.latencies.iter().zip(region.latencies());
@@ -175,7 +175,7 @@ impl Accounts {
 }
 
 impl Account {
-    fn tell_gate(
+    fn report_gate(
         &mut self,
         (component, block): (&str, &ComponentBlock),
         region: &Region,
@@ -202,7 +202,7 @@ impl Account {
                 observe(Event::Warning(&format!("`{component}` {fault}")));
             }
         }
-        if (entries, state) == (self.entries, self.state) || !(self.may_tell(now_ns) || all) {
+        if (entries, state) == (self.entries, self.state) || !(self.may_report(now_ns) || all) {
             return;
         }
         let times = entries.saturating_sub(self.entries);
@@ -225,7 +225,7 @@ impl Account {
         }
     }
 
-    fn may_tell(&mut self, now_ns: u64) -> bool {
+    fn may_report(&mut self, now_ns: u64) -> bool {
         if now_ns.saturating_sub(self.refilled_ns) >= REFILL_NS {
             (self.changes_left, self.refilled_ns) = ((self.changes_left + 1).min(CHANGES), now_ns);
         }
@@ -286,7 +286,7 @@ mod tests {
     #[test]
     fn flapping_actuator_is_rate_limited() {
         let mut account = Account { changes_left: CHANGES, ..Account::default() };
-        let reported = (0..60 * 50).filter(|look| account.may_tell(look * 20_000_000)).count();
+        let reported = (0..60 * 50).filter(|look| account.may_report(look * 20_000_000)).count();
         assert_eq!(reported, CHANGES as usize + 5);
     }
 

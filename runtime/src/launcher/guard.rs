@@ -111,7 +111,7 @@ fn await_cause(
     launcher: &Watch,
     log: &EventWriter,
 ) -> String {
-    let tell = |event: Event<'_>| {
+    let report = |event: Event<'_>| {
         log.write(&event);
         eprintln!("motorium: {event}");
     };
@@ -133,13 +133,13 @@ fn await_cause(
             && now.saturating_sub(alive_ns) > SILENCE_NS;
         match &mut silent {
             None if is_silent => {
-                tell(Event::LauncherSilent { run: folder.id() });
+                report(Event::LauncherSilent { run: folder.id() });
                 silent = Some(Silence::new(plan, region, now));
                 // A component that ended after the launcher's last sign of life needs it already.
                 continue;
             }
             Some(_) if !is_silent => {
-                tell(Event::LauncherBack { run: folder.id() });
+                report(Event::LauncherBack { run: folder.id() });
                 silent = None;
             }
             Some(silence) => {

@@ -112,7 +112,7 @@ impl Launch {
             let header = self.region.header();
             header.reached_ns.store(self.reached_ns, Relaxed);
             let is_over = header.is_episode_over();
-            self.accounts.tell_at((&self.plan, &self.region), time, observe);
+            self.accounts.report_at((&self.plan, &self.region), time, observe);
             if is_over {
                 return None;
             }
@@ -141,7 +141,7 @@ impl Launch {
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Option<Exit> {
         let observe = &mut logging(&self.log, observe);
-        self.tell_last_accounts(observe);
+        self.report_last_accounts(observe);
         self.region.header().begin_episode(index, seed);
         let mut supervision = core::mem::take(&mut self.supervision);
         let mut exit = None;
@@ -213,9 +213,9 @@ impl Launch {
         self.relay_output(observe);
         self.guard.monitor(&self.program, (&self.folder, &self.region), 0, observe);
         self.places.look(&self.options, &self.folder, observe);
-        self.stops.tell(&self.plan, &self.region, observe);
+        self.stops.report(&self.plan, &self.region, observe);
         for (index, supervision) in supervision.iter_mut().enumerate() {
-            self.tell_tolerated(index, supervision, observe);
+            self.report_tolerated(index, supervision, observe);
         }
         observe(Event::Status(&self.status()));
     }
@@ -265,7 +265,7 @@ impl Launch {
         self.rounds.note(&self.region, index, time);
         let inline = self.options.hosting == Hosting::Inline;
         if !inline {
-            self.region.header().turn.give(None, None);
+            self.region.header().turn.pass(None, None);
         }
         if self.region.components()[index].phase() != Phase::Running
             && let Some(ticked) = self.await_running(index, &mut supervision[index], observe)
@@ -307,7 +307,7 @@ impl Launch {
         if matches!(work, Work::Reset) {
             block.tick_resets.store(1, Relaxed);
         }
-        turn.give(None, Some(index));
+        turn.pass(None, Some(index));
         block.call();
         let mut last = turn.now();
         let mut since_ns = monotonic_ns();
@@ -342,7 +342,7 @@ impl Launch {
                 continue;
             }
             // The tick of its death is lost; the restarted component starts with the next one.
-            self.region.header().turn.give(Some(holder), None);
+            self.region.header().turn.pass(Some(holder), None);
             return match ended {
                 Some(AfterEnd::Fatal(reason)) => Ticked::Fatal(reason),
                 Some(AfterEnd::Ignored) => Ticked::Done,

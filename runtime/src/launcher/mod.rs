@@ -184,7 +184,7 @@ impl Launch {
         self.services = Services::create(&self.folder, &self.plan)?;
         self.spare = Spare::reserve(&self.folder)?;
         observe(Event::Created { run: self.folder.id(), plan: &self.plan });
-        self.tell_neighbours(observe);
+        self.report_neighbours(observe);
         for index in 0..self.plan.components.len() {
             let child = self.start_child(index)?;
             self.children.push(child);
@@ -225,14 +225,14 @@ impl Launch {
         if start != 0 && in_good_order {
             self.note_gates(observe);
         }
-        self.tell_last_accounts(observe);
+        self.report_last_accounts(observe);
         observe(Event::Ending(&exit));
         self.end(observe);
         if start != 0 && in_good_order {
             self.note_ends(observe);
             self.note_results(observe);
         }
-        self.tell_last_accounts(observe);
+        self.report_last_accounts(observe);
         if start != 0 {
             self.note_rest();
         }
@@ -301,12 +301,12 @@ impl Launch {
     }
 
     /// Reports everything remaining at the end of a run or episode.
-    fn tell_last_accounts(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
+    fn report_last_accounts(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         let now_ns = match self.plan.clock {
             ClockKind::Realtime => monotonic_ns(),
             ClockKind::Lockstep => self.reached_ns,
         };
-        self.accounts.tell((&self.plan, &self.region), now_ns, true, observe);
+        self.accounts.report((&self.plan, &self.region), now_ns, true, observe);
     }
 
     /// The launcher avoids the real-time cores; in lockstep it shares the single core with all components. A

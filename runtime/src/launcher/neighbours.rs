@@ -10,7 +10,7 @@ const NAMED: usize = 3;
 impl Launch {
     /// Warns of real-time threads of other users on the cores of the run. This user's runs are checked with
     /// their budgets before the start; of others only the kernel's thread list is known.
-    pub(super) fn tell_neighbours(&self, observe: &mut dyn FnMut(Event<'_>)) {
+    pub(super) fn report_neighbours(&self, observe: &mut dyn FnMut(Event<'_>)) {
         if self.plan.clock != ClockKind::Realtime {
             return;
         }

@@ -64,7 +64,7 @@ impl Launch {
             std::thread::sleep(Duration::from_millis(2));
         }
         if !reported {
-            self.tell_unsafe(noticed, observe);
+            self.report_unsafe(noticed, observe);
         }
     }
 
@@ -96,7 +96,7 @@ impl Launch {
         if self.plan.settle_ns() == 0 || self.all_actuators_safe_since(noticed).is_some() {
             return;
         }
-        self.tell_unsafe(noticed, observe);
+        self.report_unsafe(noticed, observe);
         for (index, reached) in self.actuators(noticed) {
             let name = &self.plan.components[index].name;
             match reached {
@@ -114,7 +114,7 @@ impl Launch {
     }
 
     /// Reports the actuators outside their safe state.
-    fn tell_unsafe(&mut self, noticed: u64, observe: &mut dyn FnMut(Event<'_>)) {
+    fn report_unsafe(&mut self, noticed: u64, observe: &mut dyn FnMut(Event<'_>)) {
         let actuators = self.actuators(noticed);
         let names = |wanted: fn(&Reached) -> bool| -> Vec<&str> {
             let those = actuators.iter().filter(|(_, reached)| wanted(reached));

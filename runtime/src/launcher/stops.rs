@@ -20,7 +20,7 @@ pub(super) struct Stops {
 
 impl Stops {
     /// Reports a stop that started or ended since the last call.
-    pub(super) fn tell(&mut self, plan: &Plan, region: &Region, observe: &mut dyn FnMut(Event<'_>)) {
+    pub(super) fn report(&mut self, plan: &Plan, region: &Region, observe: &mut dyn FnMut(Event<'_>)) {
         let stop = current(plan, region);
         if stop == self.reported {
             return;

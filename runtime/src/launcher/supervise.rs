@@ -110,8 +110,8 @@ impl Launch {
         }
         self.guard.monitor(&self.program, (&self.folder, &self.region), late, observe);
         self.places.look(&self.options, &self.folder, observe);
-        self.stops.tell(&self.plan, &self.region, observe);
-        self.accounts.tell((&self.plan, &self.region), now, false, observe);
+        self.stops.report(&self.plan, &self.region, observe);
+        self.accounts.report((&self.plan, &self.region), now, false, observe);
         self.episodes.note(&self.region, observe);
         if now >= self.next_status_ns {
             self.next_status_ns = now + STATUS_NS;
@@ -150,7 +150,7 @@ impl Launch {
             self.children[index].is_gone();
             return None;
         }
-        self.tell_tolerated(index, supervision, observe);
+        self.report_tolerated(index, supervision, observe);
         loop {
             let (facts, account) = self.facts(index, supervision);
             match (decide(&supervision.state, &facts), account) {
@@ -412,7 +412,7 @@ impl Launch {
     }
 
     /// Reports the first error of a component that its policy tolerates.
-    pub(super) fn tell_tolerated(
+    pub(super) fn report_tolerated(
         &self,
         index: usize,
         supervision: &mut Supervision,

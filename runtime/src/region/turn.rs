@@ -54,14 +54,14 @@ impl TurnBlock {
 
     /// Passes the turn to a party that still has to be called. By the holder only.
     #[inline]
-    pub(crate) fn give(&self, giver: Option<usize>, holder: Option<usize>) {
+    pub(crate) fn pass(&self, giver: Option<usize>, holder: Option<usize>) {
         let number = self.now().number.wrapping_add(1);
         self.word.store(Turn { number, giver, holder }.word(), Release);
     }
 
     /// Returns the turn to the launcher, and wakes it.
     pub(crate) fn give_back(&self, giver: usize) {
-        self.give(Some(giver), None);
+        self.pass(Some(giver), None);
         self.called.fetch_add(1, Release);
         futex_wake(&self.called);
     }
@@ -106,10 +106,10 @@ mod tests {
     fn a_turn_has_one_holder_and_each_is_another() {
         let block = TurnBlock::default();
         assert_eq!((block.now().giver, block.now().holder), (None, None), "at the start the launcher has it");
-        block.give(None, Some(511));
+        block.pass(None, Some(511));
         let first = block.now();
         assert_eq!((first.giver, first.holder), (None, Some(511)));
-        block.give(Some(511), Some(511));
+        block.pass(Some(511), Some(511));
         assert_ne!(block.now(), first, "the same party again is another turn");
         block.give_back(511);
         assert_eq!((block.now().giver, block.now().holder), (Some(511), None));

@@ -115,7 +115,7 @@ impl Rounds {
             header.reached_ns.store(time_ns + 1, Relaxed);
         }
         self.note(region, component, round_ns);
-        header.turn.give(Some(giver), Some(component));
+        header.turn.pass(Some(giver), Some(component));
         if component != giver {
             region.components()[component].call();
         }

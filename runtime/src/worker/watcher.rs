@@ -66,14 +66,14 @@ pub(super) fn start(context: &Context) -> std::io::Result<JoinHandle<()>> {
             signals.note_termination(monotonic_ns());
             let mut drain = [0; 64];
             while matches!(commands.read(&mut drain), Ok(n) if n > 0) {}
-            tell(&signals, stepping);
+            interrupt_until_seen(&signals, stepping);
         }
     })
 }
 
 /// Interrupts the stepping thread until it has seen the message; a signal just before it falls asleep would
 /// be lost.
-fn tell(signals: &Signals, stepping: i32) {
+fn interrupt_until_seen(signals: &Signals, stepping: i32) {
     let message = signals.send();
     for _ in 0..2_000 {
         interrupt_thread(stepping);

@@ -9,6 +9,8 @@
 mod search;
 mod weights;
 
+use std::fmt;
+
 use super::Equipped;
 use crate::adapter::{EASED, RUNAWAY, STILL};
 use crate::{HomingBy, HomingEntry};
@@ -18,11 +20,131 @@ use weights::{Others, Weights};
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Unfit {
     pub(super) joint: String,
-    pub(super) message: String,
-    pub(super) advice: &'static str,
+    pub(super) problem: Problem,
     /// The homing fails at the stop, or may cause damage there, wherever the other joints are; otherwise it
     /// only may fail.
     pub(super) is_refused: bool,
+}
+
+/// What is wrong with the effort or the velocity of a homing.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub(super) enum Problem {
+    #[error(transparent)]
+    TooWeak(TooWeak),
+    #[error(transparent)]
+    TooHard(TooHard),
+}
+
+impl Problem {
+    pub(super) fn advice(&self) -> &'static str {
+        match self {
+            Self::TooWeak(TooWeak { moment: Moment::OnTheWay, .. }) => {
+                "raise `effort`, begin from the other side, or home it later, by `order`, when the others take its weight off it"
+            }
+            Self::TooWeak(_) => "raise `effort`, or choose the stop at the other end",
+            Self::TooHard(_) => "write a lower `velocity`, or as `energy` what its stop and its gear stand",
+        }
+    }
+}
+
+/// Moment of a homing at which the effort has to overcome the weight.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Moment {
+    /// On the way to the stop.
+    OnTheWay,
+    /// At the stop, against which the effort has to press the joint.
+    Reaching,
+    /// At the stop, where half of the effort has to hold the joint.
+    Holding,
+    /// At the stop, from which the effort has to move the joint away.
+    Leaving,
+}
+
+/// An effort that is smaller than the load.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct TooWeak {
+    pub(super) moment: Moment,
+    /// Positions of the other joints.
+    pub(super) place: &'static str,
+    /// Part of the weight that acts against the motion, in `unit`.
+    pub(super) weight: f64,
+    /// Friction close to rest, in `unit`.
+    pub(super) friction: f64,
+    /// Part of `effort` that is available, in `unit`.
+    pub(super) available: f64,
+    pub(super) unit: &'static str,
+}
+
+impl TooWeak {
+    /// Load that the effort has to overcome; friction helps to hold the joint.
+    fn load(&self) -> f64 {
+        match self.moment {
+            Moment::Holding => self.weight - self.friction,
+            Moment::OnTheWay | Moment::Reaching | Moment::Leaving => self.weight + self.friction,
+        }
+    }
+}
+
+impl core::error::Error for TooWeak {}
+
+impl fmt::Display for TooWeak {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { moment, place, weight, friction, available, unit } = self;
+        let moving = format!("{:.0} %", 100.0 * (1.0 - STILL));
+        let (before, sign, part) = match moment {
+            Moment::OnTheWay => (format!("on its way, {place}, its weight needs up to"), '+', &*moving),
+            Moment::Reaching => {
+                (format!("at its stop, {place}, its weight presses it off with"), '+', &*moving)
+            }
+            Moment::Holding => (format!("at its stop, {place}, its weight presses it off with"), '-', "half"),
+            Moment::Leaving => {
+                (format!("at its stop, {place}, its weight holds it there with"), '+', &*moving)
+            }
+        };
+        write!(
+            f,
+            "{before} {weight:.3} {unit}, {sign} {friction:.3} {unit} of friction = {:.3} {unit}, \
+             and {part} of `effort` is {available:.3} {unit}",
+            self.load()
+        )
+    }
+}
+
+/// An impact with more energy than the stop is said to stand.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct TooHard {
+    pub(super) is_prismatic: bool,
+    /// Largest inertia at the stop, kg m2 or kg.
+    pub(super) inertia: f64,
+    /// Commanded velocity, rad/s or m/s.
+    pub(super) velocity: f64,
+    /// Factor by which the weight speeds the joint up.
+    pub(super) faster: f64,
+    /// Value of `energy`, J.
+    pub(super) allowed: f64,
+    /// Velocity at which the impact has that energy, rad/s or m/s.
+    pub(super) slow: f64,
+}
+
+impl TooHard {
+    fn energy(&self) -> f64 {
+        0.5 * self.inertia * (self.velocity * self.faster).powi(2)
+    }
+}
+
+impl core::error::Error for TooHard {}
+
+impl fmt::Display for TooHard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { is_prismatic, inertia, velocity, faster, allowed, slow } = self;
+        let (mass, speeds) = if *is_prismatic { ("kg", "m/s") } else { ("kg m2", "rad/s") };
+        write!(
+            f,
+            "it may meet its stop with up to 0.5 x {inertia:.4} {mass} x ({velocity} {speeds} x {faster:.2})^2 = \
+             {:.3} J, and `energy` is {allowed} J: that is {slow:.3} {speeds}",
+            self.energy()
+        )
+    }
 }
 
 /// Finds the homings at a stop with excessive loads.
@@ -62,8 +184,13 @@ impl<'a> Load<'a> {
         }
     }
 
-    fn unfit(&self, message: String, advice: &'static str, is_refused: bool) -> Unfit {
-        Unfit { joint: self.weights.joint().name.clone(), message, advice, is_refused }
+    fn unfit(&self, problem: Problem, is_refused: bool) -> Unfit {
+        Unfit { joint: self.weights.joint().name.clone(), problem, is_refused }
+    }
+
+    fn too_weak(&self, moment: Moment, place: &'static str, weight: f64) -> TooWeak {
+        let available = if moment == Moment::Holding { EASED * self.effort } else { self.moving() };
+        TooWeak { moment, place, weight, friction: self.friction, available, unit: self.weights.unit() }
     }
 
     /// Checks whether the effort moves the joint to its stop, holds it there, and moves it away. The homing
@@ -84,55 +211,31 @@ impl<'a> Load<'a> {
     /// Checks for too little effort on the way.
     fn on_the_way(&mut self, others: Others) -> Option<Unfit> {
         let weight = self.weights.on_the_way(others).max(0.0);
-        let (unit, friction, moving) = (self.weights.unit(), self.friction, self.moving());
-        (weight + friction >= moving).then(|| {
-            let message = format!(
-                "on its way, {}, its weight needs up to {weight:.3} {unit}, + {friction:.3} {unit} of friction = {:.3} {unit}, and {} % of `effort` is {moving:.3} {unit}",
-                others.describe(),
-                weight + friction,
-                Self::moving_percent()
-            );
-            let advice = "raise `effort`, begin from the other side, or home it later, by `order`, when the others take its weight off it";
-            self.unfit(message, advice, false)
-        })
+        let weak = self.too_weak(Moment::OnTheWay, others.describe(), weight);
+        (weak.load() >= weak.available).then(|| self.unfit(Problem::TooWeak(weak), false))
     }
 
     /// Checks for too little effort at the stop. The weight presses the joint off the stop with `against`,
     /// and against the stop with `-least`.
-    fn at_stop(&self, (against, least): (f64, f64), place: &str, is_refused: bool) -> Option<Unfit> {
-        let (unit, friction, moving, effort) =
-            (self.weights.unit(), self.friction, self.moving(), self.effort);
-        let percent = Self::moving_percent();
-        let holding = EASED * effort;
-        let message = if is_refused && against + friction >= moving {
-            format!(
-                "at its stop, {place}, its weight presses it off with {against:.3} {unit}, + {friction:.3} {unit} of friction = {:.3} {unit}, and {percent} % of `effort` is {moving:.3} {unit}",
-                against + friction
-            )
-        } else if against - friction >= holding * (1.0 + STILL) {
-            format!(
-                "at its stop, {place}, its weight presses it off with {against:.3} {unit}, - {friction:.3} {unit} of friction = {:.3} {unit}, and half of `effort` is {holding:.3} {unit}",
-                against - friction
-            )
-        } else if friction - least >= moving {
-            format!(
-                "at its stop, {place}, its weight holds it there with {:.3} {unit}, + {friction:.3} {unit} of friction = {:.3} {unit}, and {percent} % of `effort` is {moving:.3} {unit}",
-                -least,
-                friction - least
-            )
+    fn at_stop(&self, (against, least): (f64, f64), place: &'static str, is_refused: bool) -> Option<Unfit> {
+        let reaching = self.too_weak(Moment::Reaching, place, against);
+        let holding = self.too_weak(Moment::Holding, place, against);
+        let leaving = self.too_weak(Moment::Leaving, place, -least);
+        let weak = if is_refused && reaching.load() >= reaching.available {
+            reaching
+        } else if holding.load() >= holding.available * (1.0 + STILL) {
+            holding
+        } else if leaving.load() >= leaving.available {
+            leaving
         } else {
             return None;
         };
-        Some(self.unfit(message, "raise `effort`, or choose the stop at the other end", is_refused))
+        Some(self.unfit(Problem::TooWeak(weak), is_refused))
     }
 
     /// Effort that can be spent before the joint counts as at rest.
     fn moving(&self) -> f64 {
         self.effort * (1.0 - STILL)
-    }
-
-    fn moving_percent() -> f64 {
-        (100.0 * (1.0 - STILL)).round()
     }
 
     /// Checks the energy with which the joint may hit its stop: the largest inertia at the stop, and the
@@ -142,20 +245,15 @@ impl<'a> Load<'a> {
         let helping = self.weights.helping().max(0.0);
         // the velocity gain is effort over velocity, and the weight adds velocity in proportion
         let faster = (1.0 + helping / self.effort).min(RUNAWAY);
-        let speed = self.velocity.abs() * faster;
-        let energy = 0.5 * inertia * speed * speed;
-        if energy <= self.energy {
-            return None;
-        }
-        let (mass, speeds) = if self.weights.is_prismatic() { ("kg", "m/s") } else { ("kg m2", "rad/s") };
-        let slow = (2.0 * self.energy / inertia).sqrt() / faster;
-        let message = format!(
-            "it may meet its stop with up to 0.5 x {inertia:.4} {mass} x ({} {speeds} x {faster:.2})^2 = {energy:.3} J, and `energy` is {} J: that is {slow:.3} {speeds}",
-            self.velocity.abs(),
-            self.energy
-        );
-        let advice = "write a lower `velocity`, or as `energy` what its stop and its gear stand";
-        Some(self.unfit(message, advice, true))
+        let hard = TooHard {
+            is_prismatic: self.weights.is_prismatic(),
+            inertia,
+            velocity: self.velocity.abs(),
+            faster,
+            allowed: self.energy,
+            slow: (2.0 * self.energy / inertia).sqrt() / faster,
+        };
+        (hard.energy() > self.energy).then(|| self.unfit(Problem::TooHard(hard), true))
     }
 }
 
@@ -204,15 +302,22 @@ mod tests {
         [FIRST, FIRST, homing]
     }
 
-    /// Message of the only unfit homing, and `true` if it is refused.
-    fn message(homings: [&str; 3], gravity: [f64; 3]) -> (String, bool) {
-        only(&arm(homings), gravity)
+    /// The only unfit homing.
+    fn only(arm: &Equipped, gravity: [f64; 3]) -> Unfit {
+        let found: [Unfit; 1] = unfit(arm, gravity).try_into().unwrap();
+        let [found] = found;
+        found
     }
 
-    fn only(arm: &Equipped, gravity: [f64; 3]) -> (String, bool) {
-        let found = unfit(arm, gravity);
-        assert_eq!(found.len(), 1, "{found:?}");
-        (format!("{}: {}", found[0].joint, found[0].message), found[0].is_refused)
+    /// Load of a homing whose effort is too small.
+    fn weak(unfit: &Unfit) -> &TooWeak {
+        let Problem::TooWeak(weak) = &unfit.problem else { panic!("{unfit:?}") };
+        weak
+    }
+
+    #[track_caller]
+    fn assert_close(found: f64, expected: f64) {
+        assert!((found - expected).abs() < 5e-4, "{found}, expected {expected}");
     }
 
     #[test]
@@ -223,11 +328,12 @@ mod tests {
                 (at_stop(0.1, (weight - 0.01) / 0.97, ""), at_stop(0.1, (weight + 0.01) / 0.97, ""));
             let mut homings = [""; 3];
             homings[joint] = &low;
-            let (warning, _) = message(homings, DOWN);
-            assert!(warning.contains(&format!("its weight needs up to {weight:.3} N m")), "{warning}");
+            let warning = only(&arm(homings), DOWN);
+            assert_eq!(weak(&warning).moment, Moment::OnTheWay);
+            assert_close(weak(&warning).weight, weight);
             homings[joint] = &high;
             let warnings = unfit(&arm(homings), DOWN);
-            assert!(!warnings.iter().any(|unfit| unfit.message.contains("on its way")), "{warnings:?}");
+            assert!(warnings.iter().all(|unfit| weak(unfit).moment != Moment::OnTheWay), "{warnings:?}");
         }
         // the joint axis is parallel to gravity
         assert_eq!(unfit(&arm([&at_stop(0.1, 0.5, ""), "", ""]), [0.0, 0.0, -9.81]), []);
@@ -241,17 +347,16 @@ mod tests {
         let (x, y) =
             (1.0 + 0.6 * home[0].cos() + 0.2 * home[1].cos(), 0.6 * home[0].sin() + 0.2 * home[1].sin());
         let weight = 9.81 * x.hypot(y);
-        let at = |weight: f64| message([&at_stop(0.1, weight / 0.97, ""), "", ""], DOWN);
-        let (warning, is_refused) = at(weight - 0.05);
-        assert!(
-            warning.contains(&format!("at home, its weight needs up to {weight:.3}")) && !is_refused,
-            "{warning}, {weight}"
-        );
-        let (warning, is_refused) = at(weight + 0.05);
-        assert!(
-            warning.contains("anywhere within their limits, its weight needs up to 17.658") && !is_refused,
-            "{warning}"
-        );
+        let at = |weight: f64| only(&arm([&at_stop(0.1, weight / 0.97, ""), "", ""]), DOWN);
+        for (effort, others, needs) in
+            [(weight - 0.05, Others::AtHome, weight), (weight + 0.05, Others::Anywhere, 17.658)]
+        {
+            let warning = at(effort);
+            let found = weak(&warning);
+            assert_eq!((found.moment, found.place), (Moment::OnTheWay, others.describe()));
+            assert_close(found.weight, needs);
+            assert!(!warning.is_refused);
+        }
     }
 
     #[test]
@@ -274,12 +379,9 @@ mod tests {
         let weight = -1.962 * 2.8_f64.cos();
         for friction in [0.0, 0.3] {
             let most = (weight - friction) / (0.5 * 1.03);
-            let (warning, is_refused) =
-                only(&rubbing_arm(third(&homing(most - 0.01)), [friction, 0.0]), DOWN);
-            assert!(
-                is_refused && warning.contains(&format!("presses it off with {weight:.3} N m")),
-                "{warning}"
-            );
+            let refused = only(&rubbing_arm(third(&homing(most - 0.01)), [friction, 0.0]), DOWN);
+            assert_eq!((refused.is_refused, weak(&refused).moment), (true, Moment::Holding));
+            assert_close(weak(&refused).weight, weight);
             let warnings = unfit(&rubbing_arm(third(&homing(most + 0.01)), [friction, 0.0]), DOWN);
             assert_eq!(warnings, [], "friction {friction} N m");
         }
@@ -290,15 +392,14 @@ mod tests {
         // angle of the link: 2 x 2.85 + 2.9 rad
         let leaving = -1.962 * 8.6_f64.cos();
         let most = (leaving + 0.3) / 0.97;
-        let (warning, is_refused) =
-            only(&rubbing_arm(third(&at_stop(0.1, most - 0.01, ", order = 1")), [0.3, 0.0]), DOWN);
-        assert!(
-            is_refused && warning.contains(&format!("holds it there with {leaving:.3} N m")),
-            "{warning}"
-        );
-        let (warning, is_refused) =
-            only(&rubbing_arm(third(&at_stop(0.1, most + 0.01, ", order = 1")), [0.3, 0.0]), DOWN);
-        assert!(!is_refused && warning.contains("on its way"), "elsewhere it weighs more: {warning}");
+        let found =
+            |effort: f64| only(&rubbing_arm(third(&at_stop(0.1, effort, ", order = 1")), [0.3, 0.0]), DOWN);
+        let refused = found(most - 0.01);
+        assert_eq!((refused.is_refused, weak(&refused).moment), (true, Moment::Leaving));
+        assert_close(weak(&refused).weight, leaving);
+        // elsewhere it weighs more
+        let warning = found(most + 0.01);
+        assert_eq!((warning.is_refused, weak(&warning).moment), (false, Moment::OnTheWay));
     }
 
     #[test]
@@ -319,19 +420,21 @@ mod tests {
         let inertia = 3.0 * 0.013_558_333 + 1.4_f64;
         let fastest = (2.0 * 0.1 / inertia).sqrt();
         let fast = at_stop(fastest * 1.001, 12.0, "");
-        let (warning, is_refused) = message([&fast, "", ""], [0.0; 3]);
-        assert!(
-            is_refused
-                && warning.contains("up to 0.5 x 1.4407 kg m2")
-                && warning.contains(&format!("that is {fastest:.3} rad/s")),
-            "{warning}"
-        );
+        let hard = |homings: [&str; 3], gravity: [f64; 3]| {
+            let refused = only(&arm(homings), gravity);
+            let Problem::TooHard(hard) = refused.problem else { panic!("{refused:?}") };
+            assert!(refused.is_refused);
+            hard
+        };
+        let found = hard([&fast, "", ""], [0.0; 3]);
+        assert_close(found.inertia, inertia);
+        assert_close(found.slow, fastest);
         let slow = at_stop(fastest * 0.999, 12.0, "");
         assert_eq!(unfit(&arm([&slow, "", ""]), [0.0; 3]), []);
         let allowed = at_stop(1.5, 12.0, ", energy = 1.7");
         assert_eq!(unfit(&arm([&allowed, "", ""]), [0.0; 3]), []);
         // its weight pulls it along: twice as fast if the weight equals the effort
-        let (warning, _) = message(["", "", &at_stop(1.0, 3.95, ", energy = 0.05")], DOWN);
-        assert!(warning.contains("x 1.50)^2"), "{warning}");
+        let found = hard(["", "", &at_stop(1.0, 3.95, ", energy = 0.05")], DOWN);
+        assert_close(found.faster, RUNAWAY.min(1.0 + 1.962 / 3.95));
     }
 }

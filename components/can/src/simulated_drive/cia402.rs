@@ -357,14 +357,14 @@ impl Cia402 {
                     None => self.homing = Homing::Attained,
                 }
             }
-            return self.motor.give(self.is_enabled().then_some(kd * (goes - velocity)));
+            return self.motor.apply(self.is_enabled().then_some(kd * (goes - velocity)));
         }
         let wanted = match self.cyclic {
             Mode::Position => kp * (target / self.increments * TAU - position) - kd * velocity,
             Mode::Velocity => kd * (target / self.increments * TAU - velocity),
             Mode::Torque => target * 1e-3 * self.rated_torque,
         };
-        self.motor.give(self.is_enabled().then_some(wanted))
+        self.motor.apply(self.is_enabled().then_some(wanted))
     }
 }
 

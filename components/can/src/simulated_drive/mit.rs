@@ -175,7 +175,7 @@ impl SimulatedDrive {
         if self.is_enabled() && limit.is_some_and(|limit| wanted.abs() > limit) {
             self.state = State::Fault(Fault::OverCurrent);
         }
-        self.motor.give(self.is_enabled().then_some(wanted))
+        self.motor.apply(self.is_enabled().then_some(wanted))
     }
 }
 

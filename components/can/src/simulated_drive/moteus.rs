@@ -105,6 +105,6 @@ impl Moteus {
         let target = self.held.unwrap_or(command.position);
         let wanted = kp * (target - position) + kd * (command.velocity - velocity) + command.torque;
         let limit = if command.max_torque.is_nan() { self.motor.largest } else { command.max_torque.abs() };
-        self.motor.give(self.is_enabled().then_some(wanted.clamp(-limit, limit)))
+        self.motor.apply(self.is_enabled().then_some(wanted.clamp(-limit, limit)))
     }
 }

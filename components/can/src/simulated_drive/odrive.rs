@@ -164,7 +164,7 @@ impl Odrive {
             if wanted.is_none() {
                 self.search = None;
             }
-            return self.motor.give(wanted);
+            return self.motor.apply(wanted);
         }
         let wanted = match self.control {
             ControlMode::Position => kp * (p - position) + kd * (v - velocity) + torque,
@@ -173,6 +173,6 @@ impl Odrive {
             // voltages are not simulated
             ControlMode::Voltage => 0.0,
         };
-        self.motor.give(self.is_enabled.then_some(wanted))
+        self.motor.apply(self.is_enabled.then_some(wanted))
     }
 }

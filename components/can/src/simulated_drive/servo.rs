@@ -314,6 +314,6 @@ impl Servo {
         let LoopEntry { kp, kd } = self.gains;
         let wanted = kp * (self.stopped.unwrap_or_else(|| self.goal()) - position) - kd * velocity;
         self.motor.limit(self.torque_limit());
-        self.motor.give(self.has_torque().then_some(wanted))
+        self.motor.apply(self.has_torque().then_some(wanted))
     }
 }

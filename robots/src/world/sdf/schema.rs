@@ -171,7 +171,7 @@ pub(super) fn has_no_effect(node: Node<'_, '_>) -> bool {
     }
 }
 
-/// What to do without an element that is not supported.
+/// Returns what a user can do instead of an unsupported element.
 pub(super) fn advice(element: &str) -> &'static str {
     match element {
         "include" => "copy the model into this file",

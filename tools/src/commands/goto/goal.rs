@@ -11,7 +11,7 @@ use crate::robots;
 /// Name of the pose that `start` of a graph, or `home` of a profile, selects.
 const HOME: &str = "home";
 
-/// What moves where.
+/// The goal of each part of the robot, and how it is reached.
 #[derive(Debug, Clone, clap::Args)]
 #[command(group(
     clap::ArgGroup::new("what").required(true).multiple(true)

@@ -220,11 +220,11 @@ pub(super) fn check_homing_loads(
     declare: &mut Declare,
 ) -> Result<(), ConfigError> {
     for unfit in homing_load::unfit(equipped, config.gravity) {
-        let message = format!("the homing of `{}`: {}", unfit.joint, unfit.message);
+        let message = format!("the homing of `{}`: {}", unfit.joint, unfit.problem);
         if unfit.is_refused {
-            return Err(ConfigError::key("drives", message).advise(unfit.advice));
+            return Err(ConfigError::key("drives", message).advise(unfit.problem.advice()));
         }
-        declare.warn(message).key("drives").advise(unfit.advice);
+        declare.warn(message).key("drives").advise(unfit.problem.advice());
     }
     Ok(())
 }
