@@ -166,33 +166,97 @@ fn length_code(bytes: usize) -> u32 {
 /// Bits on the wire, counted with stuffing and added to the 15-bit CRC.
 struct Wire {
     count: u32,
-    last: Option<bool>,
-    run: u32,
+    run: Run,
     checksum: u16,
 }
 
 impl Wire {
     fn new() -> Self {
-        Self { count: 0, last: None, run: 0, checksum: 0 }
+        Self { count: 0, run: Run::START, checksum: 0 }
     }
 
+    /// Adds the lowest `bits` of a value, the highest of them first.
     fn push(&mut self, value: u32, bits: u32) {
-        for place in (0..bits).rev() {
-            self.bit(value >> place & 1 == 1);
+        let whole = bits / 8;
+        for place in (8 * whole..bits).rev() {
+            let bit = value >> place & 1 == 1;
+            self.count += 1 + u32::from(self.run.add(bit));
+            self.checksum = checked(self.checksum, bit);
         }
-    }
-
-    fn bit(&mut self, bit: bool) {
-        let feedback = bit != (self.checksum >> 14 & 1 == 1);
-        self.checksum = self.checksum << 1 & 0x7fff;
-        if feedback {
-            self.checksum ^= 0x4599;
-        }
-        self.count += 1;
-        self.run = if self.last == Some(bit) { self.run + 1 } else { 1 };
-        self.last = Some(bit);
-        if self.run == 5 {
-            (self.count, self.run, self.last) = (self.count + 1, 1, Some(!bit));
+        for place in (0..whole).rev() {
+            let byte = usize::from((value >> (8 * place)) as u8);
+            let Stuffed { inserted, run } = STUFFED[self.run.0 as usize][byte];
+            (self.count, self.run) = (self.count + 8 + u32::from(inserted), run);
+            let place = usize::from(self.checksum >> 7) ^ byte;
+            self.checksum = (self.checksum << 8 & CHECKSUM_BITS) ^ CHECKSUMS[place];
         }
     }
 }
+
+/// Value and number of the last equal bits on the wire: `bit + 2 * (number - 1)` with at most four of them,
+/// since a fifth is followed by a stuff bit; [`Run::START`] before the first bit.
+#[derive(Clone, Copy)]
+struct Run(u8);
+
+impl Run {
+    const START: Self = Self(8);
+    const COUNT: usize = 9;
+
+    /// Adds a bit. Returns `true` if a stuff bit follows it.
+    const fn add(&mut self, bit: bool) -> bool {
+        let equal = if self.0 < Self::START.0 && (self.0 & 1 == 1) == bit { self.0 / 2 + 1 } else { 0 };
+        let is_stuffed = equal == 4;
+        *self = if is_stuffed { Self(!bit as u8) } else { Self(bit as u8 + 2 * equal) };
+        is_stuffed
+    }
+}
+
+/// Stuff bits inserted into a byte, and the run at its end.
+#[derive(Clone, Copy)]
+struct Stuffed {
+    inserted: u8,
+    run: Run,
+}
+
+/// Stuffing of each byte after each run.
+static STUFFED: [[Stuffed; 256]; Run::COUNT] = {
+    let mut table = [[Stuffed { inserted: 0, run: Run::START }; 256]; Run::COUNT];
+    let mut index = 0;
+    while index < Run::COUNT * 256 {
+        let (before, byte) = (index / 256, index % 256);
+        let (mut run, mut inserted, mut place) = (Run(before as u8), 0, 8);
+        while place > 0 {
+            place -= 1;
+            inserted += run.add(byte >> place & 1 == 1) as u8;
+        }
+        table[before][byte] = Stuffed { inserted, run };
+        index += 1;
+    }
+    table
+};
+
+/// Polynomial of the 15-bit CRC, and its bits.
+const POLYNOMIAL: u16 = 0x4599;
+const CHECKSUM_BITS: u16 = 0x7fff;
+
+/// CRC after one more bit.
+const fn checked(checksum: u16, bit: bool) -> u16 {
+    let shifted = checksum << 1 & CHECKSUM_BITS;
+    if bit == (checksum >> 14 & 1 == 1) { shifted } else { shifted ^ POLYNOMIAL }
+}
+
+/// CRC of each byte.
+static CHECKSUMS: [u16; 256] = {
+    let mut table = [0; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let (mut checksum, mut place) = (0, 8);
+        while place > 0 {
+            place -= 1;
+            checksum = checked(checksum, byte >> place & 1 == 1);
+        }
+        table[byte] = checksum;
+        byte += 1;
+    }
+    table
+};
