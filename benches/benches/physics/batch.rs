@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use motorium_physics::randomise::{Draws, Interval, RandomiseConfig};
 use motorium_physics::{
-    Articulated, ArticulatedSimulator, Batch, Ground, JointCommand, Options, RobotSetup, Simulator, World,
+    Articulated, ArticulatedSimulator, Batch, Ground, JointSetpoint, Options, RobotSetup, Simulator, World,
 };
 use motorium_robots::{Loaded, load};
 
@@ -128,7 +128,7 @@ pub(crate) fn quadrupeds(threads: usize, dt: f64) -> Batch<Articulated> {
     let home = batch.world(0).positions().to_vec();
     for (index, command) in batch.commands_mut().iter_mut().enumerate() {
         let joint = index % home.len();
-        *command = JointCommand::hold(home[joint], gains.kp[joint], gains.kd[joint]);
+        *command = JointSetpoint::hold(home[joint], gains.kp[joint], gains.kd[joint]);
     }
     let second = (1.0 / dt).round() as usize;
     assert!(batch.step(dt, second).iter().all(Result::is_ok), "they stand");

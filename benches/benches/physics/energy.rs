@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use motorium_physics::{ArticulatedSimulator, Integrator, JointCommand, Options, Simulator, World};
+use motorium_physics::{ArticulatedSimulator, Integrator, JointSetpoint, Options, Simulator, World};
 use motorium_robots::{BaseMode, Dynamics, LoadOptions, Model, parse_urdf_with};
 use nalgebra::Vector3;
 
@@ -100,7 +100,7 @@ fn energies(text: &str, floats: bool, (seconds, ms): (usize, usize), integrator:
     let mut simulation =
         ArticulatedSimulator::new(model.clone(), world, &q, options).expect("it can be simulated");
     simulation.reset(&q, &v).expect("a state of the robot");
-    simulation.commands_mut().fill(JointCommand::default());
+    simulation.commands_mut().fill(JointSetpoint::default());
     let mut dynamics = Dynamics::new(&model);
     let turn = |_| {
         let dt = 1e-3 * ms as f64;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use motorium_physics::{
-    ArticulatedSimulator, Ground, JointCommand, Object, ObjectShape, Options, RobotSetup, Simulator, World,
+    ArticulatedSimulator, Ground, JointSetpoint, Object, ObjectShape, Options, RobotSetup, Simulator, World,
 };
 use motorium_robots::{Loaded, load};
 
@@ -165,7 +165,7 @@ impl Scene {
         let swing = if self.motion == Motion::Swing { 0.15 * (2e-3 * self.steps as f64).sin() } else { 0.0 };
         let commands = self.simulation.commands_mut().iter_mut();
         for ((command, home), (kp, kd)) in commands.zip(&self.home).zip(&self.gains) {
-            *command = JointCommand::hold(home + swing, *kp, *kd);
+            *command = JointSetpoint::hold(home + swing, *kp, *kd);
         }
         for _ in 0..steps {
             self.simulation.step(1e-3).expect("the scenes do not diverge");

@@ -4,9 +4,10 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use motorium_can::adapter::{Adapter, OnTrip, Phase, Setpoint};
+use motorium_can::adapter::{Adapter, OnTrip, Phase};
 use motorium_can::mit::{Command, Drive, Feedback, Ranges, State};
 use motorium_can::{AnySimulatedDrive, Frame, Overrides, Received, Table};
+use motorium_drive::JointSetpoint;
 
 const JOINTS: u8 = 12;
 const CYCLES: usize = 100_000;
@@ -80,7 +81,7 @@ fn cycles() -> Vec<u64> {
         let start = Instant::now();
         for joint in 0..usize::from(JOINTS) {
             let position = (cycle as f64 * 1e-3).sin() * 0.1;
-            adapter.set(joint, Setpoint { position, kp: 20.0, kd: 1.0, ..Setpoint::default() });
+            adapter.set(joint, JointSetpoint { position, kp: 20.0, kd: 1.0, ..JointSetpoint::default() });
         }
         let mut spent = start.elapsed();
         for bus in 0..6 {

@@ -6,7 +6,7 @@
 use std::time::Instant;
 
 use motorium_control::{
-    DifferentialIk, FeedForward, JointSetpoint, RobotState,
+    DifferentialIk, FeedForward, RobotState, SetpointIntegrator,
     limits::{PositionLimit, VelocityLimit},
     tasks::{CartesianTask, PostureTask},
 };
@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (position, velocity) = (PositionLimit::default(), VelocityLimit::default());
     let mut ik = DifferentialIk::new(model);
     let mut solver = ActiveSetSolver::new(DifferentialIk::structure(model), ActiveSetSettings::default());
-    let mut setpoint = JointSetpoint::new(model, home.as_slice());
+    let mut setpoint = SetpointIntegrator::new(model, home.as_slice());
     let mut feed_forward = FeedForward::new(model, Some(Vector3::new(0.0, 0.0, -9.81)));
 
     let names = ["kinematics", "assemble", "qp update", "qp solve", "integrate, efforts", "whole tick"];

@@ -3,7 +3,7 @@
 use motorium_robots::{Dynamics, Model};
 use nalgebra::{DVector, Vector3};
 
-use crate::JointSetpoint;
+use crate::SetpointIntegrator;
 
 /// A feed-forward effort for every independent joint, computed from the model of the robot.
 ///
@@ -11,12 +11,12 @@ use crate::JointSetpoint;
 /// gravity and without inertia the effort is zero. `new` allocates; nothing else does.
 ///
 /// ```
-/// use motorium_control::{FeedForward, JointSetpoint};
+/// use motorium_control::{FeedForward, SetpointIntegrator};
 /// use nalgebra::Vector3;
 ///
 /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?;
 /// let (model, q) = (&panda.model, panda.profile.unwrap().home(&panda.model)?);
-/// let setpoint = JointSetpoint::new(model, q.as_slice());
+/// let setpoint = SetpointIntegrator::new(model, q.as_slice());
 /// let mut feed_forward = FeedForward::new(model, Some(Vector3::new(0.0, 0.0, -9.81)));
 /// let effort = feed_forward.effort(model, q.as_slice(), &setpoint);
 /// assert!(effort[1].abs() > 1.0, "the shoulder carries the arm");
@@ -62,7 +62,7 @@ impl FeedForward {
 
     /// Updates the acceleration of the setpoint, once per tick of `dt` \[s\] and before
     /// [`effort`](Self::effort). No effect without [`with_inertia`](Self::with_inertia).
-    pub fn update(&mut self, setpoint: &JointSetpoint, dt: f64) {
+    pub fn update(&mut self, setpoint: &SetpointIntegrator, dt: f64) {
         let Some(inertia) = &mut self.inertia else { return };
         let share = if inertia.known { dt / (dt + inertia.smoothing) } else { 0.0 };
         let velocities = inertia.velocity.iter_mut().zip(setpoint.velocity());
@@ -87,7 +87,7 @@ impl FeedForward {
     ///
     /// # Panics
     /// If `q` has another length.
-    pub fn effort(&mut self, model: &Model, q: &[f64], setpoint: &JointSetpoint) -> &[f64] {
+    pub fn effort(&mut self, model: &Model, q: &[f64], setpoint: &SetpointIntegrator) -> &[f64] {
         let effort = self.effort.as_mut_slice();
         match (&self.inertia, self.gravity) {
             (Some(inertia), gravity) => {

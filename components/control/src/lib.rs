@@ -12,7 +12,7 @@
 //!   They are weighed against one another, or stand in [levels](DifferentialIk::levels) of strict priority.
 //! - [`limits`] are bounds: joint position and velocity limits.
 //! - [`DifferentialIk`] assembles both, and a solver of [`motorium_qp`] computes `v`.
-//! - [`JointSetpoint`] integrates `v` into a position setpoint that stays within the limits.
+//! - [`SetpointIntegrator`] integrates `v` into a position setpoint that stays within the limits.
 //! - [`FeedForward`] computes the efforts of gravity and inertia that a joint drive adds to its feedback.
 //!
 //! At the level of torques, with contacts and floating bases, [`inverse_dynamics`] does the same.
@@ -26,7 +26,7 @@
 //!
 //! ```
 //! use motorium_control::{
-//!     DifferentialIk, JointSetpoint, RobotState,
+//!     DifferentialIk, SetpointIntegrator, RobotState,
 //!     limits::{PositionLimit, VelocityLimit},
 //!     tasks::{CartesianTask, PostureTask},
 //! };
@@ -42,7 +42,7 @@
 //! let mut posture = PostureTask::new(model, home.as_slice());
 //! let (position, velocity) = (PositionLimit::default(), VelocityLimit::default());
 //! let mut ik = DifferentialIk::new(model);
-//! let mut setpoint = JointSetpoint::new(model, home.as_slice());
+//! let mut setpoint = SetpointIntegrator::new(model, home.as_slice());
 //!
 //! kinematics.update(model, home.as_slice());
 //! let mut target = kinematics.pose(model, tool);
@@ -93,7 +93,7 @@ pub use limits::{
     LimitsConfig, OfWorld, SupportConfig, SupportedPoint, WorldObjects,
 };
 pub use mixture::Mixture;
-pub use setpoint::JointSetpoint;
+pub use setpoint::SetpointIntegrator;
 pub use stacks::{StackSample, TaskStack, run_stack};
 pub use state::{MotionState, RobotState};
 pub use tasks::{

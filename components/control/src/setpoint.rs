@@ -10,14 +10,14 @@ const AT_LIMIT: f64 = 1e-6;
 ///
 /// A setpoint that starts outside its limits may stay or return, but never moves farther.
 #[derive(Clone, Debug)]
-pub struct JointSetpoint {
+pub struct SetpointIntegrator {
     position: DVector<f64>,
     velocity: DVector<f64>,
     lower: DVector<f64>,
     upper: DVector<f64>,
 }
 
-impl JointSetpoint {
+impl SetpointIntegrator {
     /// Creates a setpoint at rest at `q` \[rad or m\], with the position limits of `model`.
     ///
     /// # Panics

@@ -5,7 +5,7 @@ use motorium_robots::{FrameId, Kinematics, Model, Twist};
 use nalgebra::{Isometry3, Vector3};
 
 use crate::{
-    DifferentialIk, IkError, JointSetpoint, RobotState,
+    DifferentialIk, IkError, RobotState, SetpointIntegrator,
     limits::{PositionLimit, VelocityLimit},
     tasks::{CartesianTask, PostureSettings, PostureTask, VelocityTask},
 };
@@ -98,7 +98,7 @@ pub fn run_stack(
     if stack == TaskStack::Hard {
         ik = ik.levels(&[hand.rows(), posture.rows()]);
     }
-    let mut setpoint = JointSetpoint::new(model, home);
+    let mut setpoint = SetpointIntegrator::new(model, home);
     let ticks = (seconds / dt).round() as usize;
     let mut samples = Vec::with_capacity(ticks);
     for tick in 0..ticks {

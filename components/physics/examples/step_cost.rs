@@ -8,7 +8,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use motorium_physics::{
-    ArticulatedSimulator, Ground, JointCommand, Object, ObjectShape, Options, RapierSimulator, Simulator,
+    ArticulatedSimulator, Ground, JointSetpoint, Object, ObjectShape, Options, RapierSimulator, Simulator,
     World,
 };
 use motorium_robots::{Model, Placed, load};
@@ -115,7 +115,7 @@ fn measure(
         for (i, command) in simulation.commands_mut().iter_mut().enumerate() {
             let i = i % home.len();
             let goal = home[i] + if i < 7 { swing } else { 0.0 } - if i == 1 { lean } else { 0.0 };
-            *command = JointCommand::hold(goal, gains.kp[i], gains.kd[i]);
+            *command = JointSetpoint::hold(goal, gains.kp[i], gains.kd[i]);
         }
         let start = Instant::now();
         near += usize::from(simulation.step(DT)?.near_contact);

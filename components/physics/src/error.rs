@@ -3,7 +3,7 @@
 use motorium_robots::{ActuatorError, Model, TerrainError};
 
 use crate::surface::Surface;
-use crate::{JointCommand, WorldError};
+use crate::{JointSetpoint, WorldError};
 
 /// Linear \[m/s\] and angular \[rad/s\] speed of a base beyond which the simulation is no longer meaningful.
 pub(crate) const BASE_BOUND: (f64, f64) = (200.0, 1000.0);
@@ -22,7 +22,7 @@ pub enum StepError {
         /// Name of the joint.
         name: String,
         /// The command found.
-        command: JointCommand,
+        command: JointSetpoint,
     },
     /// The step length is not a positive number.
     #[error("the step length is {0} s, expected a positive number such as 0.001")]
@@ -86,7 +86,7 @@ pub enum StepError {
 
 impl StepError {
     /// Returns an error for the first invalid command.
-    pub(crate) fn check_commands(commands: &[JointCommand], names: &[String]) -> Result<(), Self> {
+    pub(crate) fn check_commands(commands: &[JointSetpoint], names: &[String]) -> Result<(), Self> {
         match commands.iter().position(|command| !command.is_valid()) {
             None => Ok(()),
             Some(joint) => {

@@ -12,7 +12,7 @@ pub struct JointProperties {
     /// Largest effort of the drive in either direction \[Nm or N\].
     pub effort_limit: f64,
     /// Velocity limit \[rad/s or m/s\], +inf without a limit. Steps beyond it are counted. Drives enforce it
-    /// if their command contains it ([`JointCommand`](crate::JointCommand)).
+    /// if their command contains it ([`JointSetpoint`](crate::JointSetpoint)).
     pub velocity_limit: f64,
     /// Viscous damping \[Nms/rad or Ns/m\].
     pub damping: f64,

@@ -15,7 +15,6 @@ mod articulated;
 mod batch;
 mod build;
 mod capabilities;
-mod command;
 mod component;
 mod connection;
 mod contact;
@@ -42,7 +41,6 @@ pub use articulated::{
 pub use batch::Batch;
 pub use build::{BuildError, BuildWarning};
 pub use capabilities::Capabilities;
-pub use command::JointCommand;
 pub use component::{
     ActuatorConfig, ArticulatedPhysics, MujocoPhysics, PhysicsComponent, PhysicsConfig, PhysicsEngine,
     PushConfig, RapierPhysics, SpringConfig, SurfaceConfig, kinds,
@@ -51,6 +49,7 @@ pub use connection::{ConnectError, Connection, ConnectionKind};
 pub use error::{ResetError, StepError};
 pub use joint::JointProperties;
 pub use library_error::LibraryError;
+pub use motorium_drive::JointSetpoint;
 pub use motorium_robots::{
     Conveyor, Copies, Grain, Ground, Object, ObjectShape, Softness, Terrain, TerrainLayer, World, WorldError,
 };

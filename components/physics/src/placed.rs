@@ -6,7 +6,7 @@
 //! placed again, the links approach the configuration along the placed velocity instead.
 
 use crate::robot::{Articulation, Robot};
-use crate::{JointCommand, ResetError};
+use crate::{JointSetpoint, ResetError};
 
 impl Articulation {
     /// Returns `true` if the articulation is [placed](crate::Simulator::place_at), so that no force moves it.
@@ -28,7 +28,7 @@ impl Robot {
         let begins = !own.placed;
         if begins {
             own.placed = true;
-            self.commands[own.drives()].fill(JointCommand::default());
+            self.commands[own.drives()].fill(JointSetpoint::default());
             self.state.clear_efforts(own.drives());
         }
         self.state.q[own.q()].copy_from_slice(q);

@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use crate::error::BASE_BOUND;
 use crate::joint::JointProperties;
-use crate::{JointCommand, Options, ResetError, RotorDrive, StepError};
+use crate::{JointSetpoint, Options, ResetError, RotorDrive, StepError};
 
 /// The robot of a simulation: its model, its rotors and its collision rules.
 ///
@@ -158,7 +158,7 @@ pub struct Robot {
     /// Names of the drives of each articulation: joints, then rotors.
     pub(crate) names: Vec<String>,
     /// One entry per drive.
-    pub(crate) commands: Vec<JointCommand>,
+    pub(crate) commands: Vec<JointSetpoint>,
     pub(crate) state: State,
     /// Acceleration of free fall \[m/s2\].
     pub(crate) gravity: Vector3<f64>,
@@ -189,7 +189,7 @@ pub(crate) struct RobotState {
     v: Vec<f64>,
     q_last: Vec<f64>,
     efforts: Vec<f64>,
-    commands: Vec<JointCommand>,
+    commands: Vec<JointSetpoint>,
     /// One entry per articulation.
     placed: Vec<bool>,
     gravity: Vector3<f64>,
@@ -241,7 +241,7 @@ impl Robot {
         let nv = articulations.last().map_or(0, |last| last.v.end);
         Self {
             state: State::new(q, nv, names.len()),
-            commands: vec![JointCommand::default(); names.len()],
+            commands: vec![JointSetpoint::default(); names.len()],
             articulations,
             joints,
             names,
@@ -301,7 +301,7 @@ impl Robot {
         self.state.q_last.copy_from_slice(q);
         self.state.v.copy_from_slice(v);
         self.state.efforts.fill(0.0);
-        self.commands.fill(JointCommand::default());
+        self.commands.fill(JointSetpoint::default());
         self.refresh();
         Ok(())
     }
@@ -345,7 +345,7 @@ impl Robot {
 
     /// Restores a saved state. Returns `false` and changes nothing if the state belongs to another robot.
     pub(crate) fn restore(&mut self, saved: &RobotState) -> bool {
-        let lengths = |q: &[f64], v: &[f64], commands: &[JointCommand]| [q.len(), v.len(), commands.len()];
+        let lengths = |q: &[f64], v: &[f64], commands: &[JointSetpoint]| [q.len(), v.len(), commands.len()];
         if lengths(&saved.q, &saved.v, &saved.commands)
             != lengths(&self.state.q, &self.state.v, &self.commands)
             || saved.placed.len() != self.articulations.len()

@@ -2,7 +2,7 @@
 
 use motorium_robots::{FrameId, Model, Profile, Spin, UnknownFrame};
 
-use crate::JointCommand;
+use crate::JointSetpoint;
 
 /// A rotor that pulls along the z axis of its frame with the effort of its command \[N\], from zero to its
 /// limit.
@@ -38,7 +38,7 @@ impl RotorDrive {
     }
 
     /// Returns the thrust \[N\]: the commanded effort, clamped to the range of the rotor.
-    pub(crate) fn thrust(&self, command: &JointCommand) -> f64 {
+    pub(crate) fn thrust(&self, command: &JointSetpoint) -> f64 {
         command.effort.clamp(0.0, self.max_thrust)
     }
 }

@@ -7,7 +7,8 @@ use crate::robot::{Articulation, Robot, RobotSetup, RobotState};
 use crate::surface::Surface;
 use crate::{
     BuildError, BuildWarning, Capabilities, ConnectError, Connection, ConnectionKind, Contact, ForeignState,
-    JointCommand, ObjectId, Options, RayHit, ResetError, SavedState, Simulator, StepError, StepReport, World,
+    JointSetpoint, ObjectId, Options, RayHit, ResetError, SavedState, Simulator, StepError, StepReport,
+    World,
 };
 
 /// An engine: the part of a [`Simulation`] that integrates the motion and resolves contacts.
@@ -279,7 +280,7 @@ impl<E: Engine> Simulator for Simulation<E> {
         self.robot.efforts()
     }
 
-    fn commands_mut(&mut self) -> &mut [JointCommand] {
+    fn commands_mut(&mut self) -> &mut [JointSetpoint] {
         &mut self.robot.commands
     }
 

@@ -6,7 +6,7 @@ use motorium_robots::{FrameId, Model};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::{
-    Articulation, BuildWarning, Capabilities, ConnectError, Connection, JointCommand, ResetError, StepError,
+    Articulation, BuildWarning, Capabilities, ConnectError, Connection, JointSetpoint, ResetError, StepError,
 };
 
 /// An object of the world. Look it up once with [`Simulator::object`], outside the loop.
@@ -101,13 +101,13 @@ pub struct StepReport {
 /// ```
 /// use std::path::Path;
 /// use motorium_physics::{
-///     ArticulatedSimulator, JointCommand, Options, RapierSimulator, Simulator, StepError, World,
+///     ArticulatedSimulator, JointSetpoint, Options, RapierSimulator, Simulator, StepError, World,
 /// };
 /// use motorium_robots::load;
 ///
 /// /// Largest speed of a joint after `seconds` of free swing.
 /// fn swing(simulator: &mut dyn Simulator, seconds: f64) -> Result<f64, StepError> {
-///     simulator.commands_mut().fill(JointCommand::default());
+///     simulator.commands_mut().fill(JointSetpoint::default());
 ///     for _ in 0..(seconds * 1e3) as usize {
 ///         simulator.step(1e-3)?;
 ///     }
@@ -155,7 +155,7 @@ pub trait Simulator {
     fn efforts(&self) -> &[f64];
 
     /// Returns the commands, one per drive; they stay until changed.
-    fn commands_mut(&mut self) -> &mut [JointCommand];
+    fn commands_mut(&mut self) -> &mut [JointSetpoint];
 
     /// Advances robot and objects by `dt` \[s\].
     ///

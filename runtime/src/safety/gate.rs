@@ -1,7 +1,9 @@
 //! The command gate as pure logic: limits, safe states and the way back, without ports and processes.
 
+use motorium_drive::JointSetpoint;
+
 use super::account::Account;
-use super::limits::{Before, Bounds, JointLimits, JointSetpoint, SLOWEST_LIMIT};
+use super::limits::{Before, Bounds, JointLimits, SLOWEST_LIMIT};
 use super::offer::{Measured, Offer, Verdict};
 use super::rest::{Rest, Reversals};
 use super::resume::Resume;

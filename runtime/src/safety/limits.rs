@@ -1,5 +1,7 @@
 //! Limits of a joint, and the check of a setpoint against them.
 
+use motorium_drive::{JointSetpoint, within_range, within_rate};
+
 use crate::region::LimitKind;
 
 /// Position gain at which a drive gives its full effort at ten milliradians (or millimetres), per effort
@@ -10,13 +12,9 @@ const KP_PER_EFFORT: f64 = 1e2;
 const KD_PER_EFFORT: f64 = 1e3;
 /// Largest gain of a drive without an effort limit.
 const LARGEST_GAIN: f64 = 1e9;
-/// A position setpoint may lie this share of the joint's range outside of it: sensor noise at a stop.
-const RANGE_TOLERANCE: f64 = 1e-3;
 /// Velocity limit of a joint whose model says zero, rad/s or m/s: drives brake between a limit and 1.05 times
 /// it, and that band must not be empty.
 pub(super) const SLOWEST_LIMIT: f64 = 1e-3;
-/// Rates may exceed their limit by this share: rounding of a setpoint that was integrated at the limit.
-pub(super) const ROUNDING: f64 = 1e-6;
 
 /// The limits of one joint and of its drive, and the gains of its safe states.
 ///
@@ -58,80 +56,6 @@ pub struct JointLimits {
     /// Velocity gain of the safe states, N m s/rad or N s/m. `hold` keeps the last command's where that is
     /// larger, up to 20 times this one.
     pub kd: f64,
-}
-
-/// The command of one drive that has passed the gate.
-///
-/// The drive applies [`effort`](Self::effort_at): the impedance law of torque-controlled drives, within its
-/// effort limit, and braking where the joint moves beyond `min_velocity` or `max_velocity`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct JointSetpoint {
-    /// Position setpoint, rad or m.
-    pub position: f64,
-    /// Velocity setpoint, rad/s or m/s.
-    pub velocity: f64,
-    /// Feed-forward effort, N m or N.
-    pub effort: f64,
-    /// Position gain, N m/rad or N/m.
-    pub kp: f64,
-    /// Velocity gain, N m s/rad or N s/m.
-    pub kd: f64,
-    /// Velocity backwards beyond which the drive brakes, rad/s or m/s, negative; minus infinity for none.
-    pub min_velocity: f64,
-    /// Velocity forwards beyond which the drive brakes, rad/s or m/s, positive; infinity for none.
-    pub max_velocity: f64,
-}
-
-impl Default for JointSetpoint {
-    /// No effort, at any velocity.
-    fn default() -> Self {
-        let (min_velocity, max_velocity) = (f64::NEG_INFINITY, f64::INFINITY);
-        Self { position: 0.0, velocity: 0.0, effort: 0.0, kp: 0.0, kd: 0.0, min_velocity, max_velocity }
-    }
-}
-
-/// Share of its velocity limit over which the effort of a drive goes from full to full braking.
-pub const BRAKING_BAND: f64 = 0.05;
-
-impl JointSetpoint {
-    /// The effort at position `q` and velocity `v`, N m or N:
-    ///
-    /// ```text
-    /// tau = clamp(kp (position - q) + kd (velocity - v) + effort, low(v), high(v))
-    /// ```
-    ///
-    /// where `high(v)` is the effort limit up to `max_velocity` and falls from there to the negative effort
-    /// limit over a twentieth of the larger of both velocities; `low(v)` likewise. Nothing accelerates a
-    /// joint beyond that. A drive without an effort limit brakes with the largest effort that its command
-    /// requests up to twice these velocities.
-    ///
-    /// ```
-    /// use motorium::safety::JointSetpoint;
-    ///
-    /// let push = JointSetpoint { effort: 1e9, min_velocity: -2.0, max_velocity: 2.0, ..JointSetpoint::default() };
-    /// assert_eq!(push.effort_at(0.0, 0.0, 87.0), 87.0);
-    /// assert_eq!(push.effort_at(0.0, 2.1, 87.0), -87.0);
-    /// ```
-    pub fn effort_at(&self, q: f64, v: f64, limit: f64) -> f64 {
-        let wanted = self.kp * (self.position - q) + self.kd * (self.velocity - v) + self.effort;
-        let band = BRAKING_BAND * self.max_velocity.max(-self.min_velocity);
-        let limit = if limit.is_finite() || !band.is_finite() { limit } else { self.braking_effort(q) };
-        let highest = |beyond: f64| {
-            let brakes = beyond > 0.0 && limit.is_finite();
-            if brakes { limit * (1.0 - 2.0 * (beyond / band).min(1.0)) } else { limit }
-        };
-        let (low, high) = (-highest(self.min_velocity - v), highest(v - self.max_velocity));
-        if wanted.is_nan() { 0.0 } else { wanted.max(low).min(high) }
-    }
-
-    /// Largest effort that the command requests at position `q` up to twice its velocities: the braking
-    /// effort of a drive without an effort limit, whose commands it leaves alone up to its velocity limit.
-    #[cold]
-    fn braking_effort(&self, q: f64) -> f64 {
-        let still = self.kp * (self.position - q) + self.kd * self.velocity + self.effort;
-        let requested = |v: f64| (still - 2.0 * self.kd * v).abs();
-        requested(self.min_velocity).max(requested(self.max_velocity))
-    }
 }
 
 /// The limits of one joint as the numbers with which each of its commands is compared, one after the other in
@@ -262,14 +186,11 @@ impl JointLimits {
             exceeded(LimitKind::Effort);
         }
         // Without its gain a setpoint means nothing, and may be anything.
-        if setpoint.kp > 0.0 && (setpoint.position < self.lower || setpoint.position > self.upper) {
-            let range = self.upper - self.lower;
-            let tolerance = if range.is_finite() { RANGE_TOLERANCE * range } else { RANGE_TOLERANCE };
-            let clamped = setpoint.position.max(self.lower).min(self.upper);
-            if (setpoint.position - clamped).abs() > tolerance {
-                setpoint.position = clamped;
-                exceeded(LimitKind::Position);
-            }
+        if setpoint.kp > 0.0
+            && let Some(position) = within_range(setpoint.position, self.lower, self.upper)
+        {
+            setpoint.position = position;
+            exceeded(LimitKind::Position);
         }
         if setpoint.kd > 0.0 && setpoint.velocity.abs() > self.velocity {
             setpoint.velocity = self.velocity.copysign(setpoint.velocity);
@@ -298,23 +219,21 @@ impl JointLimits {
         (share, dt): (f64, f64),
         mut exceeded: impl FnMut(LimitKind),
     ) {
-        if setpoint.kp > 0.0 {
-            let (step, largest) = (setpoint.position - before.position, share * self.velocity * dt);
-            if step.abs() > largest * (1.0 + ROUNDING) {
-                setpoint.position = before.position + largest.copysign(step);
-                exceeded(LimitKind::PositionRate);
-            }
+        let largest = share * self.velocity * dt;
+        if setpoint.kp > 0.0
+            && let Some(position) = within_rate(setpoint.position, before.position, largest)
+        {
+            setpoint.position = position;
+            exceeded(LimitKind::PositionRate);
         }
-        if setpoint.kd > 0.0 {
-            let (step, largest) = (setpoint.velocity - before.velocity, self.acceleration * dt);
-            if step.abs() > largest * (1.0 + ROUNDING) {
-                setpoint.velocity = before.velocity + largest.copysign(step);
-                exceeded(LimitKind::Acceleration);
-            }
+        if setpoint.kd > 0.0
+            && let Some(velocity) = within_rate(setpoint.velocity, before.velocity, self.acceleration * dt)
+        {
+            setpoint.velocity = velocity;
+            exceeded(LimitKind::Acceleration);
         }
-        let (step, largest) = (setpoint.effort - before.effort, self.effort_rate * dt);
-        if step.abs() > largest * (1.0 + ROUNDING) {
-            setpoint.effort = before.effort + largest.copysign(step);
+        if let Some(effort) = within_rate(setpoint.effort, before.effort, self.effort_rate * dt) {
+            setpoint.effort = effort;
             exceeded(LimitKind::EffortRate);
         }
     }

@@ -1,5 +1,6 @@
 //! The command gate of an actuator: the logic joined to its input, the run's latch and the account.
 
+use motorium_drive::JointSetpoint;
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -8,7 +9,7 @@ use super::emergency::{StopInput, StopSignal};
 use super::freshness::{Age, Freshness, SuspendClock};
 use super::gate::Gate;
 use super::group::Group;
-use super::limits::{JointLimits, JointSetpoint};
+use super::limits::JointLimits;
 use super::offer::{Measured, Offer, Verdict};
 use crate::component::{ConfigureError, Setup};
 use crate::context::{Access, Context};

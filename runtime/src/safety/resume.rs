@@ -9,7 +9,9 @@
 //! [`PATIENT_FOR`] longer fades are allowed, up to the remainder of [`RESUME_WITHIN`], with a larger share of
 //! the limits.
 
-use super::limits::{JointLimits, JointSetpoint};
+use motorium_drive::JointSetpoint;
+
+use super::limits::JointLimits;
 use super::states::{HOLD_EFFORT_BLEND, Joint};
 
 /// Fraction of the limits that the approach uses at first: a drive overshoots its reference, and joints that

@@ -1,6 +1,8 @@
 //! The law of the safe states.
 
-use super::limits::{JointLimits, JointSetpoint};
+use motorium_drive::JointSetpoint;
+
+use super::limits::JointLimits;
 use crate::plan::SafeState;
 
 /// Damping of the brake, N m s/rad or N s/m: so large that the effort limit acts until the joint stands.

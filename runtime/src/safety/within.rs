@@ -1,6 +1,8 @@
 //! The common step of a gate: a new command within all limits, which is applied as it is.
 
-use super::limits::{Bounds, JointLimits, JointSetpoint, ROUNDING};
+use motorium_drive::{JointSetpoint, ROUNDING};
+
+use super::limits::{Bounds, JointLimits};
 use crate::state::{Field as _, JointCommand};
 
 /// The limits of all joints as the common step reads them: numbers alone, one after the other.

@@ -46,7 +46,9 @@ fn may_use(from: &str, to: &str) -> bool {
     let wing = |folder: &str| folder.strip_prefix("components/").map(str::to_string);
     match (wing(from), wing(to)) {
         (_, Some(to)) if from == "robots" => BELOW_ROBOTS.contains(&to.as_str()),
-        _ if matches!(from, "runtime" | "robots") => false,
+        // the leaf below everything that commands a joint
+        _ if to == "robots/drive" => from != "tools/view",
+        _ if matches!(from, "runtime" | "robots" | "robots/drive") => false,
         (Some(from), _) if BELOW_ROBOTS.contains(&from.as_str()) => false,
         (Some(from), Some(to)) => {
             BETWEEN_WINGS.iter().any(|(wing, others)| *wing == from && others.contains(&to.as_str()))

@@ -4,11 +4,12 @@ mod homing;
 
 use super::dialogue::{Dialogue, Order, Response};
 use super::homing::{Homing, HomingFault, HomingState};
-use super::{Counts, OnTrip, Phase, Setpoint, WrongSetting};
+use super::{Counts, OnTrip, Phase, WrongSetting};
 use crate::bus::bits::{Bits, Rates};
 use crate::frame::{DecodeError, Frame};
 use crate::mit::{self, Ranges, State};
 use crate::table::{Table, Transmission};
+use motorium_drive::JointSetpoint;
 
 /// One drive from the adapter's point of view.
 #[derive(Clone, Debug)]
@@ -23,7 +24,7 @@ pub struct Link {
     /// Position gain of the joint while it is held before its first command.
     pub(super) stiffness: f64,
     pub(super) homing: Option<Homing>,
-    pub(super) setpoint: Setpoint,
+    pub(super) setpoint: JointSetpoint,
     /// Lowest and highest position of the joint, and the distance beyond them at which the drive is still
     /// enabled.
     pub(super) limits: ([f64; 2], f64),
@@ -76,7 +77,7 @@ impl Link {
             damping,
             stiffness: 0.0,
             homing: entry.homing.as_ref().filter(|_| entry.is_homed()).map(Homing::from_entry),
-            setpoint: Setpoint::default(),
+            setpoint: JointSetpoint::default(),
             limits: ([f64::NEG_INFINITY, f64::INFINITY], 0.0),
             state_ns: None,
             is_off: false,
@@ -255,7 +256,7 @@ impl Link {
             (Some(OnTrip::Disable), _) => Order::Disable,
             (Some(OnTrip::Damp), Phase::Fault) => Order::Rest,
             (Some(OnTrip::Damp), Phase::Enabled) => {
-                self.command(Setpoint { kd: self.damping, ..Setpoint::default() })
+                self.command(JointSetpoint { kd: self.damping, ..JointSetpoint::default() })
             }
             (_, Phase::Checking(setting)) => Order::Check(setting),
             (_, Phase::Disabled | Phase::Fault) | (Some(_), Phase::Enabling | Phase::Homing) => {
@@ -267,7 +268,7 @@ impl Link {
         }
     }
 
-    pub(super) fn command(&self, setpoint: Setpoint) -> Order {
+    pub(super) fn command(&self, setpoint: JointSetpoint) -> Order {
         let (ratio, square) = (self.gear.ratio, self.gear.ratio * self.gear.ratio);
         Order::Follow(mit::Command {
             position: self.gear.to_drive(setpoint.position),

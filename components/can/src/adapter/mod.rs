@@ -23,7 +23,6 @@ mod on_trip;
 mod phase;
 mod plausible;
 mod rounding;
-mod setpoint;
 mod setting;
 
 use crate::bus::Received;
@@ -36,9 +35,9 @@ use dialogue::{Dialogue, Order};
 pub(crate) use homing::{EASED, RUNAWAY, STILL};
 pub use homing::{HomingFault, HomingState};
 pub use link::Link;
+use motorium_drive::JointSetpoint;
 pub use on_trip::OnTrip;
 pub use phase::Phase;
-pub use setpoint::Setpoint;
 pub use setting::WrongSetting;
 
 /// Cycles of silence after which a drive counts as lost.
@@ -275,7 +274,7 @@ impl Adapter {
     }
 
     /// Sets the command of a joint.
-    pub fn set(&mut self, joint: usize, setpoint: Setpoint) {
+    pub fn set(&mut self, joint: usize, setpoint: JointSetpoint) {
         self.links[joint].setpoint = setpoint;
     }
 

@@ -1,9 +1,10 @@
 //! Adapter against simulated drives on a simulated bus, without a runtime.
 
-use motorium_can::adapter::{Adapter, OnTrip, Phase, Setpoint, WrongSetting};
+use motorium_can::adapter::{Adapter, OnTrip, Phase, WrongSetting};
 use motorium_can::bus::simulated::Event;
 use motorium_can::mit::Ranges;
 use motorium_can::{Frame, Id, Range, Received, SimulatedBus, SimulatedDrive, Table};
+use motorium_drive::JointSetpoint;
 
 const CYCLE_NS: u64 = 1_000_000;
 const DELAY_NS: u64 = 50_000;
@@ -122,7 +123,7 @@ fn a_drive_switched_on_later_is_awaited() {
 fn a_command_reaches_the_drive_through_the_gear() {
     let mut rig = Rig::new(well);
     rig.run(10);
-    rig.adapter.set(0, Setpoint { effort: 6.0, ..Setpoint::default() });
+    rig.adapter.set(0, JointSetpoint { effort: 6.0, ..JointSetpoint::default() });
     rig.run(2);
     let torque = rig.drives[0].step(1.0, 0.0, rig.cycle * CYCLE_NS);
     assert!((torque - 3.0).abs() <= Range::symmetric(10.0).resolution(12), "{torque} N m");
@@ -231,7 +232,7 @@ fn a_released_drive_trips_the_adapter_until_resumed() {
 #[test]
 fn the_others_are_damped_while_the_adapter_has_tripped() {
     let mut rig = Rig::new(|cycle, answer| if cycle < 20 { well(0, answer) } else { vec![] });
-    rig.adapter.set(1, Setpoint { effort: 6.0, ..Setpoint::default() });
+    rig.adapter.set(1, JointSetpoint { effort: 6.0, ..JointSetpoint::default() });
     rig.run(30);
     let (still, moving) =
         (rig.drives[1].step(1.0, 0.0, 30 * CYCLE_NS), rig.drives[1].step(1.0, 4.0, 30 * CYCLE_NS));

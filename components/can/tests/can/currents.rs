@@ -2,8 +2,9 @@
 //! every torque.
 
 use motorium_can::Table;
-use motorium_can::adapter::{Setpoint, WrongSetting};
+use motorium_can::adapter::WrongSetting;
 use motorium_can::mit::Fault;
+use motorium_drive::JointSetpoint;
 
 use super::drives::{Case, Rig, follow};
 
@@ -20,7 +21,7 @@ fn torque(protocol: &'static str, more: String) -> f64 {
     let is_servo = matches!(protocol, "feetech" | "dynamixel");
     let (bus, cycle_ns) = if is_servo { ("kind = \"serial\"", 5_000_000) } else { ("", 2_000_000) };
     let mut rig = Rig::healthy(&Case { protocol, bus, more, cycle_ns });
-    rig.adapter.set(0, Setpoint { position: 2.0, kp: 4.0, kd: 0.1, ..Setpoint::default() });
+    rig.adapter.set(0, JointSetpoint { position: 2.0, kp: 4.0, kd: 0.1, ..JointSetpoint::default() });
     rig.run(20);
     rig.torques[0]
 }
@@ -47,7 +48,7 @@ fn a_drive_keeps_its_current_limit() {
 fn a_damiao_drive_lets_go_at_the_limit_of_its_current() {
     let follow = |position: f64| {
         let mut rig = Rig::healthy(&Case { protocol: "damiao", bus: "", more: DAMIAO, cycle_ns: 1_000_000 });
-        rig.adapter.set(0, Setpoint { position, kp: 20.0, kd: 0.1, ..Setpoint::default() });
+        rig.adapter.set(0, JointSetpoint { position, kp: 20.0, kd: 0.1, ..JointSetpoint::default() });
         rig.run(20);
         (rig.torques[0], rig.adapter.links()[0].fault(), rig.adapter.has_tripped())
     };
@@ -62,7 +63,7 @@ fn a_servo_reports_effort_by_current_or_load() {
     for (protocol, more) in [("feetech", FEETECH), ("dynamixel", DYNAMIXEL)] {
         let case = Case { protocol, bus: "kind = \"serial\"", more, cycle_ns: 5_000_000 };
         let mut rig = Rig::healthy(&case);
-        rig.adapter.set(0, Setpoint { position: 2.0, kp: 4.0, ..Setpoint::default() });
+        rig.adapter.set(0, JointSetpoint { position: 2.0, kp: 4.0, ..JointSetpoint::default() });
         rig.run(20);
         let (effort, torque) = (rig.adapter.links()[0].state().2, rig.torques[0]);
         assert!((effort - torque).abs() < 0.011, "{protocol}: {effort} {torque}");

@@ -1,8 +1,9 @@
 //! Adapter against simulated drives of every protocol on a simulated bus, without a runtime.
 
-use motorium_can::adapter::{Adapter, Link, OnTrip, Phase, Setpoint, WrongSetting};
+use motorium_can::adapter::{Adapter, Link, OnTrip, Phase, WrongSetting};
 use motorium_can::bus::simulated::Event;
 use motorium_can::{AnySimulatedDrive, Overrides, Received, SimulatedBus, Table, mit};
+use motorium_drive::JointSetpoint;
 
 const WATCHDOG_NS: u64 = 40_000_000;
 const STEP_NS: u64 = 250_000;
@@ -187,7 +188,7 @@ fn drives_of_every_protocol_are_enabled_in_place() {
 fn commands_turn_the_shafts_towards_their_goals() {
     for case in all() {
         let mut rig = Rig::healthy(&case);
-        let goal = |position: f64| Setpoint { position, kp: 4.0, kd: 0.1, ..Setpoint::default() };
+        let goal = |position: f64| JointSetpoint { position, kp: 4.0, kd: 0.1, ..JointSetpoint::default() };
         rig.adapter.set(0, goal(SHAFT + 0.02));
         rig.adapter.set(1, goal(SHAFT - 0.02));
         rig.run(20);
@@ -390,7 +391,8 @@ fn the_adapter_closes_the_position_loop_in_velocity_mode() {
     assert!(CASES[5].more.contains("velocity"));
     // 20 mrad at 100 / 5 = 20 1/s are 0.4 rad/s, times 5 N m s/rad is 2 N m; the commanded velocity is added
     for (velocity, kp, torque) in [(0.0, 4.0, 2.0), (0.1, 4.0, 2.5), (0.3, 0.0, 1.5), (0.0, 0.0, 0.0)] {
-        let goal = Setpoint { position: SHAFT + 0.02, velocity, kp, kd: 0.1, ..Setpoint::default() };
+        let goal =
+            JointSetpoint { position: SHAFT + 0.02, velocity, kp, kd: 0.1, ..JointSetpoint::default() };
         rig.adapter.set(0, goal);
         rig.run(20);
         assert!((rig.torques[0] - torque).abs() < 0.02, "{velocity} {kp}: {}", rig.torques[0]);

@@ -1,6 +1,7 @@
 //! Homing with doubtful readings: the adapter does not move, and restarts the homing.
 
-use motorium_can::adapter::{HomingFault, HomingState, OnTrip, Phase, Setpoint};
+use motorium_can::adapter::{HomingFault, HomingState, OnTrip, Phase};
+use motorium_drive::JointSetpoint;
 
 use super::homing::{AT_STOPS, BY_DRIVE, CIA402, CYCLE_NS, Case, Rig};
 
@@ -56,7 +57,7 @@ fn held_joints_follow_setpoints_while_homing_is_paused() {
     assert_eq!(rig.state(1), HomingState::Running);
     rig.adapter.allow_homing(false);
     assert_eq!(rig.state(1), HomingState::Waiting, "at once, before another frame goes out");
-    rig.adapter.set(0, Setpoint { kd: 0.5, ..Setpoint::default() });
+    rig.adapter.set(0, JointSetpoint { kd: 0.5, ..JointSetpoint::default() });
     rig.joints[0].load = 0.3;
     rig.run(1.0);
     let sunk = rig.joints[0].position;

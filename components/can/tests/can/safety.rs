@@ -1,11 +1,12 @@
 //! Implausible readings, drives that are not enabled, and the end of a run: the adapter against one simulated
 //! drive.
 
-use motorium_can::adapter::{Adapter, Link, OnTrip, Phase, Setpoint, WrongSetting};
+use motorium_can::adapter::{Adapter, Link, OnTrip, Phase, WrongSetting};
 use motorium_can::bus::simulated::Event;
 use motorium_can::cia402::{self, Emergency};
 use motorium_can::odrive::{self, Report};
 use motorium_can::{AnySimulatedDrive, Frame, Overrides, Received, SimulatedBus, SimulatedDrive, Table};
+use motorium_drive::JointSetpoint;
 
 const CYCLE_NS: u64 = 1_000_000;
 
@@ -283,7 +284,7 @@ fn positions_that_cannot_be_are_refused_and_trip() {
 fn motion_within_the_velocity_limit_is_believed() {
     for (protocol, more) in FAMILIES {
         let mut rig = Rig::enabled(protocol, more);
-        rig.adapter.set(0, Setpoint::default());
+        rig.adapter.set(0, JointSetpoint::default());
         // 20 rad/s, up to the end of its range
         for _ in 0..95 {
             rig.shaft += 0.02;

@@ -3,8 +3,9 @@
 use std::fs::File;
 use std::io::Write as _;
 
-use motorium_can::adapter::{Adapter, OnTrip, Phase, Setpoint};
+use motorium_can::adapter::{Adapter, OnTrip, Phase};
 use motorium_can::{AnySimulatedDrive, Bus as _, Condition, OpenError, Overrides, Received, ServoBus, Table};
+use motorium_drive::JointSetpoint;
 
 use super::slcan::{terminal, written};
 
@@ -90,7 +91,7 @@ fn servos_are_enabled_and_follow_over_a_pseudo_terminal() {
         }
         adapter.end_cycle(true);
         if cycle == 20 {
-            let goal = |position: f64| Setpoint { position, kp: 1.0, ..Setpoint::default() };
+            let goal = |position: f64| JointSetpoint { position, kp: 1.0, ..JointSetpoint::default() };
             adapter.set(0, goal(0.52));
             adapter.set(1, goal(0.48));
         }

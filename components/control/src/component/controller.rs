@@ -17,7 +17,7 @@ use super::setup::{ControllerSetup, RowLimits};
 use crate::inverse_dynamics::Conflicting;
 use crate::limits::RowLimit;
 use crate::tasks::{Fades, Held, TaskBounds};
-use crate::{GoalSummary, JointSetpoint, Mixture};
+use crate::{GoalSummary, Mixture, SetpointIntegrator};
 
 /// A controller that converts targets to joint commands once per step, by differential inverse kinematics
 /// ([`DifferentialIk`](crate::DifferentialIk)) or, with `inverse_dynamics`, by whole-body inverse dynamics
@@ -119,7 +119,7 @@ struct Controller<F> {
     objects: MovingObjects,
     formulation: F,
     /// Commanded positions and velocities of the joints.
-    setpoint: JointSetpoint,
+    setpoint: SetpointIntegrator,
     gains: Gains,
     policy: InfeasiblePolicy,
     target_timeout_ns: u64,
@@ -152,7 +152,8 @@ impl<F: Formulation> Controller<F> {
         let velocity_fraction =
             parts.limits_velocities().then(|| setup.parameter("velocity_fraction")).transpose()?;
         let formulation = F::configure(config, &parts, &room, setup)?;
-        let (setpoint, fades) = (JointSetpoint::of_joints(&parts.model), Fades::new(parts.parameter_count()));
+        let (setpoint, fades) =
+            (SetpointIntegrator::of_joints(&parts.model), Fades::new(parts.parameter_count()));
         let ControllerSetup { model, gains, .. } = parts;
         Ok(Self {
             joint_command: setup.output("joint_command")?,

@@ -125,7 +125,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     ///
     /// ```
     /// use motorium_control::tasks::{PostureSettings, PostureTask};
-    /// use motorium_control::{DifferentialIk, JointSetpoint, RobotState};
+    /// use motorium_control::{DifferentialIk, SetpointIntegrator, RobotState};
     /// use motorium_control::limits::{AccelerationLimit, PositionLimit, VelocityLimit};
     /// use motorium_robots::{Kinematics, load};
     /// use nalgebra::DVector;

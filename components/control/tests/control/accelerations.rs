@@ -3,7 +3,7 @@
 use motorium::prelude::*;
 use motorium::testing::Probe;
 use motorium_control::{
-    DifferentialIk, JointSetpoint, RobotState,
+    DifferentialIk, RobotState, SetpointIntegrator,
     limits::{AccelerationLimit, CollisionLimit, CollisionSettings, PositionLimit, RowLimit, VelocityLimit},
     tasks::{PostureSettings, PostureTask},
 };
@@ -30,7 +30,7 @@ fn move_to(
         CollisionLimit::new(model, solids.clone(), CollisionSettings { distance: 0.03, ..Default::default() })
     });
     let mut ik = DifferentialIk::with_rows(model, apart.as_ref().map_or(0, RowLimit::rows));
-    let mut setpoint = JointSetpoint::new(model, panda.home.as_slice());
+    let mut setpoint = SetpointIntegrator::new(model, panda.home.as_slice());
     let mut kinematics = Kinematics::new(model);
     for posture in postures {
         let firm = PostureSettings { gain: 30.0, weight: 1.0 };

@@ -2,7 +2,7 @@
 
 use crate::robot::{Panda, Random};
 use approx::assert_abs_diff_eq;
-use motorium_control::{FeedForward, GainsError, JointSetpoint, check_gains};
+use motorium_control::{FeedForward, GainsError, SetpointIntegrator, check_gains};
 use motorium_robots::{Dynamics, Kinematics, Model};
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
@@ -27,7 +27,7 @@ fn gravity_compensation_is_the_potential_energy_gradient() {
     let h = 1e-6;
     for _ in 0..10 {
         let q = panda.near_home(1.0, &mut random);
-        let setpoint = JointSetpoint::new(model, panda.home.as_slice());
+        let setpoint = SetpointIntegrator::new(model, panda.home.as_slice());
         let effort = feed_forward.effort(model, &q, &setpoint).to_vec();
         for joint in 0..model.nv() {
             let (mut ahead, mut behind) = (q.clone(), q.clone());
@@ -45,7 +45,7 @@ fn feed_forward_stays_within_the_effort_limits() {
     let panda = Panda::new();
     let heavy = Some(GRAVITY * 50.0);
     let mut feed_forward = FeedForward::new(&panda.model, heavy);
-    let setpoint = JointSetpoint::new(&panda.model, panda.home.as_slice());
+    let setpoint = SetpointIntegrator::new(&panda.model, panda.home.as_slice());
     let effort = feed_forward.effort(&panda.model, panda.home.as_slice(), &setpoint);
     let shoulder = effort[1].abs();
     assert_eq!(shoulder, panda.model.effort_limit()[1]);
@@ -71,7 +71,7 @@ fn inertia_compensation_feeds_the_kinetic_energy_forward() {
             .map(|joint| ((0.7 * joint as f64).sin(), 0.5 * (1.3 * joint as f64 + 1.0).cos()))
             .unzip();
         let mut feed_forward = FeedForward::new(model, None).with_inertia(0.0);
-        let mut setpoint = JointSetpoint::new(model, &q);
+        let mut setpoint = SetpointIntegrator::new(model, &q);
         for back in [1.0, 0.0] {
             let velocity: Vec<f64> = v.iter().zip(&a).map(|(v, a)| v - back * a * dt).collect();
             setpoint.reset(&q);
@@ -92,7 +92,7 @@ fn inertia_compensation_feeds_the_kinetic_energy_forward() {
 fn a_setpoint_that_begins_anew_has_no_acceleration() {
     let panda = Panda::new();
     let mut feed_forward = FeedForward::new(&panda.model, None).with_inertia(0.004);
-    let mut setpoint = JointSetpoint::new(&panda.model, panda.home.as_slice());
+    let mut setpoint = SetpointIntegrator::new(&panda.model, panda.home.as_slice());
     feed_forward.update(&setpoint, 1e-3);
     setpoint.integrate(&vec![0.2; panda.model.nv()], 1e-3);
     feed_forward.update(&setpoint, 1e-3);
@@ -109,7 +109,7 @@ fn a_setpoint_that_begins_anew_has_no_acceleration() {
 fn without_gravity_and_inertia_no_effort_is_fed_forward() {
     let panda = Panda::new();
     let mut feed_forward = FeedForward::new(&panda.model, None);
-    let mut setpoint = JointSetpoint::new(&panda.model, panda.home.as_slice());
+    let mut setpoint = SetpointIntegrator::new(&panda.model, panda.home.as_slice());
     setpoint.integrate(&vec![0.1; panda.model.nv()], 0.01);
     feed_forward.update(&setpoint, 0.01);
     let effort = feed_forward.effort(&panda.model, panda.home.as_slice(), &setpoint);

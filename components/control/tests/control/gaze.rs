@@ -3,7 +3,7 @@
 use approx::assert_abs_diff_eq;
 use motorium::testing::allocations;
 use motorium_control::{
-    DifferentialIk, JointSetpoint, RobotState,
+    DifferentialIk, RobotState, SetpointIntegrator,
     tasks::{GazeSettings, GazeTask, PostureTask, VelocityTask},
 };
 use motorium_qp::{Problem, Structure};
@@ -124,7 +124,7 @@ fn the_angle_to_a_moving_point_decays_at_the_gain() {
     let mut task = gaze(model, Vector3::z()).with(settings);
     let mut posture = PostureTask::new(model, panda.home.as_slice());
     let mut kinematics = Kinematics::new(model);
-    let mut setpoint = JointSetpoint::new(model, panda.home.as_slice());
+    let mut setpoint = SetpointIntegrator::new(model, panda.home.as_slice());
     let mut ik = DifferentialIk::new(model).levels(&[task.rows(), posture.rows()]);
     let velocity = Vector3::new(0.05, -0.1, 0.02);
     let mut point = panda.hand_at(panda.home.as_slice()).translation.vector + Vector3::new(0.3, 0.1, -0.5);

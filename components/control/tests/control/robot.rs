@@ -1,7 +1,7 @@
 //! The Panda, and random numbers that are the same at every run.
 
 use motorium_control::{
-    DifferentialIk, JointSetpoint, RobotState,
+    DifferentialIk, RobotState, SetpointIntegrator,
     limits::{PositionLimit, VelocityLimit},
     tasks::{CartesianTask, PostureTask},
 };
@@ -65,7 +65,7 @@ pub(crate) struct ClosedLoop<'a> {
     pub(crate) position: PositionLimit,
     pub(crate) velocity: VelocityLimit,
     pub(crate) ik: DifferentialIk,
-    pub(crate) setpoint: JointSetpoint,
+    pub(crate) setpoint: SetpointIntegrator,
 }
 
 impl<'a> ClosedLoop<'a> {
@@ -79,7 +79,7 @@ impl<'a> ClosedLoop<'a> {
             position: PositionLimit::default(),
             velocity: VelocityLimit::default(),
             ik: DifferentialIk::new(model),
-            setpoint: JointSetpoint::new(model, start),
+            setpoint: SetpointIntegrator::new(model, start),
         }
     }
 

@@ -1,14 +1,14 @@
 //! The joint setpoint stays within limits and near the measured joints.
 
 use approx::assert_abs_diff_eq;
-use motorium_control::JointSetpoint;
+use motorium_control::SetpointIntegrator;
 
 use crate::robot::Panda;
 
 #[test]
 fn a_setpoint_stops_at_its_limit_and_reports_its_velocity() {
     let panda = Panda::new();
-    let mut setpoint = JointSetpoint::new(&panda.model, panda.home.as_slice());
+    let mut setpoint = SetpointIntegrator::new(&panda.model, panda.home.as_slice());
     let upper = panda.model.upper()[0];
     let mut v = vec![0.0; panda.model.nv()];
     v[0] = (upper - panda.home[0]) / 0.1;
@@ -24,7 +24,7 @@ fn a_setpoint_stops_at_its_limit_and_reports_its_velocity() {
 #[test]
 fn a_setpoint_does_not_run_away_from_a_blocked_joint() {
     let panda = Panda::new();
-    let mut setpoint = JointSetpoint::new(&panda.model, panda.home.as_slice());
+    let mut setpoint = SetpointIntegrator::new(&panda.model, panda.home.as_slice());
     let v = vec![-0.5; panda.model.nv()];
     for _ in 0..100 {
         setpoint.integrate(&v, 0.01);
@@ -37,7 +37,7 @@ fn a_setpoint_does_not_run_away_from_a_blocked_joint() {
 #[test]
 fn a_velocity_that_is_no_number_moves_no_joint() {
     let panda = Panda::new();
-    let mut setpoint = JointSetpoint::new(&panda.model, panda.home.as_slice());
+    let mut setpoint = SetpointIntegrator::new(&panda.model, panda.home.as_slice());
     setpoint.integrate(&vec![f64::NAN; panda.model.nv()], 0.01);
     setpoint.limit_tracking_error(&vec![f64::NAN; panda.model.nv()], 0.05);
     assert_eq!(setpoint.position(), panda.home.as_slice());
@@ -47,7 +47,7 @@ fn a_velocity_that_is_no_number_moves_no_joint() {
 #[test]
 fn a_joint_slightly_outside_its_limit_starts_at_the_limit() {
     let panda = Panda::new();
-    let mut setpoint = JointSetpoint::new(&panda.model, panda.home.as_slice());
+    let mut setpoint = SetpointIntegrator::new(&panda.model, panda.home.as_slice());
     let mut q = panda.home.clone();
     q[0] = panda.model.upper()[0] + 5e-7;
     q[1] = panda.model.lower()[1] - 0.01;

@@ -1,8 +1,9 @@
 //! A task at the simulation of a robot: its terms, the start of its episodes, and its steps of physics.
 
+use motorium_drive::{JointSetpoint, within_range, within_rate};
 use motorium_models::policy::{ActionKind, BaseMotion, projected_gravity};
 use motorium_physics::randomise::{Draws, RandomiseConfig, Start};
-use motorium_physics::{Engine, JointCommand, ObjectId, Simulation, Simulator as _};
+use motorium_physics::{Engine, ObjectId, Simulation, Simulator as _};
 use motorium_robots::FrameId;
 use nalgebra::{Point3, Vector3};
 use rand::RngExt as _;
@@ -44,11 +45,11 @@ struct SetpointLimits {
 impl SetpointLimits {
     /// Moves a command from the position setpoint `before` towards its own for `dt` s, and lets the drive
     /// brake beyond the velocity limit.
-    fn bound(self, command: JointCommand, before: f64, dt: f64) -> JointCommand {
+    fn bound(self, command: JointSetpoint, before: f64, dt: f64) -> JointSetpoint {
         let Self { lower, upper, velocity } = self;
-        let wanted = command.position.max(lower).min(upper);
-        let position = before + (wanted - before).clamp(-velocity * dt, velocity * dt);
-        JointCommand { position, min_velocity: -velocity, max_velocity: velocity, ..command }
+        let position = within_range(command.position, lower, upper).unwrap_or(command.position);
+        let position = within_rate(position, before, velocity * dt).unwrap_or(position);
+        JointSetpoint { position, min_velocity: -velocity, max_velocity: velocity, ..command }
     }
 }
 
@@ -240,9 +241,9 @@ impl Stage {
             let [gain, strength] = drives[target.joint];
             let (kp, kd) = (kp * gain * strength, kd * gain * strength);
             let command = match kind {
-                ActionKind::Effort => JointCommand::effort(value * strength),
-                ActionKind::Velocity => JointCommand { velocity: value, kd, ..JointCommand::default() },
-                ActionKind::Position => JointCommand::hold(value, kp, kd),
+                ActionKind::Effort => JointSetpoint::effort(value * strength),
+                ActionKind::Velocity => JointSetpoint { velocity: value, kd, ..JointSetpoint::default() },
+                ActionKind::Position => JointSetpoint::hold(value, kp, kd),
             };
             let measured = simulation.positions()[target.joint];
             let slot = &mut simulation.commands_mut()[target.joint];

@@ -7,17 +7,16 @@ use motorium_robots::{
 };
 
 use super::integrator::JointSpaceIntegrator;
-use crate::command::BRAKING_BAND;
 use crate::joint::JointProperties;
 use crate::robot::{Robot, RobotSetup};
-use crate::{BuildError, JointCommand};
+use crate::{BuildError, JointSetpoint};
 
 /// The actuators of a robot. Robots without actuators need no computation.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Actuators {
     joints: Vec<Driven>,
     /// The commands that the actuators pass on, one per joint.
-    commands: Vec<JointCommand>,
+    commands: Vec<JointSetpoint>,
 }
 
 /// A joint with an actuator.
@@ -28,19 +27,19 @@ struct Driven {
     /// State before the step, and after the completed part of the step.
     now: Actuator,
     next: Actuator,
-    delay: Delay<JointCommand>,
+    delay: Delay<JointSetpoint>,
     network: Option<ActuatorNetwork>,
     /// Position error and velocity that the network measured at the start of the step.
     measured: [f64; 2],
     /// The command that the drive follows during the step.
-    acting: JointCommand,
+    acting: JointSetpoint,
     /// The command at the motor in the current integration step.
     at_motor: DriveCommand,
 }
 
 /// The state of [`Actuators`] that later steps depend on.
 #[derive(Clone, Debug)]
-pub(super) struct ActuatorsState(Vec<(Actuator, Delay<JointCommand>, Option<ActuatorNetwork>)>);
+pub(super) struct ActuatorsState(Vec<(Actuator, Delay<JointSetpoint>, Option<ActuatorNetwork>)>);
 
 impl Actuators {
     /// Creates the actuators of the setup for joints with these properties.
@@ -51,7 +50,7 @@ impl Actuators {
             let joint_name = || setup.model.joint_names()[joint].clone();
             let actuator = Actuator::new(settings, properties.effort_limit)
                 .map_err(|error| BuildError::Actuator { joint: joint_name(), error })?;
-            let delay = Delay::new(settings.delay, JointCommand::default());
+            let delay = Delay::new(settings.delay, JointSetpoint::default());
             let network = settings.network.clone().map(ActuatorNetwork::new);
             driven.push(Driven {
                 joint,
@@ -61,12 +60,12 @@ impl Actuators {
                 delay,
                 network,
                 measured: [0.0; 2],
-                acting: JointCommand::default(),
+                acting: JointSetpoint::default(),
                 at_motor: DriveCommand::effort(0.0),
             });
         }
         let commands = if driven.is_empty() { 0 } else { joints.len() };
-        Ok(Self { joints: driven, commands: vec![JointCommand::default(); commands] })
+        Ok(Self { joints: driven, commands: vec![JointSetpoint::default(); commands] })
     }
 
     /// Returns the settings, one per joint; empty if all actuators are ideal.
@@ -133,7 +132,7 @@ impl Actuators {
             *measured = [error, velocity];
             let effort = network.effort(error, velocity);
             let wanted = if acting.kp > 0.0 { acting.effort + effort } else { acting.effort };
-            *acting = JointCommand { effort: wanted, kp: 0.0, kd: 0.0, ..*acting };
+            *acting = JointSetpoint { effort: wanted, kp: 0.0, kd: 0.0, ..*acting };
         }
     }
 
@@ -141,10 +140,10 @@ impl Actuators {
     /// positions `q` and velocities `v`, and sets the effort bounds of that step.
     pub(super) fn pass<'a>(
         &'a mut self,
-        commands: &'a [JointCommand],
+        commands: &'a [JointSetpoint],
         (q, v, h): (&[f64], &[f64], f64),
         integrator: &mut JointSpaceIntegrator,
-    ) -> &'a [JointCommand] {
+    ) -> &'a [JointSetpoint] {
         if self.joints.is_empty() {
             return commands;
         }
@@ -156,12 +155,12 @@ impl Actuators {
             if let Some(law) = next.joint_law(at_motor, state, h) {
                 // The drive brakes its motor, not the joint.
                 self.commands[*joint] =
-                    JointCommand { effort: law.effort, kd: law.slope, ..JointCommand::default() };
+                    JointSetpoint { effort: law.effort, kd: law.slope, ..JointSetpoint::default() };
                 integrator.set_bounds(*joint, [law.low, law.high]);
                 continue;
             }
             // A share of the whole law, plus a part that does not depend on the end of the step.
-            self.commands[*joint] = JointCommand {
+            self.commands[*joint] = JointSetpoint {
                 effort: law.share * acting.effort + law.carried,
                 kp: law.share * acting.kp,
                 kd: law.share * acting.kd,
@@ -184,7 +183,7 @@ impl Actuators {
     }
 
     /// Ends a step of `dt` \[s\] that ran with `commands`.
-    pub(super) fn commit(&mut self, commands: &[JointCommand], dt: f64) {
+    pub(super) fn commit(&mut self, commands: &[JointSetpoint], dt: f64) {
         for driven in &mut self.joints {
             driven.now = driven.next;
             driven.delay.advance(commands[driven.joint], dt);
@@ -216,10 +215,8 @@ impl Actuators {
 }
 
 /// Converts the command of a drive with this effort limit into a command at its motor.
-fn drive_command(command: &JointCommand, limit: f64) -> DriveCommand {
-    let JointCommand { position, velocity, effort, kp, kd, min_velocity, max_velocity } = *command;
-    let (band, limit) = (BRAKING_BAND * max_velocity.max(-min_velocity), limit.abs());
-    let braking = if limit.is_finite() && band.is_finite() { 2.0 * limit / band } else { 0.0 };
+fn drive_command(command: &JointSetpoint, limit: f64) -> DriveCommand {
+    let JointSetpoint { position, velocity, effort, kp, kd, min_velocity, max_velocity } = *command;
     DriveCommand {
         position,
         velocity,
@@ -227,6 +224,6 @@ fn drive_command(command: &JointCommand, limit: f64) -> DriveCommand {
         kp,
         kd,
         velocity_limits: [min_velocity, max_velocity],
-        braking,
+        braking: command.braking_slope(limit.abs()),
     }
 }

@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 
 use super::events::JointEvents;
 use super::laws::{Friction, Laws, Mode, START};
-use crate::JointCommand;
+use crate::JointSetpoint;
 use crate::joint::JointProperties;
 
 /// The mass matrix is singular at this index of `v`: the joint moves no inertia.
@@ -78,7 +78,7 @@ impl ImplicitSolver {
     /// of the midpoint rule.
     pub(super) fn begin(
         &mut self,
-        (joints, commands, bounds): (&[JointProperties], &[JointCommand], &[[f64; 2]]),
+        (joints, commands, bounds): (&[JointProperties], &[JointSetpoint], &[[f64; 2]]),
         start: &Start<'_>,
         middle: Option<&[f64]>,
     ) {

@@ -9,7 +9,7 @@ use super::implicit::{GUESSES, ImplicitSolver, Singular, Start};
 use super::laws::Mode;
 use crate::contact::ImpulseTarget;
 use crate::joint::JointProperties;
-use crate::{Integrator, JointCommand};
+use crate::{Integrator, JointSetpoint};
 
 /// A joint-space integrator: moves a robot without contacts by one integration step at a time.
 ///
@@ -22,7 +22,7 @@ use crate::{Integrator, JointCommand};
 /// q+ = q + h v+
 /// ```
 ///
-/// with the drive law `tau` of [`JointCommand`], viscous damping `D`, Coulomb friction that can stick, and
+/// with the drive law `tau` of [`JointSetpoint`], viscous damping `D`, Coulomb friction that can stick, and
 /// inelastic limit stops. A floating base moves along a straight line and turns about a fixed axis during the
 /// step. Its velocity is expressed in axes that do not rotate during the step, so its rotation alone changes
 /// no velocity.
@@ -56,14 +56,14 @@ use crate::{Integrator, JointCommand};
 ///
 /// ```
 /// use std::path::Path;
-/// use motorium_physics::{JointCommand, JointProperties, JointSpaceIntegrator};
+/// use motorium_physics::{JointSetpoint, JointProperties, JointSpaceIntegrator};
 /// use motorium_robots::load;
 /// use nalgebra::Vector3;
 ///
 /// let model = load("panda", Path::new("."))?.model;
 /// let mut integrator = JointSpaceIntegrator::new(&model, JointProperties::from_model(&model, 0.0));
 /// let (mut q, mut v) = (model.neutral(), vec![0.0; model.nv()]);
-/// let commands = vec![JointCommand::default(); model.joint_count()];
+/// let commands = vec![JointSetpoint::default(); model.joint_count()];
 /// let mut tau = vec![0.0; model.joint_count()];
 /// let gravity = Vector3::new(0.0, 0.0, -9.81);
 /// integrator.advance(&model, &mut q, &mut v, &commands, gravity, 1e-3, &mut tau)?;
@@ -158,7 +158,7 @@ impl JointSpaceIntegrator {
         model: &Model,
         q: &mut [f64],
         v: &mut [f64],
-        commands: &[JointCommand],
+        commands: &[JointSetpoint],
         gravity: Vector3<f64>,
         h: f64,
         tau: &mut [f64],
@@ -182,7 +182,7 @@ impl JointSpaceIntegrator {
         &mut self,
         model: &Model,
         (q, v): (&[f64], &[f64]),
-        commands: &[JointCommand],
+        commands: &[JointSetpoint],
         forces: (Vector3<f64>, &[f64]),
         (h, method): (f64, Integrator),
     ) {
@@ -203,7 +203,7 @@ impl JointSpaceIntegrator {
         &mut self,
         model: &Model,
         (q, v): (&[f64], &[f64]),
-        commands: &[JointCommand],
+        commands: &[JointSetpoint],
         forces: (Vector3<f64>, &[f64]),
         h: f64,
     ) {

@@ -1,7 +1,6 @@
 //! The laws of a joint as functions of its end velocity: drive, damping, friction and stops.
 
-use crate::JointCommand;
-use crate::command::BRAKING_BAND;
+use crate::JointSetpoint;
 use crate::joint::JointProperties;
 
 /// The active branch of each law of a joint.
@@ -99,20 +98,16 @@ impl Laws {
     /// `high`, which are the limits of the joint or, in this step, narrower.
     pub(crate) fn new(
         joint: &JointProperties,
-        command: &JointCommand,
+        command: &JointSetpoint,
         [low, high]: [f64; 2],
         (q, h): (f64, f64),
     ) -> Self {
         let limit = joint.effort_limit.abs();
-        let band = BRAKING_BAND * command.max_velocity.max(-command.min_velocity);
-        let brakes = band.is_finite();
+        let brakes = command.braking_band().is_finite();
         let drive_0 = command.kp * (command.position - q) + command.kd * command.velocity + command.effort;
         let drive_slope = command.kd + h * command.kp;
         let (limit, low, high) = if brakes && !limit.is_finite() {
-            // Without an effort limit the drive brakes with the largest effort that its command requests up
-            // to twice its velocity limit. Below the limit this does not affect the command.
-            let requested = |x: f64| (drive_0 - 2.0 * drive_slope * x).abs();
-            let limit = requested(command.min_velocity).max(requested(command.max_velocity));
+            let limit = command.braking_effort(drive_0, drive_slope);
             (limit, low.max(-limit), high.min(limit))
         } else {
             (limit, low, high)
@@ -124,7 +119,7 @@ impl Laws {
             low,
             min_velocity: if brakes { command.min_velocity } else { f64::NEG_INFINITY },
             max_velocity: if brakes { command.max_velocity } else { f64::INFINITY },
-            braking_slope: if brakes { 2.0 * limit / band } else { 0.0 },
+            braking_slope: command.braking_slope(limit),
             spring: joint.stiffness * (joint.rest - q),
             damping: joint.damping + h * joint.stiffness,
             friction: joint.friction,

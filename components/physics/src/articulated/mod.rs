@@ -41,7 +41,7 @@ use part::Part;
 ///
 /// ```
 /// use std::path::Path;
-/// use motorium_physics::{ArticulatedSimulator, JointCommand, Options, Simulator, World};
+/// use motorium_physics::{ArticulatedSimulator, JointSetpoint, Options, Simulator, World};
 /// use motorium_robots::load;
 ///
 /// let panda = load("panda", Path::new("."))?;
@@ -50,7 +50,7 @@ use part::Part;
 /// let mut simulation =
 ///     ArticulatedSimulator::new(panda.model, World::default(), home.as_slice(), Options::default())?;
 /// for (i, command) in simulation.commands_mut().iter_mut().enumerate() {
-///     *command = JointCommand::hold(home[i], gains.kp[i], gains.kd[i]);
+///     *command = JointSetpoint::hold(home[i], gains.kp[i], gains.kd[i]);
 /// }
 /// for _ in 0..1000 {
 ///     simulation.step(1e-3)?;

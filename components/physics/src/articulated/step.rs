@@ -10,7 +10,7 @@ use super::implicit::GUESSES;
 use super::{Articulated, JointEvents, Part, Singular};
 use crate::contact::ContactScene;
 use crate::robot::{Articulation, Robot, State};
-use crate::{Integrator, JointCommand, StepError, StepReport};
+use crate::{Integrator, JointSetpoint, StepError, StepReport};
 
 impl Articulated {
     /// Computes the next state of the robots and the objects, `dt` \[s\] after the current one.
@@ -130,7 +130,7 @@ impl Part {
     fn begin(
         &mut self,
         (own, first): (&Articulation, bool),
-        (commands, state): (&[JointCommand], &mut State),
+        (commands, state): (&[JointSetpoint], &mut State),
         gravity: &Vector3<f64>,
         (scene, of): (&ContactScene, usize),
     ) {

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::{
-    BuildError, Engine, JointCommand, Properties, ResetError, Simulation, Simulator, StepError, StepReport,
+    BuildError, Engine, JointSetpoint, Properties, ResetError, Simulation, Simulator, StepError, StepReport,
 };
 use workers::Workers;
 
@@ -27,7 +27,7 @@ const BLOCKS: usize = 4;
 ///
 /// ```
 /// use std::path::Path;
-/// use motorium_physics::{ArticulatedSimulator, Batch, JointCommand, Options, World};
+/// use motorium_physics::{ArticulatedSimulator, Batch, JointSetpoint, Options, World};
 /// use motorium_robots::load;
 ///
 /// let model = load("cart-pole", Path::new("."))?.model;
@@ -36,7 +36,7 @@ const BLOCKS: usize = 4;
 ///     ArticulatedSimulator::new(model.clone(), World::default(), &q, Options::default())
 /// };
 /// let mut batch = Batch::new(64, 2, build)?;
-/// batch.commands_mut().fill(JointCommand::default());
+/// batch.commands_mut().fill(JointSetpoint::default());
 /// let failures = batch.step(1e-3, 100).iter().filter(|outcome| outcome.is_err()).count();
 /// assert_eq!(failures, 0);
 /// // The pole that leans most has fallen farthest.
@@ -51,7 +51,7 @@ pub struct Batch<E, W = ()> {
     nq: usize,
     nv: usize,
     drives: usize,
-    commands: Vec<JointCommand>,
+    commands: Vec<JointSetpoint>,
     positions: Vec<f64>,
     velocities: Vec<f64>,
     /// Number of values in an observation of one world, and the function that writes them.
@@ -101,7 +101,7 @@ impl<E: Engine + Send> Batch<E> {
         let mut batch = Self {
             data: vec![(); count],
             workers: Workers::new(threads.clamp(1, count) - 1),
-            commands: vec![JointCommand::default(); count * drives],
+            commands: vec![JointSetpoint::default(); count * drives],
             positions: vec![0.0; count * nq],
             velocities: vec![0.0; count * nv],
             observed: 0,
@@ -195,7 +195,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
     }
 
     /// Returns the commands of all drives of all worlds, one world after the other; they stay until changed.
-    pub fn commands_mut(&mut self) -> &mut [JointCommand] {
+    pub fn commands_mut(&mut self) -> &mut [JointSetpoint] {
         &mut self.commands
     }
 
@@ -257,7 +257,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
     ///
     /// ```
     /// use std::path::Path;
-    /// use motorium_physics::{ArticulatedSimulator, Batch, JointCommand, Options, Simulator, World};
+    /// use motorium_physics::{ArticulatedSimulator, Batch, JointSetpoint, Options, Simulator, World};
     /// use motorium_robots::load;
     ///
     /// let model = load("pendulum", Path::new("."))?.model;
@@ -265,7 +265,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
     /// let mut batch = Batch::new(8, 2, build)?.with_data(|world| (world as f64, 0_usize));
     /// for _ in 0..100 {
     ///     batch.each(|_, simulation, (effort, failures)| {
-    ///         simulation.commands_mut()[0] = JointCommand::effort(0.01 * *effort);
+    ///         simulation.commands_mut()[0] = JointSetpoint::effort(0.01 * *effort);
     ///         if simulation.step(1e-3).is_err() {
     ///             *failures += 1;
     ///         }
@@ -328,7 +328,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
     /// [`ResetError`]; nothing has changed then.
     pub fn reset(&mut self, world: usize, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
         self.worlds[world].reset(q, v)?;
-        self.commands[world * self.drives..][..self.drives].fill(JointCommand::default());
+        self.commands[world * self.drives..][..self.drives].fill(JointSetpoint::default());
         self.read(world);
         Ok(())
     }
@@ -346,7 +346,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         v: &[f64],
     ) -> Result<(), ResetError> {
         self.worlds[world].reset_with(properties, q, v)?;
-        self.commands[world * self.drives..][..self.drives].fill(JointCommand::default());
+        self.commands[world * self.drives..][..self.drives].fill(JointSetpoint::default());
         self.read(world);
         Ok(())
     }

@@ -4,7 +4,7 @@ use core::ops::Range;
 
 use motorium::component::{ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, StepError};
-use motorium::safety::{CommandGate, JointSetpoint, Measured, Verdict};
+use motorium::safety::{CommandGate, Measured, Verdict};
 use motorium::state::{self, BaseState, JointState};
 use motorium::transport::{Input, Output};
 use motorium_robots::{Dynamics, Model};
@@ -15,7 +15,7 @@ use super::build::BuiltRobot;
 use super::config::PhysicsConfig;
 use super::follow::{self, Follower};
 use super::limits;
-use crate::{Engine, JointCommand, Simulation, Simulator};
+use crate::{Engine, JointSetpoint, Simulation, Simulator};
 
 /// Default age beyond which a followed state is stale, ns.
 const FOLLOW_STALE_AFTER_NS: u64 = 20_000_000;
@@ -164,9 +164,7 @@ impl Actuated {
         self.resuming += u64::from(verdict == Verdict::Resuming);
         let commands = &mut simulation.commands_mut()[drives];
         for (index, (command, setpoint)) in commands.iter_mut().zip(gate.setpoints()).enumerate() {
-            let JointSetpoint { position, velocity, effort, kp, kd, min_velocity, max_velocity } = *setpoint;
-            let given = JointCommand { position, velocity, effort, kp, kd, min_velocity, max_velocity };
-            *command = scaled(given, factors, index);
+            *command = scaled(*setpoint, factors, index);
         }
     }
 
@@ -262,18 +260,18 @@ fn own_names(names: &[String], robot: &str) -> Vec<String> {
 /// drives.
 fn apply_as_given(
     input: &mut Input<state::JointCommand>,
-    commands: &mut [JointCommand],
+    commands: &mut [JointSetpoint],
     factors: Option<&[[f64; 2]]>,
 ) {
     let Some(newest) = input.latest().filter(|newest| newest.count() == commands.len()) else { return };
     for (i, command) in commands.iter_mut().enumerate() {
-        let given = JointCommand {
+        let given = JointSetpoint {
             position: newest.position()[i],
             velocity: newest.velocity()[i],
             effort: newest.effort()[i],
             kp: newest.kp()[i],
             kd: newest.kd()[i],
-            ..JointCommand::default()
+            ..JointSetpoint::default()
         };
         if given.is_valid() {
             *command = scaled(given, factors, i);
@@ -282,9 +280,9 @@ fn apply_as_given(
 }
 
 /// Scales a command by the gain and strength factors of a drive.
-fn scaled(command: JointCommand, factors: Option<&[[f64; 2]]>, index: usize) -> JointCommand {
+fn scaled(command: JointSetpoint, factors: Option<&[[f64; 2]]>, index: usize) -> JointSetpoint {
     let Some([gain, strength]) = factors.map(|factors| factors[index]) else { return command };
-    JointCommand {
+    JointSetpoint {
         effort: command.effort * strength,
         kp: command.kp * gain * strength,
         kd: command.kd * gain * strength,

@@ -10,7 +10,7 @@ use rapier3d_f64::dynamics::{
 use super::convert;
 use super::inertia::{MILLIGRAMS, mass_properties};
 use super::scene::Scene;
-use crate::JointCommand;
+use crate::JointSetpoint;
 use crate::joint::JointProperties;
 
 /// The robot as rapier's multibody: handles of its parts.
@@ -26,7 +26,7 @@ pub(super) struct Multibody {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum DriveAction {
     /// The impedance law of the command.
-    Law(JointCommand),
+    Law(JointSetpoint),
     /// A constant effort \[Nm or N\].
     Constant(f64),
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use motorium_physics::{
-    ArticulatedSimulator, BuildError, JointCommand, Options, RapierSimulator, RobotSetup, Simulator, World,
+    ArticulatedSimulator, BuildError, JointSetpoint, Options, RapierSimulator, RobotSetup, Simulator, World,
 };
 use motorium_robots::{ActuatorSettings, Envelope, load};
 
@@ -22,7 +22,7 @@ const INERTIA: f64 = 0.083_433_333 + 0.25;
 fn the_effort_lags_behind_the_command_by_its_time_constant() {
     let lag = 0.02;
     let mut rod = rod(ActuatorSettings { lag, ..ActuatorSettings::default() });
-    rod.commands_mut()[0] = JointCommand::effort(3.0);
+    rod.commands_mut()[0] = JointSetpoint::effort(3.0);
     let mut impulse = 0.0;
     for step in 1..=200 {
         rod.step(1e-4).unwrap();
@@ -38,7 +38,7 @@ fn the_effort_lags_behind_the_command_by_its_time_constant() {
 fn a_delayed_command_acts_after_its_delay_and_not_before() {
     let mut rod = rod(ActuatorSettings { delay: 5e-3, ..ActuatorSettings::default() });
     for step in 0..20 {
-        rod.commands_mut()[0] = JointCommand::effort(f64::from(step) + 1.0);
+        rod.commands_mut()[0] = JointSetpoint::effort(f64::from(step) + 1.0);
         rod.step(1e-3).unwrap();
         let expected = if step < 5 { 0.0 } else { f64::from(step - 5) + 1.0 };
         assert_eq!(rod.efforts()[0], expected.min(10.0), "step {step}");
@@ -50,7 +50,7 @@ fn speed_at_full_effort_approaches_the_no_load_speed() {
     let (stall, no_load) = (8.0, 5.0);
     let envelope = Some(Envelope { stall_effort: stall, no_load_velocity: no_load });
     let mut rod = rod(ActuatorSettings { envelope, ..ActuatorSettings::default() });
-    rod.commands_mut()[0] = JointCommand::effort(10.0);
+    rod.commands_mut()[0] = JointSetpoint::effort(10.0);
     let time_constant = INERTIA * no_load / stall;
     for step in 1..=1000 {
         rod.step(1e-3).unwrap();
@@ -67,7 +67,7 @@ fn speed_at_full_effort_approaches_the_no_load_speed() {
 fn the_rate_of_the_effort_is_limited_in_every_step() {
     let mut rod = rod(ActuatorSettings { rate_limit: Some(500.0), ..ActuatorSettings::default() });
     for step in 0..40 {
-        rod.commands_mut()[0] = JointCommand::effort(if step < 20 { 6.0 } else { -6.0 });
+        rod.commands_mut()[0] = JointSetpoint::effort(if step < 20 { 6.0 } else { -6.0 });
         rod.step(1e-3).unwrap();
         let expected =
             if step < 20 { (0.5 * f64::from(step + 1)).min(6.0) } else { 6.0 - 0.5 * f64::from(step - 19) };
@@ -86,7 +86,7 @@ fn stiff_gains_behind_a_lag_stay_stable_and_a_position_is_held() {
     let mut simulator =
         ArticulatedSimulator::new(setup, World::default(), home.as_slice(), Options::default()).unwrap();
     for (joint, command) in simulator.commands_mut().iter_mut().enumerate() {
-        *command = JointCommand::hold(home[joint], gains.kp[joint], gains.kd[joint]);
+        *command = JointSetpoint::hold(home[joint], gains.kp[joint], gains.kd[joint]);
     }
     for _ in 0..2000 {
         simulator.step(1e-3).unwrap();
@@ -103,7 +103,7 @@ fn a_saved_state_holds_commands_and_a_reset_drops_them() {
     let mut rod = rod(settings);
     let run = |rod: &mut ArticulatedSimulator, from: i32| -> Vec<u64> {
         let step = |step: i32| {
-            rod.commands_mut()[0] = JointCommand::effort((0.3 * f64::from(step)).sin());
+            rod.commands_mut()[0] = JointSetpoint::effort((0.3 * f64::from(step)).sin());
             rod.step(1e-3).unwrap();
             rod.positions()[0].to_bits()
         };

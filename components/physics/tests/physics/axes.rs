@@ -1,6 +1,6 @@
 //! Joint axes as CAD exporters write them: almost, but not exactly, along a coordinate axis.
 
-use motorium_physics::{JointCommand, Options, World};
+use motorium_physics::{JointSetpoint, Options, World};
 use motorium_robots::{MimicMode, Model, PackagePath, parse_urdf};
 
 use crate::engines::engines;
@@ -22,7 +22,7 @@ fn an_axis_near_minus_z_turns_alike_on_every_engine() {
     for engine in engines() {
         let fall = |axis: &str| {
             let mut simulation = engine.simulate(rod(axis), World::default(), &[0.0], Options::default());
-            simulation.commands_mut().fill(JointCommand::default());
+            simulation.commands_mut().fill(JointSetpoint::default());
             (0..300).for_each(|_| _ = simulation.step(1e-3).unwrap());
             simulation.positions()[0]
         };

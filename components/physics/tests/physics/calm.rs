@@ -1,7 +1,7 @@
 //! Steps in which the joints alone show that nothing touches. The resulting contacts are the same as if every
 //! pair were checked in every step.
 
-use motorium_physics::{ArticulatedSimulator, Ground, JointCommand, Object, ObjectShape, Simulator, World};
+use motorium_physics::{ArticulatedSimulator, Ground, JointSetpoint, Object, ObjectShape, Simulator, World};
 
 use crate::legged::held_in;
 
@@ -29,7 +29,7 @@ fn same_either_way(
     name: &str,
     ground: Option<Ground>,
     raise: f64,
-    command: &dyn Fn(usize, &mut [JointCommand]),
+    command: &dyn Fn(usize, &mut [JointSetpoint]),
     (steps, to_the_end): (usize, bool),
 ) -> usize {
     let run = |looks: bool| {
@@ -78,12 +78,12 @@ fn falling_robots_meet_the_ground_as_with_all_pairs() {
 
 #[test]
 fn an_arm_meets_the_ground_and_itself() {
-    let reach = |step: usize, commands: &mut [JointCommand]| {
+    let reach = |step: usize, commands: &mut [JointSetpoint]| {
         commands[1].position += if step < 1500 { 1e-3 } else { 0.0 };
     };
     let touched = same_either_way("panda", ground(0.0), 0.0, &reach, (2000, false));
     assert!((100..1900).contains(&touched), "{touched} steps on the ground");
-    let fold = |step: usize, commands: &mut [JointCommand]| {
+    let fold = |step: usize, commands: &mut [JointSetpoint]| {
         commands[1].position = (0.9 * 2e-3 * step as f64).sin() * 1.7;
         commands[3].position = -1.6 - 1.4 * (2.3e-3 * step as f64).sin();
         commands[5].position = 1.8 + 1.7 * (3.1e-3 * step as f64).sin();

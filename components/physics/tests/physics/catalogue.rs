@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use motorium_physics::{ArticulatedSimulator, Ground, JointCommand, Options, Simulator, World};
+use motorium_physics::{ArticulatedSimulator, Ground, JointSetpoint, Options, Simulator, World};
 use motorium_robots::{Loaded, catalogue, load};
 
 /// The robot held at home by its drives; joints without drives are free.
@@ -18,7 +18,7 @@ fn held_in(robot: &Loaded, world: World) -> (ArticulatedSimulator, Vec<f64>) {
     let mut simulation =
         ArticulatedSimulator::new(robot.model.clone(), world, &home, Options::default()).unwrap();
     for (index, command) in simulation.commands_mut().iter_mut().enumerate() {
-        *command = JointCommand::hold(home[index], gains.kp[index], gains.kd[index]);
+        *command = JointSetpoint::hold(home[index], gains.kp[index], gains.kd[index]);
     }
     (simulation, home)
 }

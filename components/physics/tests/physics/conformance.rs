@@ -1,7 +1,7 @@
 //! The contract of a [`Simulator`], run on every engine: commands, steps, states, contacts, rays, several
 //! robots, save and restore.
 
-use motorium_physics::{ForeignState, Ground, JointCommand, Object, ObjectShape, Options, Simulator, World};
+use motorium_physics::{ForeignState, Ground, JointSetpoint, Object, ObjectShape, Options, Simulator, World};
 use motorium_robots::{CompoundPart, Connection, MeshCollision, Model, Placed, TriangleMesh, load};
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -71,7 +71,7 @@ fn swing(simulation: &mut dyn Simulator, from: u32, steps: u32) -> Vec<u64> {
     for step in from..from + steps {
         for (i, (command, hold)) in simulation.commands_mut().iter_mut().zip(&commands).enumerate() {
             let offset = [0.4, 0.3, 0.0, -0.4, 0.2, 0.3, 0.1, 0.0][i] * (4e-3 * f64::from(step)).sin();
-            *command = JointCommand { position: hold.position + offset, ..*hold };
+            *command = JointSetpoint { position: hold.position + offset, ..*hold };
         }
         simulation.step(DT).unwrap_or_else(|error| panic!("step {step}: {error}"));
         let state =

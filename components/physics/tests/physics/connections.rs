@@ -1,7 +1,7 @@
 //! Connections against closed forms: loops of links, objects fixed to each other, and free flight.
 
 use motorium_physics::{
-    ArticulatedSimulator, ConnectError, Connection, ConnectionKind, Ground, JointCommand, MujocoSimulator,
+    ArticulatedSimulator, ConnectError, Connection, ConnectionKind, Ground, JointSetpoint, MujocoSimulator,
     Object, ObjectShape, Options, RapierSimulator, Simulator, World,
 };
 use motorium_robots::{MimicMode, Model, PackagePath, load, parse_urdf};
@@ -64,7 +64,7 @@ fn a_four_bar_linkage_turns_as_its_geometry_says() {
     for step in 0..8000 {
         let goal = 0.3 + 12.566_370_614 * f64::from(step) / 8000.0;
         bars.commands_mut()[0] =
-            JointCommand { velocity: 12.566_370_614 / 8.0, ..JointCommand::hold(goal, 500.0, 50.0) };
+            JointSetpoint { velocity: 12.566_370_614 / 8.0, ..JointSetpoint::hold(goal, 500.0, 50.0) };
         bars.step(1e-3).unwrap();
         let q = bars.positions();
         let (coupler, rocker) = closed(q[0]);
@@ -93,9 +93,9 @@ fn a_linkage_keeps_its_energy_as_a_tree_of_links_does() {
     let energy = |bars: &ArticulatedSimulator| {
         motorium_robots::Dynamics::new(&model).kinetic_energy(&model, bars.configuration(), bars.velocity())
     };
-    bars.commands_mut()[0] = JointCommand::effort(0.5);
+    bars.commands_mut()[0] = JointSetpoint::effort(0.5);
     (0..300).for_each(|_| _ = bars.step(1e-3).unwrap());
-    bars.commands_mut()[0] = JointCommand::default();
+    bars.commands_mut()[0] = JointSetpoint::default();
     bars.step(1e-3).unwrap();
     let start = energy(&bars);
     (0..3000).for_each(|_| _ = bars.step(1e-3).unwrap());

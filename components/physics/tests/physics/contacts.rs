@@ -1,7 +1,7 @@
 //! Contacts of objects, the ground, and the robot.
 
 use motorium_physics::{
-    ArticulatedSimulator, BuildError, Ground, JointCommand, Object, ObjectShape, Options, RapierSimulator,
+    ArticulatedSimulator, BuildError, Ground, JointSetpoint, Object, ObjectShape, Options, RapierSimulator,
     RobotSetup, Simulator, World, WorldError,
 };
 use motorium_robots::{MimicMode, Model, PackagePath, Srdf, parse_urdf};
@@ -101,7 +101,7 @@ fn a_robot_pressing_on_the_ground_feels_its_command() {
         let world = grounded(vec![]);
         let mut simulation = engine.simulate(ram(), world, &[0.2], Options::default());
         // Down to 3 cm inside the ground with 1 kN/m: weight and spring press together.
-        simulation.commands_mut()[0] = JointCommand::hold(0.02, 1_000.0, 60.0);
+        simulation.commands_mut()[0] = JointSetpoint::hold(0.02, 1_000.0, 60.0);
         let near = run(&mut *simulation, 2.0);
         assert!(near > 0 && (engine == Engine::Rapier || near < 2000));
         let q = simulation.positions()[0];
@@ -113,7 +113,7 @@ fn a_robot_pressing_on_the_ground_feels_its_command() {
         assert!((force - (2.0 * 9.81 - effort)).abs() < 0.5, "{engine:?}: {force} N against {effort} N");
         assert!(simulation.touching("head", "ground"));
         // Up again: the contact opens.
-        simulation.commands_mut()[0] = JointCommand::hold(0.2, 1_000.0, 60.0);
+        simulation.commands_mut()[0] = JointSetpoint::hold(0.2, 1_000.0, 60.0);
         run(&mut *simulation, 1.0);
         assert!(!simulation.touching("head", "ground"));
         assert!((simulation.positions()[0] - (0.2 - 2.0 * 9.81 / 1_000.0)).abs() < 1e-3);
@@ -124,7 +124,7 @@ fn a_robot_pressing_on_the_ground_feels_its_command() {
 fn effort_limits_hold_while_pressing() {
     for engine in engines() {
         let mut simulation = engine.simulate(ram(), grounded(vec![]), &[0.07], Options::default());
-        simulation.commands_mut()[0] = JointCommand::hold(-0.9, 10_000.0, 100.0);
+        simulation.commands_mut()[0] = JointSetpoint::hold(-0.9, 10_000.0, 100.0);
         run(&mut *simulation, 1.0);
         for _ in 0..500 {
             let report = simulation.step(DT).unwrap();
@@ -153,7 +153,8 @@ fn the_arm_pushes_an_object_and_is_pushed_back() {
         let world = grounded(vec![cube]);
         let mut simulation =
             engine.simulate(model, world, &[0.0], Options { friction: 0.0, ..Options::default() });
-        simulation.commands_mut()[0] = JointCommand { velocity: 0.1, kd: 5_000.0, ..JointCommand::default() };
+        simulation.commands_mut()[0] =
+            JointSetpoint { velocity: 0.1, kd: 5_000.0, ..JointSetpoint::default() };
         run(&mut *simulation, 3.0);
         let cube = simulation.object("cube").unwrap();
         let moved = simulation.object_pose(cube).translation.x - 0.2;
@@ -204,7 +205,7 @@ fn the_panda_closes_its_hand_on_a_cube_and_lifts_it() {
         let close = |simulation: &mut dyn Simulator, goal: &[f64]| {
             panda::command_hold(simulation, goal);
             simulation.commands_mut()[7] =
-                JointCommand { effort: -20.0, kd: 10.0, ..JointCommand::default() };
+                JointSetpoint { effort: -20.0, kd: 10.0, ..JointSetpoint::default() };
         };
         close(&mut *simulation, &goal);
         run(&mut *simulation, 0.5);

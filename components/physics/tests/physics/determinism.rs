@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use motorium_physics::{Ground, JointCommand, Object, ObjectShape, Options, Simulator, World};
+use motorium_physics::{Ground, JointSetpoint, Object, ObjectShape, Options, Simulator, World};
 
 use crate::engines::{Engine, engines};
 use crate::panda;
@@ -48,7 +48,7 @@ fn history(simulation: &mut dyn Simulator) -> u64 {
         let t = f64::from(step) * DT;
         for (i, (command, hold)) in simulation.commands_mut().iter_mut().zip(&commands).enumerate() {
             let offset = [0.5, 0.4, 0.0, -0.5, 0.2, 0.3, 0.1, 0.0][i] * (3.0 * t).sin();
-            *command = JointCommand { position: hold.position + offset, ..*hold };
+            *command = JointSetpoint { position: hold.position + offset, ..*hold };
         }
         simulation.step(DT).unwrap();
         simulation.visit_contacts(&mut |contact| {

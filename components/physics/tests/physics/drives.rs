@@ -1,6 +1,6 @@
 //! The joint drives: the impedance law, its limits, its stability.
 
-use motorium_physics::{JointCommand, Options, Simulator, StepError, World};
+use motorium_physics::{JointSetpoint, Options, Simulator, StepError, World};
 use motorium_robots::{Dynamics, MimicMode, Model, PackagePath, parse_urdf};
 use nalgebra::{DMatrix, Vector3};
 
@@ -45,7 +45,7 @@ fn gravity_compensation_alone_keeps_the_arm_where_it_is() {
         for _ in 0..500 {
             let torques = gravity_torques(simulation.model(), simulation.positions());
             for (command, effort) in simulation.commands_mut().iter_mut().zip(torques) {
-                *command = JointCommand::effort(effort);
+                *command = JointSetpoint::effort(effort);
             }
             simulation.step(DT).unwrap();
         }
@@ -81,7 +81,7 @@ fn gains_of_any_size_are_stable_at_the_wrist() {
         goal[6] += 0.01;
         goal[5] -= 0.005;
         for (command, q) in simulation.commands_mut().iter_mut().zip(&goal) {
-            *command = JointCommand::hold(*q, 20_000.0, 500.0);
+            *command = JointSetpoint::hold(*q, 20_000.0, 500.0);
         }
         run(&mut *simulation, 2.0);
         for (i, goal) in goal.iter().enumerate() {
@@ -97,7 +97,7 @@ fn a_stiff_position_loop_follows_the_closed_form() {
     let (m, omega) = (2.0, 10.0);
     for engine in engines() {
         let mut simulation = engine.simulate(slider(0.0, 0.0, 1e3), World::default(), &[0.1], options());
-        simulation.commands_mut()[0] = JointCommand::hold(0.0, m * omega * omega, 2.0 * m * omega);
+        simulation.commands_mut()[0] = JointSetpoint::hold(0.0, m * omega * omega, 2.0 * m * omega);
         for step in 1..=500 {
             simulation.step(DT).unwrap();
             let t = f64::from(step) * DT;
@@ -113,7 +113,7 @@ fn velocity_control_reaches_its_setpoint_and_damping_is_felt() {
     // Steady state of kd (v_d - v) = damping v.
     for engine in engines() {
         let mut simulation = engine.simulate(slider(5.0, 0.0, 1e3), World::default(), &[-0.9], options());
-        simulation.commands_mut()[0] = JointCommand { velocity: 0.5, kd: 20.0, ..JointCommand::default() };
+        simulation.commands_mut()[0] = JointSetpoint { velocity: 0.5, kd: 20.0, ..JointSetpoint::default() };
         run(&mut *simulation, 1.5);
         let expected = 0.5 * 20.0 / 25.0;
         let found = simulation.velocities()[0];
@@ -127,7 +127,7 @@ fn law_and_feed_forward_keep_the_effort_limit() {
     for engine in engines() {
         let mut simulation = engine.simulate(slider(0.0, 0.0, 8.0), World::default(), &[0.0], options());
         simulation.commands_mut()[0] =
-            JointCommand { effort: 50.0, ..JointCommand::hold(0.5, 5_000.0, 3_000.0) };
+            JointSetpoint { effort: 50.0, ..JointSetpoint::hold(0.5, 5_000.0, 3_000.0) };
         let report = simulation.step(DT).unwrap();
         assert_eq!(report.saturated, 1);
         assert_eq!(simulation.efforts()[0], 8.0);
@@ -180,10 +180,10 @@ fn the_effort_reported_is_the_effort_that_moved_the_arm() {
 fn coulomb_friction_holds_until_it_is_overcome() {
     for engine in engines() {
         let mut simulation = engine.simulate(slider(0.0, 3.0, 1e3), World::default(), &[0.0], options());
-        simulation.commands_mut()[0] = JointCommand::effort(2.9);
+        simulation.commands_mut()[0] = JointSetpoint::effort(2.9);
         run(&mut *simulation, 0.2);
         assert!(simulation.positions()[0].abs() < 1e-9, "{engine:?}: {}", simulation.positions()[0]);
-        simulation.commands_mut()[0] = JointCommand::effort(4.0);
+        simulation.commands_mut()[0] = JointSetpoint::effort(4.0);
         run(&mut *simulation, 0.2);
         // (4 - 3) N on 2 kg for 0.2 s.
         assert!(
@@ -191,7 +191,7 @@ fn coulomb_friction_holds_until_it_is_overcome() {
             "{engine:?}: {}",
             simulation.velocities()[0]
         );
-        simulation.commands_mut()[0] = JointCommand::default();
+        simulation.commands_mut()[0] = JointSetpoint::default();
         run(&mut *simulation, 0.2);
         assert!(simulation.velocities()[0].abs() < 1e-9, "{engine:?}: it comes to rest and stays");
     }
@@ -202,7 +202,7 @@ fn a_joint_stops_at_its_limit_and_leaves_it_again() {
     for engine in engines() {
         let overshoot = if engine == Engine::Articulated { 1e-12 } else { 5e-3 };
         let mut simulation = engine.simulate(slider(0.0, 0.0, 1e3), World::default(), &[0.5], options());
-        simulation.commands_mut()[0] = JointCommand::effort(10.0);
+        simulation.commands_mut()[0] = JointSetpoint::effort(10.0);
         let mut held = 0;
         for _ in 0..1000 {
             held += simulation.step(DT).unwrap().at_limit;
@@ -215,7 +215,7 @@ fn a_joint_stops_at_its_limit_and_leaves_it_again() {
         assert!(held > 400, "{engine:?}: at the limit in {held} steps");
         assert!((simulation.positions()[0] - 1.0).abs() < 1e-3);
         assert!(simulation.velocities()[0].abs() < 1e-3);
-        simulation.commands_mut()[0] = JointCommand::effort(-10.0);
+        simulation.commands_mut()[0] = JointSetpoint::effort(-10.0);
         run(&mut *simulation, 0.1);
         assert!(simulation.positions()[0] < 0.98, "{engine:?}: {}", simulation.positions()[0]);
     }
@@ -268,9 +268,9 @@ fn a_command_that_is_no_number_is_refused_and_changes_nothing() {
     assert!(matches!(error, StepError::InvalidCommand { joint: 3, .. }), "{error}");
     assert!(error.to_string().contains("panda_joint4"), "{error}");
     assert_eq!(simulation.positions(), before);
-    simulation.commands_mut()[3] = JointCommand { kp: -1.0, ..JointCommand::default() };
+    simulation.commands_mut()[3] = JointSetpoint { kp: -1.0, ..JointSetpoint::default() };
     assert!(simulation.step(DT).is_err());
-    simulation.commands_mut()[3] = JointCommand::default();
+    simulation.commands_mut()[3] = JointSetpoint::default();
     simulation.step(DT).unwrap();
     assert!(matches!(simulation.step(0.0), Err(StepError::InvalidStep(_))));
 }
@@ -279,7 +279,7 @@ fn a_command_that_is_no_number_is_refused_and_changes_nothing() {
 fn a_state_that_runs_away_is_refused_and_a_reset_recovers() {
     for engine in engines() {
         let mut simulation = engine.simulate(slider(0.0, 0.0, 1e9), World::default(), &[-1.0], options());
-        simulation.commands_mut()[0] = JointCommand::effort(1e9);
+        simulation.commands_mut()[0] = JointSetpoint::effort(1e9);
         let error = (0..100).find_map(|_| simulation.step(DT).err()).expect("it cannot go on for ever");
         assert!(matches!(error, StepError::Diverged { joint: 0, .. }), "{engine:?}: {error}");
         assert!(simulation.positions()[0].is_finite() && simulation.velocities()[0].abs() <= 100.0);
@@ -301,17 +301,17 @@ fn speed_beyond_the_limit_is_flagged() {
 
 /// Largest speed of joint `moved` as a share of its limit, over a second of commands that change every five
 /// milliseconds, while the other joints are held.
-fn fastest_under(moved: usize, mut command: impl FnMut(&mut u64) -> JointCommand) -> f64 {
+fn fastest_under(moved: usize, mut command: impl FnMut(&mut u64) -> JointSetpoint) -> f64 {
     let mut simulation = panda::at_home(Engine::Articulated, World::default(), options());
     let model = simulation.model();
     let (limit, low, high) = (model.velocity_limit()[moved], model.lower()[moved], model.upper()[moved]);
     let home = panda::home();
     for (command, home) in simulation.commands_mut().iter_mut().zip(&home) {
-        *command = JointCommand::hold(*home, 600.0, 40.0);
+        *command = JointSetpoint::hold(*home, 600.0, 40.0);
     }
     let mut seed = 7_u64;
     let mut fastest = 0.0_f64;
-    let mut wanted = JointCommand::default();
+    let mut wanted = JointSetpoint::default();
     for step in 0..1_000 {
         if step % 5 == 0 {
             wanted = command(&mut seed);
@@ -320,7 +320,7 @@ fn fastest_under(moved: usize, mut command: impl FnMut(&mut u64) -> JointCommand
         // As in a command gate: no faster than the joint can be stopped at the end of its range.
         let towards = |distance: f64| (10.0 * limit * distance.max(0.0)).sqrt().clamp(0.05 * limit, limit);
         let (min_velocity, max_velocity) = (-towards(q - low), towards(high - q));
-        simulation.commands_mut()[moved] = JointCommand { min_velocity, max_velocity, ..wanted };
+        simulation.commands_mut()[moved] = JointSetpoint { min_velocity, max_velocity, ..wanted };
         simulation.step(DT).unwrap();
         fastest = fastest.max(simulation.velocities()[moved].abs() / limit);
     }
@@ -335,18 +335,18 @@ fn noise(seed: &mut u64) -> f64 {
 
 #[test]
 fn a_drive_keeps_its_velocity_limit_whatever_it_is_commanded() {
-    type Commands = fn(&mut u64) -> JointCommand;
+    type Commands = fn(&mut u64) -> JointSetpoint;
     let commands: [(&str, Commands); 6] = [
-        ("full effort forwards", |_| JointCommand::effort(1e9)),
-        ("full effort backwards", |_| JointCommand::effort(-1e9)),
-        ("full effort to and fro", |seed| JointCommand::effort(1e9 * noise(seed))),
-        ("a far position", |seed| JointCommand::hold(10.0 * noise(seed).signum(), 600.0, 0.0)),
-        ("a fast velocity", |seed| JointCommand {
+        ("full effort forwards", |_| JointSetpoint::effort(1e9)),
+        ("full effort backwards", |_| JointSetpoint::effort(-1e9)),
+        ("full effort to and fro", |seed| JointSetpoint::effort(1e9 * noise(seed))),
+        ("a far position", |seed| JointSetpoint::hold(10.0 * noise(seed).signum(), 600.0, 0.0)),
+        ("a fast velocity", |seed| JointSetpoint {
             velocity: 1e6 * noise(seed),
             kd: 40.0,
-            ..JointCommand::default()
+            ..JointSetpoint::default()
         }),
-        ("stiff gains", |seed| JointCommand::hold(noise(seed), 1e12, 1e12)),
+        ("stiff gains", |seed| JointSetpoint::hold(noise(seed), 1e12, 1e12)),
     ];
     for (what, command) in commands {
         let shares: Vec<f64> = (0..8).map(|joint| fastest_under(joint, command)).collect();
@@ -355,7 +355,7 @@ fn a_drive_keeps_its_velocity_limit_whatever_it_is_commanded() {
     // Without a velocity limit in the command the same efforts exceed it by far, so the drive law enforces
     // it.
     let mut simulation = panda::at_home(Engine::Articulated, World::default(), options());
-    simulation.commands_mut().fill(JointCommand::effort(1e9));
+    simulation.commands_mut().fill(JointSetpoint::effort(1e9));
     run(&mut *simulation, 0.2);
     let limits = simulation.model().velocity_limit().clone();
     assert!(simulation.velocities().iter().zip(&limits).any(|(v, limit)| v.abs() > 2.0 * limit));
@@ -372,8 +372,11 @@ fn a_velocity_limit_changes_nothing_below_it() {
                 let position = home[i] - 0.1 * (1.0 - (f64::from(step) * 3e-3).cos()) * f64::from(i < 7);
                 let max_velocity = if limited { limits[i] } else { f64::INFINITY };
                 let min_velocity = -max_velocity;
-                *command =
-                    JointCommand { min_velocity, max_velocity, ..JointCommand::hold(position, 600.0, 40.0) };
+                *command = JointSetpoint {
+                    min_velocity,
+                    max_velocity,
+                    ..JointSetpoint::hold(position, 600.0, 40.0)
+                };
             }
             assert_eq!(simulation.step(DT).unwrap().overspeed, 0);
         }

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use motorium::telemetry::{allocations, counts_allocations};
-use motorium_physics::{ArticulatedSimulator, JointCommand, Options, RobotSetup, Simulator, World};
+use motorium_physics::{ArticulatedSimulator, JointSetpoint, Options, RobotSetup, Simulator, World};
 use motorium_robots::{
     Activation, ActuatorSettings, Drivetrain, InputOrder, NetworkSettings, NetworkWeights, load,
 };
@@ -32,7 +32,7 @@ fn behind(drivetrain: Drivetrain) -> ArticulatedSimulator {
 fn motor_torque_moves_the_rod_through_its_spring() {
     let (motor, stiffness, torque) = (0.15, 60.0, 2.0);
     let mut rod = behind(elastic(motor, stiffness));
-    rod.commands_mut()[0] = JointCommand::effort(torque);
+    rod.commands_mut()[0] = JointSetpoint::effort(torque);
     let (whole, h) = (motor + INERTIA, 1e-5);
     let omega = (stiffness * whole / (motor * INERTIA)).sqrt();
     for step in 1..=30_000 {
@@ -54,7 +54,7 @@ fn the_rod_moves_freely_in_the_gap_of_a_gear() {
     let (h, mut impulse, mut met) = (1e-3, 0.0, None);
     // the motor starts with the joint's velocity: stop it
     for step in 0..1000 {
-        rod.commands_mut()[0] = JointCommand { kp: 500.0, kd: 50.0, ..JointCommand::default() };
+        rod.commands_mut()[0] = JointSetpoint { kp: 500.0, kd: 50.0, ..JointSetpoint::default() };
         rod.step(h).unwrap();
         impulse += h * rod.efforts()[0];
         assert!((INERTIA * (rod.velocities()[0] - 0.4) - impulse).abs() < 1e-9, "step {step}");
@@ -77,7 +77,7 @@ fn a_pose_is_held_through_a_gear_with_backlash() {
     let mut simulator =
         ArticulatedSimulator::new(setup, World::default(), home.as_slice(), Options::default()).unwrap();
     for (joint, command) in simulator.commands_mut().iter_mut().enumerate() {
-        *command = JointCommand::hold(home[joint], gains.kp[joint], gains.kd[joint]);
+        *command = JointSetpoint::hold(home[joint], gains.kp[joint], gains.kd[joint]);
     }
     for _ in 0..4000 {
         simulator.step(1e-3).unwrap();
@@ -113,7 +113,7 @@ fn a_network_computes_effort_from_its_history() {
         let (error, v) = (wanted - rod.positions()[0], rod.velocities()[0]);
         errors.push(error);
         // the network uses its own gains and ignores the gains of the command
-        rod.commands_mut()[0] = JointCommand::hold(wanted, 7.0, 1.0);
+        rod.commands_mut()[0] = JointSetpoint::hold(wanted, 7.0, 1.0);
         rod.step(1e-3).unwrap();
         let before = errors[errors.len().saturating_sub(5)];
         let asked = 30.0 * error + 5.0 * before - 2.0 * v;
@@ -122,7 +122,7 @@ fn a_network_computes_effort_from_its_history() {
         assert!((rod.efforts()[0] - expected).abs() < 1e-12, "{step}: {}, {expected}", rod.efforts()[0]);
     }
     assert!(saturated > 0 && errors.last().unwrap().abs() < 0.3, "{saturated}, {errors:?}");
-    rod.commands_mut()[0] = JointCommand::effort(1.25);
+    rod.commands_mut()[0] = JointSetpoint::effort(1.25);
     rod.step(1e-3).unwrap();
     assert_eq!(rod.efforts()[0], 1.25, "a command without a position is one of effort");
 }
@@ -143,7 +143,7 @@ fn drivetrain_state_is_saved_exactly_without_allocation() {
     let mut run = |rod: &mut ArticulatedSimulator, from: i32| -> Vec<u64> {
         let before = allocations().own;
         for (step, found) in (from..).zip(found.chunks_exact_mut(2)) {
-            rod.commands_mut()[0] = JointCommand::hold((0.03 * f64::from(step)).sin(), 1.0, 0.0);
+            rod.commands_mut()[0] = JointSetpoint::hold((0.03 * f64::from(step)).sin(), 1.0, 0.0);
             rod.step(1e-3).unwrap();
             found.copy_from_slice(&[rod.positions()[0].to_bits(), rod.efforts()[0].to_bits()]);
         }

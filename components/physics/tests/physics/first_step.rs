@@ -9,7 +9,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use motorium_physics::{JointCommand, Options, Simulator, World};
+use motorium_physics::{JointSetpoint, Options, Simulator, World};
 use motorium_robots::{MimicMode, Model, PackagePath, parse_urdf};
 use serde_json::Value;
 
@@ -82,7 +82,7 @@ fn agrees(name: &str, model: &Model, golden: &Value) {
 fn acceleration(simulation: &mut dyn Simulator, q: &[f64], v: &[f64], tau: &[f64], dt: f64) -> Vec<f64> {
     simulation.reset(q, v).unwrap();
     for (command, tau) in simulation.commands_mut().iter_mut().zip(tau) {
-        *command = JointCommand::effort(*tau);
+        *command = JointSetpoint::effort(*tau);
     }
     simulation.step(dt).unwrap();
     simulation.velocities().iter().zip(v).map(|(after, before)| (after - before) / dt).collect()

@@ -1,7 +1,7 @@
 //! Robots with a floating base, in the air and on the ground, against physical laws.
 
 use motorium_physics::{
-    ArticulatedSimulator, BuildError, Ground, JointCommand, Object, ObjectShape, Options, RapierSimulator,
+    ArticulatedSimulator, BuildError, Ground, JointSetpoint, Object, ObjectShape, Options, RapierSimulator,
     RobotSetup, RotorDrive, Simulator, World,
 };
 use motorium_robots::{Dynamics, load};
@@ -49,7 +49,7 @@ fn what_tumbles_and_kicks_in_the_air_keeps_its_momentum() {
     for step in 0..1000 {
         for (i, command) in simulation.commands_mut().iter_mut().enumerate() {
             let goal = 0.8 * (0.01 * f64::from(step) + i as f64).sin();
-            *command = JointCommand::hold(goal, 6.0, 0.2);
+            *command = JointSetpoint::hold(goal, 6.0, 0.2);
         }
         simulation.step(DT).unwrap();
     }
@@ -168,7 +168,7 @@ fn wheels_roll_a_base_as_far_as_they_turn() {
     run(&mut simulation, 0.2);
     let drive = |simulation: &mut ArticulatedSimulator, left: f64, right: f64, seconds: f64| {
         for (command, velocity) in simulation.commands_mut().iter_mut().zip([left, right]) {
-            *command = JointCommand { velocity, kd: 0.1, ..JointCommand::default() };
+            *command = JointSetpoint { velocity, kd: 0.1, ..JointSetpoint::default() };
         }
         run(simulation, seconds);
     };
@@ -206,13 +206,13 @@ fn a_quadrotor_hovers_and_turns_by_rotor_drag() {
     )
     .unwrap();
     assert_eq!(simulation.joint_names(), names);
-    simulation.commands_mut().fill(JointCommand::effort(0.25 * weight));
+    simulation.commands_mut().fill(JointSetpoint::effort(0.25 * weight));
     run(&mut simulation, 1.0);
     assert!((simulation.base_pose().translation.z - q[2]).abs() < 1e-6);
     assert!(simulation.velocity().iter().all(|v| v.abs() < 1e-6), "{:?}", simulation.velocity());
     // More thrust from the rotors that turn it counterclockwise, less from the others.
     for (command, rotor) in simulation.commands_mut().iter_mut().zip(&rotors) {
-        *command = JointCommand::effort(0.25 * weight * (1.0 + 0.1 * rotor.torque_per_thrust.signum()));
+        *command = JointSetpoint::effort(0.25 * weight * (1.0 + 0.1 * rotor.torque_per_thrust.signum()));
     }
     run(&mut simulation, 0.2);
     let inertia = {

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use motorium::telemetry::{allocations, counts_allocations};
-use motorium_physics::{JointCommand, Simulator};
+use motorium_physics::{JointSetpoint, Simulator};
 use motorium_robots::{catalogue, load};
 
 use crate::legged::{grounded, held, run, standing};
@@ -63,7 +63,7 @@ fn a_robot_without_drives_collapses_and_rests() {
         let mut simulation = standing(name, grounded(vec![]));
         // Joints with a little friction, like all real joints.
         for command in simulation.commands_mut() {
-            *command = JointCommand { kd: 0.02, ..JointCommand::default() };
+            *command = JointSetpoint { kd: 0.02, ..JointSetpoint::default() };
         }
         run(&mut simulation, 2.0);
         let speed = simulation.velocity()[..3].iter().map(|v| v * v).sum::<f64>().sqrt();

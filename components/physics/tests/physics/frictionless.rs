@@ -1,7 +1,7 @@
 //! Friction combine rules on every engine, measured on a sliding block.
 
 use motorium_physics::{
-    ArticulatedSimulator, Ground, JointCommand, Object, ObjectShape, Options, RobotSetup, Simulator, World,
+    ArticulatedSimulator, Ground, JointSetpoint, Object, ObjectShape, Options, RobotSetup, Simulator, World,
 };
 use motorium_robots::FrictionCombine::{self, Max, Mean, Min, Multiply};
 use motorium_robots::load;
@@ -73,7 +73,7 @@ fn the_caster_of_the_rover_rolls() {
     let setup = RobotSetup::from_loaded(&loaded).unwrap();
     let mut simulation = ArticulatedSimulator::new(setup, world, &q, Options::default()).unwrap();
     for step in 0..1000 {
-        let drive = JointCommand { velocity: 5.0, kd: 0.05, ..JointCommand::default() };
+        let drive = JointSetpoint { velocity: 5.0, kd: 0.05, ..JointSetpoint::default() };
         simulation.commands_mut().fill(drive);
         simulation.step(1e-3).unwrap();
         let (mut normal, mut friction) = (0.0, 0.0);

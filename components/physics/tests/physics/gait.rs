@@ -1,6 +1,6 @@
 //! A gait on the ground: joints that follow cosines, like the output of a pattern generator.
 
-use motorium_physics::{JointCommand, Simulator};
+use motorium_physics::{JointSetpoint, Simulator};
 
 use crate::legged::held;
 
@@ -22,12 +22,12 @@ fn a_trot_carries_the_quadruped_ahead_as_far_as_in_mujoco() {
             let (offset, amplitude, phase) = if leg < 2 { FRONT[index % 3] } else { HIND[index % 3] };
             let of_leg = if leg == 0 || leg == 3 { 0.0 } else { std::f64::consts::PI };
             let angle = omega * time + of_leg + phase;
-            *command = JointCommand {
+            *command = JointSetpoint {
                 position: offset + share * amplitude * angle.cos(),
                 velocity: -share * amplitude * omega * angle.sin(),
                 kp: 15.0,
                 kd: 0.3,
-                ..JointCommand::default()
+                ..JointSetpoint::default()
             };
         }
         simulation.step(1e-3).unwrap();

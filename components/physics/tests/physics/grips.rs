@@ -1,6 +1,6 @@
 //! Grippers that hold bodies of every shape still, between pads wider and narrower than the bodies.
 
-use motorium_physics::{ArticulatedSimulator, JointCommand, Object, Options, Simulator, World};
+use motorium_physics::{ArticulatedSimulator, JointSetpoint, Object, Options, Simulator, World};
 use motorium_robots::{MimicMode, Model, PackagePath, parse_urdf};
 use nalgebra::Vector3;
 
@@ -55,8 +55,8 @@ fn grippers_hold_every_shape_between_pads_of_every_shape() {
             .unwrap();
             // One pad is position-controlled and the other presses.
             simulation.commands_mut()[0] =
-                JointCommand { kp: 2e4, kd: 200.0, effort: 60.0, ..JointCommand::hold(closed, 2e4, 200.0) };
-            simulation.commands_mut()[1] = JointCommand::effort(60.0);
+                JointSetpoint { kp: 2e4, kd: 200.0, effort: 60.0, ..JointSetpoint::hold(closed, 2e4, 200.0) };
+            simulation.commands_mut()[1] = JointSetpoint::effort(60.0);
             let (far, angle, _) = drift(&mut simulation, &name, [0.5, 2.0]);
             let mut holds = Vector3::zeros();
             simulation.visit_contacts(&mut |contact| holds += contact.normal.abs() * contact.force);

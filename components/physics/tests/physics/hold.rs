@@ -6,7 +6,7 @@ use motorium::plan::{GateRules, LimitPolicy, ResumeRule, SafeState};
 use motorium::region::{LimitKind, Refusal};
 use motorium::safety::{Account, Gate, JointLimits, Measured, Offer, REST_SPEED};
 use motorium::state::JointCommand as Command;
-use motorium_physics::{JointCommand, Simulator, World};
+use motorium_physics::{JointSetpoint, Simulator, World};
 use motorium_robots::{Dynamics, MimicMode, PackagePath, load, parse_urdf};
 use nalgebra::Vector3;
 
@@ -90,7 +90,7 @@ fn speeds(name: &str, world: World, (kp, kd): (f64, f64), seed: &mut u64) -> (f6
             gate.make_safe(measured, DT);
         }
         for (command, setpoint) in simulation.commands_mut().iter_mut().zip(gate.setpoints()) {
-            *command = JointCommand {
+            *command = JointSetpoint {
                 position: setpoint.position,
                 velocity: setpoint.velocity,
                 effort: setpoint.effort,
@@ -140,10 +140,10 @@ fn a_joint_without_an_effort_limit_keeps_its_velocity_limit() {
             for effort in [20.0, -30.0] {
                 let options = motorium_physics::Options::default();
                 let mut simulation = engine.simulate(model.clone(), World::default(), &[0.0], options);
-                simulation.commands_mut()[0] = JointCommand {
+                simulation.commands_mut()[0] = JointSetpoint {
                     min_velocity: -limit,
                     max_velocity: limit,
-                    ..JointCommand::effort(effort)
+                    ..JointSetpoint::effort(effort)
                 };
                 let mut fastest = 0.0_f64;
                 for _ in 0..1_000 {

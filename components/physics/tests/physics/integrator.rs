@@ -1,6 +1,6 @@
 //! The joint-space step against its documented laws, joint by joint, for every choice of the active set.
 
-use motorium_physics::{JointCommand, JointProperties, JointSpaceIntegrator};
+use motorium_physics::{JointProperties, JointSetpoint, JointSpaceIntegrator};
 use motorium_robots::Dynamics;
 use nalgebra::{DMatrix, Vector3};
 
@@ -41,15 +41,15 @@ fn every_step_obeys_newton_the_drive_law_coulomb_and_the_stops() {
         let mut q: Vec<f64> =
             joints.iter().map(|j| j.lower + (0.5 + 0.499 * noise(&mut seed)) * (j.upper - j.lower)).collect();
         let mut v: Vec<f64> = (0..n).map(|_| 3.0 * noise(&mut seed)).collect();
-        let commands: Vec<JointCommand> = q
+        let commands: Vec<JointSetpoint> = q
             .iter()
-            .map(|q| JointCommand {
+            .map(|q| JointSetpoint {
                 position: q + 0.2 * noise(&mut seed),
                 velocity: noise(&mut seed),
                 effort: 5.0 * noise(&mut seed),
                 kp: 3_000.0 * (1.0 + noise(&mut seed)),
                 kd: 100.0 * (1.0 + noise(&mut seed)),
-                ..JointCommand::default()
+                ..JointSetpoint::default()
             })
             .collect();
         for _ in 0..30 {
@@ -130,8 +130,8 @@ fn energy_is_kept_by_a_free_arm_to_first_order() {
         let (mut q, mut v, mut tau) = (panda::home(), vec![0.3; n], vec![0.0; n]);
         // Fingers would fall out of the hand.
         v[7] = 0.0;
-        let mut commands = vec![JointCommand::default(); n];
-        commands[7] = JointCommand::hold(0.02, 1e5, 1e3);
+        let mut commands = vec![JointSetpoint::default(); n];
+        commands[7] = JointSetpoint::hold(0.02, 1e5, 1e3);
         q[7] = 0.02;
         let start = energy(&model, &q, &v);
         for _ in 0..(0.3 / h).round() as usize {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use motorium_physics::{
-    ArticulatedSimulator, Ground, JointCommand, Object, Options, RobotSetup, Simulator, World,
+    ArticulatedSimulator, Ground, JointSetpoint, Object, Options, RobotSetup, Simulator, World,
 };
 use motorium_robots::{BaseMode, LoadOptions, Model, load, parse_urdf_with};
 
@@ -50,7 +50,7 @@ pub(crate) fn held_in(name: &str, world: World) -> ArticulatedSimulator {
     let gains = robot.profile.unwrap().gains(&robot.model).ok();
     let home = simulation.positions().to_vec();
     for (i, gains) in gains.iter().flat_map(|gains| gains.kp.iter().zip(gains.kd.iter())).enumerate() {
-        simulation.commands_mut()[i] = JointCommand::hold(home[i], *gains.0, *gains.1);
+        simulation.commands_mut()[i] = JointSetpoint::hold(home[i], *gains.0, *gains.1);
     }
     simulation
 }

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use motorium_physics::{
-    ArticulatedSimulator, Ground, Integrator, JointCommand, JointProperties, JointSpaceIntegrator,
+    ArticulatedSimulator, Ground, Integrator, JointProperties, JointSetpoint, JointSpaceIntegrator,
     MujocoSimulator, Object, ObjectShape, Options, RapierSimulator, Simulator, World,
 };
 use motorium_robots::{
@@ -47,7 +47,7 @@ fn a_double_pendulum_keeps_energy_better_than_euler() {
     let drift = METHODS.map(|method| {
         let mut rods =
             ArticulatedSimulator::new(model.clone(), World::default(), &[2.0, 0.5], options(method)).unwrap();
-        rods.commands_mut().fill(JointCommand::default());
+        rods.commands_mut().fill(JointSetpoint::default());
         let start = energy(&model, rods.configuration(), rods.velocity(), GRAVITY);
         let mut most = 0.0_f64;
         for _ in 0..10_000 {
@@ -94,7 +94,7 @@ fn half_the_step_has_a_quarter_of_the_error() {
     let error = |method: Integrator, h: f64| {
         let mut arm = JointSpaceIntegrator::new(&model, joints.clone()).with_method(method);
         let (mut q, mut v, mut tau) = (q0.clone(), v0.clone(), vec![0.0; n]);
-        let commands = vec![JointCommand::default(); n];
+        let commands = vec![JointSetpoint::default(); n];
         for _ in 0..(seconds / h).round() as usize {
             arm.advance(&model, &mut q, &mut v, &commands, GRAVITY, h, &mut tau).unwrap();
         }
@@ -121,7 +121,7 @@ fn a_flying_robot_keeps_energy_and_momentum() {
             ArticulatedSimulator::new(model.clone(), world.clone(), &model.neutral(), options(method))
                 .unwrap();
         robot.reset(&model.neutral(), &v).unwrap();
-        robot.commands_mut().fill(JointCommand::default());
+        robot.commands_mut().fill(JointSetpoint::default());
         let mut dynamics = Dynamics::new(&model);
         let start = energy(&model, robot.configuration(), robot.velocity(), Vector3::zeros());
         let before = dynamics.momentum(&model, robot.configuration(), robot.velocity());
@@ -157,7 +157,7 @@ fn drives_of_any_gain_stay_stable_and_come_to_the_same_rest() {
                 )
                 .unwrap();
                 for (command, goal) in robot.commands_mut().iter_mut().zip(&goal) {
-                    *command = JointCommand::hold(*goal, kp, kd);
+                    *command = JointSetpoint::hold(*goal, kp, kd);
                 }
                 for _ in 0..20_000 {
                     robot.step(1e-3).unwrap();
@@ -209,7 +209,7 @@ fn a_floating_robot_falls_as_galileo_says_to_rounding() {
     .unwrap();
     let start = robot.configuration()[2];
     for (command, q) in robot.commands_mut().iter_mut().zip(&model.neutral()[7..]) {
-        *command = JointCommand::hold(*q, 100.0, 1.0);
+        *command = JointSetpoint::hold(*q, 100.0, 1.0);
     }
     (0..1000).for_each(|_| _ = robot.step(1e-3).unwrap());
     let fallen = start - robot.configuration()[2];
@@ -229,7 +229,7 @@ fn what_stands_on_the_ground_moves_as_with_eulers_method() {
             ArticulatedSimulator::new(quadruped.model.clone(), world.clone(), q.as_slice(), options).unwrap();
         let home = robot.positions().to_vec();
         for (index, command) in robot.commands_mut().iter_mut().enumerate() {
-            *command = JointCommand::hold(home[index], gains.kp[index], gains.kd[index]);
+            *command = JointSetpoint::hold(home[index], gains.kp[index], gains.kd[index]);
         }
         (0..1000).for_each(|_| _ = robot.step(1e-3).unwrap());
         robot.configuration().to_vec()

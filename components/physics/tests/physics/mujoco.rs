@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Command;
 
 use motorium_physics::{
-    ArticulatedSimulator, BuildError, Ground, JointCommand, MujocoSimulator, Object, ObjectShape, Options,
+    ArticulatedSimulator, BuildError, Ground, JointSetpoint, MujocoSimulator, Object, ObjectShape, Options,
     RobotSetup, Simulator, Terrain, World,
 };
 use motorium_robots::{Model, load};
@@ -58,7 +58,7 @@ fn a_panda_that_is_driven_moves_as_in_ours() {
             let phase = 4e-3 * f64::from(step);
             let goal: Vec<f64> = home.iter().map(|q| q + 0.2 * (1.0 - phase.cos())).collect();
             panda::command_hold(&mut *simulation, &goal);
-            simulation.commands_mut()[7] = JointCommand::hold(0.02, 500.0, 20.0);
+            simulation.commands_mut()[7] = JointSetpoint::hold(0.02, 500.0, 20.0);
             simulation.step(DT).unwrap();
         }
         [simulation.positions(), simulation.velocities(), simulation.efforts()].map(<[f64]>::to_vec)
@@ -82,7 +82,7 @@ fn tumble(engine: Engine, h: f64) -> Vec<f64> {
     for step in 0..steps {
         for (i, command) in simulation.commands_mut().iter_mut().enumerate() {
             let goal = 0.2 * (5.0 * h * f64::from(step) + i as f64).sin();
-            *command = JointCommand::hold(goal, 6.0, 0.2);
+            *command = JointSetpoint::hold(goal, 6.0, 0.2);
         }
         simulation.step(h).unwrap();
     }
@@ -126,7 +126,7 @@ fn the_first_step_of_a_floating_robot_is_that_of_ours() {
         let step = |simulation: &mut dyn Simulator| {
             simulation.reset(&q, &v).unwrap();
             for (i, command) in simulation.commands_mut().iter_mut().enumerate() {
-                *command = JointCommand::effort(1.0 + (0.9 * i as f64).sin());
+                *command = JointSetpoint::effort(1.0 + (0.9 * i as f64).sin());
             }
             simulation.step(h).unwrap();
             let gained = simulation.velocity().iter().zip(&v).map(|(after, before)| (after - before) / h);
@@ -296,7 +296,7 @@ fn external_forces_and_rotors_change_momentum() {
     let mut q = quadrotor.model.neutral();
     q[2] = 1.0;
     let mut simulation = MujocoSimulator::new(setup, World::default(), &q, plain_options()).unwrap();
-    simulation.commands_mut().fill(JointCommand::effort(weight / count as f64));
+    simulation.commands_mut().fill(JointSetpoint::effort(weight / count as f64));
     (0..1000).for_each(|_| _ = simulation.step(DT).unwrap());
     let pose = simulation.base_pose();
     assert!((pose.translation.z - 1.0).abs() < 1e-3 && pose.rotation.angle() < 1e-2, "{pose}");

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::LazyLock;
 
-use motorium_physics::{JointCommand, Options, Simulator, World};
+use motorium_physics::{JointSetpoint, Options, Simulator, World};
 use motorium_robots::{Loaded, load};
 
 use crate::engines::Engine;
@@ -31,8 +31,8 @@ pub(crate) fn at_home(engine: Engine, world: World, options: Options) -> Box<dyn
 }
 
 /// Returns commands that hold `q` with the catalogue's gains.
-pub(crate) fn hold(q: &[f64]) -> Vec<JointCommand> {
-    q.iter().zip(&HOME_AND_GAINS.1).map(|(q, [kp, kd])| JointCommand::hold(*q, *kp, *kd)).collect()
+pub(crate) fn hold(q: &[f64]) -> Vec<JointSetpoint> {
+    q.iter().zip(&HOME_AND_GAINS.1).map(|(q, [kp, kd])| JointSetpoint::hold(*q, *kp, *kd)).collect()
 }
 
 /// Commands the catalogue's gains to hold `q` from now on.

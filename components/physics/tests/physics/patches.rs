@@ -1,6 +1,6 @@
 //! Line and face contacts transmit moments: bodies rest on narrower ones, and grippers hold them straight.
 
-use motorium_physics::{ArticulatedSimulator, JointCommand, Object, ObjectShape, Options, Simulator, World};
+use motorium_physics::{ArticulatedSimulator, JointSetpoint, Object, ObjectShape, Options, Simulator, World};
 use motorium_robots::{MeshCollision, MimicMode, Model, PackagePath, load, parse_urdf};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
@@ -117,8 +117,8 @@ fn grippers_hold_bars_beside_their_middle() {
                 ArticulatedSimulator::new(gripper(), world, &[0.0; 2], Options::default()).unwrap();
             // One pad is position-controlled and the other presses.
             simulation.commands_mut()[0] =
-                JointCommand { kp: 2e4, kd: 200.0, effort: 60.0, ..JointCommand::default() };
-            simulation.commands_mut()[1] = JointCommand::effort(60.0);
+                JointSetpoint { kp: 2e4, kd: 200.0, effort: 60.0, ..JointSetpoint::default() };
+            simulation.commands_mut()[1] = JointSetpoint::effort(60.0);
             let (far, turned, _) = drift(&mut simulation, &name, 4.0);
             assert!(far < 1e-4 && turned < 1.7e-3, "{name} at {roll} rad: {far} m, {turned} rad");
         }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use motorium::telemetry::allocations;
 use motorium_physics::{
-    ArticulatedSimulator, Ground, JointCommand, MujocoSimulator, Object, ObjectShape, Options, ResetError,
+    ArticulatedSimulator, Ground, JointSetpoint, MujocoSimulator, Object, ObjectShape, Options, ResetError,
     RobotSetup, Simulator, World,
 };
 use motorium_robots::{Model, load};
@@ -51,7 +51,7 @@ fn pushed_by_drives(simulation: &mut dyn Simulator) -> Vec<Sample> {
     let record = |step: u32| {
         let position = 0.2 - 0.3 * DT * f64::from(step);
         simulation.commands_mut()[0] =
-            JointCommand { velocity: -0.3, ..JointCommand::hold(position, 2000.0, 50.0) };
+            JointSetpoint { velocity: -0.3, ..JointSetpoint::hold(position, 2000.0, 50.0) };
         simulation.step(DT).unwrap();
         (simulation.configuration().to_vec(), simulation.velocity().to_vec(), cube(simulation))
     };
@@ -106,7 +106,7 @@ fn pushed_by_an_arm(simulation: &mut dyn Simulator) -> Vec<Sample> {
     let home = sideways();
     let record = |step: u32| {
         for (command, hold) in simulation.commands_mut().iter_mut().zip(panda::hold(&home)) {
-            *command = JointCommand { kp: 4.0 * hold.kp, kd: 4.0 * hold.kd, ..hold };
+            *command = JointSetpoint { kp: 4.0 * hold.kp, kd: 4.0 * hold.kd, ..hold };
         }
         let turn = &mut simulation.commands_mut()[0];
         (turn.position, turn.velocity) = (home[0] + 0.3 * DT * f64::from(step), 0.3);
@@ -142,7 +142,7 @@ fn placed_state_ends_every_step_to_the_bit() {
             let wave = |i: usize, phase: f64| 0.3 * (0.07 * f64::from(step) + i as f64 + phase).sin();
             let q: Vec<f64> = home.iter().enumerate().map(|(i, q)| q + wave(i, 0.0)).collect();
             let v: Vec<f64> = (0..home.len()).map(|i| 7.0 * wave(i, 1.6)).collect();
-            simulation.commands_mut().fill(JointCommand::effort(30.0));
+            simulation.commands_mut().fill(JointSetpoint::effort(30.0));
             simulation.place_at(0, &q, &v).unwrap();
             assert_eq!((simulation.positions(), simulation.velocities()), (q.as_slice(), v.as_slice()));
             for _ in 0..2 {

@@ -6,7 +6,7 @@ use motorium::graph;
 use motorium::launcher::Options;
 use motorium::session::run;
 use motorium_physics::{
-    ArticulatedSimulator, JointCommand, Options as Engine, RapierSimulator, Simulator, World,
+    ArticulatedSimulator, JointSetpoint, Options as Engine, RapierSimulator, Simulator, World,
 };
 use motorium_robots::{Dynamics, load};
 use nalgebra::{Point3, Vector3};
@@ -51,7 +51,7 @@ fn a_push_adds_its_impulse_and_moment() {
         ArticulatedSimulator::new(model.clone(), World::default(), &q, Engine::default()).unwrap();
     simulation.set_gravity(Vector3::zeros());
     for (command, start) in simulation.commands_mut().iter_mut().zip(&q[7..]) {
-        *command = JointCommand::hold(*start, 1e3, 10.0);
+        *command = JointSetpoint::hold(*start, 1e3, 10.0);
     }
     let (force, point) = (Vector3::new(3.0, -2.0, 1.0), Point3::new(0.0, 0.01, 0.02));
     let mut dynamics = Dynamics::new(&model);
@@ -147,7 +147,7 @@ fn a_link_wrench_accelerates_an_arm_by_its_jacobian() {
     let engines: [(&str, &mut dyn Simulator); 2] = [("articulated", &mut ours), ("rapier", &mut rapier)];
     let largest = expected.iter().fold(0.0_f64, |most, a| most.max(a.abs()));
     for (name, simulator) in engines {
-        simulator.commands_mut().fill(JointCommand::default());
+        simulator.commands_mut().fill(JointSetpoint::default());
         // in the second step, too: nothing of the first remains
         let mut before = rest.clone();
         for step in 0..3 {

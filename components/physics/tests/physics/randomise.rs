@@ -7,7 +7,7 @@ use motorium::launcher::{Options, Report};
 use motorium::session::run;
 use motorium_physics::{ArticulatedSimulator, Properties};
 use motorium_physics::{
-    Ground, JointCommand, Object, ObjectShape, Options as Engine, RapierSimulator, ResetError, RobotSetup,
+    Ground, JointSetpoint, Object, ObjectShape, Options as Engine, RapierSimulator, ResetError, RobotSetup,
     Simulator, World,
 };
 use motorium_robots::{BodyFactors, Model, load};
@@ -49,8 +49,8 @@ fn motion(simulator: &mut dyn Simulator) -> Vec<u64> {
     let mut found = Vec::new();
     for step in 0..300 {
         let commands = simulator.commands_mut();
-        commands.fill(JointCommand::hold(0.2, 30.0, 1.0));
-        commands[0] = JointCommand::effort((0.05 * f64::from(step)).sin());
+        commands.fill(JointSetpoint::hold(0.2, 30.0, 1.0));
+        commands[0] = JointSetpoint::effort((0.05 * f64::from(step)).sin());
         simulator.step(1e-3).unwrap();
         let pose = simulator.object("cube").map(|cube| simulator.object_pose(cube));
         let cube =

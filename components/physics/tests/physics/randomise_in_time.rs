@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use motorium_physics::{
-    ArticulatedSimulator, JointCommand, Options, Properties, RapierSimulator, RobotSetup, Simulator, World,
+    ArticulatedSimulator, JointSetpoint, Options, Properties, RapierSimulator, RobotSetup, Simulator, World,
 };
 use motorium_robots::{ActuatorSettings, BodyFactors, load};
 use serde_json::Value;
@@ -79,7 +79,7 @@ fn efforts(settings: &ActuatorSettings, properties: impl Fn(&mut ActuatorSetting
     let mut varied = simulation.properties();
     varied.actuators.iter_mut().flatten().flatten().for_each(&properties);
     simulation.reset_with(&varied, &q, &[0.0; 2]).unwrap();
-    let command = JointCommand::effort(10.0);
+    let command = JointSetpoint::effort(10.0);
     (0..40)
         .map(|_| {
             simulation.commands_mut().fill(command);
@@ -141,7 +141,7 @@ fn effort_limits_changed_in_motion_apply_at_once() {
     let mut simulation = ArticulatedSimulator::new(setup, World::default(), &q, Options::default()).unwrap();
     // Twelve time constants of the lag.
     let saturated = |simulation: &mut ArticulatedSimulator| {
-        simulation.commands_mut()[0] = JointCommand::effort(10.0 * limit);
+        simulation.commands_mut()[0] = JointSetpoint::effort(10.0 * limit);
         (0..60).for_each(|_| _ = simulation.step(1e-3).unwrap());
         simulation.efforts()[0]
     };

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use motorium::state::MAX_JOINTS;
 use motorium_physics::{
-    ArticulatedSimulator, BuildWarning, JointCommand, Options, RobotSetup, Simulator, World,
+    ArticulatedSimulator, BuildWarning, JointSetpoint, Options, RobotSetup, Simulator, World,
 };
 use motorium_robots::{
     BaseMode, Dynamics, JointKind, LoadOptions, Loaded, Profile, ShapeSource, draft_profile, load_with,
@@ -217,7 +217,7 @@ fn hold(simulation: &mut ArticulatedSimulator, profile: &Profile) {
             true => (effort / STIFF[0], effort / STIFF[0] * STIFF[1]),
             false => (gains.kp[index], gains.kd[index]),
         };
-        *command = JointCommand::hold(home[index], kp, kd);
+        *command = JointSetpoint::hold(home[index], kp, kd);
         command.effort = weight[first + index];
     }
 }

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use motorium_physics::{
-    ArticulatedSimulator, BuildError, Engine, Ground, JointCommand, MujocoSimulator, Object, ObjectShape,
+    ArticulatedSimulator, BuildError, Engine, Ground, JointSetpoint, MujocoSimulator, Object, ObjectShape,
     Options, RapierSimulator, RobotSetup, Simulation, Simulator, StepError, World,
 };
 use motorium_robots::load;
@@ -17,7 +17,7 @@ use crate::legged::{body, grounded};
 struct Held {
     setup: RobotSetup,
     q: Vec<f64>,
-    commands: Vec<JointCommand>,
+    commands: Vec<JointSetpoint>,
 }
 
 fn held(name: &str, prefix: &str, at: [f64; 3]) -> Held {
@@ -27,7 +27,7 @@ fn held(name: &str, prefix: &str, at: [f64; 3]) -> Held {
     let home = robot.model.joints_of_q(&q).to_vec();
     let gains = profile.gains(&robot.model).unwrap();
     let gains = gains.kp.iter().zip(gains.kd.iter());
-    let commands = home.iter().zip(gains).map(|(q, (kp, kd))| JointCommand::hold(*q, *kp, *kd)).collect();
+    let commands = home.iter().zip(gains).map(|(q, (kp, kd))| JointSetpoint::hold(*q, *kp, *kd)).collect();
     let model = if robot.model.base().floating {
         q.iter_mut().zip(at).for_each(|(q, offset)| *q += offset);
         robot.model.prefixed(prefix)
@@ -57,10 +57,10 @@ fn zoo() -> [Held; 3] {
     ]
 }
 
-fn swing(commands: &mut [JointCommand], held: &[JointCommand], step: usize) {
+fn swing(commands: &mut [JointSetpoint], held: &[JointSetpoint], step: usize) {
     for (i, (command, held)) in commands.iter_mut().zip(held).enumerate() {
         let offset = 0.1 * (6e-3 * step as f64 + i as f64).sin();
-        *command = JointCommand { position: held.position + offset, ..*held };
+        *command = JointSetpoint { position: held.position + offset, ..*held };
     }
 }
 

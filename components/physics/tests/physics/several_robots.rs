@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use motorium::graph;
 use motorium::launcher::{Options as RunOptions, Report};
 use motorium::session::run;
-use motorium_physics::{ArticulatedSimulator, JointCommand, Options, RobotSetup, Simulator, World};
+use motorium_physics::{ArticulatedSimulator, JointSetpoint, Options, RobotSetup, Simulator, World};
 use motorium_robots::{Model, Placed};
 use nalgebra::Isometry3;
 
@@ -35,7 +35,7 @@ fn two(apart: f64) -> ArticulatedSimulator {
 
 /// Commands at `time` \[s\] that move both arms along different paths: forwards up to `reach`, sideways up to
 /// `sway` \[rad\].
-fn commands(time: f64, reach: f64, sway: f64) -> [Vec<JointCommand>; 2] {
+fn commands(time: f64, reach: f64, sway: f64) -> [Vec<JointSetpoint>; 2] {
     [1.0, 0.7].map(|share| {
         let mut q = panda::home();
         let lean = reach * share * (1.0 - (2.0 * time).cos()) / 2.0;

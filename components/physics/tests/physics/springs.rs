@@ -63,7 +63,7 @@ fn a_weight_hangs_in_balance_on_every_engine() {
         // About y: m g l cos(q) rotates it down, q increases downwards.
         let mut rod = engine.simulate(rod("0 1 0"), World::default(), &[REST], Options::default());
         for (index, command) in rod.commands_mut().iter_mut().enumerate() {
-            *command = motorium_physics::JointCommand { kd: 2.0, ..Default::default() };
+            *command = motorium_physics::JointSetpoint { kd: 2.0, ..Default::default() };
             assert_eq!(index, 0);
         }
         (0..5000).for_each(|_| _ = rod.step(1e-3).unwrap());

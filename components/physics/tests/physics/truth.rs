@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use motorium_physics::{ArticulatedSimulator, Integrator, JointCommand, Options, Simulator, World};
+use motorium_physics::{ArticulatedSimulator, Integrator, JointSetpoint, Options, Simulator, World};
 use motorium_robots::{Dynamics, MimicMode, Model, PackagePath, parse_urdf};
 use nalgebra::Vector3;
 
@@ -16,7 +16,7 @@ fn robot(text: &str) -> Model {
 fn simulate(model: &Model, q: &[f64], integrator: Integrator) -> ArticulatedSimulator {
     let options = Options { integrator, self_collision: false, ..Options::default() };
     let mut simulation = ArticulatedSimulator::new(model.clone(), World::default(), q, options).unwrap();
-    simulation.commands_mut().fill(JointCommand::default());
+    simulation.commands_mut().fill(JointSetpoint::default());
     simulation
 }
 

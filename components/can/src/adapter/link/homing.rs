@@ -3,7 +3,8 @@
 use super::Link;
 use crate::adapter::dialogue::Order;
 use crate::adapter::homing::Outcome;
-use crate::adapter::{HomingFault, HomingState, OnTrip, Phase, Setpoint};
+use crate::adapter::{HomingFault, HomingState, OnTrip, Phase};
+use motorium_drive::JointSetpoint;
 
 impl Link {
     /// Returns `true` if the drive's reading is the joint's position: it needs no homing, or has been homed.
@@ -57,7 +58,7 @@ impl Link {
         match self.homing.as_ref().map(|homing| &homing.stop) {
             Some(Some(stop)) if stop.is_enabled => {
                 let (velocity, kd) = stop.command(self.velocity);
-                self.command(Setpoint { velocity, kd, ..Setpoint::default() })
+                self.command(JointSetpoint { velocity, kd, ..JointSetpoint::default() })
             }
             Some(Some(_)) => Order::Enable,
             _ => Order::Home,
@@ -100,6 +101,6 @@ impl Link {
     /// Holds the joint at its position with the gains of the safe states until it is commanded.
     pub(in crate::adapter) fn hold(&mut self) {
         let Self { position, stiffness: kp, damping: kd, .. } = *self;
-        self.setpoint = Setpoint { position, kp, kd, ..Setpoint::default() };
+        self.setpoint = JointSetpoint { position, kp, kd, ..JointSetpoint::default() };
     }
 }

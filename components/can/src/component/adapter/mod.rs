@@ -9,7 +9,7 @@ mod results;
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
-use motorium::safety::{CommandGate, JointSetpoint, Measured, Verdict};
+use motorium::safety::{CommandGate, Measured, Verdict};
 use motorium::state::{BusHealth, CanFrame};
 use motorium_robots::{Dynamics, Model};
 use nalgebra::Vector3;
@@ -17,7 +17,7 @@ use nalgebra::Vector3;
 use super::wire::BATCH;
 use super::{Equipped, interfaces, limits, load};
 use crate::Frame;
-use crate::adapter::{Adapter, Link, OnTrip, Phase, Setpoint};
+use crate::adapter::{Adapter, Link, OnTrip, Phase};
 use account::BusAccount;
 use config::WhenTripped;
 pub use config::{CanAdapterConfig, JointHealth};
@@ -378,7 +378,6 @@ impl CanAdapter {
 /// Commands the setpoints of the gate.
 fn apply(adapter: &mut Adapter, gate: &CommandGate) {
     for (joint, setpoint) in gate.setpoints().iter().enumerate() {
-        let JointSetpoint { position, velocity, effort, kp, kd, .. } = *setpoint;
-        adapter.set(joint, Setpoint { position, velocity, effort, kp, kd });
+        adapter.set(joint, *setpoint);
     }
 }

@@ -14,7 +14,7 @@ use super::config::QpControllerConfig;
 use super::dynamics_config::InfeasiblePolicy;
 use super::measured::MeasuredState;
 use super::setup::{ControllerSetup, RowLimits};
-use crate::JointSetpoint;
+use crate::SetpointIntegrator;
 use crate::inverse_dynamics::{Conflicting, ConstraintName, Contact, Slack};
 use crate::tasks::{Held, TaskBounds};
 
@@ -32,13 +32,13 @@ pub(super) trait Formulation: Sized {
     ) -> Result<Self, ConfigureError>;
 
     /// Places the setpoint at the measured state, or at the setpoint before a crash.
-    fn begin(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint);
+    fn begin(&mut self, measured: &MeasuredState, setpoint: &mut SetpointIntegrator);
 
     /// Applies parameters and inputs, once per step, after the tasks have applied theirs.
     fn prepare(
         &mut self,
         measured: &MeasuredState,
-        setpoint: &JointSetpoint,
+        setpoint: &SetpointIntegrator,
         velocity_fraction: Option<f64>,
         bounds: &TaskBounds,
     );
@@ -59,13 +59,19 @@ pub(super) trait Formulation: Sized {
     fn set_unknowns(&mut self, unknowns: &[f64]);
 
     /// Moves the setpoint by the solution.
-    fn apply(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint, tasks: &mut [Held], dt: f64);
+    fn apply(
+        &mut self,
+        measured: &MeasuredState,
+        setpoint: &mut SetpointIntegrator,
+        tasks: &mut [Held],
+        dt: f64,
+    );
 
     /// Reacts to a step without a solution; the setpoint was stopped.
-    fn hold(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint, policy: InfeasiblePolicy);
+    fn hold(&mut self, measured: &MeasuredState, setpoint: &mut SetpointIntegrator, policy: InfeasiblePolicy);
 
     /// Records the step after its setpoint is known.
-    fn record(&mut self, measured: &MeasuredState, setpoint: &JointSetpoint);
+    fn record(&mut self, measured: &MeasuredState, setpoint: &SetpointIntegrator);
 
     /// Fraction of the gains of the joints in a step with a solution.
     fn gain_share(&self) -> f64 {
@@ -73,7 +79,7 @@ pub(super) trait Formulation: Sized {
     }
 
     /// Feed-forward torques of the joints.
-    fn torque(&mut self, measured: &MeasuredState, setpoint: &JointSetpoint, dt: f64) -> &[f64];
+    fn torque(&mut self, measured: &MeasuredState, setpoint: &SetpointIntegrator, dt: f64) -> &[f64];
 
     /// Residual of a task in the last solution; `None` if the task is inactive.
     fn residual(&self, held: &mut Held) -> Option<f64>;
@@ -113,7 +119,7 @@ pub(super) struct SolveStats {
 /// Parts of a controller that a problem is posed of.
 pub(super) struct Parts<'a> {
     pub(super) measured: &'a MeasuredState,
-    pub(super) setpoint: &'a JointSetpoint,
+    pub(super) setpoint: &'a SetpointIntegrator,
     pub(super) tasks: &'a mut [Held],
     pub(super) limits: &'a mut RowLimits,
 }

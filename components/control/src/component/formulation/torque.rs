@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::contact_switches::ContactSwitches;
 use super::{Formulation, Parts, Room, SolveStats};
-use crate::JointSetpoint;
+use crate::SetpointIntegrator;
 use crate::component::config::QpControllerConfig;
 use crate::component::diagnostics_output::push_name;
 use crate::component::dynamics_config::{InfeasiblePolicy, InverseDynamicsConfig};
@@ -95,7 +95,7 @@ impl Formulation for Torque {
         })
     }
 
-    fn begin(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint) {
+    fn begin(&mut self, measured: &MeasuredState, setpoint: &mut SetpointIntegrator) {
         let (q, v) = measured.joints();
         setpoint.reset(q);
         self.velocity.copy_from_slice(v);
@@ -106,7 +106,7 @@ impl Formulation for Torque {
     fn prepare(
         &mut self,
         _: &MeasuredState,
-        _: &JointSetpoint,
+        _: &SetpointIntegrator,
         velocity_fraction: Option<f64>,
         bounds: &TaskBounds,
     ) {
@@ -160,7 +160,13 @@ impl Formulation for Torque {
         self.control.set_unknowns(unknowns);
     }
 
-    fn apply(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint, _: &mut [Held], dt: f64) {
+    fn apply(
+        &mut self,
+        measured: &MeasuredState,
+        setpoint: &mut SetpointIntegrator,
+        _: &mut [Held],
+        dt: f64,
+    ) {
         let (solution, model) = (self.control.solution(), &measured.model);
         self.failing = false;
         self.torque.copy_from_slice(solution.torque.as_slice());
@@ -179,7 +185,12 @@ impl Formulation for Torque {
         setpoint.limit_tracking_error(q, self.max_lead);
     }
 
-    fn hold(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint, policy: InfeasiblePolicy) {
+    fn hold(
+        &mut self,
+        measured: &MeasuredState,
+        setpoint: &mut SetpointIntegrator,
+        policy: InfeasiblePolicy,
+    ) {
         // the drives move on their own, so the next setpoint starts from there
         if !std::mem::replace(&mut self.failing, true) || policy == InfeasiblePolicy::SafeStop {
             setpoint.reset(measured.joints().0);
@@ -188,7 +199,7 @@ impl Formulation for Torque {
         self.control.write_holding_torque(&measured.motion(), &mut self.torque);
     }
 
-    fn record(&mut self, measured: &MeasuredState, _: &JointSetpoint) {
+    fn record(&mut self, measured: &MeasuredState, _: &SetpointIntegrator) {
         let centre = measured.kinematics.centre_of_mass(&measured.model).position;
         let (start, last) = self.centre.get_or_insert((centre, centre));
         *last = centre;
@@ -200,7 +211,7 @@ impl Formulation for Torque {
         self.impedance + left.clamp(0.0, 1.0) * (1.0 - self.impedance)
     }
 
-    fn torque(&mut self, _: &MeasuredState, _: &JointSetpoint, _: f64) -> &[f64] {
+    fn torque(&mut self, _: &MeasuredState, _: &SetpointIntegrator, _: f64) -> &[f64] {
         &self.torque
     }
 

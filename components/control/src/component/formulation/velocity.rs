@@ -14,7 +14,7 @@ use crate::component::setup::ControllerSetup;
 use crate::inverse_dynamics::{Conflicting, ConstraintName, Slack};
 use crate::limits::{AccelerationLimit, PositionLimit, VelocityLimit};
 use crate::tasks::{Held, TaskBounds, TaskCost};
-use crate::{DifferentialIk, FeedForward, IkRows, IkSettings, JointSetpoint, RobotState};
+use crate::{DifferentialIk, FeedForward, IkRows, IkSettings, RobotState, SetpointIntegrator};
 
 /// Cost of violating a constraint task when it is relaxed, 1/(m/s) or 1/(rad/s).
 const RELAXATION: f64 = 100.0;
@@ -66,7 +66,7 @@ impl Formulation for Velocity {
         })
     }
 
-    fn begin(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint) {
+    fn begin(&mut self, measured: &MeasuredState, setpoint: &mut SetpointIntegrator) {
         let q = measured.joints().0;
         let near = |remembered: &&Vec<f64>| {
             remembered.iter().zip(q).all(|(setpoint, q)| (setpoint - q).abs() <= self.max_lead)
@@ -82,7 +82,7 @@ impl Formulation for Velocity {
     fn prepare(
         &mut self,
         measured: &MeasuredState,
-        setpoint: &JointSetpoint,
+        setpoint: &SetpointIntegrator,
         velocity_fraction: Option<f64>,
         _: &TaskBounds,
     ) {
@@ -146,14 +146,25 @@ impl Formulation for Velocity {
         self.ik.set_unknowns(unknowns);
     }
 
-    fn apply(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint, tasks: &mut [Held], dt: f64) {
+    fn apply(
+        &mut self,
+        measured: &MeasuredState,
+        setpoint: &mut SetpointIntegrator,
+        tasks: &mut [Held],
+        dt: f64,
+    ) {
         setpoint.integrate(self.ik.velocity(), dt);
         setpoint.limit_tracking_error(measured.joints().0, self.max_lead);
         tasks.iter_mut().for_each(|held| held.task.solved(self.ik.velocity()));
         self.beyond_acceleration += u64::from(self.ik.exceeds_acceleration());
     }
 
-    fn hold(&mut self, measured: &MeasuredState, setpoint: &mut JointSetpoint, policy: InfeasiblePolicy) {
+    fn hold(
+        &mut self,
+        measured: &MeasuredState,
+        setpoint: &mut SetpointIntegrator,
+        policy: InfeasiblePolicy,
+    ) {
         let q = measured.joints().0;
         setpoint.limit_tracking_error(q, self.max_lead);
         // the drives move on their own, so the next setpoint starts from there
@@ -163,11 +174,11 @@ impl Formulation for Velocity {
         }
     }
 
-    fn record(&mut self, _: &MeasuredState, setpoint: &JointSetpoint) {
+    fn record(&mut self, _: &MeasuredState, setpoint: &SetpointIntegrator) {
         self.checkpoint.save(setpoint.position().iter().copied());
     }
 
-    fn torque(&mut self, measured: &MeasuredState, setpoint: &JointSetpoint, dt: f64) -> &[f64] {
+    fn torque(&mut self, measured: &MeasuredState, setpoint: &SetpointIntegrator, dt: f64) -> &[f64] {
         self.feed_forward.update(setpoint, dt);
         self.feed_forward.effort(&measured.model, measured.joints().0, setpoint)
     }

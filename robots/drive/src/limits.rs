@@ -1,0 +1,43 @@
+//! Bounds of a setpoint's value and of its rate of change.
+
+/// Fraction of a joint's range by which a position setpoint may exceed it: sensor noise at a stop.
+pub const RANGE_TOLERANCE: f64 = 1e-3;
+/// Fraction by which a rate may exceed its limit: rounding of a setpoint that was integrated at the limit.
+pub const ROUNDING: f64 = 1e-6;
+
+/// Returns the end of the range that replaces a position setpoint \[rad or m\], or `None` if the setpoint
+/// exceeds the range by at most [`RANGE_TOLERANCE`] of its length. A range with an infinite end has the
+/// length 1.
+///
+/// ```
+/// use motorium_drive::within_range;
+///
+/// assert_eq!(within_range(0.5, -1.0, 1.0), None);
+/// assert_eq!(within_range(1.001, -1.0, 1.0), None);
+/// assert_eq!(within_range(1.5, -1.0, 1.0), Some(1.0));
+/// ```
+#[inline]
+pub fn within_range(position: f64, lower: f64, upper: f64) -> Option<f64> {
+    if position >= lower && position <= upper {
+        return None;
+    }
+    let range = upper - lower;
+    let tolerance = if range.is_finite() { RANGE_TOLERANCE * range } else { RANGE_TOLERANCE };
+    let end = position.max(lower).min(upper);
+    ((position - end).abs() > tolerance).then_some(end)
+}
+
+/// Returns the value that replaces a setpoint that differs from the one `before` by more than `largest`, or
+/// `None` if it may stay as it is, to the last bit.
+///
+/// ```
+/// use motorium_drive::within_rate;
+///
+/// assert_eq!(within_rate(0.3, 0.2, 0.2), None);
+/// assert_eq!(within_rate(-0.3, 0.2, 0.25), Some(0.2 - 0.25));
+/// ```
+#[inline]
+pub fn within_rate(value: f64, before: f64, largest: f64) -> Option<f64> {
+    let step = value - before;
+    (step.abs() > largest * (1.0 + ROUNDING)).then(|| before + largest.copysign(step))
+}
