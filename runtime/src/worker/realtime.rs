@@ -123,15 +123,7 @@ pub(super) fn run_triggered(
         // Ends on a publication, a command of the launcher or a signal; the memory shows which one it was.
         let slept = trigger.wait_until(until_ns);
         stepper.context().first_lines().fetch();
-        let mut wake_ns = monotonic_ns();
-        if slept {
-            stepper.slept();
-            rest.slept(wake_ns);
-        } else if rest.is_due(wake_ns) {
-            rest.take();
-            stepper.slept();
-            wake_ns = monotonic_ns();
-        }
+        let wake_ns = stepper.woke(monotonic_ns(), slept, &mut rest);
         if stepper.context().must_leave() {
             return Ok(());
         }

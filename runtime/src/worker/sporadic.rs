@@ -25,7 +25,7 @@ struct Releases {
 impl Releases {
     /// Returns the release of an event that was seen at `now_ns`. An event that was there before the wait
     /// arrived at an unknown time while the last step was still running: the earliest possible time counts.
-    fn of_event(&self, now_ns: u64, waited_for: bool) -> u64 {
+    fn release_of_event(&self, now_ns: u64, waited_for: bool) -> u64 {
         match self.last_ns {
             None => now_ns,
             Some(last_ns) => {
@@ -62,16 +62,9 @@ pub(super) fn run(
             None => readiness.wait(until_ns),
         };
         stepper.context().first_lines().fetch();
-        let mut wake_ns = monotonic_ns();
-        let slept = wake_ns - began_ns > AT_ONCE_NS;
-        if slept {
-            stepper.slept();
-            rest.slept(wake_ns);
-        } else if rest.is_due(wake_ns) {
-            rest.take();
-            stepper.slept();
-            wake_ns = monotonic_ns();
-        }
+        let woken_ns = monotonic_ns();
+        let slept = woken_ns - began_ns > AT_ONCE_NS;
+        let wake_ns = stepper.woke(woken_ns, slept, &mut rest);
         if stepper.context().must_leave() {
             return Ok(());
         }
@@ -83,7 +76,7 @@ pub(super) fn run(
             Some(_) => continue,
             None if !is_readable => continue,
             None => {
-                let at_ns = releases.of_event(wake_ns, slept);
+                let at_ns = releases.release_of_event(wake_ns, slept);
                 if at_ns > wake_ns {
                     add(&stepper.context().block().deferred, 1);
                     deferred_to = Some(at_ns);
@@ -111,20 +104,20 @@ mod tests {
 
     #[test]
     fn the_first_event_is_released_when_it_is_seen() {
-        assert_eq!(Releases { last_ns: None, ..RELEASES }.of_event(5, true), 5);
-        assert_eq!(Releases { last_ns: None, ..RELEASES }.of_event(5, false), 5);
+        assert_eq!(Releases { last_ns: None, ..RELEASES }.release_of_event(5, true), 5);
+        assert_eq!(Releases { last_ns: None, ..RELEASES }.release_of_event(5, false), 5);
     }
 
     #[test]
     fn no_two_releases_are_closer_than_the_interval() {
         for (now, waited_for) in [(1_001, true), (1_001, false), (1_099, true), (1_100, true)] {
-            assert_eq!(RELEASES.of_event(now, waited_for), 1_100);
+            assert_eq!(RELEASES.release_of_event(now, waited_for), 1_100);
         }
-        assert_eq!(RELEASES.of_event(1_500, true), 1_500);
+        assert_eq!(RELEASES.release_of_event(1_500, true), 1_500);
     }
 
     #[test]
     fn an_event_after_a_long_step_counts_from_its_earliest_time() {
-        assert_eq!(RELEASES.of_event(1_500, false), 1_100);
+        assert_eq!(RELEASES.release_of_event(1_500, false), 1_100);
     }
 }

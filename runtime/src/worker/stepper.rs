@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use super::account::{self, Accounts, Consequence};
 use super::failure::{self, Cause, Failure};
+use super::rest::Rest;
 use super::timing::Timing;
 use crate::component::{Component, DynamicComponent, Episode, Helpers, Tick};
 use crate::context::{Access, Context};
@@ -286,6 +287,20 @@ impl Stepper {
     /// Starts the accounts before the first step.
     pub(super) fn open_accounts(&mut self) {
         self.accounts.open();
+    }
+
+    /// Records a wake-up at `wake_ns`. A loop that has not `slept` rests if a rest is due. Returns the time of
+    /// waking, ns, which is later after a rest.
+    pub(super) fn woke(&mut self, wake_ns: u64, slept: bool, rest: &mut Rest) -> u64 {
+        if slept {
+            rest.slept(wake_ns);
+        } else if rest.is_due(wake_ns) {
+            rest.take();
+        } else {
+            return wake_ns;
+        }
+        self.slept();
+        if slept { wake_ns } else { os::monotonic_ns() }
     }
 
     /// Notes that the worker slept before the coming step.

@@ -282,3 +282,12 @@ pub(crate) fn run(graph: Graph) -> Report {
     assert_eq!(report.exit, Exit::Finished);
     report
 }
+
+/// Asserts that the controller has not allocated and has found a solution in every step.
+#[track_caller]
+pub(crate) fn checked(report: Report) -> Report {
+    let component = report.components.iter().find(|component| component.name == "controller").unwrap();
+    assert_eq!((component.allocations, component.allocations_apart), (Some(0), Some(0)));
+    assert_eq!(report.results["controller"]["steps_without_solution"], 0, "{}", report.results["controller"]);
+    report
+}

@@ -9,9 +9,9 @@ use motorium::testing::{Function, Graph, Instance, Probe, Source};
 use motorium_policies::{HomePolicy, TrajectoryPolicy};
 use motorium_robots::Kinematics;
 
+use crate::trajectory::{LIMITS, assert_within_limits};
+
 const START: [f64; 3] = [0.5, 0.8, 0.8];
-const LIMITS: &str =
-    "limits = { velocity = 1.0, acceleration = 4.0, jerk = [40.0, 50.0, 60.0], fraction = 1.0 }";
 
 /// A run: its commands, the status of its goals, and its report.
 struct Run {
@@ -98,20 +98,13 @@ fn new_goals_take_over_within_all_limits() {
             (950, joints(3, START)),
         ];
         let run = Run::new::<TrajectoryPolicy>(&config, goals, "6 s");
-        let (dt, mut before) = (1e-3, ([0.0; 3], [0.0; 3], START));
+        assert_within_limits(&run.commands, profile);
+        let mut before = START;
         for (step, command) in run.commands.iter().enumerate() {
-            for joint in 0..3 {
-                let velocity = command.velocity()[joint];
-                let acceleration = (velocity - before.0[joint]) / dt;
-                let jerk = (acceleration - before.1[joint]) / dt;
-                assert!(velocity.abs() <= 1.0 + 1e-9, "{profile} step {step}");
-                assert!(acceleration.abs() <= 4.0 + 1e-6, "{profile} step {step}: {acceleration}");
-                let most = [40.0, 50.0, 60.0][joint];
-                assert!(step < 2 || jerk.abs() <= most + 1e-3, "{profile} step {step}: {jerk} of {most}");
-                let moved = command.position()[joint] - before.2[joint];
-                assert!(moved.abs() <= 1.0 * dt + 1e-9, "{profile} step {step}: a jump of {moved}");
-                (before.0[joint], before.1[joint]) = (velocity, acceleration);
-                before.2[joint] = command.position()[joint];
+            for (position, before) in command.position().iter().zip(&mut before) {
+                let moved = position - *before;
+                assert!(moved.abs() <= 1e-3 + 1e-9, "{profile} step {step}: a jump of {moved}");
+                *before = *position;
             }
         }
         let fastest = run.commands.iter().flat_map(|command| command.velocity().to_vec()).fold(0.0, f64::max);

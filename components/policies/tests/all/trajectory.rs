@@ -41,7 +41,7 @@ fn number(report: &Report, key: &str) -> f64 {
     report.results["policy"][key].as_f64().unwrap_or_else(|| panic!("{}", report.results["policy"]))
 }
 
-const LIMITS: &str =
+pub(crate) const LIMITS: &str =
     "limits = { velocity = 1.0, acceleration = 4.0, jerk = [40.0, 50.0, 60.0], fraction = 1.0 }";
 
 /// The commands of a run.
@@ -49,6 +49,24 @@ fn commands<C: Component>(config: &str, time: &str) -> (Vec<JointCommand>, Repor
     let probe = Probe::<JointCommand>::for_topic("command").triggered();
     let report = graph::<C>(0.0, config).with(&probe).run(time).unwrap();
     (probe.values(), report)
+}
+
+/// Asserts that commands at 1 kHz, from rest, keep the [`LIMITS`].
+#[track_caller]
+pub(crate) fn assert_within_limits(commands: &[JointCommand], profile: &str) {
+    let (dt, mut before) = (1e-3, ([0.0; 3], [0.0; 3]));
+    for (step, command) in commands.iter().enumerate() {
+        for joint in 0..3 {
+            let velocity = command.velocity()[joint];
+            let acceleration = (velocity - before.0[joint]) / dt;
+            let jerk = (acceleration - before.1[joint]) / dt;
+            assert!(velocity.abs() <= 1.0 + 1e-9, "{profile} step {step}");
+            assert!(acceleration.abs() <= 4.0 + 1e-6, "{profile} step {step}: {acceleration}");
+            let most = [40.0, 50.0, 60.0][joint];
+            assert!(step < 2 || jerk.abs() <= most + 1e-3, "{profile} step {step}: {jerk} of {most}");
+            (before.0[joint], before.1[joint]) = (velocity, acceleration);
+        }
+    }
 }
 
 #[test]
@@ -61,19 +79,7 @@ fn joints_reach_their_goals_within_limits() {
         let (commands, report) = commands::<TrajectoryPolicy>(&config, "6 s");
         assert_eq!(report.results["policy"]["goals_reached"], 3, "{profile}: {}", report.results["policy"]);
         assert!(number(&report, "joint_error") < 1e-3, "{}", report.results["policy"]);
-        let (dt, mut before) = (1e-3, ([0.0; 3], [0.0; 3]));
-        for (step, command) in commands.iter().enumerate() {
-            for joint in 0..3 {
-                let velocity = command.velocity()[joint];
-                let acceleration = (velocity - before.0[joint]) / dt;
-                let jerk = (acceleration - before.1[joint]) / dt;
-                assert!(velocity.abs() <= 1.0 + 1e-9, "{profile} step {step}");
-                assert!(acceleration.abs() <= 4.0 + 1e-6, "{profile} step {step}: {acceleration}");
-                let most = [40.0, 50.0, 60.0][joint];
-                assert!(step < 2 || jerk.abs() <= most + 1e-3, "{profile} step {step}: {jerk} of {most}");
-                (before.0[joint], before.1[joint]) = (velocity, acceleration);
-            }
-        }
+        assert_within_limits(&commands, profile);
         let last = commands.last().unwrap();
         let off = last.position().iter().zip(START).map(|(q, goal)| (q - goal).abs()).fold(0.0, f64::max);
         assert!(off < 1e-12 && last.velocity() == [0.0; 3], "{:?}", last.position());

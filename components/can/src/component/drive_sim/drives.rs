@@ -25,13 +25,12 @@ impl Drives<'_> {
         time_ns: u64,
         answer_with: &mut dyn FnMut(Sender, Frame, u64),
     ) {
-        let Self { axes, faults, config, random, lost } = self;
-        let mut injector = FaultInjector { faults, config, random, lost };
-        for axis in axes.iter_mut().filter(|axis| axis.bus == index && axis.is_on_bus()) {
+        let delay_ns = self.config.delay.ns;
+        self.each_listener(index, |axis, injector| {
             let drive = DriveNode::from_axis(axis);
-            let mut answer = |answer| injector.send(drive, answer, time_ns, config.delay.ns, answer_with);
+            let mut answer = |answer| injector.send(drive, answer, time_ns, delay_ns, answer_with);
             axis.drive.receive(frame, time_ns, &mut answer);
-        }
+        });
     }
 
     /// Delivers the frame of one servo to the others on its serial line; the next one in turn answers
@@ -43,11 +42,18 @@ impl Drives<'_> {
         time_ns: u64,
         answer_with: &mut dyn FnMut(Sender, Frame, u64),
     ) {
+        self.each_listener(index, |axis, injector| {
+            let drive = DriveNode::from_axis(axis);
+            axis.drive.observe(frame, &mut |answer| injector.send(drive, answer, time_ns, 0, answer_with));
+        });
+    }
+
+    /// Calls `deliver` with each drive that listens on a bus.
+    fn each_listener(&mut self, index: usize, mut deliver: impl FnMut(&mut Axis, &mut FaultInjector<'_>)) {
         let Self { axes, faults, config, random, lost } = self;
         let mut injector = FaultInjector { faults, config, random, lost };
         for axis in axes.iter_mut().filter(|axis| axis.bus == index && axis.is_on_bus()) {
-            let drive = DriveNode::from_axis(axis);
-            axis.drive.observe(frame, &mut |answer| injector.send(drive, answer, time_ns, 0, answer_with));
+            deliver(axis, &mut injector);
         }
     }
 
