@@ -1,6 +1,7 @@
 //! `sensor.udp` and activation by a descriptor: datagrams over loopback become values of a topic, in real
 //! time, with real processes.
 
+use std::cell::Cell;
 use std::net::UdpSocket;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -122,23 +123,32 @@ fn a_burst_is_merged_into_steps_that_are_min_interval_apart() {
     let (_folder, graph, sender) = receiver("");
     let run = start(&graph, &["--for", "60 s"]);
     introduce(&run, &sender);
-    let began = Instant::now();
-    // few enough that the kernel keeps all while a busy host holds up the receiver
-    for count in 0..200 {
-        sender.send(&payload(f64::from(count))).unwrap();
-        std::thread::sleep(Duration::from_micros(100));
-    }
-    await_that("the newest value", || newest(&run)["value"]["force"][0] == 199.0);
+    let (began, sent) = (Instant::now(), Cell::new(0_u32));
+    await_that("ten steps of a burst", || {
+        let published = run.published("grip/wrench");
+        // few enough that the kernel keeps all of them while a busy host holds up the receiver
+        if u64::from(sent.get()) < 10 * (published + 10) {
+            for count in sent.get()..sent.get() + 10 {
+                sender.send(&payload(f64::from(count))).unwrap();
+                std::thread::sleep(Duration::from_micros(100));
+            }
+            sent.set(sent.get() + 10);
+        }
+        published >= 10
+    });
+    let sent = sent.get();
+    await_that("the newest value", || newest(&run)["value"]["force"][0] == f64::from(sent - 1));
     let elapsed = began.elapsed();
     let (_, grip, result) = end(run);
     let count = |name: &str| result[name].as_u64().unwrap();
     // one step at the beginning, and then one in each interval
     let most = elapsed.as_millis() as u64 / 2 + 2;
-    assert!((2..=most).contains(&grip.steps), "{} steps in {elapsed:?}", grip.steps);
+    assert!((11..=most).contains(&grip.steps), "{} steps in {elapsed:?}", grip.steps);
     assert!(grip.deferred > 0 && grip.deferred < grip.steps, "{grip:?}");
     assert_eq!(count("published") + 1, grip.steps);
-    assert_eq!(count("received"), 201);
-    assert_eq!(count("published") + count("replaced"), 200, "{result}");
+    assert_eq!(count("received"), u64::from(sent) + 1);
+    assert!(count("replaced") > 0, "{result}");
+    assert_eq!(count("published") + count("replaced"), u64::from(sent), "{result}");
 }
 
 #[test]
