@@ -26,7 +26,7 @@ pub(super) struct Unfit {
     pub(super) is_refused: bool,
 }
 
-/// What is wrong with the effort or the velocity of a homing.
+/// Effort that is too small, or velocity that is too large, for a homing.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(super) enum Problem {
     #[error(transparent)]

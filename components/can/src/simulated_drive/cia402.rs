@@ -359,12 +359,12 @@ impl Cia402 {
             }
             return self.motor.apply(self.is_enabled().then_some(kd * (goes - velocity)));
         }
-        let wanted = match self.cyclic {
+        let desired = match self.cyclic {
             Mode::Position => kp * (target / self.increments * TAU - position) - kd * velocity,
             Mode::Velocity => kd * (target / self.increments * TAU - velocity),
             Mode::Torque => target * 1e-3 * self.rated_torque,
         };
-        self.motor.apply(self.is_enabled().then_some(wanted))
+        self.motor.apply(self.is_enabled().then_some(desired))
     }
 }
 

@@ -170,12 +170,12 @@ impl SimulatedDrive {
         if self.is_enabled() && self.motor.is_too_hot() {
             self.state = State::Fault(Fault::HotMotor);
         }
-        let wanted = self.command.torque_at(position, velocity);
+        let desired = self.command.torque_at(position, velocity);
         let limit = self.full_torque.map(|torque| torque * self.over_current);
-        if self.is_enabled() && limit.is_some_and(|limit| wanted.abs() > limit) {
+        if self.is_enabled() && limit.is_some_and(|limit| desired.abs() > limit) {
             self.state = State::Fault(Fault::OverCurrent);
         }
-        self.motor.apply(self.is_enabled().then_some(wanted))
+        self.motor.apply(self.is_enabled().then_some(desired))
     }
 }
 

@@ -103,8 +103,8 @@ impl Moteus {
         let command = &self.command;
         let (kp, kd) = (self.gains.kp * command.kp_scale, self.gains.kd * command.kd_scale);
         let target = self.held.unwrap_or(command.position);
-        let wanted = kp * (target - position) + kd * (command.velocity - velocity) + command.torque;
+        let desired = kp * (target - position) + kd * (command.velocity - velocity) + command.torque;
         let limit = if command.max_torque.is_nan() { self.motor.largest } else { command.max_torque.abs() };
-        self.motor.apply(self.is_enabled().then_some(wanted.clamp(-limit, limit)))
+        self.motor.apply(self.is_enabled().then_some(desired.clamp(-limit, limit)))
     }
 }

@@ -62,8 +62,8 @@ impl Motor {
     }
 
     /// Applies a torque within the limits, N m; zero while the drive is disabled.
-    pub(super) fn apply(&mut self, wanted: Option<f64>) -> f64 {
-        self.torque = wanted.map_or(0.0, |torque| torque.clamp(-self.limit, self.limit));
+    pub(super) fn apply(&mut self, desired: Option<f64>) -> f64 {
+        self.torque = desired.map_or(0.0, |torque| torque.clamp(-self.limit, self.limit));
         self.torque
     }
 

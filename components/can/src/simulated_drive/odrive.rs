@@ -160,19 +160,19 @@ impl Odrive {
         let [p, v, torque] = self.setpoint;
         let LoopEntry { kp, kd } = self.gains;
         if let Some((_, search)) = &mut self.search {
-            let wanted = search.step(&mut self.motor, now_ns).map(|wanted| kd * (wanted - velocity));
-            if wanted.is_none() {
+            let desired = search.step(&mut self.motor, now_ns).map(|desired| kd * (desired - velocity));
+            if desired.is_none() {
                 self.search = None;
             }
-            return self.motor.apply(wanted);
+            return self.motor.apply(desired);
         }
-        let wanted = match self.control {
+        let desired = match self.control {
             ControlMode::Position => kp * (p - position) + kd * (v - velocity) + torque,
             ControlMode::Velocity => kd * (v - velocity) + torque,
             ControlMode::Torque => torque,
             // voltages are not simulated
             ControlMode::Voltage => 0.0,
         };
-        self.motor.apply(self.is_enabled.then_some(wanted))
+        self.motor.apply(self.is_enabled.then_some(desired))
     }
 }

@@ -312,8 +312,8 @@ impl Servo {
             self.registers[switch] = 0;
         }
         let LoopEntry { kp, kd } = self.gains;
-        let wanted = kp * (self.stopped.unwrap_or_else(|| self.goal()) - position) - kd * velocity;
+        let desired = kp * (self.stopped.unwrap_or_else(|| self.goal()) - position) - kd * velocity;
         self.motor.limit(self.torque_limit());
-        self.motor.apply(self.has_torque().then_some(wanted))
+        self.motor.apply(self.has_torque().then_some(desired))
     }
 }

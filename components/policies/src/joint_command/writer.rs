@@ -244,7 +244,7 @@ impl JointCommandWriter {
         self.joints[self.moved[index]].setpoint
     }
 
-    /// Returns the root mean square distance of the limited setpoints from the wanted ones, rad or m.
+    /// Returns the root mean square distance of the limited setpoints from the desired ones, rad or m.
     pub(crate) fn limited_error(&self) -> f64 {
         self.limiter.as_ref().map_or(0.0, |limiter| (limiter.squares / limiter.count.max(1) as f64).sqrt())
     }

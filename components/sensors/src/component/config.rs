@@ -3,7 +3,7 @@
 use crate::channel::Timing;
 use crate::randomise::SensorRanges;
 
-/// How the readings of a sensor are delivered and randomised.
+/// Delivery and randomisation of the readings of a sensor.
 #[derive(Clone, Copy, Debug)]
 pub struct Common<'a> {
     pub(super) timing: Timing,
