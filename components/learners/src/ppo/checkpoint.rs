@@ -2,7 +2,7 @@
 
 use motorium_physics::Engine;
 
-use super::{Ppo, State};
+use super::{EPSILON, Ppo, State};
 use crate::learner::{CheckpointError, CheckpointReader, CheckpointWriter};
 
 const PARTS: [&str; 3] = ["policy", "value", "deviations"];
@@ -50,7 +50,7 @@ impl<E: Engine + Send> Ppo<E> {
         }
         let lengths = [self.policy.parameters(), self.value.parameters(), self.deviations.len()];
         let slices: Vec<(&str, usize)> = PARTS.into_iter().zip(lengths).collect();
-        self.adam = reader.optimiser("adam_steps", &slices)?;
+        self.adam = reader.optimiser("adam_steps", &slices)?.with_epsilon(EPSILON);
         let state: State = reader.value("state")?;
         reader.worlds(state.seed, &mut self.worlds)?;
         let (found, expected) = (state.episodes.worlds(), self.settings.worlds);

@@ -6,7 +6,7 @@ use rand_distr::{Distribution as _, StandardNormal};
 
 use super::Ppo;
 use super::network::single_steps;
-use super::rollout::log_density;
+use super::rollout::Spread;
 use crate::environment::EnvironmentError;
 use crate::random::{Counter, Purpose};
 
@@ -21,10 +21,7 @@ impl<E: Engine + Send> Ppo<E> {
         let discount = self.settings.discount;
         let units = self.settings.recurrent;
         self.worlds.set_level(self.worlds.terms().level(self.state.steps));
-        // the statistics that normalise stay the same for a whole horizon; raw observations join them
-        // afterwards
-        let normaliser = self.state.observations.clone();
-        let mut raw = Vec::with_capacity(horizon * worlds * inputs);
+        let spread = Spread::new(&self.deviations, &self.active);
         let mut last = DMatrix::zeros(inputs, worlds);
         // worlds whose steps count
         let mut live = vec![true; worlds];
@@ -35,9 +32,11 @@ impl<E: Engine + Send> Ppo<E> {
             }
             let samples = step * worlds..(step + 1) * worlds;
             let observations = &mut self.rollout.observations[samples.start * inputs..samples.end * inputs];
-            normaliser.apply(self.worlds.observations(), observations);
+            // observations join the statistics before these normalise them, from the first step on, as in
+            // Stable-Baselines3's `VecNormalize`
             let rows = self.worlds.observations().chunks_exact(inputs).zip(&live);
-            raw.extend(rows.filter(|(_, live)| **live).flat_map(|(row, _)| row));
+            rows.filter(|(_, live)| **live).for_each(|(row, _)| self.state.observations.update(row));
+            self.state.observations.apply(self.worlds.observations(), observations);
             let input = DMatrix::from_column_slice(inputs, worlds, observations);
             if units > 0 && step % self.rollout.unroll == 0 {
                 let first = step / self.rollout.unroll * worlds * units;
@@ -51,8 +50,8 @@ impl<E: Engine + Send> Ppo<E> {
             self.memories[0].copy_from_slice(means.states());
             self.memories[1].copy_from_slice(values.states());
             let actions = &mut self.rollout.actions[samples.start * width..samples.end * width];
-            for world in 0..worlds {
-                let mean = means.output().column(world);
+            let rows = actions.chunks_exact_mut(width).zip(means.output().as_slice().chunks_exact(width));
+            for (world, (action, mean)) in rows.enumerate() {
                 let counter = Counter {
                     seed: self.state.seed,
                     world: world as u64,
@@ -60,24 +59,18 @@ impl<E: Engine + Send> Ppo<E> {
                     step: step as u64,
                 };
                 let mut random = counter.stream(Purpose::Action);
-                let action = &mut actions[world * width..][..width];
-                for (k, action) in action.iter_mut().enumerate() {
+                for ((action, mean), deviation) in action.iter_mut().zip(mean).zip(&spread.deviations) {
                     let noise: f32 = StandardNormal.sample(&mut random);
-                    // an action without effect is not explored
-                    let spread = if self.active[k] { self.deviations[k].exp() * noise } else { 0.0 };
-                    *action = mean[k] + spread;
+                    *action = mean + deviation * noise;
                 }
-                let away = action.iter().zip(mean.iter()).map(|(a, m)| a - m);
-                let terms =
-                    away.zip(&self.deviations).zip(&self.active).map(|((a, d), active)| (a, *d, *active));
-                self.rollout.log_probabilities[samples.start + world] = log_density(terms);
+                self.rollout.log_probabilities[samples.start + world] = spread.log_density(action, mean);
             }
             self.worlds.step(actions)?;
             // values after the step: first of final observations, then of the next step
             last.fill(0.0);
             for world in 0..worlds {
                 if let Some(observation) = self.worlds.final_observation(world) {
-                    normaliser.apply(observation, last.column_mut(world).as_mut_slice());
+                    self.state.observations.apply(observation, last.column_mut(world).as_mut_slice());
                 }
             }
             let is_any = self.worlds.steps().iter().any(|step| step.end.is_some());
@@ -90,6 +83,16 @@ impl<E: Engine + Send> Ppo<E> {
                     }
                 }
             }
+            // returns join theirs before these normalise the rewards
+            for ((result, live), discounted) in
+                self.worlds.steps().iter().zip(&live).zip(&mut self.state.discounted)
+            {
+                if *live {
+                    *discounted = *discounted * discount + result.reward;
+                    self.state.returns.update(&[*discounted as f32]);
+                }
+            }
+            let deviation = self.state.returns.deviation(0);
             for (world, result) in self.worlds.steps().iter().enumerate() {
                 let k = samples.start + world;
                 self.rollout.ended[k] = result.end.is_some();
@@ -100,11 +103,7 @@ impl<E: Engine + Send> Ppo<E> {
                 self.rollout.used.push(k);
                 self.state.steps += 1;
                 self.state.episodes.record(world, result);
-                let discounted = &mut self.state.discounted[world];
-                *discounted = *discounted * discount + result.reward;
-                self.state.returns.update(&[*discounted as f32]);
-                let scaled = result.reward / self.state.returns.deviation(0);
-                self.rollout.rewards[k] = scaled.clamp(-REWARD_CLIP, REWARD_CLIP) as f32;
+                self.rollout.rewards[k] = (result.reward / deviation).clamp(-REWARD_CLIP, REWARD_CLIP) as f32;
                 // the value of the next observation follows below
                 if let (Some(end), Some(finals)) = (result.end, &finals)
                     && !end.is_terminal()
@@ -113,13 +112,13 @@ impl<E: Engine + Send> Ppo<E> {
                     self.rollout.next_values[k] = finals.output()[world];
                 }
                 if result.end.is_some() {
-                    *discounted = 0.0;
+                    self.state.discounted[world] = 0.0;
                     live[world] = !self.variant.uses_episodes;
                 }
             }
         }
         let mut next = vec![0.0; worlds * inputs];
-        normaliser.apply(self.worlds.observations(), &mut next);
+        self.state.observations.apply(self.worlds.observations(), &mut next);
         let next = DMatrix::from_column_slice(inputs, worlds, &next);
         let next = self.value.forward(next, single_steps(&self.memories[1], units));
         for step in 0..horizon {
@@ -138,7 +137,6 @@ impl<E: Engine + Send> Ppo<E> {
         if self.variant.uses_episodes {
             self.worlds.restart()?;
         }
-        self.state.observations.update(&raw);
         self.rollout.estimate(worlds, discount as f32, self.settings.lambda as f32);
         Ok(())
     }

@@ -10,7 +10,8 @@
 //!
 //! A terminated episode has no value after its end; a truncated one has the value of its final observation.
 //! Observations are normalised by their running mean and deviation, rewards by the running deviation of the
-//! discounted return. Advantages are normalised in each minibatch.
+//! discounted return; both join the statistics step by step, as in Stable-Baselines3. Advantages are
+//! normalised in each minibatch.
 //!
 //! With [`PpoSettings::recurrent`] policy and value each have gated recurrent units (GRU) before their
 //! layers. Their states restart with each episode. A minibatch then consists of whole sequences of
@@ -51,6 +52,10 @@ use crate::task::Task;
 
 /// Values of an update, in the order of [`Progress::values`].
 pub(crate) const MEASURES: [&str; 5] = ["policy_loss", "value_loss", "entropy", "divergence", "rate"];
+
+/// Added by Adam to the root of the second moment: 1e-5 as in CleanRL's `ppo_continuous_action` and
+/// Stable-Baselines3, not Adam's 1e-8.
+const EPSILON: f32 = 1e-5;
 
 /// The parts in which on-policy methods differ.
 #[derive(Clone, Copy, Debug)]
@@ -133,7 +138,7 @@ impl<E: Engine + Send> Ppo<E> {
         let policy = Network::random((inputs, units, actions), hidden, 0.01, &mut weights(0));
         let value = Network::random((inputs, units, 1), hidden, 1.0, &mut weights(1));
         let deviations = vec![settings.deviation.ln() as f32; actions];
-        let adam = Adam::new(&[policy.parameters(), value.parameters(), actions]);
+        let adam = Adam::new(&[policy.parameters(), value.parameters(), actions]).with_epsilon(EPSILON);
         let rollout = Rollout::new(settings.horizon, settings.worlds, inputs, actions)
             .with_memory(settings.unroll(), units);
         let memory = vec![0.0; settings.worlds * units];

@@ -108,13 +108,55 @@ impl Rollout {
     }
 }
 
-/// Logarithm of the density of an action, from its differences to the mean.
-pub(super) fn log_density(away: impl Iterator<Item = (f32, f32, bool)>) -> f32 {
-    const HALF_LN_TAU: f32 = 0.918_938_5;
-    away.filter(|(.., active)| *active)
-        .map(|(away, deviation, _)| {
-            let scaled = away * (-deviation).exp();
-            -0.5 * scaled * scaled - deviation - HALF_LN_TAU
-        })
-        .sum()
+/// The normal distribution of actions around their means.
+#[derive(Clone, Debug)]
+pub(super) struct Spread {
+    /// Standard deviation of each action; 0 for one without effect, which is not explored.
+    pub(super) deviations: Vec<f32>,
+    /// Inverse of each deviation; 0 for an action without effect.
+    inverse: Vec<f32>,
+    /// Logarithm of the density at the means.
+    peak: f32,
+}
+
+impl Spread {
+    /// From the logarithms of the deviations, and which actions have an effect.
+    pub(super) fn new(logarithms: &[f32], active: &[bool]) -> Self {
+        const HALF_LN_TAU: f32 = 0.918_938_5;
+        let each = |value: fn(f32) -> f32| {
+            let actions = logarithms.iter().zip(active);
+            actions.map(move |(deviation, active)| if *active { value(*deviation) } else { 0.0 }).collect()
+        };
+        let terms: Vec<f32> = each(|deviation| -deviation - HALF_LN_TAU);
+        Self {
+            deviations: each(f32::exp),
+            inverse: each(|deviation| (-deviation).exp()),
+            peak: terms.iter().sum(),
+        }
+    }
+
+    /// Logarithm of the density of an action.
+    pub(super) fn log_density(&self, action: &[f32], mean: &[f32]) -> f32 {
+        let scaled = action.iter().zip(mean).zip(&self.inverse).map(|((a, m), inverse)| (a - m) * inverse);
+        self.peak - 0.5 * scaled.map(|scaled| scaled * scaled).sum::<f32>()
+    }
+
+    /// Writes the gradient of the logarithm of the density, times a factor, by the means, and adds the one by
+    /// the logarithms of the deviations.
+    pub(super) fn slopes(
+        &self,
+        (action, mean): (&[f32], &[f32]),
+        factor: f32,
+        by_mean: &mut [f32],
+        by_deviation: &mut [f32],
+    ) {
+        let actions = action.iter().zip(mean).zip(&self.inverse);
+        for (((action, mean), inverse), (by_mean, by_deviation)) in
+            actions.zip(by_mean.iter_mut().zip(by_deviation))
+        {
+            let scaled = (action - mean) * inverse;
+            *by_mean = factor * scaled * inverse;
+            *by_deviation += if *inverse > 0.0 { factor * (scaled * scaled - 1.0) } else { 0.0 };
+        }
+    }
 }

@@ -95,6 +95,18 @@ fn checkpoints_of_other_settings_are_refused() {
 }
 
 #[test]
+fn the_first_horizon_is_normalised() {
+    let mut ppo = run(1, 1, settings());
+    ppo.collect().expect("a rollout");
+    let inputs = ppo.worlds.terms().inputs();
+    for column in 0..inputs {
+        let entries = ppo.rollout.observations.iter().skip(column).step_by(inputs);
+        let square = entries.map(|x| f64::from(*x).powi(2)).sum::<f64>() / (4.0 * 32.0);
+        assert!((0.3..3.0).contains(&square), "entry {column}: mean square {square}");
+    }
+}
+
+#[test]
 fn advantages_equal_their_sums() {
     let mut rollout = Rollout::new(3, 1, 1, 1);
     rollout.set_rewards(&[1.0, 2.0, 3.0], &[0.5, 1.5, 2.5], &[1.5, 0.0, 4.0], &[false, true, false]);

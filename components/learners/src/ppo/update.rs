@@ -6,7 +6,7 @@ use rand::seq::SliceRandom as _;
 
 use super::Ppo;
 use super::network::Network;
-use super::rollout::log_density;
+use super::rollout::Spread;
 use crate::learner::{CHUNK, LearnerError, check_finite, map_chunks};
 use crate::random::{Counter, Purpose};
 
@@ -138,8 +138,7 @@ impl<E: Engine + Send> Ppo<E> {
         Shared {
             policy: &self.policy,
             value: &self.value,
-            deviations: &self.deviations,
-            active: &self.active,
+            spread: Spread::new(&self.deviations, &self.active),
             rollout: &self.rollout,
             clip: self.settings.clip as f32,
             weight: self.settings.value as f32,
@@ -148,12 +147,10 @@ impl<E: Engine + Send> Ppo<E> {
 }
 
 /// All that the gradient of a chunk depends on.
-#[derive(Clone, Copy)]
 struct Shared<'a> {
     policy: &'a Network,
     value: &'a Network,
-    deviations: &'a [f32],
-    active: &'a [bool],
+    spread: Spread,
     rollout: &'a super::Rollout,
     clip: f32,
     weight: f32,
@@ -162,10 +159,10 @@ struct Shared<'a> {
 impl Shared<'_> {
     /// Gradient and losses of some samples of a minibatch of `count`, with the mean and deviation of its
     /// advantages.
-    fn part(&self, chunk: &[usize], count: usize, (mean, deviation): (f32, f32)) -> Part {
+    fn part(&self, chunk: &[usize], count: usize, (center, deviation): (f32, f32)) -> Part {
         let (size, samples) = (chunk.len(), self.rollout.returns.len());
         let inputs = self.rollout.observations.len() / samples;
-        let width = self.deviations.len();
+        let width = self.spread.deviations.len();
         let share = 1.0 / count as f32;
         let mut input = DMatrix::zeros(inputs, size);
         for (mut column, k) in input.column_iter_mut().zip(chunk) {
@@ -178,22 +175,17 @@ impl Shared<'_> {
         let mut part = Part { deviations: vec![0.0; width], ..Part::default() };
         for (column, k) in chunk.iter().enumerate() {
             let action = &self.rollout.actions[k * width..][..width];
-            let center = policy.output().column(column);
-            let away = || action.iter().zip(center.iter()).map(|(a, m)| a - m);
-            let terms = away().zip(self.deviations).zip(self.active).map(|((a, d), active)| (a, *d, *active));
-            let change = log_density(terms) - self.rollout.log_probabilities[*k];
+            let mean = &policy.output().as_slice()[column * width..][..width];
+            let change = self.spread.log_density(action, mean) - self.rollout.log_probabilities[*k];
             let ratio = change.exp();
-            let advantage = (self.rollout.advantages[*k] - mean) / deviation;
+            let advantage = (self.rollout.advantages[*k] - center) / deviation;
             let clipped = ratio.clamp(1.0 - self.clip, 1.0 + self.clip);
             let loss = (-advantage * ratio).max(-advantage * clipped);
             // beyond the clip only changes that make the loss larger have a slope
             let slope =
                 if -advantage * ratio >= -advantage * clipped { -advantage * ratio * share } else { 0.0 };
-            for (i, away) in away().enumerate().filter(|(i, _)| self.active[*i]) {
-                let precision = (-2.0 * self.deviations[i]).exp();
-                by_mean[(i, column)] = slope * away * precision;
-                part.deviations[i] += slope * (away * away * precision - 1.0);
-            }
+            let by_mean = &mut by_mean.as_mut_slice()[column * width..][..width];
+            self.spread.slopes((action, mean), slope, by_mean, &mut part.deviations);
             let error = value.output()[column] - self.rollout.returns[*k];
             by_value[column] = self.weight * error * share;
             part.losses.policy += f64::from(loss * share);

@@ -1,18 +1,28 @@
 //! Adam, a stochastic gradient method.
 
+/// Added to the root of the second moment.
+const EPSILON: f32 = 1e-8;
+
 /// The state of Adam for all parameters of a network, in their order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
     first: Vec<Vec<f32>>,
     second: Vec<Vec<f32>>,
     steps: i32,
+    epsilon: f32,
 }
 
 impl Adam {
     /// Creates the initial state for slices of parameters with these lengths.
     pub fn new(sizes: &[usize]) -> Self {
         let zeros = || sizes.iter().map(|size| vec![0.0; *size]).collect();
-        Self { first: zeros(), second: zeros(), steps: 0 }
+        Self { first: zeros(), second: zeros(), steps: 0, epsilon: EPSILON }
+    }
+
+    /// Replaces the number that is added to the root of the second moment, 1e-8 by default (Kingma, Ba 2015).
+    #[must_use]
+    pub fn with_epsilon(self, epsilon: f32) -> Self {
+        Self { epsilon, ..self }
     }
 
     /// Steps against the gradients; `decay` additionally shrinks parameters towards 0 (AdamW).
@@ -35,7 +45,8 @@ impl Adam {
             for (((p, g), m), v) in parameters.iter_mut().zip(gradients).zip(first).zip(second) {
                 *m += (1.0 - BETA[0]) * (g - *m);
                 *v += (1.0 - BETA[1]) * (g * g - *v);
-                *p -= rate * ((*m / correction[0]) / ((*v / correction[1]).sqrt() + 1e-8) + decay * *p);
+                *p -=
+                    rate * ((*m / correction[0]) / ((*v / correction[1]).sqrt() + self.epsilon) + decay * *p);
             }
         }
     }
@@ -54,6 +65,11 @@ impl Adam {
     /// `None` if their lengths differ.
     pub fn from_moments([first, second]: [Vec<Vec<f32>>; 2], steps: i32) -> Option<Self> {
         let lengths = |moments: &[Vec<f32>]| moments.iter().map(Vec::len).collect::<Vec<_>>();
-        (steps >= 0 && lengths(&first) == lengths(&second)).then_some(Self { first, second, steps })
+        (steps >= 0 && lengths(&first) == lengths(&second)).then_some(Self {
+            first,
+            second,
+            steps,
+            epsilon: EPSILON,
+        })
     }
 }

@@ -10,6 +10,7 @@ mod convolutional;
 pub mod differentiable;
 mod layers;
 mod perceptron;
+mod products;
 
 pub use adam::Adam;
 pub use convolutional::{ConvolutionalNetwork, IMAGE_SIDE, Layer};

@@ -1,15 +1,17 @@
 //! Multilayer perceptrons on batches.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use rand_distr::{Distribution as _, StandardNormal};
 use rand_pcg::Pcg64;
 
 use super::differentiable::Function;
-use super::layers::{Gradients, Linear};
+use super::products::{Left, Product};
 
 /// A multilayer perceptron with `tanh` between its layers, unless another [`Function`] is chosen.
 ///
-/// A batch is a matrix with one sample per column. The order of sums depends only on the size of the batch.
+/// A batch is a matrix with one sample per column. Sums over inputs, outputs and samples run in their order
+/// with fused multiply-adds: their bits are the same on every processor, and the output of a sample does not
+/// depend on the others.
 ///
 /// ```
 /// use motorium_models::networks::{Adam, Perceptron};
@@ -30,8 +32,98 @@ use super::layers::{Gradients, Linear};
 /// ```
 #[derive(Clone, Debug)]
 pub struct Perceptron {
-    layers: Vec<Linear>,
+    layers: Vec<Dense>,
     function: Function,
+}
+
+/// A matrix and a bias.
+#[derive(Clone, Debug)]
+struct Dense {
+    inputs: usize,
+    /// Weights of the first input, then of the second.
+    weights: Vec<f32>,
+    /// The same, output by output.
+    by_output: Vec<f32>,
+    bias: Vec<f32>,
+}
+
+impl Dense {
+    /// A layer with weights (outputs x inputs) and without bias.
+    fn new(weights: &DMatrix<f32>) -> Self {
+        let (outputs, inputs) = weights.shape();
+        Self {
+            inputs,
+            weights: weights.as_slice().to_vec(),
+            by_output: weights.transpose().as_slice().to_vec(),
+            bias: vec![0.0; outputs],
+        }
+    }
+
+    fn outputs(&self) -> usize {
+        self.bias.len()
+    }
+
+    fn parameters(&self) -> usize {
+        self.weights.len() + self.bias.len()
+    }
+
+    /// Replaces weights and bias.
+    fn set(&mut self, parameters: &[f32]) {
+        let (weights, bias) = parameters.split_at(self.weights.len());
+        self.weights.copy_from_slice(weights);
+        self.bias.copy_from_slice(bias);
+        let outputs = self.outputs();
+        for (output, row) in self.by_output.chunks_exact_mut(self.inputs).enumerate() {
+            let column = weights.iter().skip(output).step_by(outputs);
+            row.iter_mut().zip(column).for_each(|(weight, known)| *weight = *known);
+        }
+    }
+
+    fn forward(&self, input: &DMatrix<f32>) -> DMatrix<f32> {
+        let mut output = DMatrix::zeros(self.outputs(), input.ncols());
+        Product {
+            left: Left::Rows(input.as_slice()),
+            right: &self.weights,
+            start: Some(&self.bias),
+            depth: self.inputs,
+            out: output.as_mut_slice(),
+            columns: self.outputs(),
+        }
+        .compute();
+        output
+    }
+
+    /// Writes the gradient by weights and bias from the gradient by the output.
+    fn gradients(&self, input: &DMatrix<f32>, output: &DMatrix<f32>, gradients: &mut [f32]) {
+        let (weights, bias) = gradients.split_at_mut(self.weights.len());
+        Product {
+            left: Left::Columns(input.as_slice()),
+            right: output.as_slice(),
+            start: None,
+            depth: output.ncols(),
+            out: weights,
+            columns: self.outputs(),
+        }
+        .compute();
+        for sample in output.as_slice().chunks_exact(self.outputs()) {
+            bias.iter_mut().zip(sample).for_each(|(sum, gradient)| *sum += gradient);
+        }
+    }
+
+    /// The gradient by the input from the gradient by the output.
+    fn backward(&self, output: &DMatrix<f32>) -> DMatrix<f32> {
+        let mut input = DMatrix::zeros(self.inputs, output.ncols());
+        Product {
+            left: Left::Rows(output.as_slice()),
+            right: &self.by_output,
+            start: None,
+            depth: self.outputs(),
+            out: input.as_mut_slice(),
+            columns: self.inputs,
+        }
+        .compute();
+        input
+    }
 }
 
 /// Inputs of all layers of a forward pass, then its output.
@@ -58,8 +150,7 @@ impl Perceptron {
         let last = sizes.len() - 2;
         let layer = |(index, pair): (usize, &[usize])| {
             let gain = if index == last { gain } else { core::f32::consts::SQRT_2 };
-            let (outputs, inputs) = (pair[1], pair[0]);
-            Linear { weights: orthogonal(outputs, inputs, random) * gain, bias: DVector::zeros(outputs) }
+            Dense::new(&(orthogonal(pair[1], pair[0], random) * gain))
         };
         let layers = sizes.windows(2).enumerate().map(layer).collect();
         Self { layers, function: Function::Tanh }
@@ -72,12 +163,12 @@ impl Perceptron {
 
     /// Number of parameters.
     pub fn parameters(&self) -> usize {
-        self.layers.iter().map(|layer| layer.weights.len() + layer.bias.len()).sum()
+        self.layers.iter().map(Dense::parameters).sum()
     }
 
     /// Returns all parameters: for each layer the weights, column by column, then the bias.
     pub fn to_vec(&self) -> Vec<f32> {
-        let slices = self.layers.iter().flat_map(|layer| [layer.weights.as_slice(), layer.bias.as_slice()]);
+        let slices = self.layers.iter().flat_map(|layer| [&layer.weights[..], &layer.bias]);
         slices.collect::<Vec<_>>().concat()
     }
 
@@ -90,11 +181,9 @@ impl Perceptron {
         assert_eq!(parameters.len(), self.parameters(), "number of parameters");
         let mut rest = parameters;
         for layer in &mut self.layers {
-            for slice in [layer.weights.as_mut_slice(), layer.bias.as_mut_slice()] {
-                let (own, others) = rest.split_at(slice.len());
-                slice.copy_from_slice(own);
-                rest = others;
-            }
+            let (own, others) = rest.split_at(layer.parameters());
+            layer.set(own);
+            rest = others;
         }
     }
 
@@ -102,9 +191,7 @@ impl Perceptron {
     /// [`Program::mlp`](crate::inference::Program::mlp) and [`write_mlp`](crate::onnx::write_mlp) expect
     /// them.
     pub fn rows(&self) -> Vec<(Vec<f32>, Vec<f32>)> {
-        let layer =
-            |layer: &Linear| (layer.weights.transpose().as_slice().to_vec(), layer.bias.as_slice().to_vec());
-        self.layers.iter().map(layer).collect()
+        self.layers.iter().map(|layer| (layer.by_output.clone(), layer.bias.clone())).collect()
     }
 
     /// Computes the output and keeps the inputs of all layers.
@@ -123,17 +210,18 @@ impl Perceptron {
     /// Gradient of a loss by all parameters, summed over the batch, from its gradient by the outputs. The
     /// order equals [`to_vec`](Self::to_vec)'s.
     pub fn gradients(&self, trace: &PerceptronTrace, output: DMatrix<f32>) -> Vec<f32> {
-        let mut found: Vec<Gradients> = Vec::with_capacity(self.layers.len());
-        let mut gradient = output;
+        let mut gradients = vec![0.0; self.parameters()];
+        let (mut rest, mut gradient) = (&mut gradients[..], output);
         for (index, layer) in self.layers.iter().enumerate().rev() {
             let input = &trace.0[index];
-            found.push(layer.gradients(input, &gradient));
+            let (before, own) = rest.split_at_mut(rest.len() - layer.parameters());
+            layer.gradients(input, &gradient, own);
             if index > 0 {
                 gradient = self.backward(layer, input, &gradient);
             }
+            rest = before;
         }
-        let slices = found.iter().rev().flat_map(|g| [g.weights.as_slice(), g.bias.as_slice()]);
-        slices.collect::<Vec<_>>().concat()
+        gradients
     }
 
     /// Gradient of a loss by the inputs, one sample a column, from its gradient by the outputs.
@@ -146,7 +234,7 @@ impl Perceptron {
     }
 
     /// The gradient before the activation that made the input of a layer, from the gradient by its output.
-    fn backward(&self, layer: &Linear, input: &DMatrix<f32>, output: &DMatrix<f32>) -> DMatrix<f32> {
+    fn backward(&self, layer: &Dense, input: &DMatrix<f32>, output: &DMatrix<f32>) -> DMatrix<f32> {
         let mut gradient = layer.backward(output);
         self.function.scale_by_slopes(gradient.as_mut_slice(), input.as_slice());
         gradient
