@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use can_dbc::{ByteOrder, Dbc, MessageId, MultiplexIndicator, SignalExtendedValueType, ValueType};
 
+use crate::decimal::Decimal;
 use crate::{Frame, Id};
 
 /// Database of the messages on a bus, read from a DBC file.
@@ -117,12 +118,19 @@ pub struct SignalValue<'a> {
     pub value: f64,
     /// Exact value if it is an integer; 64 bits exceed the resolution of `value`.
     pub whole: Option<i128>,
-    /// Significant digits of a value that is not an integer.
+    /// Scaled value with all digits, unless the signal is a floating-point number.
+    exact: Option<Decimal>,
+    /// Significant digits of a floating-point number.
     digits: usize,
     /// Unit; empty if the database has none.
     pub unit: &'a str,
     /// Name of the value, if the database has one.
     pub label: Option<&'a str>,
+}
+
+/// True for an integer that a floating-point number holds exactly.
+fn is_whole(number: f64) -> bool {
+    number.fract() == 0.0 && number.abs() < 1e15
 }
 
 /// Rounds a number to at most this number of significant digits.
@@ -135,8 +143,9 @@ impl core::fmt::Display for SignalValue<'_> {
         write!(f, "{}: ", self.name)?;
         match self.label {
             Some(label) => write!(f, "{label}"),
-            None => match self.whole {
-                Some(whole) => write!(f, "{whole}"),
+            None => match self.exact {
+                Some(exact) => write!(f, "{exact}"),
+                None if is_whole(self.value) => write!(f, "{}", self.value),
                 None => write!(f, "{}", rounded(self.value, self.digits)),
             },
         }?;
@@ -233,10 +242,8 @@ fn key(id: MessageId) -> (bool, u32) {
 /// Returns the signals of a message, or the name of the first invalid signal and the reason.
 fn signals(file: &Dbc, message: &can_dbc::Message) -> Result<Vec<Signal>, (String, String)> {
     let place = |name: &str| message.signals.iter().position(|signal| signal.name == name);
-    let is_switch = |signal: &can_dbc::Signal| {
-        use MultiplexIndicator::{Multiplexor, MultiplexorAndMultiplexedSignal};
-        matches!(signal.multiplexer_indicator, Multiplexor | MultiplexorAndMultiplexedSignal(_))
-    };
+    let is_switch =
+        |signal: &can_dbc::Signal| signal.multiplexer_indicator == MultiplexIndicator::Multiplexor;
     let main = message.signals.iter().position(is_switch);
     let read = |found: &can_dbc::Signal| {
         let refuse = |cause: String| Err((found.name.clone(), cause));
@@ -359,13 +366,13 @@ impl Signal {
             Form::Signed => Some(i128::from(signed)),
             Form::Single | Form::Double => None,
         };
-        let is_whole = |number: f64| number.fract() == 0.0 && number.abs() < 1e15;
         let scaled = exact.filter(|_| is_whole(self.factor) && is_whole(self.offset));
         let label = self.labels.iter().find(|(value, _)| Some(*value) == whole);
         Some(SignalValue {
             name: &self.name,
             value: number * self.factor + self.offset,
             whole: scaled.map(|number| number * self.factor as i128 + self.offset as i128),
+            exact: exact.and_then(|number| Decimal::scaled(number, self.factor, self.offset)),
             // 32-bit floating-point numbers resolve eight digits, 64-bit ones fifteen
             digits: if self.form == Form::Single { 8 } else { 15 },
             unit: &self.unit,

@@ -14,6 +14,7 @@ pub mod bus;
 mod calibrate;
 mod component;
 mod database;
+mod decimal;
 pub mod drives;
 mod frame;
 mod scan;

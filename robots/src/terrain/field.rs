@@ -253,6 +253,57 @@ impl HeightField {
     }
 }
 
+/// Sine of the angle between two triangles below which they count as coplanar.
+const FLAT: f64 = 1e-3;
+
+/// The steps from a corner along the three edges that begin at it.
+const EDGES: [[i64; 2]; 3] = [[1, 0], [0, 1], [1, 1]];
+
+impl HeightField {
+    /// Passes the protruding edges within `reach` \[m\] along x and y to `visit`, where the edge of a body
+    /// touches first: a separate number below 2^32 each, both ends, and the normals of the triangles on both
+    /// sides.
+    pub fn visit_ridges(
+        &self,
+        x: f64,
+        y: f64,
+        reach: f64,
+        visit: &mut dyn FnMut(u32, [Point3<f64>; 2], [Vector3<f64>; 2]),
+    ) {
+        let (u, v) = self.in_cells(x, y);
+        let wide = reach / self.spacing;
+        // Edges that begin before the reach may end within it.
+        for i in (u - wide).floor() as i64..=(u + wide).floor() as i64 {
+            for j in (v - wide).floor() as i64..=(v + wide).floor() as i64 {
+                for (side, [along_x, along_y]) in EDGES.into_iter().enumerate() {
+                    // the triangles on both sides of the edge, as cells and their halves
+                    let [one, other] = match side {
+                        0 => [([i, j], 0), ([i, j.saturating_sub(1)], 1)],
+                        1 => [([i, j], 1), ([i.saturating_sub(1), j], 0)],
+                        _ => [([i, j], 0), ([i, j], 1)],
+                    };
+                    let [one, other] =
+                        [one, other].map(|([i, j], half): ([i64; 2], usize)| self.cell(i, j).slopes[half]);
+                    // the slope across the edge falls by this
+                    let bend = match side {
+                        0 => other.1 - one.1,
+                        1 => other.0 - one.0,
+                        _ => (one.1 - one.0) - (other.1 - other.0),
+                    };
+                    if bend <= FLAT * self.spacing {
+                        continue;
+                    }
+                    let ends = [self.corner(i, j), self.corner(i + along_x, j + along_y)];
+                    let ends = ends.map(|end| Point3::from(Vector3::from(end)));
+                    let normals = [one, other].map(|slopes| Vector3::from(self.upward(slopes)));
+                    let corner = i.wrapping_mul(1 << 15).wrapping_add(j) as u32;
+                    visit(corner << 2 | side as u32, ends, normals);
+                }
+            }
+        }
+    }
+}
+
 /// The point of a triangle nearest to `p`, by the regions of its corners, sides and face.
 pub(crate) fn nearest_on_triangle(p: V3, [a, b, c]: [V3; 3]) -> V3 {
     let (ab, ac, ap) = (b - a, c - a, p - a);

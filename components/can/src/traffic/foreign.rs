@@ -95,7 +95,10 @@ fn asc(fields: &[&str]) -> Option<Option<String>> {
     }
     let id = id_of(second)?;
     match (*fields.get(4)?).to_ascii_lowercase().as_str() {
-        "r" => Some(Some(format!("({time}) can{channel} {id}#R"))),
+        "r" => {
+            let length = fields.get(5).filter(|length| matches!(length.parse(), Ok(1_u8..=8)));
+            Some(Some(format!("({time}) can{channel} {id}#R{}", length.unwrap_or(&""))))
+        }
         "d" => {
             let bytes = data(fields.get(5)?, fields.get(6..)?)?;
             Some(Some(format!("({time}) can{channel} {id}#{bytes}")))

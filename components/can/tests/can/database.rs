@@ -67,6 +67,32 @@ fn signal_of_an_absent_multiplexor_is_absent() {
     assert_eq!(found, "Diagnosis(Service: 1)");
 }
 
+#[test]
+fn pages_of_a_nested_multiplexor_depend_on_the_main_one() {
+    let text = "VERSION \"\"\nNS_ :\nBS_:\nBU_:\nBO_ 7 Pages: 8 Vector__XXX\n \
+                SG_ Sub m1M : 8|8@1+ (1,0) [0|255] \"\" Vector__XXX\n \
+                SG_ Speed m2 : 16|8@1+ (1,0) [0|255] \"\" Vector__XXX\n \
+                SG_ Page M : 0|8@1+ (1,0) [0|255] \"\" Vector__XXX\n";
+    let database = Database::parse(text).unwrap();
+    let decoded = |data: &[u8]| database.decode(&Frame::classic(Id::Standard(7), data)).unwrap().to_string();
+    assert_eq!(decoded(&[1, 2, 80]), "Pages(Sub: 2, Page: 1)");
+    assert_eq!(decoded(&[2, 1, 80]), "Pages(Speed: 80, Page: 2)");
+}
+
+#[test]
+fn scaled_values_of_64_bits_keep_all_digits() {
+    let text = "VERSION \"\"\nNS_ :\nBS_:\nBU_:\nBO_ 1 Time: 8 Vector__XXX\n \
+                SG_ Since : 0|64@1+ (1E-006,0) [0|0] \"s\" Vector__XXX\n\
+                BO_ 2 Count: 4 Vector__XXX\n SG_ Ticks : 0|32@1- (1,0) [0|0] \"\" Vector__XXX\n\n\
+                SIG_VALTYPE_ 2 Ticks : 1;\n";
+    let database = Database::parse(text).unwrap();
+    let decoded =
+        |id, data: &[u8]| database.decode(&Frame::classic(Id::Standard(id), data)).unwrap().to_string();
+    let time = decoded(1, &1_735_270_496_916_858_u64.to_le_bytes());
+    assert_eq!(time, "Time(Since: 1735270496.916858 s)");
+    assert_eq!(decoded(2, &123_456_792_f32.to_le_bytes()), "Count(Ticks: 123456792)");
+}
+
 fn odrive() -> Database {
     Database::parse(ODRIVE).unwrap().with_mask(0x1f).unwrap()
 }
@@ -127,6 +153,8 @@ fn logs_of_screens_and_asc_files_are_read() {
         ("(12.5) can0 123#0102", "(12.500000) can0 123#0102"),
         ("   0.012345 2  7FF             Rx   d 2 01 02  Length = 0", "(0.012345) can2 7FF#0102"),
         ("  can0  123   [4]  remote request", "(0.000000) can0 123#R4"),
+        ("  1.5 1 1A0 Tx r 4", "(1.500000) can1 1A0#R4"),
+        ("  1.5 1 1A0 Tx r", "(1.500000) can1 1A0#R"),
         ("  can0  RX B -  123   [02]  11 22", "(0.000000) can0 123##51122"),
         ("  can0  RX - -  123   [02]  11 22", "(0.000000) can0 123##41122"),
     ] {

@@ -53,6 +53,29 @@ fn data_sheet_numbers_are_read_and_device_values_win() {
 }
 
 #[test]
+fn hexadecimal_numbers_of_signed_types_are_negative() {
+    let read = |kind: &str, number: &str| {
+        let text =
+            format!("[607d]\nLowLimit={number}\nHighLimit=0x7F\nDefaultValue={number}\nDataType={kind}\n");
+        let sheet = Eds::parse(&text).unwrap();
+        let entry = sheet.entry(Object { index: 0x607d, subindex: 0 }).unwrap();
+        assert_eq!(entry.value(1), entry.low(1));
+        assert_eq!(entry.high(1), Some(0x7f));
+        entry.low(1)
+    };
+    for (kind, number, expected) in [
+        ("0x0002", "0x80", -128),
+        ("3", "0xFFFF", -1),
+        ("0x04", "0x80000000", -2_147_483_648),
+        ("0x0004", "-5", -5),
+        ("0x0015", "0xFFFFFFFFFFFFFFFE", -2),
+        ("0x0007", "0x80000000", 2_147_483_648),
+    ] {
+        assert_eq!(read(kind, number), Some(expected), "{kind} {number}");
+    }
+}
+
+#[test]
 fn what_is_no_data_sheet_is_refused_with_its_line() {
     let refused = |text: &str| Eds::parse(text).unwrap_err();
     assert_eq!(

@@ -278,8 +278,10 @@ impl Colliders {
                 }
             })
             .collect();
-        // The edges of a mesh that touches by its triangles need the faces of hulls.
-        if colliders.iter().any(|collider| collider.surface.is_some()) {
+        // The edges of a terrain, or of a mesh that touches by its triangles, need the faces of hulls.
+        let any_edges =
+            world.terrain.is_some() || colliders.iter().any(|collider| collider.surface.is_some());
+        if any_edges {
             for collider in colliders.iter_mut().filter(|collider| collider.surface.is_none()) {
                 collider.sides = sides(&collider.shape);
             }

@@ -48,7 +48,11 @@ impl Collider {
 }
 
 /// The face planes of a collider: outward normals and heights along them.
-pub(super) struct Faces<'a>(&'a [(Vector3<f64>, f64)]);
+pub(super) struct Faces<'a> {
+    planes: &'a [(Vector3<f64>, f64)],
+    /// Radius of a cylinder \[m\], whose last two planes are its ends.
+    radius: Option<f64>,
+}
 
 impl<'a> Faces<'a> {
     /// Returns the planes of a box, of a hull in a world with mesh triangles, or of a prism around a
@@ -58,14 +62,15 @@ impl<'a> Faces<'a> {
         ends: &[Vector3<f64>; 2],
         room: &'a mut [(Vector3<f64>, f64); SIDES],
     ) -> Self {
-        match &collider.shape {
+        let mut round = None;
+        let planes = match &collider.shape {
             ConvexShape::Box { half } => {
                 for axis in 0..3 {
                     let mut normal = Vector3::zeros();
                     normal[axis] = 1.0;
                     (room[2 * axis], room[2 * axis + 1]) = ((normal, half[axis]), (-normal, half[axis]));
                 }
-                Self(&room[..6])
+                &room[..6]
             }
             ConvexShape::Cylinder { radius, half_length } => {
                 let along = ends[1] - ends[0];
@@ -78,22 +83,40 @@ impl<'a> Faces<'a> {
                     let (sin, cos) = (start + core::f64::consts::FRAC_PI_4 * side as f64).sin_cos();
                     *plane = (Vector3::new(cos, sin, 0.0), *radius);
                 }
+                // The rim has its exact direction where the segment crosses it.
+                let crossed = within_circle(ends, *radius).unwrap_or([f64::INFINITY; 2]);
+                for (side, at) in [3, 5].into_iter().zip(crossed) {
+                    if (0.0..=1.0).contains(&at) {
+                        let out = ends[0].xy() + along.xy() * at;
+                        room[side].0 = Vector3::new(out.x, out.y, 0.0) / *radius;
+                    }
+                }
                 room[8] = (Vector3::z(), *half_length);
                 room[9] = (-Vector3::z(), *half_length);
-                Self(&room[..])
+                round = Some(*radius);
+                &room[..]
             }
-            _ => Self(&collider.sides),
-        }
+            _ => &collider.sides[..],
+        };
+        Self { planes, radius: round }
     }
 
     pub(super) fn planes(&self) -> &[(Vector3<f64>, f64)] {
-        self.0
+        self.planes
     }
 
     /// Returns the part of a segment behind all faces but one, as fractions of its length.
     pub(super) fn clip(&self, ends: &[Vector3<f64>; 2], but: usize) -> Option<[f64; 2]> {
         let mut part = [0.0_f64, 1.0_f64];
-        for (_, (normal, height)) in self.0.iter().enumerate().filter(|(face, _)| *face != but) {
+        let mut first = 0;
+        // The end of a cylinder is round.
+        if let Some(radius) = self.radius.filter(|_| but + 2 >= self.planes.len()) {
+            let inside = within_circle(ends, radius)?;
+            part = [inside[0].max(0.0), inside[1].min(1.0)];
+            first = self.planes.len() - 2;
+        }
+        let others = self.planes.iter().enumerate().skip(first).filter(|(face, _)| *face != but);
+        for (_, (normal, height)) in others {
             let [from, to] = [0, 1].map(|end| normal.dot(&ends[end]) - height);
             match (from > 0.0, to > 0.0) {
                 (true, true) => return None,
@@ -103,5 +126,34 @@ impl<'a> Faces<'a> {
             }
         }
         (part[0] <= part[1]).then_some(part)
+    }
+}
+
+/// Returns the part of the line through `ends` inside a cylinder of this radius around z, as fractions of the
+/// distance between both ends.
+fn within_circle(ends: &[Vector3<f64>; 2], radius: f64) -> Option<[f64; 2]> {
+    let (start, across) = (ends[0].xy(), (ends[1] - ends[0]).xy());
+    let (square, along) = (across.norm_squared(), start.dot(&across));
+    let beyond = start.norm_squared() - radius * radius;
+    if square < 1e-24 {
+        return (beyond <= 0.0).then_some([f64::NEG_INFINITY, f64::INFINITY]);
+    }
+    let root = along * along - square * beyond;
+    (root >= 0.0).then(|| [-1.0, 1.0].map(|sign: f64| (sign * root.sqrt() - along) / square))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_chord_of_a_circle_is_exact() {
+        let chord = |y: f64| within_circle(&[Vector3::new(-2.0, y, 0.0), Vector3::new(2.0, y, 1.0)], 1.0);
+        for y in [0.0, 0.6, -0.8, 1.0] {
+            let half = 0.25 * (1.0 - y * y).sqrt();
+            let [from, to] = chord(y).unwrap();
+            assert!((from - (0.5 - half)).abs() < 1e-12 && (to - (0.5 + half)).abs() < 1e-12, "{y}");
+        }
+        assert_eq!(chord(1.1), None);
     }
 }

@@ -30,6 +30,9 @@ const EDGES: u32 = 1 << 29;
 /// Two edges touch if their normal separates better than the face by this distance \[m\].
 const CROSSING: f64 = 1e-5;
 
+/// The normal of two edges may be beyond the normals of the faces beside them by this sine of an angle.
+const BETWEEN: f64 = 1e-6;
+
 /// Squared sine of the angle below which two edges count as parallel.
 const PARALLEL: f64 = 1e-6;
 
@@ -53,11 +56,13 @@ struct Touch {
 }
 
 /// A collider in the frame of the mesh.
-struct Mover<'a> {
-    collider: &'a Collider,
-    pose: IsometryMatrix3<f64>,
-    centre: Point3<f64>,
-    margin: f64,
+pub(super) struct Mover<'a> {
+    pub(super) collider: &'a Collider,
+    pub(super) pose: IsometryMatrix3<f64>,
+    pub(super) centre: Point3<f64>,
+    pub(super) margin: f64,
+    /// The surface is a terrain. Its corners touch as peaks, so that edges have no contacts there.
+    pub(super) on_terrain: bool,
 }
 
 /// Passes the contact points of a collider with the triangles of a mesh closer than `margin` \[m\] to
@@ -80,7 +85,7 @@ pub(super) fn collide(
     if !any {
         return margin + AHEAD;
     }
-    let mover = Mover { collider: mover, pose, centre, margin };
+    let mover = Mover { collider: mover, pose, centre, margin, on_terrain: false };
     let mut found = |number: u32, point: Point3<f64>, normal: Vector3<f64>, distance: f64| {
         found(number, surface_pose * point, surface_pose.rotation * normal, distance);
     };
@@ -95,7 +100,11 @@ pub(super) fn collide(
     }
     if !matches!(mover.collider.shape, ConvexShape::Sphere { .. }) {
         let (low, high) = (centre - reach(margin), centre + reach(margin));
-        surface.visit_edges(&low, &high, &mut |index, edge| mover.edge(index, edge, &mut found));
+        surface.visit_edges(&low, &high, &mut |index, edge| {
+            let number = EDGES | (index as u32 & 0x07ff_ffff) << 1;
+            let mut found = |end, point, normal, distance| found(number | end, point, normal, distance);
+            mover.edge(edge, &mut found);
+        });
     }
     f64::NEG_INFINITY
 }
@@ -214,32 +223,32 @@ impl Mover<'_> {
         (distance < self.margin).then(|| Touch { distance, normal, over, middle: middle(triangle), corner })
     }
 
-    fn edge(
+    /// Passes the one or two contact points of an edge to `found`, with 0 or 1 for the end of their part of
+    /// the edge.
+    pub(super) fn edge(
         &self,
-        index: usize,
         edge: &SurfaceEdge,
         found: &mut dyn FnMut(u32, Point3<f64>, Vector3<f64>, f64),
     ) {
-        let number = EDGES | (index as u32 & 0x07ff_ffff) << 1;
         let side = match self.collider.shape {
             ConvexShape::Capsule { radius, half_length } => Some(([radius, half_length], true)),
             ConvexShape::Cylinder { radius, half_length } => Some(([radius, half_length], false)),
             _ => None,
         };
-        if let Some((size, caps)) = side {
-            let mut found = |end: u32, point, normal, distance| found(number | end, point, normal, distance);
-            if self.side(edge, size, caps, &mut found) {
-                return;
-            }
+        if let Some((size, caps)) = side
+            && self.side(edge, size, caps, found)
+        {
+            return;
         }
         let ends = edge.ends.map(|end| self.pose.inverse_transform_point(&end).coords);
         let mut room = [(Vector3::zeros(), 0.0); SIDES];
         let faces = Faces::from_collider(self.collider, &ends, &mut room);
         let out = |normal: &Vector3<f64>| self.pose.rotation * -normal;
-        // The faces that the edge may touch: the two that it penetrates least.
+        // The faces that the edge may touch: the two that it penetrates least. Ridges of a terrain cross
+        // edges between two faces that neither of them touches.
         let mut best: [Option<(f64, usize, [f64; 2])>; 2] = [None; 2];
         for (face, (normal, height)) in faces.planes().iter().enumerate() {
-            if !edge.points_out(&out(normal)) {
+            if !self.on_terrain && !edge.points_out(&out(normal)) {
                 continue;
             }
             let Some(part) = faces.clip(&ends, face) else { continue };
@@ -255,26 +264,38 @@ impl Mover<'_> {
             }
         }
         let Some((least, face, part)) = best[0] else { return };
+        let touches_face = !self.on_terrain || edge.points_out(&out(&faces.planes()[face].0));
         // If two edges cross, their normal separates better than the face's.
         if let Some((_, other, _)) = best[1]
             && let Some((normal, point, distance)) = self.crossing(edge, &ends, &faces, [face, other])
-            && distance > least + CROSSING
+            && (distance > least + CROSSING || !touches_face)
         {
             if distance < self.margin && distance > -DEPTH {
-                found(number, self.pose * Point3::from(point), self.pose.rotation * normal, distance);
+                found(0, self.pose * Point3::from(point), self.pose.rotation * normal, distance);
             }
+            return;
+        }
+        if !touches_face {
             return;
         }
         let (normal, height) = faces.planes()[face];
         let short = (part[1] - part[0]) * (ends[1] - ends[0]).norm() < 1e-6;
-        for (end, at) in part.into_iter().enumerate().take(if short { 1 } else { 2 }) {
+        for (end, at) in (0..).zip(part).take(if short { 1 } else { 2 }) {
+            if !self.takes(at) {
+                continue;
+            }
             let place = ends[0].lerp(&ends[1], at);
             let distance = normal.dot(&place) - height;
             if distance < self.margin {
                 let middle = self.pose * Point3::from(place - normal * (0.5 * distance));
-                found(number | end as u32, middle, out(&normal), distance);
+                found(end, middle, out(&normal), distance);
             }
         }
+    }
+
+    /// Returns `false` for an end of an edge, as a fraction of its length, that is left to its corner.
+    fn takes(&self, at: f64) -> bool {
+        !self.on_terrain || at > 0.0 && at < 1.0
     }
 
     /// Finds the contact of an edge with the side of a capsule or a cylinder with this radius and half
@@ -289,11 +310,11 @@ impl Mover<'_> {
     ) -> bool {
         let along = self.pose.rotation * Vector3::z();
         let axis = [-half_length, half_length].map(|z| self.centre + along * z);
-        let mut touch = |end: u32, near: Point3<f64>, on_axis: Point3<f64>| {
+        let mut touch = |end: u32, at: f64, near: Point3<f64>, on_axis: Point3<f64>| {
             let out = on_axis - near;
             let length = out.norm();
             let distance = length - radius;
-            if length > 1e-9 && distance < self.margin && edge.points_out(&(out / length)) {
+            if self.takes(at) && length > 1e-9 && distance < self.margin && edge.points_out(&(out / length)) {
                 let normal = out / length;
                 found(end, near + normal * (0.5 * distance), normal, distance);
             }
@@ -304,19 +325,19 @@ impl Mover<'_> {
             let [low, high] = [ends[0].min(ends[1]).max(-half_length), ends[0].max(ends[1]).min(half_length)];
             if high - low > SHARED {
                 for (end, at) in (0..).zip([low, high]) {
-                    let near = edge.ends[0] + across * ((at - ends[0]) / (ends[1] - ends[0]));
-                    touch(end, near, self.centre + along * at);
+                    let part = (at - ends[0]) / (ends[1] - ends[0]);
+                    touch(end, part, edge.ends[0] + across * part, self.centre + along * at);
                 }
                 return true;
             }
         }
-        let [near, on_axis] = nearest_of_segments(&edge.ends, &axis);
+        let (at, [near, on_axis]) = nearest_of_segments(&edge.ends, &axis);
         // The end is closer than the side.
         let inside = half_length - along.dot(&(on_axis - self.centre)).abs();
         if !caps && inside < (radius - (on_axis - near).norm()).max(1e-9) {
             return false;
         }
-        touch(0, near, on_axis);
+        touch(0, at, near, on_axis);
         true
     }
 
@@ -344,8 +365,14 @@ impl Mover<'_> {
         if !edge.points_out(&(self.pose.rotation * normal)) {
             return None;
         }
-        // A point on the intersection line of the two faces.
         let cosine = one.0.dot(&two.0);
+        // Between the normals of both faces.
+        let along_faces = [normal.dot(&one.0), normal.dot(&two.0)];
+        let is_between = || (0..2).all(|face| along_faces[face] - cosine * along_faces[1 - face] <= BETWEEN);
+        if self.on_terrain && !is_between() {
+            return None;
+        }
+        // A point on the intersection line of the two faces.
         let scale = 1.0 / (1.0 - cosine * cosine);
         let line = one.0 * ((one.1 - two.1 * cosine) * scale) + two.0 * ((two.1 - one.1 * cosine) * scale);
         let distance = normal.dot(&(line - ends[0]));
@@ -412,8 +439,8 @@ fn keep(touches: &mut [Option<Touch>; MOST], touch: Touch) {
     }
 }
 
-/// Returns the nearest points of two segments.
-fn nearest_of_segments(a: &[Point3<f64>; 2], b: &[Point3<f64>; 2]) -> [Point3<f64>; 2] {
+/// Returns the nearest points of two segments, after the place of the first as a fraction of its segment.
+fn nearest_of_segments(a: &[Point3<f64>; 2], b: &[Point3<f64>; 2]) -> (f64, [Point3<f64>; 2]) {
     let (u, v, between) = (a[1] - a[0], b[1] - b[0], a[0] - b[0]);
     let (uu, uv, vv) = (u.norm_squared(), u.dot(&v), v.norm_squared());
     let (ub, vb) = (u.dot(&between), v.dot(&between));
@@ -424,5 +451,5 @@ fn nearest_of_segments(a: &[Point3<f64>; 2], b: &[Point3<f64>; 2]) -> [Point3<f6
         t = t.clamp(0.0, 1.0);
         s = if uu > 0.0 { ((uv * t - ub) / uu).clamp(0.0, 1.0) } else { 0.0 };
     }
-    [a[0] + u * s, b[0] + v * t]
+    (s, [a[0] + u * s, b[0] + v * t])
 }

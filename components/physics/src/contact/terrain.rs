@@ -2,9 +2,10 @@
 //!
 //! A round feature touches the faces below its centre, and the edges and corners nearer to it than the faces
 //! around them; a sharp one touches the face below it. Where a box, a cylinder, a capsule or the hull of an
-//! object lies across a peak, the peak touches it. Edges between coplanar faces are no edges.
+//! object lies across a peak or a ridge, the peak or the part of the ridge below it touches it. Edges between
+//! coplanar faces are no edges.
 
-use motorium_robots::{Collisions, ConvexShape, HeightField, NearTriangle};
+use motorium_robots::{Collisions, ConvexShape, HeightField, NearTriangle, SurfaceEdge};
 use nalgebra::{IsometryMatrix3, Point3, Vector3};
 
 use super::bounds::Motions;
@@ -13,6 +14,7 @@ use super::features::{ContactGeometry, Feature};
 use super::normals::Normals;
 use super::point::{ContactPoint, Motion, UNKNOWN};
 use super::surface::SurfaceLaw;
+use super::surfaces::Mover;
 
 /// Points of one round feature: more faces do not meet under a sphere that is no greater than the stones.
 const FACES: usize = 4;
@@ -32,6 +34,9 @@ const LEVEL: f64 = 1e-9;
 
 /// Begin of the numbers of contacts with the terrain.
 const TERRAIN: u64 = 1 << 63;
+
+/// Begin of the numbers of contacts with ridges, among the numbers of a collider.
+const RIDGES: u64 = 1 << 34;
 
 /// A touching point of a feature.
 #[derive(Clone, Copy)]
@@ -67,7 +72,7 @@ pub(super) fn detect(
         let point = |key: u64, first: usize, second: usize, point, normal, distance| {
             let (a, b) = (&all.colliders[first], &all.colliders[second]);
             ContactPoint {
-                key: TERRAIN | (index as u64) << 32 | key,
+                key: TERRAIN | (index as u64) << 36 | key,
                 colliders: (first, second),
                 owners: (a.owner, b.owner),
                 point,
@@ -116,6 +121,28 @@ pub(super) fn detect(
                 found(point(key, terrain, index, peak - normal * (0.5 * distance), normal, distance));
             }
         });
+        let mover = Mover { collider, pose, centre: centre.into(), margin, on_terrain: true };
+        let lowest = centre.z - depth(&collider.shape, &pose) - margin;
+        field.visit_ridges(centre.x, centre.y, near, &mut |number, ends, normals| {
+            if ends[0].z.max(ends[1].z) < lowest {
+                return;
+            }
+            mover.edge(&SurfaceEdge { ends, normals }, &mut |end, middle, normal, distance| {
+                let key = RIDGES | u64::from(number) << 1 | u64::from(end);
+                found(point(key, index, terrain, middle, normal, distance));
+            });
+        });
+    }
+}
+
+/// Distance of the lowest point of a shape below its origin \[m\], or an upper bound for a hull.
+fn depth(shape: &ConvexShape, pose: &IsometryMatrix3<f64>) -> f64 {
+    let down = pose.rotation.inverse_transform_vector(&Vector3::z()).abs();
+    match shape {
+        ConvexShape::Box { half } => half.dot(&down),
+        ConvexShape::Cylinder { radius, half_length } => radius * down.xy().norm() + half_length * down.z,
+        ConvexShape::Capsule { radius, half_length } => radius + half_length * down.z,
+        shape => shape.bounding_radius(),
     }
 }
 

@@ -45,6 +45,7 @@ mod placed;
 mod pushes;
 mod randomise;
 mod randomise_in_time;
+mod ridges;
 mod robots_of_others;
 mod rolling;
 mod several_articulations;

@@ -32,6 +32,8 @@ pub struct Entry {
     name: String,
     line: usize,
     access: String,
+    /// Number of bits, if the data type is a signed integer.
+    signed_bits: Option<u32>,
     value: Option<Number>,
     low: Option<Number>,
     high: Option<Number>,
@@ -43,6 +45,10 @@ struct Number {
     adds_node: bool,
     number: i64,
 }
+
+/// Data types of signed integers (CiA 301, table 44), with their number of bits.
+const SIGNED: [(i64, u32); 8] =
+    [(0x02, 8), (0x03, 16), (0x04, 32), (0x10, 24), (0x12, 40), (0x13, 48), (0x14, 56), (0x15, 64)];
 
 /// Error of reading a data sheet.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -75,6 +81,13 @@ impl Number {
         Some(Self { adds_node: true, number })
     }
 
+    /// Returns the number with which an object of a signed type is meant: tools write -1 of 16 bits as
+    /// `0xFFFF`.
+    fn as_signed(self, bits: u32) -> Self {
+        let is_pattern = bits < 64 && !self.adds_node && (1 << (bits - 1)..1 << bits).contains(&self.number);
+        Self { number: if is_pattern { self.number - (1 << bits) } else { self.number }, ..self }
+    }
+
     fn for_node(self, node: u8) -> i64 {
         self.number + if self.adds_node { i64::from(node) } else { 0 }
     }
@@ -87,7 +100,9 @@ fn integer(text: &str) -> Option<i64> {
         return None;
     }
     let number = match digits.strip_prefix("0X") {
-        Some(digits) => i64::from_str_radix(digits, 16),
+        // 64 bits hold the pattern of a negative number
+        Some(digits) => i64::from_str_radix(digits, 16)
+            .or_else(|error| u64::from_str_radix(digits, 16).map(u64::cast_signed).map_err(|_| error)),
         None if digits.len() > 1 && digits.starts_with('0') => i64::from_str_radix(digits, 8),
         None => digits.parse(),
     };
@@ -142,6 +157,7 @@ impl Eds {
             let Some(entry) = object.and_then(|object| sheet.entries.get_mut(&object)) else { continue };
             entry.take(&key, value);
         }
+        sheet.entries.values_mut().for_each(Entry::apply_sign);
         if sheet.entries.is_empty() {
             let message = "no object, expected sections such as `[6040]`".to_string();
             return Err(EdsError { line: 1, message });
@@ -181,6 +197,11 @@ impl Entry {
         let number = || Number::parse(value);
         match key {
             "parametername" => self.name = value.into(),
+            "datatype" => {
+                self.signed_bits = number()
+                    .and_then(|kind| SIGNED.iter().find(|signed| signed.0 == kind.number))
+                    .map(|signed| signed.1);
+            }
             "accesstype" => self.access = value.to_ascii_lowercase(),
             "defaultvalue" if self.value.is_none() => self.value = number(),
             // the value of this device takes precedence over the default
@@ -188,6 +209,14 @@ impl Entry {
             "lowlimit" => self.low = number(),
             "highlimit" => self.high = number(),
             _ => {}
+        }
+    }
+
+    /// Applies the sign of the data type, which may follow the numbers.
+    fn apply_sign(&mut self) {
+        let Some(bits) = self.signed_bits else { return };
+        for number in [&mut self.value, &mut self.low, &mut self.high] {
+            *number = number.map(|number| number.as_signed(bits));
         }
     }
 
