@@ -114,10 +114,12 @@ impl Recording {
 /// A recording between its samples: cubic, through every sample, with continuous velocity.
 ///
 /// ```
-/// let recording = motorium_recordings::read_text("x.csv", "time_s,x\n1,0\n2,1\n4,9\n", &Default::default())?;
+/// use motorium_recordings::{Selection, read_text};
+///
+/// let recording = read_text("x.csv", "time_s,x\n1,0\n2,1\n4,9\n", &Selection::default())?;
 /// let curve = recording.interpolation();
 /// let (mut position, mut velocity) = ([0.0], [0.0]);
-/// curve.at(3.0, &mut position, &mut velocity);
+/// curve.evaluate(3.0, &mut position, &mut velocity);
 /// assert_eq!(position, [9.0]);
 /// # Ok::<(), motorium_recordings::RecordingError>(())
 /// ```
@@ -144,7 +146,7 @@ impl Interpolation {
     ///
     /// # Panics
     /// A slice is shorter than the number of channels.
-    pub fn at(&self, time: f64, values: &mut [f64], rates: &mut [f64]) {
+    pub fn evaluate(&self, time: f64, values: &mut [f64], rates: &mut [f64]) {
         let time = self.times[0] + time.clamp(0.0, self.duration());
         let interval = self.interval(time);
         for channel in 0..self.channels() {
@@ -217,7 +219,7 @@ mod tests {
         let curve = recorded(&[1.0, 1.1, 1.5, 1.6, 2.4, 3.0], f).interpolation();
         let at = |time: f64| {
             let (mut value, mut rate) = ([0.0], [0.0]);
-            curve.at(time, &mut value, &mut rate);
+            curve.evaluate(time, &mut value, &mut rate);
             (value[0], rate[0])
         };
         for k in 0..=40 {

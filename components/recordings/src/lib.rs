@@ -14,8 +14,8 @@
 //!
 //! **MCAP.** Of each message the array of numbers `position` or [`Selection::field`], named by the texts in
 //! `name` next to it; of a list of tables such as the joints of `foxglove.JointStates` the number of each
-//! table. The channel is [`Selection::topic`], else the only one with such numbers, of several the only one of
-//! joint states. The time is the time of the log.
+//! table. The channel is [`Selection::topic`], else the only one with such numbers, of several the only
+//! one of joint states. The time is the time of the log.
 //!
 //! **Recordings in JSON.** An object with an array of numbers for each channel, or with `positions` (an array
 //! of samples) and `names`. `label` or `letter` is the kind of movement, `id` or `demo` its name; `duration`

@@ -171,9 +171,9 @@ impl OtherLog {
             let mut before: Option<String> = None;
             visit(&value, &mut |path, leaf| {
                 match columns.get_mut(path) {
-                    Some((count, kind)) => (*count, *kind) = (*count + 1, kind.with(Kind::of(&leaf))),
+                    Some((count, kind)) => (*count, *kind) = (*count + 1, kind.with(Kind::from_leaf(&leaf))),
                     None => {
-                        columns.insert(path.to_string(), (1, Kind::of(&leaf)));
+                        columns.insert(path.to_string(), (1, Kind::from_leaf(&leaf)));
                         // A new column follows the one that precedes it in the message.
                         let place =
                             before.as_ref().and_then(|before| order.iter().rposition(|name| name == before));
@@ -293,7 +293,7 @@ enum Kind {
 }
 
 impl Kind {
-    fn of(leaf: &Leaf<'_>) -> Self {
+    fn from_leaf(leaf: &Leaf<'_>) -> Self {
         match leaf {
             Leaf::Number(Number::Natural(_)) => Self::Natural,
             Leaf::Number(Number::Integer(_)) => Self::Integer,

@@ -252,7 +252,7 @@ impl Summary {
             place = end;
         }
         summary.chunks.sort_unstable_by_key(|chunk| chunk.start);
-        // Chunks that overlap are not those of a writer.
+        // No writer makes chunks that overlap.
         let mut end = MAGIC.len();
         summary.chunks.retain(|chunk| {
             let is_behind = chunk.start >= end;

@@ -330,7 +330,7 @@ impl Parser<'_> {
         Ok(Named::Scalar(scalar))
     }
 
-    /// Puts the fields of a base before those of the structures that extend it.
+    /// Puts the fields of a base first in the structures that extend it.
     fn inherit(&mut self) -> Result<(), String> {
         for (name, base) in std::mem::take(&mut self.bases) {
             let Named::Name(wanted, scope) = &base else { continue };

@@ -1,5 +1,5 @@
-//! Schemas in the message format of ROS 2: the definition of a message, and after lines of `=` and `MSG: NAME`
-//! the definitions of the types that it uses.
+//! Schemas in the message format of ROS 2: the definition of a message, and after lines of `=` and
+//! `MSG: NAME` the definitions of the types that it uses.
 
 use super::definition::{Item, Items, Named, SEPARATOR, Scalar};
 
