@@ -9,6 +9,7 @@ mod commands;
 mod corruption;
 mod dashboard;
 mod datasets;
+mod driving;
 mod emergencies;
 mod events;
 mod exhaustion;

@@ -1,4 +1,4 @@
-//! `policy.promp`: joints that follow a probabilistic, kernelised or polynomial primitive.
+//! `policy.promp`: joints that follow a probabilistic, kernelised or polynomial primitive, or a recording.
 
 use std::path::Path;
 
@@ -16,6 +16,7 @@ use motorium_primitives::file::{Primitive, PrimitiveFile};
 use motorium_primitives::mean::{MeanMovement, MeanRunner};
 use motorium_primitives::promp::{ProMp, StoredProMp};
 use motorium_primitives::reach::Repeat;
+use motorium_recordings::{Interpolation, Recording, Selection};
 use motorium_robots::PerJoint;
 
 /// Configuration of `policy.promp`.
@@ -37,9 +38,11 @@ use motorium_robots::PerJoint;
 #[serde(deny_unknown_fields)]
 pub struct ProMpPolicyConfig {
     /// The primitives from which the parameter `primitive` selects: files written by `motorium primitive
-    /// fit`, relative to the graph file, or tables.
+    /// fit`, recordings (`.csv`, `.jsonl`, `.mcap`) or tables. Files are relative to the graph file.
+    /// Recordings are followed exactly.
     pub primitives: Vec<ProMpSource>,
-    /// The moved joints, in the order of the primitive's dimensions. Default: all joints in order.
+    /// The moved joints, in the order of the primitive's dimensions. Default: the joints after which the
+    /// columns of a recording are named, else all joints in order.
     #[serde(default)]
     pub joints: Option<Vec<String>>,
     /// Via points.
@@ -96,8 +99,8 @@ fn precise() -> f64 {
     1e-3
 }
 
-/// Moves joints along the mean of a probabilistic, kernelised or polynomial primitive. Probabilistic and
-/// kernelised primitives are conditioned on the via points.
+/// Moves joints along the mean of a probabilistic, kernelised or polynomial primitive, or along a recording.
+/// Probabilistic and kernelised primitives are conditioned on the via points.
 ///
 /// A movement starts with the first joint state, at the robot's current position; the difference to the
 /// primitive fades along the movement. The parameter `primitive` changes the primitive with the next
@@ -107,6 +110,8 @@ pub struct ProMpPolicy {
     writer: JointCommandWriter,
     runners: Vec<MeanRunner<Box<dyn MeanMovement + Send>>>,
     durations: Vec<f64>,
+    /// Velocities at the start of a recording, which may begin in motion.
+    first_rates: Vec<Option<Vec<f64>>>,
     repeat: Repeat,
     dwell: f64,
     primitive: Parameter<i64>,
@@ -136,7 +141,7 @@ impl Component for ProMpPolicy {
             named(config, declare.robot())?.iter().map(borrowed),
         )?;
         let base = declare.robot().map(|robot| robot.base.clone()).unwrap_or_default();
-        primitives(config, &base, driven_count(config, &driven))?;
+        primitives(config, &base, &driven.names())?;
         CommandedJoints::declare(declare);
         let last = config.primitives.len() as i64 - 1;
         declare.integer("primitive", 0, 0..=last, "the primitive of the next movement, counted from 0");
@@ -152,13 +157,17 @@ impl Component for ProMpPolicy {
             Some(&robot),
             named(&config, Some(&robot))?.iter().map(borrowed),
         )?;
-        let joints = driven_count(&config, &driven);
-        let primitives = primitives(&config, &robot.base, joints)?;
+        let primitives = primitives(&config, &robot.base, &driven.names())?;
+        let joints = driven.names().len();
         let time = config.duration.map(|duration| duration.as_secs_f64());
+        let durations: Vec<f64> =
+            primitives.iter().map(|movement| time.unwrap_or(movement.movement.duration())).collect();
+        let first_rates = primitives.iter().zip(&durations);
         Ok(Self {
             writer: JointCommandWriter::new(driven, &config.joint_command, setup)?,
-            durations: primitives.iter().map(|movement| time.unwrap_or(movement.duration())).collect(),
-            runners: primitives.into_iter().map(MeanRunner::new).collect(),
+            first_rates: first_rates.map(|(movement, duration)| movement.first_rates(*duration)).collect(),
+            durations,
+            runners: primitives.into_iter().map(|movement| MeanRunner::new(movement.movement)).collect(),
             repeat: config.repeat,
             dwell: config.dwell.as_secs_f64(),
             primitive: setup.parameter("primitive")?,
@@ -233,7 +242,10 @@ impl ProMpPolicy {
     fn begin(&mut self) -> Result<(), StepError> {
         let chosen = usize::try_from(self.primitive.get()).unwrap_or(0).min(self.runners.len() - 1);
         self.exchanges += u64::from(self.running.is_some_and(|running| running != chosen));
-        self.rate.fill(0.0);
+        match &self.first_rates[chosen] {
+            Some(rates) if self.movements == 0 => self.rate.copy_from_slice(rates),
+            _ => self.rate.fill(0.0),
+        }
         self.runners[chosen]
             .start(&self.setpoint, &self.rate, self.durations[chosen])
             .map_err(|_| StepError::failed("the robot has no finite position to start from"))?;
@@ -259,19 +271,104 @@ fn named(
     }
     let Some(robot) = robot else { return Ok(Vec::new()) };
     let loaded = crate::robot::load(robot)?;
+    if let Some((file, key)) = config.recordings().next() {
+        let recording = recorded(&robot.base.join(file), &key, &[])?;
+        let is_joint = |name: &&String| loaded.model.joint_index(name).is_some();
+        let unknown: Vec<&str> =
+            recording.names().iter().filter(|name| !is_joint(name)).map(String::as_str).collect();
+        if unknown.is_empty() {
+            return Ok(recording.names().iter().map(|name| (name.clone(), key.clone())).collect());
+        }
+        if unknown.len() < recording.names().len() {
+            let message = format!("robot `{}` has no joints {}", robot.name, unknown.join(", "));
+            let known = loaded.model.joint_names().join(", ");
+            return Err(ConfigError::key(key, message)
+                .advise(format!("name the columns to follow in `joints`; its joints are {known}")));
+        }
+    }
     Ok(loaded.model.joint_names().iter().map(|name| (name.clone(), "joints".to_string())).collect())
 }
 
-fn driven_count(config: &ProMpPolicyConfig, driven: &CommandedJoints) -> usize {
-    config.joints.as_ref().map_or(driven.model.joint_count(), Vec::len)
+/// A recording as a movement, followed sample by sample.
+#[derive(Debug)]
+struct Recorded(Interpolation);
+
+impl MeanMovement for Recorded {
+    fn dimensions(&self) -> usize {
+        self.0.channels()
+    }
+
+    fn duration(&self) -> f64 {
+        self.0.duration()
+    }
+
+    fn mean_into(&mut self, phase: f64, position: &mut [f64], slope: &mut [f64]) {
+        let duration = self.0.duration();
+        self.0.evaluate(phase * duration, position, slope);
+        slope.iter_mut().for_each(|slope| *slope *= duration);
+    }
+}
+
+/// A movement to follow.
+struct Followed {
+    movement: Box<dyn MeanMovement + Send>,
+    /// Derivative by the phase at the start of a recording.
+    first_slope: Option<Vec<f64>>,
+}
+
+impl Followed {
+    fn recording(recording: &Recording) -> Self {
+        let mut movement = Recorded(recording.interpolation());
+        let (mut position, mut slope) = (vec![0.0; movement.dimensions()], vec![0.0; movement.dimensions()]);
+        movement.mean_into(0.0, &mut position, &mut slope);
+        Self { movement: Box::new(movement), first_slope: Some(slope) }
+    }
+
+    /// Velocities at the start of a recording that lasts `duration` \[s\].
+    fn first_rates(&self, duration: f64) -> Option<Vec<f64>> {
+        Some(self.first_slope.as_ref()?.iter().map(|slope| slope / duration).collect())
+    }
+}
+
+impl ProMpPolicyConfig {
+    /// The sources that are recordings, with their keys.
+    fn recordings(&self) -> impl Iterator<Item = (&str, String)> {
+        self.primitives.iter().enumerate().filter_map(|(index, source)| match source {
+            ProMpSource::File(file) if is_followed(file) => {
+                Some((file.as_str(), format!("primitives[{index}]")))
+            }
+            _ => None,
+        })
+    }
+}
+
+/// True for a file of samples. JSON files hold primitives.
+fn is_followed(file: &str) -> bool {
+    let path = Path::new(file);
+    motorium_recordings::is_recording(path) && path.extension().is_some_and(|extension| extension != "json")
+}
+
+/// Reads a recording: the columns of these names, or all if it has none of them.
+fn recorded(path: &Path, key: &str, joints: &[String]) -> Result<Recording, ConfigError> {
+    let read = |channels: &[String]| {
+        let selection = Selection { channels: channels.to_vec(), ..Selection::default() };
+        motorium_recordings::read(path, &selection)
+    };
+    let all = read(&[]);
+    let named = match &all {
+        Ok(recording) if joints.iter().all(|joint| !recording.names().contains(joint)) => all,
+        _ => read(joints),
+    };
+    named.map(|recording| recording.continuous().0).map_err(|error| ConfigError::key(key, error.to_string()))
 }
 
 /// Reads, checks and conditions the primitives.
 fn primitives(
     config: &ProMpPolicyConfig,
     base: &Path,
-    joints: usize,
-) -> Result<Vec<Box<dyn MeanMovement + Send>>, ConfigError> {
+    names: &[String],
+) -> Result<Vec<Followed>, ConfigError> {
+    let joints = names.len();
     if config.primitives.is_empty() {
         return Err(ConfigError::key("primitives", "no primitive given, expected at least one"));
     }
@@ -281,6 +378,12 @@ fn primitives(
     let mut found = Vec::new();
     for (index, source) in config.primitives.iter().enumerate() {
         let key = format!("primitives[{index}]");
+        if let ProMpSource::File(file) = source
+            && is_followed(file)
+        {
+            found.push(followed(config, &base.join(file), &key, names)?);
+            continue;
+        }
         let mut primitive = match source {
             ProMpSource::Table(stored) => Primitive::Probabilistic(
                 ProMp::try_from(stored.clone()).map_err(|error| ConfigError::key(&key, error.to_string()))?,
@@ -299,13 +402,36 @@ fn primitives(
                 conditioned(primitive, via).map_err(|error| ConfigError::key(format!("via[{v}]"), error))?;
         }
         let kind = primitive.kind();
-        found.push(primitive.mean().ok_or_else(|| {
+        let movement = primitive.mean().ok_or_else(|| {
             ConfigError::key(&key, format!("it is a {kind} primitive")).advise(
                 "fit one with `motorium primitive fit --model probabilistic`, kernelised or polynomial",
             )
-        })?);
+        })?;
+        found.push(Followed { movement, first_slope: None });
     }
     Ok(found)
+}
+
+/// Reads and checks a recording.
+fn followed(
+    config: &ProMpPolicyConfig,
+    path: &Path,
+    key: &str,
+    names: &[String],
+) -> Result<Followed, ConfigError> {
+    if !config.via.is_empty() {
+        let message = "a recording cannot be bent through places";
+        return Err(
+            ConfigError::key("via", message).advise("fit a primitive to it (`motorium primitive fit`)")
+        );
+    }
+    let recording = recorded(path, key, names)?;
+    let found = recording.names().len();
+    if found != names.len() {
+        let message = format!("a recording of {found} columns for {} joints", names.len());
+        return Err(ConfigError::key(key, message).advise("name the joints it moves in `joints`"));
+    }
+    Ok(Followed::recording(&recording))
 }
 
 /// Returns the primitive conditioned on a via point, or the reason why this fails.

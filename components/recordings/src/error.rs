@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::messages::LogError;
+
 /// A place in a file of recordings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Place {
@@ -126,6 +128,14 @@ pub enum RecordingError {
     NoLength {
         /// Name of the limb.
         name: String,
+    },
+    /// An MCAP file without the selected movement, or one that cannot be decoded.
+    #[error("{path}: {reason}")]
+    Messages {
+        /// Path of the file.
+        path: String,
+        /// The reason.
+        reason: Box<LogError>,
     },
     /// Too few samples.
     #[error("found {found} samples, expected at least {expected}")]

@@ -71,24 +71,20 @@ impl Recording {
         Ok(filtered)
     }
 
+    /// The recording between its samples, as [`evenly`](Self::evenly) interpolates it.
+    pub fn interpolation(&self) -> Interpolation {
+        Interpolation { times: self.times.clone(), values: self.values.clone(), slopes: self.slopes() }
+    }
+
     fn interpolated(&self, samples: usize) -> DMatrix<f64> {
-        let (first, duration, n) = (self.times[0], self.duration(), self.times.len());
-        let slopes = self.slopes();
-        let mut interval = 0;
+        let (first, duration) = (self.times[0], self.duration());
+        let curve = self.interpolation();
         let mut out = DMatrix::zeros(samples, self.names.len());
         for k in 0..samples {
             let time = first + duration * k as f64 / (samples - 1) as f64;
-            while interval + 2 < n && time >= self.times[interval + 1] {
-                interval += 1;
-            }
-            let width = self.times[interval + 1] - self.times[interval];
-            let u = ((time - self.times[interval]) / width).clamp(0.0, 1.0);
-            let (a, b) = (1.0 - u, u);
+            let interval = curve.interval(time);
             for channel in 0..self.names.len() {
-                let (y0, y1) = (self.values[(interval, channel)], self.values[(interval + 1, channel)]);
-                let (m0, m1) = (slopes[(interval, channel)] * width, slopes[(interval + 1, channel)] * width);
-                out[(k, channel)] =
-                    a * a * ((1.0 + 2.0 * b) * y0 + b * m0) + b * b * ((1.0 + 2.0 * a) * y1 - a * m1);
+                out[(k, channel)] = curve.cubic(interval, time, channel).0;
             }
         }
         out
@@ -112,6 +108,69 @@ impl Recording {
             let at_middle = s0 + curvature * before;
             at_middle + 2.0 * curvature * (self.times[k] - self.times[middle])
         })
+    }
+}
+
+/// A recording between its samples: cubic, through every sample, with continuous velocity.
+///
+/// ```
+/// use motorium_recordings::{Selection, read_text};
+///
+/// let recording = read_text("x.csv", "time_s,x\n1,0\n2,1\n4,9\n", &Selection::default())?;
+/// let curve = recording.interpolation();
+/// let (mut position, mut velocity) = ([0.0], [0.0]);
+/// curve.evaluate(3.0, &mut position, &mut velocity);
+/// assert_eq!(position, [9.0]);
+/// # Ok::<(), motorium_recordings::RecordingError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Interpolation {
+    times: Vec<f64>,
+    values: DMatrix<f64>,
+    slopes: DMatrix<f64>,
+}
+
+impl Interpolation {
+    /// Number of channels.
+    pub fn channels(&self) -> usize {
+        self.values.ncols()
+    }
+
+    /// Time from the first sample to the last, s.
+    pub fn duration(&self) -> f64 {
+        self.times[self.times.len() - 1] - self.times[0]
+    }
+
+    /// Writes the values and their rates (per second) at a time since the first sample \[s\]; before it and
+    /// after the last sample the nearest of the two. Does not allocate.
+    ///
+    /// # Panics
+    /// A slice is shorter than the number of channels.
+    pub fn evaluate(&self, time: f64, values: &mut [f64], rates: &mut [f64]) {
+        let time = self.times[0] + time.clamp(0.0, self.duration());
+        let interval = self.interval(time);
+        for channel in 0..self.channels() {
+            (values[channel], rates[channel]) = self.cubic(interval, time, channel);
+        }
+    }
+
+    /// Index of the sample before a time.
+    fn interval(&self, time: f64) -> usize {
+        let before = self.times.partition_point(|sample| *sample <= time);
+        before.saturating_sub(1).min(self.times.len() - 2)
+    }
+
+    /// Value and rate of a channel in an interval.
+    fn cubic(&self, interval: usize, time: f64, channel: usize) -> (f64, f64) {
+        let width = self.times[interval + 1] - self.times[interval];
+        let u = ((time - self.times[interval]) / width).clamp(0.0, 1.0);
+        let (a, b) = (1.0 - u, u);
+        let (y0, y1) = (self.values[(interval, channel)], self.values[(interval + 1, channel)]);
+        let (m0, m1) =
+            (self.slopes[(interval, channel)] * width, self.slopes[(interval + 1, channel)] * width);
+        let value = a * a * ((1.0 + 2.0 * b) * y0 + b * m0) + b * b * ((1.0 + 2.0 * a) * y1 - a * m1);
+        let slope = 6.0 * a * b * (y1 - y0) + (a * a - 2.0 * a * b) * m0 + (b * b - 2.0 * a * b) * m1;
+        (value, slope / width)
     }
 }
 
@@ -152,6 +211,23 @@ mod tests {
         for k in 0..41 {
             assert!((even[(k, 0)] - f(1.0 + 0.05 * k as f64)).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn interpolation_passes_through_samples_with_its_rate() {
+        let f = |t: f64| 1.0 - 2.0 * t + 3.0 * t * t;
+        let curve = recorded(&[1.0, 1.1, 1.5, 1.6, 2.4, 3.0], f).interpolation();
+        let at = |time: f64| {
+            let (mut value, mut rate) = ([0.0], [0.0]);
+            curve.evaluate(time, &mut value, &mut rate);
+            (value[0], rate[0])
+        };
+        for k in 0..=40 {
+            let t = 1.0 + 0.05 * f64::from(k);
+            let (value, rate) = at(t - 1.0);
+            assert!((value - f(t)).abs() < 1e-12 && (rate - (6.0 * t - 2.0)).abs() < 1e-10, "{t}");
+        }
+        assert_eq!((at(-1.0), at(9.0)), (at(0.0), at(2.0)));
     }
 
     #[test]

@@ -5,11 +5,17 @@
 //! | `.csv`, `.tsv` | a table: a header of names, then one sample a line, separated by commas, semicolons or tabs |
 //! | `.json` | a list of samples, one recording, a list of recordings, or `{"recordings": [...]}` |
 //! | `.jsonl`, `.ndjson` | a sample a line, such as `motorium topic echo --json` prints, or a recording a line |
+//! | `.mcap` | the messages of one channel; see [`messages`] |
 //!
 //! **Tables.** A byte-order mark, quotes and CRLF are understood; lines that begin with `#` are comments.
 //!
 //! **Samples in JSON.** A list of numbers, or an object: of a state buffer (under `value` or not) the field
 //! `position`, of other objects all numbers.
+//!
+//! **MCAP.** Of each message the array of numbers `position` or [`Selection::field`], named by the texts in
+//! `name` next to it; of a list of tables such as the joints of `foxglove.JointStates` the number of each
+//! table. The channel is [`Selection::topic`], else the only one with such numbers, of several the only
+//! one of joint states. The time is the time of the log.
 //!
 //! **Recordings in JSON.** An object with an array of numbers for each channel, or with `positions` (an array
 //! of samples) and `names`. `label` or `letter` is the kind of movement, `id` or `demo` its name; `duration`
@@ -54,6 +60,8 @@ mod csv;
 mod error;
 mod even;
 mod json;
+pub mod messages;
+mod movement;
 mod names;
 mod read;
 pub mod retarget;
@@ -64,6 +72,7 @@ mod time;
 
 pub use continuous::Removed;
 pub use error::{Place, RecordingError};
+pub use even::Interpolation;
 pub use motorium_robots::read_bounded;
 pub use read::{is_recording, read, read_all, read_text};
 pub use selection::Selection;

@@ -96,7 +96,7 @@ impl Columns {
         let is_other = |name: &str| is_time(name) || (is_exported && EXPORTED.contains(&name));
         let all: Vec<(usize, &String)> =
             names.iter().enumerate().filter(|(_, name)| !is_other(name)).collect();
-        let usual = match exported(&all, selection.field.as_deref()).filter(|_| is_exported) {
+        let usual = match entries_of_field(&all, selection.field.as_deref()) {
             Some(entries) => entries,
             None => channels_of_field(place, &all, selection.field.as_deref())?,
         };
@@ -105,7 +105,11 @@ impl Columns {
         } else {
             // a channel asked for by its full name need not be among the usual ones
             let every: Vec<(usize, String)> = match &selection.field {
-                None => all.iter().map(|(index, name)| (*index, (*name).clone())).collect(),
+                None => {
+                    let full = all.iter().map(|(index, name)| (*index, (*name).clone()));
+                    let others: Vec<_> = full.filter(|channel| !usual.contains(channel)).collect();
+                    usual.into_iter().chain(others).collect()
+                }
                 Some(_) => usual,
             };
             chosen(place, &every, &selection.channels)?
@@ -122,11 +126,16 @@ impl Columns {
     }
 }
 
-/// The entries of a field of an exported state buffer, such as `position[0]`, by default of the position.
-fn exported(all: &[(usize, &String)], field: Option<&str>) -> Option<Vec<(usize, String)>> {
-    let beginning = format!("{}[", field.unwrap_or("position"));
-    let entries = all.iter().filter(|(_, name)| name.starts_with(&beginning));
-    let entries: Vec<(usize, String)> = entries.map(|(index, name)| (*index, (*name).clone())).collect();
+/// The entries of a field of an exported topic, such as `position[0]` or `position[elbow]`, by default of the
+/// position. An entry with a name is called by it.
+fn entries_of_field(all: &[(usize, &String)], field: Option<&str>) -> Option<Vec<(usize, String)>> {
+    let field = field.unwrap_or("position");
+    let entries = all.iter().filter_map(|(index, name)| {
+        let entry = name.strip_prefix(field)?.strip_prefix('[')?.strip_suffix(']')?;
+        let is_number = entry.parse::<usize>().is_ok();
+        Some((*index, if is_number { (*name).clone() } else { entry.to_string() }))
+    });
+    let entries: Vec<(usize, String)> = entries.collect();
     (!entries.is_empty()).then_some(entries)
 }
 
@@ -160,7 +169,7 @@ fn channels_of_field(
 
 /// The channels that match the patterns, in the order of the patterns; `*` ends a pattern that is a
 /// beginning.
-fn chosen(
+pub(crate) fn chosen(
     place: &Place,
     all: &[(usize, String)],
     patterns: &[String],

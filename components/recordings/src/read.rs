@@ -5,10 +5,14 @@ use std::path::{Path, PathBuf};
 use motorium_robots::read_bounded;
 
 use crate::error::{Place, RecordingError};
+use crate::movement::movement;
 use crate::{Recording, Selection, csv, json};
 
 /// Longest file, bytes: an hour of forty joints at 1 kHz as text.
 const LONGEST: u64 = 2 * 1024 * 1024 * 1024;
+
+/// Extension of files of messages.
+const MCAP: &str = "mcap";
 
 /// Reads the one recording of a file.
 ///
@@ -54,7 +58,7 @@ pub fn read_all(path: &Path, selection: &Selection) -> Result<Vec<Recording>, Re
 
 /// Returns `true` if the extension of a file name is one of a recording.
 pub fn is_recording(path: &Path) -> bool {
-    matches!(ending(path), "csv" | "tsv" | "json" | "jsonl" | "ndjson")
+    matches!(ending(path), "csv" | "tsv" | "json" | "jsonl" | "ndjson" | MCAP)
 }
 
 fn ending(path: &Path) -> &str {
@@ -75,6 +79,11 @@ fn read_file(path: &Path, selection: &Selection) -> Result<Vec<Recording>, Recor
     let name = path.display().to_string();
     let bytes = read_bounded(path, LONGEST)
         .map_err(|source| RecordingError::System { path: name.clone(), source })?;
+    if ending(path) == MCAP {
+        let mut recording = movement(&name, bytes, selection)?;
+        recording.id = stem(path);
+        return Ok(vec![recording]);
+    }
     let text = String::from_utf8(bytes).map_err(|error| {
         let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let line = 1 + valid.iter().filter(|byte| **byte == b'\n').count();
@@ -98,11 +107,15 @@ fn parse(name: &str, text: &str, selection: &Selection) -> Result<Vec<Recording>
         "jsonl" | "ndjson" => json::recordings(name, &json::lines(name, text)?, selection)?,
         _ => return Err(RecordingError::Format { path: name.to_string() }),
     };
-    let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     for recording in &mut recordings {
         if recording.id.is_empty() {
-            recording.id.clone_from(&stem);
+            recording.id = stem(path);
         }
     }
     Ok(recordings)
+}
+
+/// The name of a file without folder and extension.
+fn stem(path: &Path) -> String {
+    path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
 }

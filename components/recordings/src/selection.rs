@@ -13,6 +13,9 @@ pub struct Selection {
     /// Names of the channels to keep, in this order; a name that ends in `*` stands for all that begin so.
     /// Default all.
     pub channels: Vec<String>,
+    /// Channel of an MCAP file, such as `/joint_states`. Default: the only one with numbers in the field, of
+    /// several the only one of joint states.
+    pub topic: Option<String>,
     /// Samples a second of recordings that hold no time. Default none: such recordings are refused.
     pub rate: Option<f64>,
 }

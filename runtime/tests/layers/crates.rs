@@ -6,7 +6,8 @@ use std::path::Path;
 use crate::tokens::{self, Token};
 
 /// Wings that may use other wings, as CONTRIBUTING.md lists them; all others meet in topics only.
-const BETWEEN_WINGS: [(&str, &[&str]); 6] = [
+const BETWEEN_WINGS: [(&str, &[&str]); 7] = [
+    ("bridges", &["recordings"]),
     ("control", &["qp"]),
     ("locomotion", &["control", "qp"]),
     ("library", &["algebra", "primitives", "recordings"]),

@@ -121,6 +121,15 @@ pub(super) struct Traced {
     pub(super) output: PathBuf,
 }
 
+/// A run of a graph that another command wrote.
+pub(super) struct Generated {
+    pub(super) graph: PathBuf,
+    pub(super) clock: Option<Clock>,
+    pub(super) record: Option<PathBuf>,
+    pub(super) overwrite: bool,
+    pub(super) json: bool,
+}
+
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 pub(super) enum Clock {
     /// The machine's clock, absolute deadlines
@@ -146,6 +155,13 @@ impl Run {
         let Traced { graph, duration, clock, force, json, output } = trace;
         // What is looked at is where its time goes, not what it achieves.
         Self { graph, duration, clock, force, json, no_expect: true, trace: Some(output), ..Self::default() }
+    }
+
+    /// A run of a graph that another command wrote.
+    pub(super) fn generated(generated: Generated) -> Self {
+        let Generated { graph, clock, record, overwrite, json } = generated;
+        let graph = GraphArgs { graph, ..GraphArgs::default() };
+        Self { graph, clock, record, overwrite, json, ..Self::default() }
     }
 
     pub(crate) fn run(mut self) -> anyhow::Result<ExitCode> {

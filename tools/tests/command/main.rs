@@ -12,6 +12,7 @@ mod first_day;
 mod kinds;
 mod latent;
 mod learn;
+mod messages;
 mod model;
 mod primitive;
 mod program;

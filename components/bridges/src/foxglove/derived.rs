@@ -9,9 +9,9 @@ mod tests;
 use motorium::state::{Stamp, StateBuffer as _, TypeLayout};
 
 use super::Schema;
-use super::wire::{self, Read};
 pub use error::DerivedError;
 use field::Field;
+use motorium_recordings::messages::wire::{self, Read};
 use stamp::{STAMP, stamp_bytes, stamp_field, stamp_of};
 
 /// Version of the rule by which schemas are derived; the last part of their package.

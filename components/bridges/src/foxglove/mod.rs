@@ -47,7 +47,6 @@ mod drawn;
 mod fields;
 mod pictures;
 mod robots;
-mod wire;
 mod world;
 
 pub use channels::{Channel, Content, channels};

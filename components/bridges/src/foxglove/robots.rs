@@ -4,11 +4,12 @@ use foxglove::messages::{FrameTransform, FrameTransforms};
 use motorium::declare::RobotReference;
 use motorium::plan::{ComponentPlan, Plan, PortPlan};
 use motorium::state::{BaseState, JointState, StateBuffer as _};
+use motorium_recordings::messages::wire;
 use motorium_robots::{BasePose, Kinematics, Loaded, RobotSource, RobotSourceError};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
+use super::Schema;
 use super::fields::{quaternion, timestamp, vector};
-use super::{Schema, wire};
 
 /// Parent frame of robots and objects.
 pub(super) const WORLD: &str = "world";

@@ -13,6 +13,14 @@ pub enum TableError {
     /// The recording cannot be read.
     #[error(transparent)]
     Signals(#[from] SignalsError),
+    /// The messages of a channel have too many numbers.
+    #[error("channel `{topic}` has more than {most} numbers and texts, too many for a table")]
+    Wide {
+        /// The channel.
+        topic: String,
+        /// The largest number of columns.
+        most: usize,
+    },
     /// The table cannot be written.
     #[error(transparent)]
     Write(#[from] io::Error),

@@ -7,10 +7,10 @@ use foxglove::Decode as _;
 use foxglove::messages::RawImage;
 use mcap::records::Record;
 use motorium::state::Stamp;
+use motorium_recordings::messages::Records;
 
 use super::reader::{ReadError, Recording};
 use super::recorded::Source;
-use super::records::Records;
 use crate::foxglove::DerivedError;
 
 /// A sample of a recording.

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, McapError, WriteOptions};
 
+use super::PROFILE;
 use crate::foxglove::Schema;
 
 /// Longest time before a message is handed to the system.
@@ -47,7 +48,7 @@ impl Writer {
         let options = WriteOptions::new()
             .compression(None)
             .chunk_size(Some(CHUNK))
-            .profile("motorium")
+            .profile(PROFILE)
             .library(concat!("motorium ", env!("CARGO_PKG_VERSION")));
         let mcap = options.create(BufWriter::with_capacity(1 << 16, file))?;
         Ok(Self { mcap, flushed: Instant::now(), bytes: 0 })

@@ -17,24 +17,21 @@
 
 mod analysis;
 mod batch;
-mod chunks;
 mod component;
 mod csv;
 mod demonstration;
 mod ease;
 mod entries;
 mod file;
-mod framing;
 mod head;
-mod lengths;
 mod lerobot;
 mod machine;
 mod order;
+mod other;
 mod outcome;
 mod reader;
 mod recorded;
 mod recorder;
-mod records;
 mod recover;
 mod replaced;
 mod replay;
@@ -58,6 +55,7 @@ pub use lerobot::{
     Camera, Dataset, DatasetCounts, DatasetError, usual_cameras, usual_signals, write_lerobot,
 };
 pub use order::InOrder;
+pub use other::{Opened, OtherLog, open};
 pub use reader::{ReadError, Recording};
 pub use recorded::{RecordedPictures, RecordedTopic};
 pub use recover::{Recovered, recover};
@@ -70,6 +68,8 @@ pub use signals::{Curve, Signal, SignalError, SignalsError, curves};
 pub use table::write_parquet;
 pub use verify::{Difference, Verification, VerifyError, What, verify};
 
+/// Profile of the files, in their header.
+const PROFILE: &str = "motorium";
 /// Name of the metadata record with the facts of the run.
 const RUN: &str = "motorium";
 /// Name of the metadata record with the counts of the recording.

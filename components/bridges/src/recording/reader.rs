@@ -8,12 +8,11 @@ use std::path::{Path, PathBuf};
 use mcap::{MAGIC, McapError};
 use memmap2::Mmap;
 use motorium::plan::Plan;
+use motorium_recordings::messages::{LogError, MessageLog, Records, Summary};
 
-use super::framing::Summary;
 use super::recorded::{RecordedPictures, RecordedTopic, Source};
-use super::records::Records;
 use super::scan::Scan;
-use super::{COUNTS, PLAN, RECOVERED, RUN};
+use super::{COUNTS, PLAN, PROFILE, RECOVERED, RUN};
 use crate::foxglove::DerivedError;
 
 /// A recording, opened for reading.
@@ -88,6 +87,14 @@ pub enum ReadError {
         /// The missing part, and the available ones.
         reason: String,
     },
+    /// A file of another program, or a message in it, that cannot be read.
+    #[error("{path}: {reason}", path = .path.display())]
+    Log {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        reason: LogError,
+    },
     /// The file is no recording of motorium.
     #[error("{path} is not a recording of this version of motorium: {reason}", path = .path.display())]
     Foreign {
@@ -104,14 +111,13 @@ impl Recording {
     /// # Errors
     /// The file cannot be read, or is not a recording.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        let map = map_file(path)?;
-        let foreign = |reason: String| ReadError::Foreign { path: path.to_path_buf(), reason };
-        let summary = Summary::read(&map);
-        let scan = Scan::of_file(&map, &summary).map_err(foreign)?;
-        if let Some(reason) = other_writer(&scan) {
-            return Err(foreign(reason));
-        }
-        Ok(Self { path: path.to_path_buf(), map, summary, scan })
+        opened(path)?.map_err(|map| {
+            let path = path.to_path_buf();
+            match MessageLog::new(map) {
+                Ok(log) => ReadError::Foreign { path, reason: other_writer(&log) },
+                Err(reason) => ReadError::Log { path, reason },
+            }
+        })
     }
 
     pub(super) fn records(&self) -> Records<'_> {
@@ -140,27 +146,7 @@ impl Recording {
     /// Returns the faults of a readable file: a missing end, missing messages, or corrupted bytes.
     pub fn faults(&self) -> Vec<String> {
         let Scan { is_whole, damage, missing, times, metadata, .. } = &self.scan;
-        let mut faults = Vec::new();
-        if !is_whole {
-            faults.push(
-                "is incomplete: everything that it contains is read (`motorium recover` completes it)"
-                    .to_string(),
-            );
-        }
-        faults.extend(damaged(&damage.chunks, times.map_or(0, |(first, _)| first)));
-        for name in &damage.attachments {
-            faults.push(format!("is damaged: its attachment `{name}` differs from what was written"));
-        }
-        if damage.has_other {
-            faults.push("is damaged: bytes outside of its chunks differ from what was written".to_string());
-        }
-        if *is_whole && damage.skipped > 0 {
-            faults.push(format!("is damaged: {} bytes of it cannot be read", damage.skipped));
-        }
-        if let Some(reason) = damage.unreadable.first() {
-            let count = damage.unreadable.len();
-            faults.push(format!("has {count} chunks that cannot be read: {reason}"));
-        }
+        let mut faults = damage.faults(*is_whole, times.map_or(0, |(first, _)| first));
         if *missing > 0 {
             faults.push(format!("lacks {missing} messages that it states to hold"));
         }
@@ -239,6 +225,21 @@ impl Recording {
     }
 }
 
+/// Opens a recording; gives back the bytes of a file of another program.
+pub(super) fn opened(path: &Path) -> Result<Result<Recording, Mmap>, ReadError> {
+    let map = map_file(path)?;
+    let summary = Summary::read(&map);
+    let scan = Scan::of_file(&map, &summary)
+        .map_err(|reason| ReadError::Foreign { path: path.to_path_buf(), reason })?;
+    let is_own = scan.profile == PROFILE || !scan.topics.is_empty() || scan.metadata.contains_key(RUN);
+    // A file of motorium that was cut off early has no channels.
+    let is_other = !is_own && (scan.has_channels() || !scan.damage.unreadable.is_empty());
+    if is_other {
+        return Ok(Err(map));
+    }
+    Ok(Ok(Recording { path: path.to_path_buf(), map, summary, scan }))
+}
+
 /// Maps an MCAP file into memory.
 pub(super) fn map_file(path: &Path) -> Result<Mmap, ReadError> {
     let io = |reason| ReadError::Io { path: path.to_path_buf(), reason };
@@ -262,35 +263,14 @@ pub(super) fn map_file(path: &Path) -> Result<Mmap, ReadError> {
     Ok(map)
 }
 
-/// Returns the faults of chunks with these times, for a file that starts at `begin` \[ns\].
-fn damaged(chunks: &[(u64, u64)], begin: u64) -> Option<String> {
-    let (from, to) = (chunks.iter().map(|(from, _)| from).min()?, chunks.iter().map(|(_, to)| to).max()?);
-    let since = |time: &u64| time.saturating_sub(begin) as f64 * 1e-9;
-    let count = chunks.len();
-    let noun = if count == 1 { "chunk" } else { "chunks" };
-    Some(format!(
-        "is damaged: {count} {noun} of it, between {:.3} s and {:.3} s, differ from what was written",
-        since(from),
-        since(to)
-    ))
-}
-
 /// Returns the reason why a file written by another program is not a recording.
-fn other_writer(scan: &Scan) -> Option<String> {
-    const SHOWN: usize = 5;
-    let (profile, library) = &scan.writer;
-    let is_own = profile == "motorium" || !scan.topics.is_empty() || scan.metadata.contains_key(RUN);
-    if is_own || scan.channels.is_empty() {
-        return scan.damage.unreadable.first().filter(|_| !is_own).cloned();
-    }
-    let mut names: Vec<String> =
-        scan.channels.values().take(SHOWN).map(|(name, encoding)| format!("`{name}` ({encoding})")).collect();
-    if scan.channels.len() > SHOWN {
-        names.push(format!("{} more", scan.channels.len() - SHOWN));
-    }
-    let by = if library.is_empty() { "another program".to_string() } else { format!("`{library}`") };
-    Some(format!(
+fn other_writer(log: &MessageLog<Mmap>) -> String {
+    let by = match log.writer() {
+        "" => "another program".to_string(),
+        writer => format!("`{writer}`"),
+    };
+    format!(
         "it was written by {by}, and holds {}; expected channels that `motorium run --record` writes",
-        names.join(", ")
-    ))
+        log.described()
+    )
 }

@@ -11,10 +11,9 @@ use std::rc::Rc;
 
 use mcap::records::{Metadata, Record};
 use mcap::{Attachment, McapError, WriteOptions};
+use motorium_recordings::messages::{Records, Summary};
 
-use super::framing::Summary;
 use super::reader::{cut_off, map_file};
-use super::records::Records;
 use super::scan::Scan;
 use super::{RECOVERED, ReadError};
 

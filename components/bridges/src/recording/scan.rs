@@ -1,13 +1,12 @@
 //! Scan of a file: everything in a recording except its samples.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use mcap::records::Record;
 use motorium::state::TypeLayout;
+use motorium_recordings::messages::{Damage, Records, Summary};
 
-use super::framing::Summary;
 use super::recorded::{RecordedPictures, RecordedTopic, Source};
-use super::records::{Damage, Records};
 use super::{COUNTS, KEPT, LAYOUT, TOPIC};
 use crate::foxglove::Derived;
 
@@ -32,10 +31,9 @@ pub(super) struct Scan {
     pub(super) damage: Damage,
     /// Number of messages stated by the file but missing from it.
     pub(super) missing: u64,
-    /// Profile and library of the header.
-    pub(super) writer: (String, String),
-    /// Names and encodings of all channels.
-    pub(super) channels: BTreeMap<u16, (String, String)>,
+    /// Profile of the header.
+    pub(super) profile: String,
+    channels: BTreeSet<u16>,
     schemas: BTreeMap<u16, String>,
     of_no_topic: BTreeMap<u16, String>,
     counts: BTreeMap<u16, u64>,
@@ -52,13 +50,13 @@ impl Scan {
         for record in records.by_ref() {
             match record {
                 Record::Message { header, data } => {
-                    if !scan.channels.contains_key(&header.channel_id) {
+                    if !scan.channels.contains(&header.channel_id) {
                         // The chunk with the channel's definition is damaged; the end of the file repeats it.
                         scan.define(summary, header.channel_id)?;
                     }
                     scan.message(header.channel_id, header.log_time, &data);
                 }
-                Record::Header(header) => scan.writer = (header.profile, header.library),
+                Record::Header(header) => scan.profile = header.profile,
                 Record::Attachment { header, data, .. } => {
                     scan.attachments.push((header.name, data.into_owned()));
                 }
@@ -74,6 +72,11 @@ impl Scan {
         }
         scan.missing = scan.missing_messages(summary);
         Ok(scan)
+    }
+
+    /// True if the file defines a channel.
+    pub(super) fn has_channels(&self) -> bool {
+        !self.channels.is_empty()
     }
 
     /// Defines a channel as the end of the file does.
@@ -92,9 +95,9 @@ impl Scan {
             Record::Schema { header, .. } => {
                 self.schemas.insert(header.id, header.name.clone());
             }
-            Record::Channel(channel) if !self.channels.contains_key(&channel.id) => {
+            Record::Channel(channel) if !self.channels.contains(&channel.id) => {
                 let (id, name) = (channel.id, channel.topic.clone());
-                self.channels.insert(id, (name.clone(), channel.message_encoding.clone()));
+                self.channels.insert(id);
                 let topic = channel.metadata.get(TOPIC);
                 let is_picture =
                     self.schemas.get(&channel.schema_id).is_some_and(|schema| schema == PICTURES);

@@ -78,6 +78,8 @@ pub struct Curve {
     pub name: String,
     /// Index of the entry of an array.
     pub entry: Option<usize>,
+    /// Name of the entry, if the sample holds one.
+    pub label: Option<String>,
     /// Time since the first sample of the recording, s, and value.
     pub points: Vec<(f64, f64)>,
 }
@@ -200,7 +202,7 @@ pub fn curves(recording: &Recording, signals: &[Signal]) -> Result<Vec<Curve>, S
                         None => format!("{}.{field}", signal.topic),
                     };
                     let place = curves.iter().position(|curve| curve.name == name).unwrap_or_else(|| {
-                        curves.push(Curve { name, entry, points: Vec::new() });
+                        curves.push(Curve { name, entry, label: None, points: Vec::new() });
                         curves.len() - 1
                     });
                     curves[place].points.push((time, as_f64(*number)));
@@ -253,7 +255,7 @@ mod tests {
     #[test]
     fn decimated_curve_keeps_its_peaks() {
         let points: Vec<(f64, f64)> = (0..10_000).map(|i| (f64::from(i), f64::from(i % 7))).collect();
-        let mut curve = Curve { name: String::new(), entry: None, points };
+        let mut curve = Curve { name: String::new(), entry: None, label: None, points };
         curve.points[5_432].1 = 99.0;
         curve.points[7_001].1 = -99.0;
         let thinned = curve.thinned(500);

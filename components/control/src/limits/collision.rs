@@ -257,10 +257,14 @@ impl CollisionConfig {
             .collect();
         let first = (0..fixed.len()).find(|solid| solids.is_obstacle(*solid)).unwrap_or(fixed.len());
         solids.retain_pairs(|[one, other]| !(fixed[*one] && *other >= first));
-        leave_out_near(&mut solids, model, profile, distance, |link, object| {
-            let message = format!("link `{link}` is nearer than {distance} m to `{object}` at home");
-            ConfigError::key(key("objects"), message)
-                .advise(format!("if they touch by design: ignore = [[\"{link}\", \"{object}\"]]"))
+        leave_out_near(&mut solids, model, profile, distance, |link, object, found| {
+            let message = format!(
+                "link `{link}` is {} m from `{object}` at home, expected at least {distance} m",
+                (found * 1e4).round() / 1e4
+            );
+            ConfigError::key(key("objects"), message).advise(format!(
+                "move `{object}`, or the robot by `start`; if they touch by design: ignore = [[\"{link}\", \"{object}\"]]"
+            ))
         })?;
         if solids.pairs().is_empty() {
             return Err(ConfigError::key(
@@ -359,7 +363,7 @@ fn leave_out_near(
     model: &Model,
     profile: Option<&Profile>,
     distance: f64,
-    refusal: impl Fn(&str, &str) -> ConfigError,
+    refusal: impl Fn(&str, &str, f64) -> ConfigError,
 ) -> Result<(), ConfigError> {
     let mut q = model.neutral();
     let joints = q.len() - model.joint_count();
@@ -375,13 +379,14 @@ fn leave_out_near(
     kinematics.update(model, &q);
     let mut workspace = Collisions::new(solids);
     workspace.update(solids, &kinematics);
-    let near: Vec<usize> = workspace.within(solids, distance).iter().map(|found| found.pair).collect();
-    for pair in &near {
-        let [link, object] = solids.pair_links(*pair);
-        if solids.is_obstacle(solids.pairs()[*pair][1]) && object != GROUND {
-            return Err(refusal(link, object));
+    let found = workspace.within(solids, distance);
+    for near in found {
+        let [link, object] = solids.pair_links(near.pair);
+        if solids.is_obstacle(solids.pairs()[near.pair][1]) && object != GROUND {
+            return Err(refusal(link, object, near.distance));
         }
     }
+    let near: Vec<usize> = found.iter().map(|found| found.pair).collect();
     let mut index = 0;
     solids.retain_pairs(|_| {
         index += 1;

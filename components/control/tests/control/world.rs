@@ -183,7 +183,12 @@ fn missing_or_colliding_objects_and_grounds_are_refused() {
     let near = world(middle() - Vector3::from(INTO), "");
     refused(
         &format!("{{ {near}, {LIMIT} }}"),
-        &["limits.collision.objects", "nearer than 0.03 m to `ball` at home", "ignore = [["],
+        &[
+            "limits.collision.objects",
+            "m from `ball` at home, expected at least 0.03 m",
+            "by `start`",
+            "ignore = [[",
+        ],
     );
     refused(&format!("{{ {}, {LIMIT} }}", world(middle(), ", mass = 1.0")), &["object_poses"]);
     refused(&format!("{{ {}, {LIMIT} }}", world(middle(), ", mass = -1.0")), &["world", "ball", "mass"]);

@@ -137,9 +137,9 @@ pub struct WeightsConfig {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DemonstrationConfig {
-    /// The recording, relative to the graph file: CSV, JSON or JSON lines, such as the output of `motorium
-    /// topic echo --json`. Three channels are positions of the end effector in the world frame, m. A number
-    /// of channels equal to the number of joints are joint positions.
+    /// The recording, relative to the graph file: CSV, JSON, JSON lines, such as the output of `motorium
+    /// topic echo --json`, or MCAP. Three channels are positions of the end effector in the world frame, m.
+    /// Others are joint positions: by the names of joints, the rest at home, or one for each joint.
     #[schemars(extend("format" = "path"))]
     pub file: String,
     /// Number of kernels for each dimension. Default 40.

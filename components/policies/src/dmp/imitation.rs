@@ -86,19 +86,31 @@ fn end_effector(
         let message = format!("{channels} channels, expected the 3 of the position of an end effector");
         return Err(wrong(message).advise("joints need a robot: add `robot = \"NAME\"` to the component"));
     };
-    let (Loaded { model, .. }, frame) = robot::load_fixed(robot, frame)?;
-    if channels != model.nq() {
-        let expected = model.nq();
-        return Err(wrong(format!(
-            "{channels} channels, expected 3 (position of the end effector) or {expected} (joints of `{}`)",
-            robot.name
-        )));
+    let (Loaded { model, profile, .. }, frame) = robot::load_fixed(robot, frame)?;
+    let named: Option<Vec<usize>> = recording.names().iter().map(|name| model.joint_index(name)).collect();
+    let joints = match named {
+        Some(joints) => joints,
+        None if channels == model.nq() => (0..channels).collect(),
+        None => {
+            let expected = model.nq();
+            return Err(wrong(format!(
+                "{channels} channels, expected 3 (position of the end effector), {expected} (joints of `{}`), \
+                 or channels named after joints",
+                robot.name
+            )));
+        }
+    };
+    // Joints without a channel stay in the home pose.
+    let mut q = model.neutral();
+    if let Some(home) = profile.as_ref().and_then(|profile| profile.home(&model).ok()) {
+        q.copy_from_slice(home.as_slice());
     }
     let mut kinematics = Kinematics::new(&model);
     let poses: Vec<Isometry3<f64>> = even
         .row_iter()
         .map(|row| {
-            kinematics.update(&model, row.transpose().as_slice());
+            joints.iter().zip(row.iter()).for_each(|(joint, position)| q[*joint] = *position);
+            kinematics.update(&model, &q);
             kinematics.pose(&model, frame)
         })
         .collect();

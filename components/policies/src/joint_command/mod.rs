@@ -198,6 +198,11 @@ impl CommandedJoints {
         Ok(Self { model, gains, gravity, joints: found, passive, acceleration })
     }
 
+    /// Names of the moved joints, in the order of the policy.
+    pub(crate) fn names(&self) -> Vec<String> {
+        self.joints.iter().map(|joint| self.model.joint_names()[*joint].clone()).collect()
+    }
+
     /// Declares the ports and parameters of the joint command writer of one robot.
     pub(crate) fn declare(declare: &mut Declare) {
         JointPorts::single().declare(declare);

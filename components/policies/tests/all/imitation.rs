@@ -207,7 +207,10 @@ fn what_cannot_be_imitated_is_refused_with_its_key() {
     assert!(message.contains("none.csv"), "{message}");
     std::fs::write(folder.path().join("two.csv"), "t,a,b\n0,1,2\n1,2,3\n2,3,4\n").unwrap();
     let (_, message) = refuse(shown("two.csv"));
-    assert_eq!(message, "2 channels, expected 3 (position of the end effector) or 8 (joints of `arm`)");
+    assert_eq!(
+        message,
+        "2 channels, expected 3 (position of the end effector), 8 (joints of `arm`), or channels named after joints"
+    );
     let (key, _) = refuse(json!({ "goals": [{ "offset": [0, 0, 0] }] }));
     assert_eq!(key, "goals[0]");
     let selected = json!({ "goals": [{ "offset": [0, 0, 0], "duration": "1 s", "shape": "selected" }] });

@@ -10,12 +10,17 @@ use motorium::declare::Taps;
 use motorium::plan::Plan;
 use motorium_bridges::foxglove::joints_of_topic;
 use motorium_bridges::recording::{
-    Camera, Dataset, Recording, Signal, usual_cameras, usual_signals, write_csv, write_lerobot, write_parquet,
+    Camera, Dataset, Opened, OtherLog, Recording, Signal, TableError, usual_cameras, usual_signals,
+    write_csv, write_lerobot, write_parquet,
 };
 
-use crate::out::outln;
+use crate::out::{errln, outln};
+use crate::style;
 
 /// Write a recording as tables, one for each topic, or as a dataset of LeRobot.
+///
+/// MCAP files of other programs become tables of the channels that can be decoded: JSON, ROS 2 CDR and
+/// protobuf.
 ///
 /// `--format lerobot` writes a LeRobotDataset of version 3.0: a frame of the state, the action and the
 /// pictures at a fixed rate, an episode of it for each of the recording.
@@ -69,14 +74,20 @@ enum Format {
 
 impl Export {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
-        let recording = super::opened(&self.file)?;
+        let opened = super::opened_any(&self.file)?;
         let folder = self.output.clone().unwrap_or_else(|| self.file.with_extension(""));
         if self.format == Format::Lerobot {
             anyhow::ensure!(
                 self.topic.is_empty(),
                 "a dataset is made of `--state` and `--action`, not of `--topic`"
             );
-            return self.dataset(&recording, &folder);
+            let Opened::Run(recording) = &opened else {
+                anyhow::bail!(
+                    "{}: `--format lerobot` needs a recording of motorium, expected `csv` or `parquet` for other files",
+                    self.file.display()
+                );
+            };
+            return self.dataset(recording, &folder);
         }
         let of_datasets = [
             ("--fps", self.fps.is_some()),
@@ -89,16 +100,66 @@ impl Export {
         if let Some((option, _)) = of_datasets.iter().find(|(_, given)| *given) {
             anyhow::bail!("`{option}` is an option of `--format lerobot`");
         }
-        self.tables(&recording, &folder)
+        match &opened {
+            Opened::Run(recording) => self.tables(recording, &folder),
+            Opened::Other(log) => self.tables_of_other(log, &folder),
+        }
+    }
+
+    /// Writes a table for each channel that can be decoded, and names the others.
+    fn tables_of_other(&self, log: &OtherLog, folder: &Path) -> anyhow::Result<ExitCode> {
+        let names: Vec<String> = log.channels().iter().map(|channel| channel.topic.clone()).collect();
+        let mut written = 0;
+        for (index, path) in self.files(&names, folder)? {
+            let channel = &log.channels()[index];
+            if let Err(reason) = &channel.decoder {
+                anyhow::ensure!(self.topic.is_empty(), "channel {channel}: {reason}");
+                errln!("{} channel {channel} is left out: {reason}", style::warning("warning:"));
+                continue;
+            }
+            let rows = self.table(&path, |file| match self.format {
+                Format::Parquet => log.write_parquet(index, file),
+                Format::Csv | Format::Lerobot => log.write_csv(index, file),
+            })?;
+            outln!("{}: {rows} rows", path.display());
+            written += 1;
+        }
+        anyhow::ensure!(written > 0, "{}: no channel can be decoded", self.file.display());
+        Ok(ExitCode::SUCCESS)
     }
 
     fn tables(&self, recording: &Recording, folder: &Path) -> anyhow::Result<ExitCode> {
+        let names: Vec<String> = recording.topics().iter().map(|topic| topic.name.clone()).collect();
+        for (index, path) in self.files(&names, folder)? {
+            let rows = self.table(&path, |file| match self.format {
+                Format::Parquet => write_parquet(recording, index, file),
+                Format::Csv | Format::Lerobot => write_csv(recording, index, file),
+            })?;
+            outln!("{}: {rows} rows", path.display());
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+
+    /// Writes a table to a file; returns the number of its rows.
+    fn table(
+        &self,
+        path: &Path,
+        write: impl FnOnce(&mut BufWriter<File>) -> Result<u64, TableError>,
+    ) -> anyhow::Result<u64> {
+        let file = File::create(path).with_context(|| format!("making {}", path.display()))?;
+        let mut file = BufWriter::new(file);
+        let rows = write(&mut file)?;
+        file.flush().with_context(|| format!("writing {}", path.display()))?;
+        Ok(rows)
+    }
+
+    /// The files of the chosen topics, with the indices of the topics. Makes their folder.
+    fn files(&self, names: &[String], folder: &Path) -> anyhow::Result<Vec<(usize, PathBuf)>> {
         let chosen = match self.topic.as_slice() {
             [] => Taps::new(["*"], core::time::Duration::ZERO),
             names => Taps::new(names.iter().map(String::as_str), core::time::Duration::ZERO),
         };
-        let names: Vec<String> = recording.topics().iter().map(|topic| topic.name.clone()).collect();
-        if let Some(unknown) = chosen.unmatched(&names) {
+        if let Some(unknown) = chosen.unmatched(names) {
             anyhow::bail!("the recording has no topic `{unknown}`; its topics are {}", names.join(", "));
         }
         if names.is_empty() {
@@ -107,18 +168,9 @@ impl Export {
         refuse_file(folder)?;
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         let extension = if self.format == Format::Parquet { "parquet" } else { "csv" };
-        for (index, name) in names.iter().enumerate().filter(|(_, name)| chosen.includes(name)) {
-            let path = folder.join(format!("{}.{extension}", name.replace('/', "-")));
-            let mut file =
-                BufWriter::new(File::create(&path).with_context(|| format!("making {}", path.display()))?);
-            let rows = match self.format {
-                Format::Parquet => write_parquet(recording, index, &mut file)?,
-                Format::Csv | Format::Lerobot => write_csv(recording, index, &mut file)?,
-            };
-            file.flush().with_context(|| format!("writing {}", path.display()))?;
-            outln!("{}: {rows} rows", path.display());
-        }
-        Ok(ExitCode::SUCCESS)
+        let chosen = names.iter().enumerate().filter(|(_, name)| chosen.includes(name));
+        let file = |name: &str| format!("{}.{extension}", name.trim_start_matches('/').replace('/', "-"));
+        Ok(chosen.map(|(index, name)| (index, folder.join(file(name)))).collect())
     }
 
     fn dataset(self, recording: &Recording, folder: &Path) -> anyhow::Result<ExitCode> {

@@ -1,7 +1,9 @@
 //! Recordings: making, repairing and replaying them.
 
 mod export;
+mod log;
 mod page;
+mod play;
 mod plot;
 mod recover;
 mod replay;
@@ -15,10 +17,11 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use motorium::os::random_bytes;
 use motorium::units::TimeSpan;
-use motorium_bridges::recording::Recording;
+use motorium_bridges::recording::{Opened, Recording, open};
 
 pub(super) use export::Export;
 pub(super) use page::Report;
+pub(super) use play::Play;
 pub(super) use plot::Plot;
 pub(super) use recover::Recover;
 pub(super) use replay::Replay;
@@ -30,17 +33,62 @@ use crate::{overheads, style};
 /// Opens a recording, and warns of what is missing or damaged.
 pub(super) fn opened(file: &Path) -> anyhow::Result<Recording> {
     let recording = Recording::open(file)?;
-    for fault in recording.faults() {
+    warn(file, recording.faults());
+    Ok(recording)
+}
+
+/// Opens a recording or an MCAP file of another program, and warns of what is missing or damaged.
+fn opened_any(file: &Path) -> anyhow::Result<Opened> {
+    let opened = open(file)?;
+    warn(
+        file,
+        match &opened {
+            Opened::Run(recording) => recording.faults(),
+            Opened::Other(log) => log.faults(),
+        },
+    );
+    Ok(opened)
+}
+
+fn warn(file: &Path, faults: Vec<String>) {
+    for fault in faults {
         errln!("{} {} {fault}", style::warning("warning:"), file.display());
     }
-    Ok(recording)
 }
 
 /// Name of the component that `motorium run --record` adds.
 const RECORDER: &str = "recorder";
 
-/// A file to lay over a graph that adds a recorder of all its topics. It is removed when this is dropped.
-pub(super) struct Overlay(PathBuf);
+/// A file in the folder for temporary files that is removed when this is dropped.
+pub(super) struct Temporary(PathBuf);
+
+impl Temporary {
+    /// Writes a file that only this user reads.
+    pub(super) fn write(extension: &str, text: &str) -> anyhow::Result<Self> {
+        // A name that nobody can guess, of a file that was not there: others write into this folder, too.
+        let name: String = random_bytes::<8>()?.iter().map(|byte| format!("{byte:02x}")).collect();
+        let path = std::env::temp_dir().join(format!("motorium-{name}.{extension}"));
+        let file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(&path);
+        let this = Self(path);
+        file.and_then(|mut file| file.write_all(text.as_bytes()))
+            .with_context(|| format!("writing {}", this.0.display()))?;
+        Ok(this)
+    }
+
+    /// The file.
+    pub(super) fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+/// A file to lay over a graph that adds a recorder of all its topics.
+pub(super) struct Overlay(Temporary);
 
 impl Overlay {
     /// Writes the file.
@@ -71,24 +119,11 @@ impl Overlay {
             "[component.{RECORDER}]\nkind = \"log.record\"\nrate = \"10 Hz\"\nschedule = \"normal\"\n\
              on_failure = \"ignore\"\n\n[component.{RECORDER}.config]\n{config}"
         );
-        // A name that nobody can guess, of a file that was not there: others write into this folder, too.
-        let name: String = random_bytes::<8>()?.iter().map(|byte| format!("{byte:02x}")).collect();
-        let path = std::env::temp_dir().join(format!("motorium-record-{name}.toml"));
-        let file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(&path);
-        let this = Self(path);
-        file.and_then(|mut file| file.write_all(text.as_bytes()))
-            .with_context(|| format!("writing {}", this.0.display()))?;
-        Ok(this)
+        Ok(Self(Temporary::write("toml", &text)?))
     }
 
     /// The file.
     pub(super) fn path(&self) -> &Path {
-        &self.0
-    }
-}
-
-impl Drop for Overlay {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.0);
+        self.0.path()
     }
 }

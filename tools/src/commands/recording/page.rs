@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use motorium::plan::Plan;
 use motorium_bridges::foxglove::joints_of_topic;
-use motorium_bridges::recording::{Analysis, Recording, TopicAnalysis, Tracking, analyse, quantile};
+use motorium_bridges::recording::{Analysis, Opened, Recording, TopicAnalysis, Tracking, analyse, quantile};
 
 use crate::chart::{Chart, Series};
 use crate::draw::{self, Measured, escape};
@@ -22,7 +22,8 @@ const EVENTS: usize = 500;
 
 /// Write a page about a recording: its graph with measured values, latencies, tracking errors, events.
 ///
-/// The page is one file and needs no network.
+/// The page is one file and needs no network. Of an MCAP file of another program it lists the channels and
+/// draws their numbers.
 ///
 /// Example: motorium report out/a.mcap --output out/a.html
 #[derive(Debug, clap::Args)]
@@ -37,16 +38,23 @@ pub(crate) struct Report {
 
 impl Report {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
-        let recording = super::opened(&self.file)?;
-        let plan = recording.plan()?;
-        let analysis = analyse(&recording, &plan)?;
+        let (page, topics, duration) = match super::opened_any(&self.file)? {
+            Opened::Run(recording) => {
+                let plan = recording.plan()?;
+                let analysis = analyse(&recording, &plan)?;
+                (page(&recording, &plan, &analysis), analysis.topics.len(), analysis.duration_s)
+            }
+            Opened::Other(log) => {
+                let duration = log.times().map_or(0.0, |(first, last)| (last - first) as f64 * 1e-9);
+                (super::log::page(&log), log.channels().len(), duration)
+            }
+        };
         let output = self.output.unwrap_or_else(|| self.file.with_extension("html"));
         if let Some(folder) = output.parent() {
             std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         }
-        std::fs::write(&output, page(&recording, &plan, &analysis))
-            .with_context(|| format!("writing {}", output.display()))?;
-        errln!("{}: {} topics, {:.3} s", output.display(), analysis.topics.len(), analysis.duration_s);
+        std::fs::write(&output, page).with_context(|| format!("writing {}", output.display()))?;
+        errln!("{}: {topics} topics, {duration:.3} s", output.display());
         Ok(ExitCode::SUCCESS)
     }
 }

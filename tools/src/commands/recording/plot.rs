@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use motorium_bridges::quantities::{entries, quantity};
-use motorium_bridges::recording::{Curve, Recording, Signal, curves};
+use motorium_bridges::recording::{Curve, Opened, Recording, Signal, curves};
 
 use crate::chart::{Chart, Series, braille};
 use crate::out::{errln, out};
@@ -16,7 +16,8 @@ const POINTS: usize = 2000;
 
 /// Draw numbers of a recording over time: in the terminal, or as a picture.
 ///
-/// A signal is TOPIC.FIELD, TOPIC.FIELD[I] or TOPIC.FIELD[A..B].
+/// A signal is TOPIC.FIELD, TOPIC.FIELD[I] or TOPIC.FIELD[A..B]. MCAP files of other programs are drawn, too
+/// (JSON, ROS 2 CDR, protobuf): /odom.pose.pose.position, /tf.transforms[0].transform.
 ///
 /// Example: motorium plot out/a.mcap panda/joint_state.position[0..7] --output out/a.svg
 #[derive(Debug, clap::Args)]
@@ -40,9 +41,12 @@ pub(crate) struct Plot {
 
 impl Plot {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
-        let recording = super::opened(&self.file)?;
+        let opened = super::opened_any(&self.file)?;
         let end = self.to.unwrap_or(f64::INFINITY);
-        let mut curves = curves(&recording, &self.signals)?;
+        let (recording, mut curves) = match &opened {
+            Opened::Run(recording) => (Some(&**recording), curves(recording, &self.signals)?),
+            Opened::Other(log) => (None, log.curves(&self.signals)?),
+        };
         let last = curves.iter().filter_map(|curve| curve.points.last()).map(|(time, _)| *time);
         let last = last.fold(0.0, f64::max);
         for curve in &mut curves {
@@ -56,14 +60,14 @@ impl Plot {
             self.from
         );
         let series = curves.iter().map(|curve| Series {
-            name: label(&recording, curve, &self.signals),
+            name: label(recording, curve, &self.signals),
             points: curve.thinned(POINTS).into_iter().map(|(time, value)| [time, value, 0.0]).collect(),
         });
         let titles: Vec<String> = self.signals.iter().map(title).collect();
         let chart = Chart {
             title: titles.join(", "),
             x: "time, s".to_string(),
-            y: values(&recording, &self.signals),
+            y: values(recording, &self.signals),
             log_x: false,
             log_y: false,
             series: series.collect(),
@@ -92,9 +96,10 @@ impl Plot {
 
 /// The name of the values, with their unit where it is known: where all signals are one field of one
 /// quantity.
-fn values(recording: &Recording, signals: &[Signal]) -> String {
+fn values(recording: Option<&Recording>, signals: &[Signal]) -> String {
     let Some(field) = signals[0].field.as_deref() else { return String::new() };
     let unit = |signal: &Signal| {
+        let recording = recording?;
         let topic = &recording.topics()[recording.topic(&signal.topic)?];
         quantity(&topic.layout.type_name, signal.field.as_deref()?).map(|quantity| quantity.unit)
     };
@@ -116,11 +121,11 @@ fn title(signal: &Signal) -> String {
 }
 
 /// The name of a curve: its joint or axis, after its field if several fields are drawn.
-fn label(recording: &Recording, curve: &Curve, signals: &[Signal]) -> String {
+fn label(recording: Option<&Recording>, curve: &Curve, signals: &[Signal]) -> String {
     let (topic, field) = curve.name.split_once('.').unwrap_or((&curve.name, ""));
     let field = field.split('[').next().unwrap_or_default();
-    let name = curve.entry.and_then(|entry| {
-        let plan = recording.plan().ok()?;
+    let name = curve.label.clone().or_else(|| {
+        let (entry, plan) = (curve.entry?, recording?.plan().ok()?);
         let index = plan.topics.iter().position(|known| known.name == topic)?;
         entries(&plan, index, field).into_iter().nth(entry)
     });

@@ -7,7 +7,7 @@ use comfy_table::CellAlignment;
 use motorium_robots::{Coordinate, Loaded, MimicMode, Model, ModelWarning, Posture, Profile};
 
 use super::facts::{self, short};
-use super::source::RobotArgs;
+use super::source::ProfiledArgs;
 use crate::out::{out, outln};
 use crate::report::table;
 use crate::style;
@@ -18,7 +18,7 @@ use crate::style;
 #[derive(Debug, clap::Args)]
 pub(super) struct Show {
     #[command(flatten)]
-    robot: RobotArgs,
+    robot: ProfiledArgs,
     /// Print JSON
     #[arg(long)]
     json: bool,

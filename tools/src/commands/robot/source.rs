@@ -29,6 +29,32 @@ pub(super) struct RobotArgs {
     pub(super) package_path: Vec<PathBuf>,
 }
 
+/// A robot with a profile of the user's choice.
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct ProfiledArgs {
+    #[command(flatten)]
+    pub(super) robot: RobotArgs,
+    /// The robot's profile [default: the catalogue's, or the `.toml` next to the file]
+    #[arg(long, value_name = "FILE.toml")]
+    pub(super) profile: Option<PathBuf>,
+}
+
+impl ProfiledArgs {
+    fn choice(&self) -> ProfileChoice {
+        self.profile.clone().map_or(ProfileChoice::Own, ProfileChoice::File)
+    }
+
+    /// Loads the robot; what is wrong with it goes to standard error, and the error is then the exit code.
+    pub(super) fn open(&self, mimic: MimicMode) -> Result<Loaded, ExitCode> {
+        self.robot.open_with(mimic, self.choice())
+    }
+
+    /// The robot with the shapes of its visuals.
+    pub(super) fn open_visual(&self, mimic: MimicMode) -> Result<Loaded, ExitCode> {
+        self.robot.load_with(mimic, self.choice(), ShapeSource::Visual).map_err(|error| refused(&error))
+    }
+}
+
 impl RobotArgs {
     /// Loads the robot relative to the current folder.
     pub(super) fn load(&self, mimic: MimicMode) -> Result<Loaded, LoadError> {
@@ -60,11 +86,6 @@ impl RobotArgs {
     /// Opens the robot with another profile, or without one.
     pub(super) fn open_with(&self, mimic: MimicMode, profile: ProfileChoice) -> Result<Loaded, ExitCode> {
         self.load_with(mimic, profile, ShapeSource::Collision).map_err(|error| refused(&error))
-    }
-
-    /// The robot with the shapes of its visuals.
-    pub(super) fn open_visual(&self, mimic: MimicMode) -> Result<Loaded, ExitCode> {
-        self.load_with(mimic, ProfileChoice::Own, ShapeSource::Visual).map_err(|error| refused(&error))
     }
 }
 

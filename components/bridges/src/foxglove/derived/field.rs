@@ -2,8 +2,8 @@
 
 use motorium::state::TypeLayout;
 
-use super::super::wire::{self, Read};
 use super::error::DerivedError;
+use motorium_recordings::messages::wire::{self, Read};
 
 /// Number of the layout's first field; the others follow in order.
 const FIRST: u32 = 2;

@@ -2,7 +2,7 @@
 
 use motorium::state::Stamp;
 
-use super::super::wire;
+use motorium_recordings::messages::wire;
 
 /// Number of the field that holds the stamp.
 pub(super) const STAMP: u32 = 1;

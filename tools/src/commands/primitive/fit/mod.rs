@@ -28,7 +28,7 @@ use crate::chart::Panel;
 use crate::out::{errln, out, outln};
 use crate::style;
 
-/// Fit a movement primitive to recordings of one movement: CSV, JSON or JSON lines.
+/// Fit a movement primitive to recordings of one movement: CSV, JSON, JSON lines or MCAP.
 ///
 /// Output of `motorium topic echo --json` is accepted. Reports the error of the reproduced movement.
 ///
@@ -67,6 +67,9 @@ pub(super) struct Fit {
     /// Field of the samples of a topic, such as velocity [default: position]
     #[arg(long, value_name = "NAME")]
     field: Option<String>,
+    /// Channel of an MCAP file [default: the only one with such samples, or with joint states]
+    #[arg(long, value_name = "NAME")]
+    topic: Option<String>,
     /// Channel to keep (again for more) [default: all]
     #[arg(long, value_name = "NAME")]
     channel: Vec<String>,
@@ -187,8 +190,12 @@ impl Fit {
     }
 
     fn read(&self) -> anyhow::Result<Shown> {
-        let selection =
-            Selection { field: self.field.clone(), channels: self.channel.clone(), rate: self.rate };
+        let selection = Selection {
+            field: self.field.clone(),
+            channels: self.channel.clone(),
+            topic: self.topic.clone(),
+            rate: self.rate,
+        };
         let recordings: Vec<Recording> = self
             .files
             .iter()

@@ -14,11 +14,11 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use motorium_robots::{Kinematics, MimicMode, ShapeSource};
 
-use super::source::RobotArgs;
+use super::source::ProfiledArgs;
 use crate::out::out;
 use camera::{Camera, View};
 use marks::Frames;
-use pose::PoseArgs;
+pub(super) use pose::PoseArgs;
 
 /// Draw a robot in a pose as an SVG picture: its shapes (meshes as hulls, bare links as sticks).
 ///
@@ -26,7 +26,7 @@ use pose::PoseArgs;
 #[derive(Debug, clap::Args)]
 pub(super) struct Draw {
     #[command(flatten)]
-    robot: RobotArgs,
+    robot: ProfiledArgs,
     #[command(flatten)]
     pose: PoseArgs,
     /// View: front, back, left, right, top, or AZIMUTH,ELEVATION in degrees

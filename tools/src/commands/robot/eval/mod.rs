@@ -10,11 +10,12 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use comfy_table::CellAlignment;
-use motorium_robots::{JointKind, Loaded, MimicMode, Model, pinocchio_joint_order};
+use motorium_robots::{JointKind, Kinematics, Loaded, MimicMode, Model, pinocchio_joint_order};
 use serde_json::{Value, json};
 
+use super::draw::PoseArgs;
 use super::facts::short;
-use super::source::RobotArgs;
+use super::source::{ProfiledArgs, RobotArgs};
 use crate::out::{errln, outln};
 use crate::report::table;
 use crate::{exit, style};
@@ -30,16 +31,20 @@ use states::States;
 /// world even where its joint has an origin. With --json the answer has one case for each; without, results
 /// that the states already hold are compared with ours.
 ///
-/// Example: motorium robot eval arm.urdf --states states.json --json
+/// Without states, prints the poses of the frames in the world, in the home pose or another one.
+///
+/// Example: motorium robot eval panda --frame panda_hand --pose ready
 #[derive(Debug, clap::Args)]
 pub(super) struct Eval {
     #[command(flatten)]
-    robot: RobotArgs,
-    /// The states; `-` is standard input
-    #[arg(long, value_name = "FILE")]
-    states: PathBuf,
-    /// Jacobians, velocities and accelerations of this frame; may be repeated [default: `jacobian_frames` of
-    /// the states, or all frames]
+    robot: ProfiledArgs,
+    /// The states; `-` is standard input [default: print poses of frames in one pose]
+    #[arg(long, value_name = "FILE", conflicts_with = "PoseArgs")]
+    states: Option<PathBuf>,
+    #[command(flatten)]
+    pose: PoseArgs,
+    /// This frame: its pose, and with states Jacobians, velocities and accelerations; may be repeated
+    /// [default: `jacobian_frames` of the states, or all frames]
     #[arg(long, value_name = "LINK")]
     frame: Vec<String>,
     /// Largest relative difference that counts as agreement when results are compared
@@ -52,17 +57,18 @@ pub(super) struct Eval {
 
 impl Eval {
     pub(super) fn run(mut self) -> anyhow::Result<ExitCode> {
-        let text = if self.states.as_os_str() == "-" {
+        let Some(states) = &self.states else { return self.poses() };
+        let text = if states.as_os_str() == "-" {
             std::io::read_to_string(std::io::stdin()).context("reading standard input")?
         } else {
-            crate::input::text(&self.states)?
+            crate::input::text(states)?
         };
         let document: Value =
-            serde_json::from_str(&text).with_context(|| format!("{} is not JSON", self.states.display()))?;
-        if document["floating_base"] == true && !self.robot.fixed_base {
-            self.robot.floating_base = true;
+            serde_json::from_str(&text).with_context(|| format!("{} is not JSON", states.display()))?;
+        if document["floating_base"] == true && !self.robot.robot.fixed_base {
+            self.robot.robot.floating_base = true;
         }
-        let robot = match self.robot.open(mode(&self.robot, &document)?) {
+        let robot = match self.robot.open(mode(&self.robot.robot, &document)?) {
             Ok(robot) => robot,
             Err(code) => return Ok(code),
         };
@@ -73,6 +79,44 @@ impl Eval {
             return Ok(ExitCode::SUCCESS);
         }
         Ok(self.print(&document, &answer))
+    }
+
+    /// Prints the poses of the frames, in the pose of the command line.
+    fn poses(&self) -> anyhow::Result<ExitCode> {
+        let robot = match self.robot.open(MimicMode::Follow) {
+            Ok(robot) => robot,
+            Err(code) => return Ok(code),
+        };
+        let model = &robot.model;
+        let mut kinematics = Kinematics::new(model);
+        kinematics.update(model, &self.pose.configuration(&robot)?);
+        let names: Vec<&str> = match self.frame.as_slice() {
+            [] => model.frames().iter().map(|frame| frame.name.as_str()).collect(),
+            named => named.iter().map(String::as_str).collect(),
+        };
+        let mut frames = Vec::new();
+        for name in names {
+            let pose = kinematics.pose(model, model.frame(name)?);
+            let (roll, pitch, yaw) = pose.rotation.euler_angles();
+            frames.push((name, pose.translation.vector, [roll, pitch, yaw]));
+        }
+        if self.json {
+            let poses = frames.iter().map(
+                |(name, position, rpy)| json!({ "frame": name, "position": position.as_slice(), "rpy": rpy }),
+            );
+            outln!("{}", json!({ "robot": model.name(), "frames": poses.collect::<Vec<_>>() }));
+            return Ok(ExitCode::SUCCESS);
+        }
+        let mut rows = table(["frame", "x m", "y m", "z m", "roll rad", "pitch rad", "yaw rad"]);
+        for (name, position, rpy) in frames {
+            let numbers = position.iter().chain(&rpy).map(|number| format!("{number:.4}"));
+            rows.add_row(core::iter::once(name.to_string()).chain(numbers));
+        }
+        for column in rows.column_iter_mut().skip(1) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+        outln!("{}", rows.trim_fmt());
+        Ok(ExitCode::SUCCESS)
     }
 
     fn states(&self, robot: &Loaded, document: &Value) -> anyhow::Result<States> {

@@ -57,7 +57,7 @@ fn long(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
 }
 
 /// True if all lengths in a record stay within it.
-pub(super) fn fit(kind: u8, body: &[u8]) -> bool {
+pub(crate) fn fit(kind: u8, body: &[u8]) -> bool {
     let mut rest = body;
     for part in parts(kind) {
         let next = match part {
@@ -78,7 +78,7 @@ pub(super) fn fit(kind: u8, body: &[u8]) -> bool {
 }
 
 /// The record, if its lengths fit and its parts are valid.
-pub(super) fn parsed(kind: u8, body: &[u8]) -> Option<Record<'_>> {
+pub(crate) fn parsed(kind: u8, body: &[u8]) -> Option<Record<'_>> {
     fit(kind, body).then(|| parse_record(kind, body).ok()).flatten()
 }
 

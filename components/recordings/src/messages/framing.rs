@@ -16,38 +16,38 @@ const CHUNK_HEADER: usize = 40;
 
 /// A record at the top level: its kind and its content.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Frame<'a> {
-    pub(super) kind: u8,
-    pub(super) body: &'a [u8],
+pub(crate) struct Frame<'a> {
+    pub(crate) kind: u8,
+    pub(crate) body: &'a [u8],
     /// Start of the record in the file.
-    pub(super) start: usize,
+    pub(crate) start: usize,
     /// End of the record in the file.
-    pub(super) end: usize,
+    pub(crate) end: usize,
     /// The file ends with the record.
-    pub(super) is_last: bool,
+    pub(crate) is_last: bool,
     /// The length of the record is damaged or was never written; the content ends where the index, the next
     /// record or the file does.
-    pub(super) is_cut: bool,
+    pub(crate) is_cut: bool,
     /// The chunk as the index lists it.
-    pub(super) listed: Option<&'a ChunkIndex>,
+    pub(crate) listed: Option<&'a ChunkIndex>,
 }
 
 /// Walks through the records at the top level.
 #[derive(Debug, Clone)]
-pub(super) struct Frames<'a> {
+pub(crate) struct Frames<'a> {
     file: &'a [u8],
     position: usize,
     /// The chunks that the index lists, in ascending order.
     chunks: &'a [ListedChunk],
     /// Bytes that belong to no record.
-    pub(super) skipped: u64,
+    pub(crate) skipped: u64,
     /// The footer was reached.
-    pub(super) has_footer: bool,
+    pub(crate) has_footer: bool,
 }
 
 impl<'a> Frames<'a> {
     /// The records of a file whose index, if there is one, lists these chunks.
-    pub(super) fn new(file: &'a [u8], chunks: &'a [ListedChunk]) -> Self {
+    pub(crate) fn new(file: &'a [u8], chunks: &'a [ListedChunk]) -> Self {
         Self { file, position: MAGIC.len().min(file.len()), chunks, skipped: 0, has_footer: false }
     }
 
@@ -171,11 +171,11 @@ fn is_open_chunk(file: &[u8], start: usize) -> bool {
 
 /// A chunk that the index at the end of the file lists.
 #[derive(Debug, Clone)]
-pub(super) struct ListedChunk {
+pub(crate) struct ListedChunk {
     /// Start of its record in the file.
-    pub(super) start: usize,
+    pub(crate) start: usize,
     /// End of its record.
-    pub(super) end: usize,
+    pub(crate) end: usize,
     index: ChunkIndex,
 }
 
@@ -193,21 +193,22 @@ impl ListedChunk {
 
 /// The end of a file: definitions, counts and index, as far as they are there and undamaged.
 #[derive(Debug, Default)]
-pub(super) struct Summary {
+pub struct Summary {
     /// Schemas and channels, as records.
-    pub(super) definitions: Vec<Record<'static>>,
-    pub(super) statistics: Option<mcap::records::Statistics>,
+    pub definitions: Vec<Record<'static>>,
+    /// The counts of messages, if the file states them.
+    pub statistics: Option<mcap::records::Statistics>,
     /// The chunks, in ascending order.
-    pub(super) chunks: Vec<ListedChunk>,
+    pub(crate) chunks: Vec<ListedChunk>,
     /// The footer is there.
-    pub(super) has_footer: bool,
+    pub has_footer: bool,
     /// Bytes of the summary are corrupted.
-    pub(super) is_damaged: bool,
+    pub is_damaged: bool,
 }
 
 impl Summary {
     /// Reads it from the end of a file.
-    pub(super) fn read(file: &[u8]) -> Self {
+    pub fn read(file: &[u8]) -> Self {
         const FOOTER: usize = HEAD + 20;
         let mut summary = Self::default();
         let footer = file
@@ -251,7 +252,7 @@ impl Summary {
             place = end;
         }
         summary.chunks.sort_unstable_by_key(|chunk| chunk.start);
-        // Chunks that overlap are not those of a writer.
+        // No writer makes chunks that overlap.
         let mut end = MAGIC.len();
         summary.chunks.retain(|chunk| {
             let is_behind = chunk.start >= end;

@@ -18,26 +18,26 @@ const HEAD: usize = 9;
 
 /// A chunk, decompressed and checked.
 #[derive(Debug, Clone)]
-pub(super) struct Chunk<'a> {
+pub(crate) struct Chunk<'a> {
     /// Times of the first and the last message, as stated by the header, ns.
-    pub(super) times: (u64, u64),
+    pub(crate) times: (u64, u64),
     content: Cow<'a, [u8]>,
     position: usize,
     /// Starts of the messages that the index of the chunk lists, in ascending order.
     messages: Vec<usize>,
     /// Bytes of the chunk are corrupted.
-    pub(super) is_damaged: bool,
+    pub(crate) is_damaged: bool,
     /// The end of the chunk is missing: its writer was interrupted, or the file was cut.
-    pub(super) is_open: bool,
+    pub(crate) is_open: bool,
     /// Reason for which the chunk cannot be read.
-    pub(super) unreadable: Option<String>,
+    pub(crate) unreadable: Option<String>,
     /// Number of bytes that belong to no record.
-    pub(super) skipped: u64,
+    pub(crate) skipped: u64,
 }
 
 impl<'a> Chunk<'a> {
     /// Opens the chunk of a record; `indexes` are the records between it and the next chunk.
-    pub(super) fn open(frame: &Frame<'a>, indexes: &[u8]) -> Self {
+    pub(crate) fn open(frame: &Frame<'a>, indexes: &[u8]) -> Self {
         let mut chunk = Self {
             times: (0, 0),
             content: Cow::Borrowed(&[]),
@@ -104,7 +104,7 @@ impl<'a> Chunk<'a> {
     }
 
     /// The next record.
-    pub(super) fn next(&mut self) -> Option<Record<'a>> {
+    pub(crate) fn next(&mut self) -> Option<Record<'a>> {
         while self.position < self.content.len() {
             let start = self.position;
             let end = self.end(start);

@@ -1,16 +1,16 @@
-//! The subset of the protobuf wire format used by derived schemas.
+//! The protobuf wire format: keys, varints, and length-delimited fields.
 
 /// Wire type of a varint.
-pub(super) const VARINT: u32 = 0;
+pub const VARINT: u32 = 0;
 /// Wire type of eight bytes.
-pub(super) const FIXED_64: u32 = 1;
+pub const FIXED_64: u32 = 1;
 /// Wire type of length-delimited data.
-pub(super) const BYTES: u32 = 2;
+pub const BYTES: u32 = 2;
 /// Wire type of four bytes.
-pub(super) const FIXED_32: u32 = 5;
+pub const FIXED_32: u32 = 5;
 
 /// Appends a number in groups of seven bits.
-pub(super) fn varint(mut number: u64, out: &mut Vec<u8>) {
+pub fn varint(mut number: u64, out: &mut Vec<u8>) {
     while number >= 0x80 {
         out.push(number as u8 | 0x80);
         number >>= 7;
@@ -19,30 +19,30 @@ pub(super) fn varint(mut number: u64, out: &mut Vec<u8>) {
 }
 
 /// Appends the key of a field.
-pub(super) fn key(field: u32, wire: u32, out: &mut Vec<u8>) {
+pub fn key(field: u32, wire: u32, out: &mut Vec<u8>) {
     varint(u64::from(field) << 3 | u64::from(wire), out);
 }
 
 /// Appends a field of bytes: a text, a message or packed numbers.
-pub(super) fn bytes(field: u32, content: &[u8], out: &mut Vec<u8>) {
+pub fn bytes(field: u32, content: &[u8], out: &mut Vec<u8>) {
     key(field, BYTES, out);
     varint(content.len() as u64, out);
     out.extend_from_slice(content);
 }
 
 /// A signed number in a form in which small ones are short.
-pub(super) fn zigzag(number: i64) -> u64 {
+pub fn zigzag(number: i64) -> u64 {
     (number << 1 ^ number >> 63) as u64
 }
 
 /// The number whose form this is.
-pub(super) fn unzigzag(form: u64) -> i64 {
+pub fn unzigzag(form: u64) -> i64 {
     (form >> 1) as i64 ^ -((form & 1) as i64)
 }
 
 /// A decoded field of a message.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Read<'a> {
+pub enum Read<'a> {
     /// A varint.
     Varint(u64),
     /// Four or eight bytes.
@@ -52,7 +52,7 @@ pub(super) enum Read<'a> {
 }
 
 /// Reads a varint from the start of a message; `None` if it is truncated or longer than ten bytes.
-pub(super) fn take_varint(message: &mut &[u8]) -> Option<u64> {
+pub fn take_varint(message: &mut &[u8]) -> Option<u64> {
     let mut number = 0;
     for shift in (0..70).step_by(7) {
         let (first, rest) = message.split_first()?;
@@ -66,7 +66,7 @@ pub(super) fn take_varint(message: &mut &[u8]) -> Option<u64> {
 }
 
 /// Reads a field from the start of a message: number and content. `None` if it is damaged.
-pub(super) fn take<'a>(message: &mut &'a [u8]) -> Option<(u32, Read<'a>)> {
+pub fn take<'a>(message: &mut &'a [u8]) -> Option<(u32, Read<'a>)> {
     let key = take_varint(message)?;
     let field = u32::try_from(key >> 3).ok()?;
     let mut part = |length: usize| {

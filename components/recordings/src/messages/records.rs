@@ -9,47 +9,87 @@ use super::lengths;
 
 /// Damage that was found while the records of a file were read.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Damage {
+pub struct Damage {
     /// Times of the first and the last message of each corrupted chunk, ns.
-    pub(super) chunks: Vec<(u64, u64)>,
+    pub chunks: Vec<(u64, u64)>,
     /// Names of corrupted attachments.
-    pub(super) attachments: Vec<String>,
+    pub attachments: Vec<String>,
     /// Chunks that cannot be read, and the reasons.
-    pub(super) unreadable: Vec<String>,
+    pub unreadable: Vec<String>,
     /// Number of bytes that belong to no record.
-    pub(super) skipped: u64,
+    pub skipped: u64,
     /// Bytes outside chunks and attachments are corrupted.
-    pub(super) has_other: bool,
+    pub has_other: bool,
 }
 
 impl Damage {
+    /// The faults of a file that begins at a time \[ns\], each as what is wrong with it.
+    pub fn faults(&self, is_whole: bool, begin_ns: u64) -> Vec<String> {
+        let mut faults = Vec::new();
+        if !is_whole {
+            faults.push(
+                "is incomplete: everything that it contains is read (`motorium recover` completes it)"
+                    .to_string(),
+            );
+        }
+        faults.extend(damaged(&self.chunks, begin_ns));
+        for name in &self.attachments {
+            faults.push(format!("is damaged: its attachment `{name}` differs from what was written"));
+        }
+        if self.has_other {
+            faults.push("is damaged: bytes outside of its chunks differ from what was written".to_string());
+        }
+        if is_whole && self.skipped > 0 {
+            faults.push(format!("is damaged: {} bytes of it cannot be read", self.skipped));
+        }
+        if let Some(reason) = self.unreadable.first() {
+            let count = self.unreadable.len();
+            faults.push(format!("has {count} chunks that cannot be read: {reason}"));
+        }
+        faults
+    }
+
     /// True if something other than the end of the file is damaged.
-    pub(super) fn is_any(&self) -> bool {
+    pub fn is_any(&self) -> bool {
         let Self { chunks, attachments, unreadable, has_other, .. } = self;
         !chunks.is_empty() || !attachments.is_empty() || !unreadable.is_empty() || *has_other
     }
 }
 
+/// Returns the faults of chunks with these times, for a file that starts at `begin` \[ns\].
+fn damaged(chunks: &[(u64, u64)], begin: u64) -> Option<String> {
+    let (from, to) = (chunks.iter().map(|(from, _)| from).min()?, chunks.iter().map(|(_, to)| to).max()?);
+    let since = |time: &u64| time.saturating_sub(begin) as f64 * 1e-9;
+    let count = chunks.len();
+    let noun = if count == 1 { "chunk" } else { "chunks" };
+    Some(format!(
+        "is damaged: {count} {noun} of it, between {:.3} s and {:.3} s, differ from what was written",
+        since(from),
+        since(to)
+    ))
+}
+
 /// Walks through all records in the order of the file, around damage.
 #[derive(Debug)]
-pub(super) struct Records<'a> {
+pub struct Records<'a> {
     file: &'a [u8],
     frames: Frames<'a>,
     /// A record that was read ahead.
     next: Option<Frame<'a>>,
     chunk: Option<Chunk<'a>>,
     /// Number of chunks so far.
-    pub(super) chunks: usize,
-    pub(super) damage: Damage,
+    pub chunks: usize,
+    /// The damage so far.
+    pub damage: Damage,
     /// The end of the data was reached.
-    pub(super) is_whole: bool,
+    pub is_whole: bool,
     /// The sum of all data is compared with the one in the file.
     checks_all: bool,
 }
 
 impl<'a> Records<'a> {
     /// The records of a file. With `checks_all` also the sum of all data is compared.
-    pub(super) fn new(file: &'a [u8], summary: &'a Summary, checks_all: bool) -> Self {
+    pub fn new(file: &'a [u8], summary: &'a Summary, checks_all: bool) -> Self {
         Self {
             file,
             frames: Frames::new(file, &summary.chunks),
@@ -63,7 +103,7 @@ impl<'a> Records<'a> {
     }
 
     /// True if the newest record comes from a damaged chunk.
-    pub(super) fn is_damaged(&self) -> bool {
+    pub fn is_damaged(&self) -> bool {
         self.chunk.as_ref().is_some_and(|chunk| chunk.is_damaged)
     }
 

@@ -1,0 +1,34 @@
+//! MCAP files of any program: their records, channels and decoded messages.
+//!
+//! [`MessageLog`] lists the channels of a file and decodes their messages into [`Value`]s by the schemas that
+//! the file contains:
+//!
+//! | message encoding | schema encoding |
+//! |---|---|
+//! | `cdr` (plain, little or big endian) | `ros2msg`, `ros2idl`, `omgidl` |
+//! | `json` | any, or none |
+//! | `protobuf` | `protobuf` |
+//!
+//! A channel with another encoding, or a schema outside of these formats, states the [reason](Unsupported).
+//! Chunks may be uncompressed or compressed by lz4 or zstd. Damaged files are read around their damage
+//! ([`Records`]).
+
+mod cdr;
+mod chunks;
+mod decoder;
+mod definition;
+mod framing;
+mod idl;
+mod lengths;
+mod log;
+mod msg;
+mod protobuf;
+mod records;
+mod value;
+pub mod wire;
+
+pub use decoder::{Damaged, Decoder, Schema, Unsupported};
+pub use framing::Summary;
+pub use log::{Channel, LogError, Message, MessageLog};
+pub use records::{Damage, Records};
+pub use value::{Leaf, Number, Value};

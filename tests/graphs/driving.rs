@@ -1,0 +1,98 @@
+//! Robots that follow the keys pressed in `tools/scripts/drive.py`, and stop when they are released.
+
+use std::io::Write as _;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::exports::python;
+use crate::program::printed;
+use crate::support::{Run, machine, signal, workspace};
+
+/// The script, ended with the test.
+struct Keys(Child);
+
+impl Keys {
+    fn open(robot: &str) -> Option<Self> {
+        let mut script = Command::new(python("termios")?);
+        script.arg(workspace().join("tools/scripts/drive.py")).arg(robot).stdin(Stdio::piped());
+        Some(Self(script.spawn().expect("the script starts")))
+    }
+
+    fn press(&mut self, key: u8) {
+        self.0.stdin.as_mut().expect("a pipe").write_all(&[key]).expect("the script reads keys");
+    }
+}
+
+impl Drop for Keys {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A number of the newest sample of a topic.
+fn newest(run: &Run, topic: &str, field: &str, entry: usize) -> f64 {
+    let text = printed(&["topic", "echo", topic, "--run", run.folder.id(), "--count", "1", "--json"]);
+    let sample: Value = serde_json::from_str(text.trim()).expect("JSON");
+    sample["value"][field][entry].as_f64().unwrap_or_else(|| panic!("{sample}"))
+}
+
+/// Presses a key until a number has changed by `distance`, releases it, and waits until the number stays
+/// within `tolerance`. The script stays alive.
+fn drive(
+    robot: &str,
+    graph: &str,
+    (topic, field, entry): (&str, &str, usize),
+    distance: f64,
+    tolerance: f64,
+) {
+    let _machine = machine();
+    let overlay = workspace().join(format!("graphs/overlays/{robot}-by-hand.toml"));
+    let arguments = ["--with", overlay.to_str().expect("a path of text"), "--for", "120 s", "--force"];
+    let Some(mut keys) = Keys::open(robot) else { return };
+    let run = Run::start_when(&workspace().join("graphs").join(graph), &arguments, |plan, region| {
+        let physics = plan.components.iter().position(|component| component.name == "physics");
+        region.components()[physics.expect("physics")].steps.load(std::sync::atomic::Ordering::Relaxed) > 2000
+    });
+    let number = || newest(&run, topic, field, entry);
+    let (start, begun) = (number(), Instant::now());
+    while (number() - start).abs() < distance {
+        keys.press(b'w');
+        std::thread::sleep(Duration::from_millis(50));
+        assert!(begun.elapsed() < Duration::from_secs(60), "{robot} moved by {}", number() - start);
+    }
+    let released = Instant::now();
+    let mut before = number();
+    loop {
+        std::thread::sleep(Duration::from_millis(500));
+        let now = number();
+        if (now - before).abs() < tolerance {
+            break;
+        }
+        before = now;
+        assert!(released.elapsed() < Duration::from_secs(60), "{robot} does not stop");
+    }
+    assert!(keys.0.try_wait().expect("the script can be asked").is_none(), "the script has ended");
+    signal(run.launcher(), Signal::INT);
+    let ended = run.finish();
+    let hand = &ended.report().results["hand"];
+    assert!(hand["published"].as_u64() > Some(5) && hand["introduced"] == 1, "{hand}");
+}
+
+#[test]
+fn rover_is_driven_by_hand() {
+    drive("rover", "drive-square.toml", ("rover/true_base", "position", 0), 0.2, 1e-3);
+}
+
+#[test]
+fn arm_is_driven_by_hand() {
+    drive("panda", "panda-reach.toml", ("panda/true_joint_state", "position", 1), 0.1, 1e-3);
+}
+
+#[test]
+fn quadruped_is_driven_by_hand() {
+    drive("quadruped", "quadruped-mpc.toml", ("quadruped/true_base_state", "position", 0), 0.2, 0.03);
+}
