@@ -114,8 +114,19 @@ impl Model {
         // length.
         let parent = self.bodies()[first].parent;
         let fingers = ends.clone().next().is_some() && ends.all(|body| self.bodies()[body].parent == parent);
-        let body = parent.filter(|_| fingers).unwrap_or(first);
+        let body = self.before_fingers(parent.filter(|_| fingers).unwrap_or(first));
         self.frames().iter().rposition(|frame| frame.body == Some(body)).map(FrameId)
+    }
+
+    /// The nearest body towards the base, or `body` itself, that is not moved by a finger's joint.
+    pub(crate) fn before_fingers(&self, body: usize) -> usize {
+        let mut palm = body;
+        while let Some(parent) =
+            self.bodies()[palm].parent.filter(|_| moves_finger(&self.bodies()[palm].joint.name))
+        {
+            palm = parent;
+        }
+        palm
     }
 }
 
@@ -128,6 +139,14 @@ impl Loaded {
     pub fn end_effector(&self, frame: Option<&str>) -> Result<FrameId, EndEffectorError> {
         self.model.end_effector(self.profile.as_ref(), frame)
     }
+}
+
+/// True if a joint opens and closes a gripper, by its name. The wrist of a gripper has an axis in its name.
+fn moves_finger(joint: &str) -> bool {
+    let joint = joint.to_ascii_lowercase();
+    let parts = ["finger", "gripper", "jaw", "claw", "thumb"];
+    let wrist = ["yaw", "pitch", "roll", "wrist", "_x", "_y", "_z"];
+    parts.iter().any(|part| joint.contains(part)) && !wrist.iter().any(|part| joint.contains(part))
 }
 
 /// Joints that move the tip, starting at the base, and the joints beyond it (its fingers).

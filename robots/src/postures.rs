@@ -37,20 +37,9 @@ impl Posture {
         q
     }
 
-    /// Reads the states of a robot's SRDF: `NAME.srdf` next to the file or in the folder `srdf` next to its
-    /// folder, where NAME is the file's or the robot's name. Empty if it is missing or malformed, since
-    /// nothing depends on it.
+    /// Reads the states of a robot's SRDF. Empty if it is missing or malformed, since nothing depends on it.
     pub(crate) fn beside(file: &Path, model: &Model) -> Vec<Self> {
-        let names = [file.with_extension("srdf").file_name().map(PathBuf::from), {
-            Some(PathBuf::from(format!("{}.srdf", model.name())))
-        }];
-        let folders = [file.parent().map(Path::to_owned), {
-            file.parent().and_then(Path::parent).map(|folder| folder.join("srdf"))
-        }];
-        let mut places =
-            folders.iter().flatten().flat_map(|folder| names.iter().flatten().map(|name| folder.join(name)));
-        let text = places.find_map(|path| String::from_utf8(read_bounded(&path, LONGEST).ok()?).ok());
-        text.map(|text| Self::parse(&text, model)).unwrap_or_default()
+        srdf_beside(file, model).map(|text| Self::parse(&text, model)).unwrap_or_default()
     }
 
     /// Parses the states of an SRDF text; empty if it is malformed.
@@ -90,6 +79,20 @@ impl Posture {
         }
         true
     }
+}
+
+/// Returns the text of a robot's SRDF: `NAME.srdf` next to the file or in the folder `srdf` next to its
+/// folder, where NAME is the file's or the robot's name.
+pub(crate) fn srdf_beside(file: &Path, model: &Model) -> Option<String> {
+    let names = [file.with_extension("srdf").file_name().map(PathBuf::from), {
+        Some(PathBuf::from(format!("{}.srdf", model.name())))
+    }];
+    let folders = [file.parent().map(Path::to_owned), {
+        file.parent().and_then(Path::parent).map(|folder| folder.join("srdf"))
+    }];
+    let mut places =
+        folders.iter().flatten().flat_map(|folder| names.iter().flatten().map(|name| folder.join(name)));
+    places.find_map(|path| String::from_utf8(read_bounded(&path, LONGEST).ok()?).ok())
 }
 
 #[cfg(test)]

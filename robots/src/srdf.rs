@@ -36,6 +36,14 @@ pub(crate) struct GroupState {
     pub(crate) joints: Vec<(String, Vec<f64>)>,
 }
 
+/// An `<end_effector>`: a link with which a group of joints acts on the environment.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct GroupEnd {
+    pub(crate) name: String,
+    pub(crate) link: String,
+    pub(crate) group: String,
+}
+
 impl Srdf {
     /// Parses the collision rules in the text of an SRDF file.
     ///
@@ -108,6 +116,21 @@ pub(crate) fn group_states(text: &str) -> Result<Vec<GroupState>, SrdfError> {
                     (attribute(joint, "name"), numbers(value).unwrap_or_default())
                 })
                 .collect(),
+        })
+        .collect())
+}
+
+/// The end effectors in the text of an SRDF file, in their order, without those that name no link.
+pub(crate) fn group_ends(text: &str) -> Result<Vec<GroupEnd>, SrdfError> {
+    let document = read(text)?;
+    let ends = document.root_element().children().filter(|node| node.has_tag_name("end_effector"));
+    let text = |node: Node<'_, '_>, name: &str| node.attribute(name).unwrap_or_default().to_owned();
+    Ok(ends
+        .filter(|end| end.has_attribute("parent_link"))
+        .map(|end| GroupEnd {
+            name: text(end, "name"),
+            link: text(end, "parent_link"),
+            group: text(end, "group"),
         })
         .collect())
 }

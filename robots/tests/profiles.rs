@@ -4,8 +4,8 @@ use std::path::Path;
 
 use approx::assert_relative_eq;
 use motorium_robots::{
-    BaseMode, Kinematics, LoadOptions, Profile, ProfileError, Steering, TaskRows, catalogue, draft_profile,
-    load, load_with,
+    BaseKind, BaseMode, Kinematics, LoadOptions, Loaded, Profile, ProfileChoice, ProfileError, Steering,
+    TaskRows, catalogue, draft_profile, load, load_with,
 };
 
 fn profile(name: &str) -> Profile {
@@ -144,7 +144,7 @@ fn the_first_home_of_an_arm_moves_its_tool_in_all_directions() {
             kinematics.update(&arm.model, q);
             kinematics.manipulability(&arm.model, tool, TaskRows::POSE)
         };
-        let text = draft_profile(&arm);
+        let text = draft_profile(&arm, BaseMode::AsFile);
         let drafted = measure(Profile::parse(&text).unwrap().home(&arm.model).unwrap().as_slice());
         let makers = measure(arm.profile.as_ref().unwrap().home(&arm.model).unwrap().as_slice());
         assert!(drafted > 0.3 * makers, "{name}: {drafted}, {makers} at its maker's");
@@ -154,5 +154,175 @@ fn the_first_home_of_an_arm_moves_its_tool_in_all_directions() {
         );
     }
     let wheels = load("differential-drive", Path::new(".")).unwrap();
-    assert!(draft_profile(&wheels).contains("inside the limits.\n"), "it has no arm that could be bent");
+    assert!(
+        draft_profile(&wheels, BaseMode::AsFile).contains("inside the limits.\n"),
+        "it has no arm that could be bent"
+    );
+}
+
+/// The robot without its profile, and the first one that is drafted for it.
+fn drafted(reference: &str) -> (Loaded, Profile, String) {
+    let options = LoadOptions { profile: ProfileChoice::Without, ..LoadOptions::default() };
+    let robot = load_with(reference, Path::new("."), &options).unwrap();
+    let text = draft_profile(&robot, BaseMode::AsFile);
+    let profile = Profile::parse(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+    profile.check(&robot.model).unwrap();
+    (robot, profile, text)
+}
+
+#[test]
+fn legged_robots_stand_in_their_first_home() {
+    for (name, feet) in [("quadruped", 4), ("humanoid", 2)] {
+        let (robot, profile, text) = drafted(name);
+        assert_eq!((profile.base, profile.feet.len()), (BaseKind::Floating, feet), "{text}");
+        assert!(text.contains(&format!("# It stands on its {feet} feet")), "{text}");
+        let options = LoadOptions {
+            base: BaseMode::Floating,
+            profile: ProfileChoice::Without,
+            ..LoadOptions::default()
+        };
+        let model = load_with(name, Path::new("."), &options).unwrap().model;
+        let q = profile.configuration(&model, &profile.home).unwrap();
+        let mut kinematics = Kinematics::new(&model);
+        kinematics.update(&model, q.as_slice());
+        let centre_of_mass = kinematics.centre_of_mass(&model).position;
+        let [mut least, mut most] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+        for foot in profile.feet.values() {
+            let position = kinematics.pose(&model, model.frame(&foot.frame).unwrap()).translation.vector;
+            assert_relative_eq!(position.z, foot.radius.unwrap_or(0.0), epsilon = 2e-3);
+            let sides = foot.sole.unwrap_or_default();
+            for axis in 0..2 {
+                least[axis] = least[axis].min(position[axis] - sides[axis] / 2.0);
+                most[axis] = most[axis].max(position[axis] + sides[axis] / 2.0);
+            }
+        }
+        for axis in 0..2 {
+            let (room, middle) = (most[axis] - least[axis], (most[axis] + least[axis]) / 2.0);
+            assert!((centre_of_mass[axis] - middle).abs() < 0.1 * room, "{name}: axis {axis}\n{text}");
+        }
+        for (index, joint) in robot.model.joint_names().iter().enumerate() {
+            let range = robot.model.lower()[index]..=robot.model.upper()[index];
+            assert!(range.contains(&profile.poses["home"].values()[index]), "{name}: {joint}\n{text}");
+        }
+    }
+}
+
+#[test]
+fn first_profile_keeps_a_requested_fixed_base() {
+    let options = LoadOptions { profile: ProfileChoice::Without, ..LoadOptions::default() };
+    let robot = load_with("quadruped", Path::new("."), &options).unwrap();
+    let profile = Profile::parse(&draft_profile(&robot, BaseMode::Fixed)).unwrap();
+    assert_eq!(profile.base, BaseKind::Fixed);
+    assert!(profile.feet.is_empty() && profile.base_poses.is_empty());
+}
+
+#[test]
+fn first_profile_follows_the_srdf() {
+    let folder = tempfile::tempdir().unwrap();
+    let urdf = catalogue().iter().find(|entry| entry.name == "quadruped").unwrap().urdf;
+    let file = folder.path().join("walker.urdf");
+    std::fs::write(&file, urdf).unwrap();
+    let own = profile("quadruped");
+    let ends: String = own
+        .feet
+        .values()
+        .zip(["a", "b", "c", "d"])
+        .map(|(foot, name)| {
+            format!("<end_effector name=\"leg_{name}\" parent_link=\"{}\" group=\"leg\"/>", foot.frame)
+        })
+        .collect();
+    let standing = own.poses["standing"].values().iter().zip(&own.joints);
+    let state: String =
+        standing.map(|(value, joint)| format!("<joint name=\"{joint}\" value=\"{value}\"/>")).collect();
+    let srdf = format!(
+        "<robot name=\"walker\">{ends}<group_state name=\"standing\" group=\"all\">{state}</group_state></robot>"
+    );
+    std::fs::write(folder.path().join("walker.srdf"), srdf).unwrap();
+    let (_, profile, text) = drafted(file.to_str().unwrap());
+    let names: Vec<_> = profile.feet.keys().map(String::as_str).collect();
+    assert_eq!(names, ["leg_a", "leg_b", "leg_c", "leg_d"], "{text}");
+    assert!(text.contains("like \"standing\" of the SRDF"), "{text}");
+    assert!(profile.base_poses.contains_key("standing") && profile.base_poses.contains_key("home"));
+    for (home, standing) in profile.poses["home"].values().iter().zip(own.poses["standing"].values()) {
+        assert_relative_eq!(home, standing, epsilon = 0.1);
+    }
+}
+
+/// An arm whose wrist has friction and little inertia, with a jaw beyond it.
+const GRIPPER_ARM: &str = r#"<robot name="arm"><link name="root"/>
+    <link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="2"/>
+        <inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <link name="wrist"><inertial><mass value="0.05"/>
+        <inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <link name="jaw"><inertial><mass value="0.02"/>
+        <inertia ixx="1e-6" iyy="1e-6" izz="1e-6" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <joint name="shoulder" type="revolute"><parent link="root"/><child link="upper"/><axis xyz="0 1 0"/>
+        <limit lower="-2" upper="2" velocity="2" effort="30"/></joint>
+    <joint name="turn" type="revolute"><parent link="upper"/><child link="wrist"/><origin xyz="0.4 0 0"/>
+        <axis xyz="1 0 0"/><limit lower="-2" upper="2" velocity="2" effort="5"/><dynamics friction="1.0"/></joint>
+    <joint name="jointGripper" type="revolute"><parent link="wrist"/><child link="jaw"/><axis xyz="0 1 0"/>
+        <limit lower="-1.5" upper="0" velocity="2" effort="5"/></joint></robot>"#;
+
+#[test]
+fn first_gains_overcome_the_friction_of_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("arm.urdf");
+    std::fs::write(&file, GRIPPER_ARM).unwrap();
+    let (robot, profile, text) = drafted(file.to_str().unwrap());
+    let gains = profile.gains(&robot.model).unwrap();
+    let turn = robot.model.joint_index("turn").unwrap();
+    assert!(gains.kp[turn] >= 1.0 / 0.005, "{text}");
+}
+
+#[test]
+fn first_tool_is_before_its_fingers() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("arm.urdf");
+    std::fs::write(&file, GRIPPER_ARM).unwrap();
+    let check = |name: &str| {
+        let (_, profile, text) = drafted(file.to_str().unwrap());
+        let tool = &profile.end_effectors[name];
+        assert_eq!(
+            (tool.frame.as_str(), &tool.fingers[..]),
+            ("wrist", &["jointGripper".into()][..]),
+            "{text}"
+        );
+        assert_eq!(tool.joints, ["shoulder", "turn"]);
+    };
+    check("tool");
+    // The SRDF of a gripper names its moving jaw.
+    let srdf =
+        "<robot name=\"arm\"><end_effector name=\"hand\" parent_link=\"jaw\" group=\"gripper\"/></robot>";
+    std::fs::write(folder.path().join("arm.srdf"), srdf).unwrap();
+    check("hand");
+}
+
+/// Two links whose drive at the root cannot hold them stretched out.
+#[test]
+fn first_home_of_a_weak_arm_is_where_its_drives_hold_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("weak.urdf");
+    let link = |name: &str| {
+        format!(
+            "<link name=\"{name}\"><inertial><origin xyz=\"0.2 0 0\"/><mass value=\"1\"/>\
+             <inertia ixx=\"0.01\" iyy=\"0.01\" izz=\"0.01\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link>"
+        )
+    };
+    let joint = |name: &str, parent: &str, child: &str, effort: f64| {
+        format!(
+            "<joint name=\"{name}\" type=\"revolute\"><parent link=\"{parent}\"/><child link=\"{child}\"/>\
+             <origin xyz=\"0.4 0 0\"/><axis xyz=\"0 1 0\"/>\
+             <limit lower=\"-1.6\" upper=\"1.6\" velocity=\"2\" effort=\"{effort}\"/></joint>"
+        )
+    };
+    let (a, b) = (joint("a", "root", "upper", 5.0), joint("b", "upper", "lower", 3.0));
+    let (upper, lower) = (link("upper"), link("lower"));
+    std::fs::write(&file, format!("<robot name=\"weak\"><link name=\"root\"/>{upper}{lower}{a}{b}</robot>"))
+        .unwrap();
+    let (robot, profile, text) = drafted(file.to_str().unwrap());
+    let q = profile.home(&robot.model).unwrap();
+    let mut effort = [0.0; 2];
+    let gravity = nalgebra::Vector3::new(0.0, 0.0, -9.81);
+    motorium_robots::Dynamics::new(&robot.model).gravity(&robot.model, q.as_slice(), gravity, &mut effort);
+    assert!(effort[0].abs() <= 3.5 && effort[1].abs() <= 2.1, "{effort:?}\n{text}");
 }

@@ -138,7 +138,8 @@ fn shapes(robot: &Loaded) -> usize {
 /// Holds a robot for two seconds.
 fn held(robot: &Loaded, armature: f64) -> Result<String, String> {
     let (model, free) = (&robot.model, robot.model.base().floating);
-    let profile = Profile::parse(&draft_profile(robot)).map_err(|error| error.to_string())?;
+    let profile =
+        Profile::parse(&draft_profile(robot, BaseMode::AsFile)).map_err(|error| error.to_string())?;
     let q = start(robot, &profile);
     let setup = RobotSetup::from_loaded(robot).map_err(|error| error.to_string())?;
     let world = if free { grounded(vec![]) } else { World::default() };

@@ -12,9 +12,10 @@ use super::source::RobotArgs;
 use crate::out::{errln, out, outln};
 use crate::style;
 
-/// Write a first profile of a robot, to be edited: end effector, home pose, gains and limits.
+/// Write a first profile of a robot, to be edited: feet, end effectors, home pose, gains and limits.
 ///
-/// The end effector is the tip of the longest chain of joints, the home pose lies inside the limits, gains
+/// Feet and end effectors come from the SRDF, or from the names of links; the home pose stands or lies
+/// inside the limits, gains
 /// and accelerations follow from inertias and effort limits. A graph names it by `profile` in its
 /// `[robot.NAME]`; a profile of the same name in the folder of the robot's file needs no entry.
 ///
@@ -37,7 +38,7 @@ impl Profile {
         for warning in ModelWarning::summarise(&robot.warnings) {
             errln!("{}: {warning}", style::warning("warning"));
         }
-        let text = draft_profile(&robot);
+        let text = draft_profile(&robot, self.robot.base());
         let Some(file) = &self.output else {
             out!("{text}");
             return Ok(ExitCode::SUCCESS);

@@ -61,6 +61,15 @@ impl RobotArgs {
         self.load_with(mimic, ProfileChoice::Own, ShapeSource::Collision)
     }
 
+    /// The requested base.
+    pub(super) fn base(&self) -> BaseMode {
+        match (self.floating_base, self.fixed_base) {
+            (true, _) => BaseMode::Floating,
+            (_, true) => BaseMode::Fixed,
+            _ => BaseMode::AsFile,
+        }
+    }
+
     /// Loads the robot with another profile, or without one, or with other shapes.
     pub(super) fn load_with(
         &self,
@@ -68,11 +77,7 @@ impl RobotArgs {
         profile: ProfileChoice,
         shapes: ShapeSource,
     ) -> Result<Loaded, LoadError> {
-        let base = match (self.floating_base, self.fixed_base) {
-            (true, _) => BaseMode::Floating,
-            (_, true) => BaseMode::Fixed,
-            _ => BaseMode::AsFile,
-        };
+        let base = self.base();
         let packages = PackagePath { folders: self.package_path.clone(), prefixes: Vec::new() };
         let options = LoadOptions { base, mimic, packages, profile, shapes, ..LoadOptions::default() };
         load_with(&self.robot, Path::new(""), &options)

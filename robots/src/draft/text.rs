@@ -1,0 +1,55 @@
+//! TOML text of a draft profile.
+
+use std::fmt::Write as _;
+
+/// Width of a line, in characters.
+const WIDTH: usize = 100;
+
+/// A number with two digits.
+pub(super) fn rounded(number: f64) -> f64 {
+    format!("{number:.1e}").parse().unwrap_or(number)
+}
+
+pub(super) fn quoted(text: &str) -> String {
+    toml::Value::from(text).to_string()
+}
+
+/// A key of a table, in quotes where it needs them.
+pub(super) fn key(name: &str) -> String {
+    let bare = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+    if bare { name.to_string() } else { quoted(name) }
+}
+
+pub(super) fn strings(key: &str, values: &[String]) -> String {
+    list(key, values.iter().map(|value| quoted(value)))
+}
+
+pub(super) fn numbers(key: &str, values: impl Iterator<Item = f64>) -> String {
+    list(
+        key,
+        values.map(|value| match value {
+            value if value.is_infinite() => "inf".to_string(),
+            value => format!("{:?}", (value * 1e6).round() / 1e6 + 0.0),
+        }),
+    )
+}
+
+/// A key with a list, over several lines where it is long.
+pub(super) fn list(key: &str, values: impl Iterator<Item = String>) -> String {
+    let values: Vec<String> = values.collect();
+    let inline = format!("{key} = [{}]\n", values.join(", "));
+    if inline.len() <= WIDTH {
+        return inline;
+    }
+    let mut text = format!("{key} = [\n");
+    let mut line = String::new();
+    for value in values {
+        if !line.is_empty() && line.len() + value.len() + 2 > WIDTH - 4 {
+            let _ = writeln!(text, "    {}", line.trim_end());
+            line.clear();
+        }
+        let _ = write!(line, "{value}, ");
+    }
+    let _ = writeln!(text, "    {}\n]", line.trim_end());
+    text
+}
