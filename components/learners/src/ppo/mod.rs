@@ -41,6 +41,7 @@ use serde::{Deserialize, Serialize};
 use network::Network;
 use rollout::Rollout;
 pub use settings::PpoSettings;
+use update::{Part, Passes};
 
 use crate::environment::{EnvironmentError, VectorEnvironment};
 pub use crate::learner::Normaliser;
@@ -100,6 +101,8 @@ pub struct Ppo<E> {
     adam: Adam,
     state: State,
     rollout: Rollout,
+    /// Memory for the gradients of chunks and for the passes of threads.
+    memory: (Vec<Part>, Vec<Passes>),
 }
 
 impl<E: Engine + Send> Ppo<E> {
@@ -166,6 +169,7 @@ impl<E: Engine + Send> Ppo<E> {
             adam,
             state,
             rollout,
+            memory: (vec![], vec![]),
         })
     }
 
