@@ -30,6 +30,7 @@
 mod checkpoint;
 mod collect;
 mod network;
+mod part;
 mod rollout;
 mod settings;
 mod update;
@@ -39,9 +40,9 @@ use motorium_physics::{BuildError, Engine, Simulation};
 use serde::{Deserialize, Serialize};
 
 use network::Network;
+use part::{Part, Passes};
 use rollout::Rollout;
 pub use settings::PpoSettings;
-use update::{Part, Passes};
 
 use crate::environment::{EnvironmentError, VectorEnvironment};
 pub use crate::learner::Normaliser;

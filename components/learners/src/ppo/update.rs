@@ -4,38 +4,11 @@ use motorium_physics::Engine;
 use rand::seq::SliceRandom as _;
 
 use super::Ppo;
-use super::network::{Network, Trace};
+use super::network::Network;
+use super::part::{Losses, Part, Passes};
 use super::rollout::Spread;
 use crate::learner::{CHUNK, LearnerError, check_finite, for_chunks};
 use crate::random::{Counter, Purpose};
-
-/// Averages over an update.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Losses {
-    pub(super) policy: f64,
-    pub(super) value: f64,
-    pub(super) entropy: f64,
-    pub(super) divergence: f64,
-    pub(super) rate: f64,
-}
-
-/// Gradient and losses of a chunk, summed over its samples.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Part {
-    policy: Vec<f32>,
-    value: Vec<f32>,
-    deviations: Vec<f32>,
-    losses: Losses,
-}
-
-/// Memory of a thread for the passes through policy and value.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Passes {
-    /// Observations of a chunk.
-    input: Vec<f32>,
-    policy: Trace,
-    value: Trace,
-}
 
 impl<E: Engine + Send> Ppo<E> {
     /// Updates the networks by the steps of the rollout.
