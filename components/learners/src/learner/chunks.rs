@@ -12,25 +12,40 @@ pub(crate) fn map_chunks<I: Sync, T: Default + Send>(
     items: &[I],
     work: impl Fn(&I) -> T + Sync,
 ) -> Vec<T> {
-    if threads <= 1 || items.len() <= 1 {
-        return items.iter().map(work).collect();
+    let mut results = Vec::new();
+    results.resize_with(items.len(), T::default);
+    let mut memories = vec![(); threads.max(1)];
+    for_chunks(&mut memories, items, &mut results, |item, result, ()| *result = work(item));
+    results
+}
+
+/// Calls `work` for each item, its slot and the memory of a thread, one thread for each memory. Whichever
+/// thread is free takes the next item.
+pub(crate) fn for_chunks<I: Sync, T: Send, M: Send>(
+    memories: &mut [M],
+    items: &[I],
+    slots: &mut [T],
+    work: impl Fn(&I, &mut T, &mut M) + Sync,
+) {
+    let Some((own, others)) = memories.split_first_mut() else { return };
+    let pairs = items.iter().zip(slots);
+    if others.is_empty() || items.len() <= 1 {
+        return pairs.for_each(|(item, slot)| work(item, slot, own));
     }
-    let slots: Vec<Mutex<T>> = items.iter().map(|_| Mutex::default()).collect();
+    let pairs: Vec<_> = pairs.map(|(item, slot)| (item, Mutex::new(slot))).collect();
     let next = AtomicUsize::new(0);
-    let run = || {
-        loop {
-            let index = next.fetch_add(1, Ordering::Relaxed);
-            let (Some(item), Some(slot)) = (items.get(index), slots.get(index)) else { break };
-            *slot.lock().unwrap_or_else(PoisonError::into_inner) = work(item);
+    let run = |memory: &mut M| {
+        while let Some((item, slot)) = pairs.get(next.fetch_add(1, Ordering::Relaxed)) {
+            work(item, *slot.lock().unwrap_or_else(PoisonError::into_inner), memory);
         }
     };
+    let run = &run;
     std::thread::scope(|scope| {
-        for _ in 1..threads.min(items.len()) {
-            scope.spawn(run);
+        for memory in others.iter_mut().take(items.len() - 1) {
+            scope.spawn(move || run(memory));
         }
-        run();
+        run(own);
     });
-    slots.into_iter().map(|slot| slot.into_inner().unwrap_or_else(PoisonError::into_inner)).collect()
 }
 
 #[cfg(test)]

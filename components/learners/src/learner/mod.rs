@@ -18,7 +18,7 @@ use serde::Serialize;
 
 pub use algorithm::{Algorithm, UnknownAlgorithm};
 pub use checkpoint::{CheckpointError, CheckpointReader, CheckpointWriter};
-pub(crate) use chunks::{CHUNK, map_chunks};
+pub(crate) use chunks::{CHUNK, for_chunks, map_chunks};
 pub(crate) use episodes::Episodes;
 pub use network::{Head, TrainedNetwork};
 pub use normaliser::Normaliser;

@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use rand_distr::{Distribution as _, StandardNormal};
 
 use super::Ppo;
-use super::network::single_steps;
+use super::network::{Trace, single_steps};
 use super::rollout::Spread;
 use crate::environment::EnvironmentError;
 use crate::random::{Counter, Purpose};
@@ -22,6 +22,7 @@ impl<E: Engine + Send> Ppo<E> {
         let units = self.settings.recurrent;
         self.worlds.set_level(self.worlds.terms().level(self.state.steps));
         let spread = Spread::new(&self.deviations, &self.active);
+        let [mut values, mut means] = [Trace::default(), Trace::default()];
         let mut last = DMatrix::zeros(inputs, worlds);
         // worlds whose steps count
         let mut live = vec![true; worlds];
@@ -37,16 +38,16 @@ impl<E: Engine + Send> Ppo<E> {
             let rows = self.worlds.observations().chunks_exact(inputs).zip(&live);
             rows.filter(|(_, live)| **live).for_each(|(row, _)| self.state.observations.update(row));
             self.state.observations.apply(self.worlds.observations(), observations);
-            let input = DMatrix::from_column_slice(inputs, worlds, observations);
             if units > 0 && step % self.rollout.unroll == 0 {
                 let first = step / self.rollout.unroll * worlds * units;
                 for (stored, states) in self.rollout.states.iter_mut().zip(&self.memories) {
                     stored[first..first + worlds * units].copy_from_slice(states);
                 }
             }
-            let values = self.value.forward(input.clone(), single_steps(&self.memories[1], units));
+            let input = (inputs, &*observations);
+            self.value.run(&mut values, input, single_steps(&self.memories[1], units));
             self.rollout.values[samples.clone()].copy_from_slice(values.output().as_slice());
-            let means = self.policy.forward(input, single_steps(&self.memories[0], units));
+            self.policy.run(&mut means, input, single_steps(&self.memories[0], units));
             self.memories[0].copy_from_slice(means.states());
             self.memories[1].copy_from_slice(values.states());
             let actions = &mut self.rollout.actions[samples.start * width..samples.end * width];

@@ -30,6 +30,7 @@
 mod checkpoint;
 mod collect;
 mod network;
+mod part;
 mod rollout;
 mod settings;
 mod update;
@@ -39,6 +40,7 @@ use motorium_physics::{BuildError, Engine, Simulation};
 use serde::{Deserialize, Serialize};
 
 use network::Network;
+use part::{Part, Passes};
 use rollout::Rollout;
 pub use settings::PpoSettings;
 
@@ -100,6 +102,8 @@ pub struct Ppo<E> {
     adam: Adam,
     state: State,
     rollout: Rollout,
+    /// Memory for the gradients of chunks and for the passes of threads.
+    memory: (Vec<Part>, Vec<Passes>),
 }
 
 impl<E: Engine + Send> Ppo<E> {
@@ -166,6 +170,7 @@ impl<E: Engine + Send> Ppo<E> {
             adam,
             state,
             rollout,
+            memory: (vec![], vec![]),
         })
     }
 

@@ -32,8 +32,8 @@ pub(super) struct Piece<'a> {
     pub(super) steps: usize,
 }
 
-/// A forward pass, kept for the backward pass.
-#[derive(Clone, Debug)]
+/// A forward pass, kept for the backward pass, whose memory can be used again.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Trace {
     pieces: Vec<PieceTrace>,
     /// States after each step, one column after the other.
@@ -165,6 +165,42 @@ impl Network {
         }
         let layers = self.layers.forward(DMatrix::from_column_slice(memory.units, input.ncols(), &states));
         Trace { pieces: traces, states, layers }
+    }
+
+    /// As [`forward`](Self::forward) with inputs one sample after the other, into a trace: without a memory
+    /// it does not allocate for as many samples as before.
+    pub(super) fn run<'a>(
+        &self,
+        trace: &mut Trace,
+        (inputs, input): (usize, &[f32]),
+        pieces: impl IntoIterator<Item = Piece<'a>>,
+    ) {
+        let samples = input.len() / inputs;
+        if self.memory.is_some() {
+            *trace = self.forward(DMatrix::from_column_slice(inputs, samples, input), pieces);
+        } else {
+            trace.layers.input_mut(inputs, samples).copy_from_slice(input);
+            self.layers.run(&mut trace.layers);
+        }
+    }
+
+    /// Writes the [gradient](Self::gradients) by all parameters. `output` writes all numbers of the gradient
+    /// by the outputs, one sample after the other, from the outputs.
+    pub(super) fn write_gradients(
+        &self,
+        trace: &mut Trace,
+        output: impl FnOnce(&[f32], &mut [f32]),
+        parameters: &mut Vec<f32>,
+    ) {
+        parameters.resize(self.parameters(), 0.0);
+        if self.memory.is_some() {
+            let outputs = trace.output();
+            let mut gradient = DMatrix::zeros(outputs.nrows(), outputs.ncols());
+            output(outputs.as_slice(), gradient.as_mut_slice());
+            parameters.copy_from_slice(&self.gradients(trace, gradient));
+        } else {
+            self.layers.write_gradients(&mut trace.layers, output, parameters);
+        }
     }
 
     /// Gradient of a loss by all parameters from its gradient by the outputs: back-propagation through the

@@ -1,33 +1,14 @@
 //! Gradients and the optimiser.
 
 use motorium_physics::Engine;
-use nalgebra::DMatrix;
 use rand::seq::SliceRandom as _;
 
 use super::Ppo;
 use super::network::Network;
+use super::part::{Losses, Part, Passes};
 use super::rollout::Spread;
-use crate::learner::{CHUNK, LearnerError, check_finite, map_chunks};
+use crate::learner::{CHUNK, LearnerError, check_finite, for_chunks};
 use crate::random::{Counter, Purpose};
-
-/// Averages over an update.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Losses {
-    pub(super) policy: f64,
-    pub(super) value: f64,
-    pub(super) entropy: f64,
-    pub(super) divergence: f64,
-    pub(super) rate: f64,
-}
-
-/// Gradient and losses of a chunk, summed over its samples.
-#[derive(Clone, Debug, Default)]
-struct Part {
-    policy: Vec<f32>,
-    value: Vec<f32>,
-    deviations: Vec<f32>,
-    losses: Losses,
-}
 
 impl<E: Engine + Send> Ppo<E> {
     /// Updates the networks by the steps of the rollout.
@@ -83,11 +64,17 @@ impl<E: Engine + Send> Ppo<E> {
         // whole sequences
         let chunk = (CHUNK / self.rollout.unroll).max(1) * self.rollout.unroll;
         let chunks: Vec<&[usize]> = batch.chunks(chunk).collect();
+        let (mut parts, mut passes) = core::mem::take(&mut self.memory);
+        passes.resize_with(self.threads, Passes::default);
+        parts.resize_with(parts.len().max(chunks.len()), Part::default);
         let shared = self.shared();
-        let parts = map_chunks(self.threads, &chunks, |chunk| shared.part(chunk, batch.len(), normal));
-        let mut parts = parts.into_iter();
-        let Some(mut sum) = parts.next() else { return Ok(Losses::default()) };
-        for part in parts {
+        for_chunks(&mut passes, &chunks, &mut parts, |chunk, part, passes| {
+            shared.part(chunk, (batch.len(), normal), (part, passes));
+        });
+        let Some((sum, others)) = parts[..chunks.len()].split_first_mut() else {
+            return Ok(Losses::default());
+        };
+        for part in others {
             for (sum, part) in [
                 (&mut sum.policy, &part.policy),
                 (&mut sum.value, &part.value),
@@ -115,8 +102,8 @@ impl<E: Engine + Send> Ppo<E> {
         ] {
             check_finite(self.state.updates, term, value)?;
         }
-        let all = || sum.policy.iter().chain(&sum.value).chain(&sum.deviations);
-        let norm = all().map(|g| f64::from(*g).powi(2)).sum::<f64>().sqrt();
+        let norm =
+            [&sum.policy, &sum.value, &sum.deviations].map(|part| squares(part)).iter().sum::<f64>().sqrt();
         check_finite(self.state.updates, "norm of the gradient", norm)?;
         let factor = (self.settings.gradient / (norm + 1e-6)).min(1.0) as f32;
         for gradient in [&mut sum.policy, &mut sum.value, &mut sum.deviations] {
@@ -131,7 +118,9 @@ impl<E: Engine + Send> Ppo<E> {
         );
         self.policy.set(&policy);
         self.value.set(&value);
-        Ok(sum.losses)
+        let losses = sum.losses;
+        self.memory = (parts, passes);
+        Ok(losses)
     }
 
     fn shared(&self) -> Shared<'_> {
@@ -146,6 +135,16 @@ impl<E: Engine + Send> Ppo<E> {
     }
 }
 
+/// The sum of squares, in eight sums that vectorise.
+fn squares(numbers: &[f32]) -> f64 {
+    let mut sums = [0.0; 8];
+    let (chunks, rest) = numbers.as_chunks::<8>();
+    for chunk in chunks {
+        sums.iter_mut().zip(chunk).for_each(|(sum, x)| *sum += f64::from(*x) * f64::from(*x));
+    }
+    sums.iter().sum::<f64>() + rest.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>()
+}
+
 /// All that the gradient of a chunk depends on.
 struct Shared<'a> {
     policy: &'a Network,
@@ -157,43 +156,52 @@ struct Shared<'a> {
 }
 
 impl Shared<'_> {
-    /// Gradient and losses of some samples of a minibatch of `count`, with the mean and deviation of its
-    /// advantages.
-    fn part(&self, chunk: &[usize], count: usize, (center, deviation): (f32, f32)) -> Part {
-        let (size, samples) = (chunk.len(), self.rollout.returns.len());
-        let inputs = self.rollout.observations.len() / samples;
+    /// Writes gradient and losses of some samples of a minibatch of `count`, with the mean and deviation of
+    /// its advantages.
+    fn part(
+        &self,
+        chunk: &[usize],
+        (count, (center, deviation)): (usize, (f32, f32)),
+        (part, passes): (&mut Part, &mut Passes),
+    ) {
+        let rollout = self.rollout;
+        let inputs = rollout.observations.len() / rollout.returns.len();
         let width = self.spread.deviations.len();
         let share = 1.0 / count as f32;
-        let mut input = DMatrix::zeros(inputs, size);
-        for (mut column, k) in input.column_iter_mut().zip(chunk) {
-            column.copy_from_slice(&self.rollout.observations[k * inputs..][..inputs]);
-        }
-        let value = self.value.forward(input.clone(), self.rollout.pieces(chunk, 1));
-        let policy = self.policy.forward(input, self.rollout.pieces(chunk, 0));
-        let mut by_mean = DMatrix::zeros(width, size);
-        let mut by_value = DMatrix::zeros(1, size);
-        let mut part = Part { deviations: vec![0.0; width], ..Part::default() };
-        for (column, k) in chunk.iter().enumerate() {
-            let action = &self.rollout.actions[k * width..][..width];
-            let mean = &policy.output().as_slice()[column * width..][..width];
-            let change = self.spread.log_density(action, mean) - self.rollout.log_probabilities[*k];
-            let ratio = change.exp();
-            let advantage = (self.rollout.advantages[*k] - center) / deviation;
-            let clipped = ratio.clamp(1.0 - self.clip, 1.0 + self.clip);
-            let loss = (-advantage * ratio).max(-advantage * clipped);
-            // beyond the clip only changes that make the loss larger have a slope
-            let slope =
-                if -advantage * ratio >= -advantage * clipped { -advantage * ratio * share } else { 0.0 };
-            let by_mean = &mut by_mean.as_mut_slice()[column * width..][..width];
-            self.spread.slopes((action, mean), slope, by_mean, &mut part.deviations);
-            let error = value.output()[column] - self.rollout.returns[*k];
-            by_value[column] = self.weight * error * share;
-            part.losses.policy += f64::from(loss * share);
-            part.losses.value += f64::from(error * error * share);
-            part.losses.divergence += f64::from((ratio - 1.0 - change) * share);
-        }
-        part.policy = self.policy.gradients(&policy, by_mean);
-        part.value = self.value.gradients(&value, by_value);
-        part
+        let Part { policy, value, deviations, losses } = part;
+        let Passes { input, policy: policy_trace, value: value_trace } = passes;
+        *losses = Losses::default();
+        deviations.clear();
+        deviations.resize(width, 0.0);
+        input.clear();
+        chunk.iter().for_each(|k| input.extend_from_slice(&rollout.observations[k * inputs..][..inputs]));
+        self.policy.run(policy_trace, (inputs, input), rollout.pieces(chunk, 0));
+        self.value.run(value_trace, (inputs, input), rollout.pieces(chunk, 1));
+        let by_means = |means: &[f32], by_means: &mut [f32]| {
+            let rows = means.chunks_exact(width).zip(by_means.chunks_exact_mut(width));
+            for (k, (mean, by_mean)) in chunk.iter().zip(rows) {
+                let action = &rollout.actions[k * width..][..width];
+                let change = self.spread.log_density(action, mean) - rollout.log_probabilities[*k];
+                let ratio = change.exp();
+                let advantage = (rollout.advantages[*k] - center) / deviation;
+                let clipped = ratio.clamp(1.0 - self.clip, 1.0 + self.clip);
+                let loss = (-advantage * ratio).max(-advantage * clipped);
+                // beyond the clip only changes that make the loss larger have a slope
+                let slope =
+                    if -advantage * ratio >= -advantage * clipped { -advantage * ratio * share } else { 0.0 };
+                self.spread.slopes((action, mean), slope, by_mean, deviations);
+                losses.policy += f64::from(loss * share);
+                losses.divergence += f64::from((ratio - 1.0 - change) * share);
+            }
+        };
+        self.policy.write_gradients(policy_trace, by_means, policy);
+        let by_values = |values: &[f32], by_values: &mut [f32]| {
+            for ((k, found), by_value) in chunk.iter().zip(values).zip(by_values) {
+                let error = found - rollout.returns[*k];
+                *by_value = self.weight * error * share;
+                losses.value += f64::from(error * error * share);
+            }
+        };
+        self.value.write_gradients(value_trace, by_values, value);
     }
 }

@@ -79,8 +79,9 @@ impl Dense {
         }
     }
 
-    fn forward(&self, input: &DMatrix<f32>) -> DMatrix<f32> {
-        let mut output = DMatrix::zeros(self.outputs(), input.ncols());
+    /// Writes the output.
+    fn forward(&self, input: &DMatrix<f32>, output: &mut DMatrix<f32>) {
+        resize(output, self.outputs(), input.ncols());
         Product {
             left: Left::Rows(input.as_slice()),
             right: &self.weights,
@@ -90,7 +91,6 @@ impl Dense {
             columns: self.outputs(),
         }
         .compute();
-        output
     }
 
     /// Writes the gradient by weights and bias from the gradient by the output.
@@ -105,14 +105,15 @@ impl Dense {
             columns: self.outputs(),
         }
         .compute();
+        bias.fill(0.0);
         for sample in output.as_slice().chunks_exact(self.outputs()) {
             bias.iter_mut().zip(sample).for_each(|(sum, gradient)| *sum += gradient);
         }
     }
 
-    /// The gradient by the input from the gradient by the output.
-    fn backward(&self, output: &DMatrix<f32>) -> DMatrix<f32> {
-        let mut input = DMatrix::zeros(self.inputs, output.ncols());
+    /// Writes the gradient by the input from the gradient by the output.
+    fn backward(&self, output: &DMatrix<f32>, input: &mut DMatrix<f32>) {
+        resize(input, self.inputs, output.ncols());
         Product {
             left: Left::Rows(output.as_slice()),
             right: &self.by_output,
@@ -122,18 +123,37 @@ impl Dense {
             columns: self.inputs,
         }
         .compute();
-        input
     }
 }
 
-/// Inputs of all layers of a forward pass, then its output.
-#[derive(Clone, Debug)]
-pub struct PerceptronTrace(Vec<DMatrix<f32>>);
+/// Gives a matrix a shape; its memory stays if it has the shape.
+fn resize(matrix: &mut DMatrix<f32>, rows: usize, columns: usize) {
+    if matrix.shape() != (rows, columns) {
+        *matrix = DMatrix::zeros(rows, columns);
+    }
+}
+
+/// Inputs of all layers of a forward pass, then its output. It can be used again: passes over batches of one
+/// size do not allocate then.
+#[derive(Clone, Debug, Default)]
+pub struct PerceptronTrace {
+    /// Inputs of all layers, then the output.
+    values: Vec<DMatrix<f32>>,
+    /// Gradients by them.
+    gradients: Vec<DMatrix<f32>>,
+}
 
 impl PerceptronTrace {
+    /// The input of `samples` samples with as many numbers, one sample a column, to be overwritten.
+    pub fn input_mut(&mut self, inputs: usize, samples: usize) -> &mut [f32] {
+        self.values.resize_with(self.values.len().max(1), DMatrix::default);
+        resize(&mut self.values[0], inputs, samples);
+        self.values[0].as_mut_slice()
+    }
+
     /// Returns the output, one sample per column.
     pub fn output(&self) -> &DMatrix<f32> {
-        &self.0[self.0.len() - 1]
+        &self.values[self.values.len() - 1]
     }
 }
 
@@ -196,48 +216,90 @@ impl Perceptron {
 
     /// Computes the output and keeps the inputs of all layers.
     pub fn forward(&self, input: DMatrix<f32>) -> PerceptronTrace {
-        let mut values = vec![input];
+        let mut trace = PerceptronTrace { values: vec![input], gradients: vec![] };
+        self.run(&mut trace);
+        trace
+    }
+
+    /// Computes the output of the [input](PerceptronTrace::input_mut) of a trace.
+    ///
+    /// # Panics
+    ///
+    /// If the trace has no input, or of another number of units.
+    pub fn run(&self, PerceptronTrace { values, .. }: &mut PerceptronTrace) {
+        assert_eq!(values.first().map(DMatrix::nrows), Some(self.layers[0].inputs), "inputs");
+        values.resize_with(self.layers.len() + 1, DMatrix::default);
         for (index, layer) in self.layers.iter().enumerate() {
-            let mut output = layer.forward(&values[index]);
+            let (before, after) = values.split_at_mut(index + 1);
+            layer.forward(&before[index], &mut after[0]);
             if index + 1 < self.layers.len() {
-                self.function.apply(output.as_mut_slice());
+                self.function.apply(after[0].as_mut_slice());
             }
-            values.push(output);
         }
-        PerceptronTrace(values)
     }
 
     /// Gradient of a loss by all parameters, summed over the batch, from its gradient by the outputs. The
     /// order equals [`to_vec`](Self::to_vec)'s.
     pub fn gradients(&self, trace: &PerceptronTrace, output: DMatrix<f32>) -> Vec<f32> {
-        let mut gradients = vec![0.0; self.parameters()];
-        let (mut rest, mut gradient) = (&mut gradients[..], output);
-        for (index, layer) in self.layers.iter().enumerate().rev() {
-            let input = &trace.0[index];
-            let (before, own) = rest.split_at_mut(rest.len() - layer.parameters());
-            layer.gradients(input, &gradient, own);
-            if index > 0 {
-                gradient = self.backward(layer, input, &gradient);
-            }
-            rest = before;
-        }
-        gradients
+        let mut parameters = vec![0.0; self.parameters()];
+        self.propagate(&trace.values, &mut vec![output], Some(&mut parameters));
+        parameters
+    }
+
+    /// Writes the [gradient](Self::gradients) by all parameters. `output` writes the gradient by the outputs,
+    /// one sample after the other, from the outputs; numbers that it does not write are undefined.
+    ///
+    /// # Panics
+    ///
+    /// If `parameters` has another length than the parameters.
+    pub fn write_gradients(
+        &self,
+        trace: &mut PerceptronTrace,
+        output: impl FnOnce(&[f32], &mut [f32]),
+        parameters: &mut [f32],
+    ) {
+        assert_eq!(parameters.len(), self.parameters(), "number of parameters");
+        let PerceptronTrace { values, gradients } = trace;
+        let last = &values[self.layers.len()];
+        gradients.resize_with(gradients.len().max(1), DMatrix::default);
+        resize(&mut gradients[0], last.nrows(), last.ncols());
+        output(last.as_slice(), gradients[0].as_mut_slice());
+        self.propagate(values, gradients, Some(parameters));
     }
 
     /// Gradient of a loss by the inputs, one sample a column, from its gradient by the outputs.
     pub fn input_gradients(&self, trace: &PerceptronTrace, output: DMatrix<f32>) -> DMatrix<f32> {
-        let mut gradient = output;
-        for (index, layer) in self.layers.iter().enumerate().skip(1).rev() {
-            gradient = self.backward(layer, &trace.0[index], &gradient);
-        }
-        self.layers[0].backward(&gradient)
+        let mut gradients = vec![output];
+        self.propagate(&trace.values, &mut gradients, None);
+        gradients.swap_remove(self.layers.len())
     }
 
-    /// The gradient before the activation that made the input of a layer, from the gradient by its output.
-    fn backward(&self, layer: &Dense, input: &DMatrix<f32>, output: &DMatrix<f32>) -> DMatrix<f32> {
-        let mut gradient = layer.backward(output);
-        self.function.scale_by_slopes(gradient.as_mut_slice(), input.as_slice());
-        gradient
+    /// Propagates the first of the gradients, by the outputs, back through the layers: the next is by the
+    /// input of the last layer. Writes the gradient by all parameters, or that by the first input without
+    /// them.
+    fn propagate(
+        &self,
+        values: &[DMatrix<f32>],
+        gradients: &mut Vec<DMatrix<f32>>,
+        mut parameters: Option<&mut [f32]>,
+    ) {
+        gradients.resize_with(self.layers.len() + 1, DMatrix::default);
+        for (back, (index, layer)) in self.layers.iter().enumerate().rev().enumerate() {
+            let (known, next) = gradients.split_at_mut(back + 1);
+            let gradient = &known[back];
+            let is_whole = parameters.is_some();
+            if let Some(rest) = parameters.take() {
+                let (before, own) = rest.split_at_mut(rest.len() - layer.parameters());
+                layer.gradients(&values[index], gradient, own);
+                parameters = Some(before);
+            }
+            if index > 0 {
+                layer.backward(gradient, &mut next[0]);
+                self.function.scale_by_slopes(next[0].as_mut_slice(), values[index].as_slice());
+            } else if !is_whole {
+                layer.backward(gradient, &mut next[0]);
+            }
+        }
     }
 }
 
@@ -302,6 +364,22 @@ mod tests {
             };
             let slope = (loss(1e-2) - loss(-1e-2)) / 2e-2;
             assert!((slope - f64::from(found[index])).abs() < 2e-3, "{index}: {slope} {}", found[index]);
+        }
+    }
+
+    #[test]
+    fn traces_used_again_give_the_same_bits() {
+        let network = Perceptron::random(&[3, 6, 17, 2], 1.0, &mut Pcg64::seed_from_u64(6));
+        let mut used = PerceptronTrace::default();
+        let mut gradient = vec![f32::NAN; network.parameters()];
+        for samples in [9, 4, 4] {
+            let input = DMatrix::from_fn(3, samples, |i, k| (0.7 * (samples + i + 3 * k) as f32).sin());
+            used.input_mut(3, samples).copy_from_slice(input.as_slice());
+            network.run(&mut used);
+            let trace = network.forward(input);
+            assert_eq!(used.output(), trace.output());
+            network.write_gradients(&mut used, |output, by| by.copy_from_slice(output), &mut gradient);
+            assert_eq!(gradient, network.gradients(&trace, trace.output().clone()));
         }
     }
 

@@ -148,10 +148,10 @@ impl Matrices<'_> {
         let mut sums = [first; ROWS];
         for k in 0..self.depth {
             let right = load::<S, VECTORS, LAST>(simd, &right[k * columns + column..(k + 1) * columns]);
-            for r in 0..ROWS {
+            for (r, sums) in sums.iter_mut().enumerate() {
                 let factor = simd.splat_f32s(left(k, r));
-                for v in 0..VECTORS {
-                    sums[r][v] = simd.mul_add_f32s(factor, right[v], sums[r][v]);
+                for (sum, right) in sums.iter_mut().zip(right) {
+                    *sum = simd.mul_add_f32s(factor, right, *sum);
                 }
             }
         }
