@@ -2,6 +2,7 @@
 
 mod assemble;
 mod colours;
+mod doubts;
 mod error;
 mod hold;
 mod inertia;
