@@ -5,7 +5,7 @@ use core::f64::consts::TAU;
 
 use roxmltree::Node;
 
-use super::source::named;
+use super::named::named;
 use super::warning::ModelWarning;
 use crate::Position;
 use crate::lines::Lines;

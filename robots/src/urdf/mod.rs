@@ -8,6 +8,7 @@ mod hold;
 mod inertia;
 mod joints;
 mod mimic;
+mod named;
 mod pinocchio;
 mod plausibility;
 mod robot;

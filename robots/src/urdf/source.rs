@@ -8,6 +8,7 @@ use roxmltree::{Document, Node, ParsingOptions};
 
 use super::doubts::warn_of_doubts;
 use super::error::{UrdfError, UrdfProblem};
+use super::named::named;
 use super::transmission;
 use super::warning::ModelWarning;
 use crate::lines::Lines;
@@ -307,17 +308,6 @@ impl<'a> Source<'a> {
             }
         }
         Ok(())
-    }
-}
-
-/// The element with the name of the link or joint it belongs to: `inertia of link "arm"`.
-pub(super) fn named(node: Node<'_, '_>) -> String {
-    let element = node.tag_name().name();
-    let owner = node.ancestors().find(|owner| owner.has_tag_name("link") || owner.has_tag_name("joint"));
-    match owner.and_then(|owner| Some((owner, owner.attribute("name")?))) {
-        Some((owner, name)) if owner == node => format!("{element} name=\"{name}\""),
-        Some((owner, name)) => format!("{element}> of <{} name=\"{name}\"", owner.tag_name().name()),
-        None => element.to_owned(),
     }
 }
 
