@@ -381,3 +381,57 @@ fn range_of_a_continuous_joint_is_named() {
     assert!(warns("lower=\"-1.57\" upper=\"1.57\""));
     assert!(!warns("") && !warns("lower=\"-3.1416\" upper=\"3.1416\"") && !warns("lower=\"0\" upper=\"0\""));
 }
+
+#[test]
+fn misspelt_names_degrees_and_empty_shapes_are_warned_of() {
+    let joint = |inside: &str| {
+        format!(
+            "<robot name=\"r\"><link name=\"a\"/><link name=\"b\">{}</link>\n<joint name=\"j\" type=\"revolute\"><parent \
+             link=\"a\"/><child link=\"b\"/>{inside}</joint></robot>",
+            inertial(1.0, [1.0, 1.0, 1.5])
+        )
+    };
+    let limit = r#"<limit lower="-1" upper="1" effort="1" velocity="1"/>"#;
+    let low = r#"<limit low="-1" upper="1" effort="1" velocity="1" acceleration="3"/>"#;
+    let degrees = format!(r#"{limit}<origin xyz="0 0 1" rpy="0 90 0"/>"#);
+    let axis = format!(r#"{limit}<axes xyz="0 0 1"/>"#);
+    for (inside, expected) in [
+        (
+            low,
+            "\"low\" of <limit> of <joint name=\"j\"> is unknown and has no effect (line 2, column 68); did you mean \"lower\"?",
+        ),
+        (
+            &degrees,
+            "rpy of <origin> of <joint name=\"j\"> has an angle of 90 rad (line 2, column 121); URDF has radians: if these are degrees, write 1.5708",
+        ),
+        (
+            &axis,
+            "\"axes\" of <joint name=\"j\"> is unknown and has no effect (line 2, column 1); did you mean \"axis\"?",
+        ),
+    ] {
+        assert_eq!(warnings(&joint(inside)), [expected], "{inside}");
+    }
+    assert_eq!(warnings(&joint(limit)), [""; 0]);
+    let shape = |shape: &str| {
+        let inside =
+            format!("<collision><geometry>{shape}</geometry></collision>{}", inertial(1.0, [1.0, 1.0, 1.5]));
+        warnings(&with_inertial(&inside)).join("; ")
+    };
+    for (text, expected) in [
+        (r#"<sphere radius="-0.1"/>"#, "radius of <sphere> of <link name=\"b\"> is -0.1"),
+        (r#"<box size="1 0 1"/>"#, "size of <box> of <link name=\"b\"> is 0"),
+        (r#"<mesh filename="x.stl" scale="1 0 1"/>"#, "scale of <mesh> of <link name=\"b\"> is 0"),
+    ] {
+        assert!(shape(text).contains(expected), "{}", shape(text));
+    }
+    assert_eq!(shape(r#"<capsule radius="0.1" length="0"/>"#), "");
+}
+
+#[test]
+fn a_second_shape_of_a_geometry_is_refused() {
+    let text = with_inertial(
+        "\n<collision><geometry><sphere radius=\"0.1\"/><box size=\"1 1 1\"/></geometry></collision>",
+    );
+    let error = parse_urdf(&text, None, MimicMode::Follow, &PackagePath::default()).unwrap_err();
+    assert_eq!(error.to_string(), "URDF:2:44: <geometry> of <link name=\"b\"> has more than one <shape>");
+}

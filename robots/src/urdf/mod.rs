@@ -2,11 +2,13 @@
 
 mod assemble;
 mod colours;
+mod doubts;
 mod error;
 mod hold;
 mod inertia;
 mod joints;
 mod mimic;
+mod named;
 mod pinocchio;
 mod plausibility;
 mod robot;

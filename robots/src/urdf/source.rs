@@ -6,7 +6,9 @@ use std::ops::Range;
 
 use roxmltree::{Document, Node, ParsingOptions};
 
+use super::doubts::warn_of_doubts;
 use super::error::{UrdfError, UrdfProblem};
+use super::named::named;
 use super::transmission;
 use super::warning::ModelWarning;
 use crate::lines::Lines;
@@ -115,6 +117,7 @@ pub(crate) fn survey(text: &str, shapes: ShapeSource) -> Result<Survey, UrdfErro
     if links.is_empty() {
         return Err(source.error(root, UrdfProblem::Empty));
     }
+    warn_of_doubts(root, &source.lines, &mut warnings);
     Ok(Survey { links, joints, drives, warnings, text: blank(text, &unused) })
 }
 
@@ -171,9 +174,14 @@ impl<'a> Source<'a> {
     }
 
     fn check_geometry(&self, geometry: Node<'a, '_>) -> Result<(), UrdfError> {
-        let shape = geometry.children().find(|shape| {
+        let mut shapes = geometry.children().filter(|shape| {
             ["box", "cylinder", "sphere", "capsule", "mesh"].contains(&shape.tag_name().name())
         });
+        let shape = shapes.next();
+        if let Some(second) = shapes.next() {
+            let problem = UrdfProblem::RepeatedElement { element: named(geometry), child: "shape" };
+            return Err(self.error(second, problem));
+        }
         match shape {
             Some(mesh) if mesh.has_tag_name("mesh") => self.require_attribute(mesh, "filename").map(drop),
             Some(_) => Ok(()),
@@ -300,17 +308,6 @@ impl<'a> Source<'a> {
             }
         }
         Ok(())
-    }
-}
-
-/// The element with the name of the link or joint it belongs to: `inertia of link "arm"`.
-fn named(node: Node<'_, '_>) -> String {
-    let element = node.tag_name().name();
-    let owner = node.ancestors().find(|owner| owner.has_tag_name("link") || owner.has_tag_name("joint"));
-    match owner.and_then(|owner| Some((owner, owner.attribute("name")?))) {
-        Some((owner, name)) if owner == node => format!("{element} name=\"{name}\""),
-        Some((owner, name)) => format!("{element}> of <{} name=\"{name}\"", owner.tag_name().name()),
-        None => element.to_owned(),
     }
 }
 

@@ -191,6 +191,49 @@ pub enum ModelWarning {
         /// The length \[m\].
         metres: f64,
     },
+    /// An unknown name similar to a known one, whose default is used.
+    #[error(
+        "\"{found}\" of <{element}> is unknown and has no effect (line {}, column {}); did you mean \"{expected}\"?",
+        .at.line, .at.column
+    )]
+    Misspelt {
+        /// The element, and the link or joint it belongs to.
+        element: String,
+        /// Name of the attribute or element.
+        found: String,
+        /// The known name.
+        expected: String,
+        /// Position of the element.
+        at: Position,
+    },
+    /// An angle of more than a turn, as if given in degrees.
+    #[error(
+        "rpy of <{element}> has an angle of {angle} rad (line {}, column {}); URDF has radians: if these are degrees, write \
+         {:.4}", .at.line, .at.column, .angle.to_radians()
+    )]
+    Degrees {
+        /// The element, and the link or joint it belongs to.
+        element: String,
+        /// The angle \[rad\].
+        angle: f64,
+        /// Position of the element.
+        at: Position,
+    },
+    /// A collision shape whose size is not positive.
+    #[error(
+        "{what} of <{element}> is {value} (line {}, column {}); distances and contacts refuse it: give it a size above 0",
+        .at.line, .at.column
+    )]
+    NoSize {
+        /// The element, and the link it belongs to.
+        element: String,
+        /// Name of the size.
+        what: String,
+        /// Its value \[m\].
+        value: f64,
+        /// Position of the element.
+        at: Position,
+    },
     /// A missing mesh file.
     #[error("link \"{link}\": mesh \"{uri}\" not found{}", searched(.uri, .tried))]
     MissingMesh {
@@ -272,9 +315,12 @@ impl ModelWarning {
             | Self::ZeroLimit { joint, .. }
             | Self::NoEffortLimit { joint }
             | Self::AxisLength { joint, .. } => ("joint", joint),
-            Self::TransmissionJoint { .. } | Self::CoupledTransmission { .. } | Self::Ignored { .. } => {
-                return None;
-            }
+            Self::TransmissionJoint { .. }
+            | Self::CoupledTransmission { .. }
+            | Self::Misspelt { .. }
+            | Self::Degrees { .. }
+            | Self::NoSize { .. }
+            | Self::Ignored { .. } => return None,
         };
         let (defect, of_several) = match self {
             Self::MissingMesh { uri, tried, .. } => {

@@ -92,6 +92,11 @@ fn several_recordings_give_a_conditioned_distribution() {
     assert!((middle[1].as_f64().expect("y") - 0.4).abs() < 5e-3, "{middle}");
     assert!(bent["deviation"][50][1].as_f64().expect("a deviation") < 0.01);
     assert!(std::fs::read_to_string(&plot).expect("the plot").contains("<polygon"));
+
+    let replay = |via: &str| run(&["primitive", "replay", text(&model), "--via", via]);
+    let far = String::from_utf8_lossy(&replay("0.5:0.25,9").stderr).into_owned();
+    assert!(far.contains("standard deviations from the demonstrated `y`"), "{far}");
+    assert_eq!(String::from_utf8_lossy(&replay("0.5:0.25,0.4").stderr), "");
 }
 
 #[test]
@@ -241,6 +246,45 @@ fn angles_and_quaternions_are_fitted_without_jumps() {
     let rotation = |t: f64| format!("{},0,0,{}", sign(t) * (0.3 * t).sin(), sign(t) * (0.3 * t).cos());
     let (good, said) = fitted("time,qx,qy,qz,qw", rotation, &[]);
     assert!(good && said.contains("changed its sign 1 times"), "{said}");
+}
+
+#[test]
+fn doubtful_fits_and_gaps_are_reported() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("gap.csv");
+    recording(&path, 0.0);
+    let whole = std::fs::read_to_string(&path).expect("a recording");
+    let kept: Vec<&str> =
+        whole.lines().enumerate().filter(|(k, _)| !(50..90).contains(k)).map(|(_, line)| line).collect();
+    std::fs::write(&path, kept.join("\n")).expect("the folder takes files");
+    let output = run(&["primitive", "fit", text(&path)]);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && stderr.contains("no samples from 0.320 s to 0.593 s"), "{stderr}");
+
+    // four cycles of 0.5625 s
+    let wave = |t: f64| (std::f64::consts::TAU * t / 0.5625).sin().to_string();
+    let rhythm = |periods| fitted("time,x", wave, &["--model", "rhythmic", "--periods", periods]);
+    let (good, said) = rhythm("3");
+    assert!(
+        good && said.contains("`x` is reproduced with errors up to") && said.contains("--periods"),
+        "{said}"
+    );
+    let (good, said) = rhythm("4");
+    assert!(good && !said.contains("warning"), "{said}");
+}
+
+#[test]
+fn recordings_with_channels_in_another_order_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (one, two) = (folder.path().join("one.csv"), folder.path().join("two.csv"));
+    recording(&one, 0.0);
+    let swapped = std::fs::read_to_string(&one).expect("a recording").replace("time_s,x,y", "time_s,y,x");
+    std::fs::write(&two, swapped).expect("the folder takes files");
+    let output = run(&["primitive", "fit", text(&one), text(&two)]);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains("two.csv has the channels y, x,") && stderr.contains("--channel"), "{stderr}");
+    json(&["primitive", "fit", text(&one), text(&two), "--channel", "x", "--channel", "y", "--json"]);
 }
 
 #[test]

@@ -151,6 +151,14 @@ impl ProMp {
         covariance
     }
 
+    /// Distance of a position from the mean at a phase, in standard deviations of each dimension.
+    pub fn deviations_from_mean(&self, phase: f64, position: &[f64]) -> Vec<f64> {
+        let (mean, covariance) = (self.mean_at(phase), self.covariance_at(phase));
+        let distance =
+            |(d, place): (usize, &f64)| (place - mean[d]).abs() / covariance[(d, d)].max(0.0).sqrt();
+        position.iter().enumerate().take(mean.len()).map(distance).collect()
+    }
+
     /// Returns the position at a phase for given weights.
     pub fn position_of(&self, weights: &DVector<f64>, phase: f64) -> DVector<f64> {
         self.project(Observed::Position, phase, weights)

@@ -6,11 +6,16 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
-use motorium_primitives::file::PrimitiveFile;
+use motorium_primitives::file::{Primitive, PrimitiveFile};
 use motorium_primitives::rollout::{Override, Trajectory, ViaPoint, roll_out};
 
 use super::numbers::{Numbers, numbers, per_dimension};
 use super::plot;
+use crate::out::errln;
+use crate::style;
+
+/// Via points farther from the mean than this number of standard deviations are extrapolated.
+const FAR: f64 = 6.0;
 
 /// Run a primitive: as demonstrated, or with another start, goal, duration or via points.
 ///
@@ -96,6 +101,7 @@ impl Replay {
             amplitude: self.amplitude,
         };
         let trajectory = roll_out(&file, &overrides, 1.0 / self.rate)?;
+        self.warn_of_far_via_points(&file);
         if let Some(path) = &self.plot {
             let shown = std::slice::from_ref(&trajectory);
             let panels: Vec<_> =
@@ -122,6 +128,21 @@ impl Replay {
             print(&format!("{}{}", wrote("wrote", &self.output), wrote("drew", &self.plot)))?;
         }
         Ok(ExitCode::SUCCESS)
+    }
+
+    fn warn_of_far_via_points(&self, file: &PrimitiveFile) {
+        let Primitive::Probabilistic(movement) = &file.primitive else { return };
+        for ViaPoint { phase, position, .. } in &self.via {
+            let far = movement.deviations_from_mean(*phase, position);
+            for ((name, place), far) in file.names.iter().zip(position).zip(far).filter(|(_, far)| *far > FAR)
+            {
+                errln!(
+                    "{} at phase {phase}, {place} is {far:.0} standard deviations from the demonstrated `{name}`: the \
+                     movement is extrapolated",
+                    style::warning("warning:")
+                );
+            }
+        }
     }
 }
 

@@ -159,6 +159,9 @@ impl Fit {
         } else {
             out!("{}", text(&report));
         }
+        for poor in report.poor() {
+            errln!("{} {poor}", style::warning("warning:"));
+        }
         Ok(ExitCode::SUCCESS)
     }
 
@@ -215,6 +218,21 @@ impl Fit {
             if recording.names().len() != names.len() {
                 let (found, expected) = (recording.names().len(), names.len());
                 bail!("{} has {found} channels, {} has {expected}", file.display(), self.files[0].display());
+            }
+            if recording.names() != names {
+                let (found, expected) = (recording.names().join(", "), names.join(", "));
+                bail!(
+                    "{} has the channels {found}, {} has {expected}: name them in one order by --channel",
+                    file.display(),
+                    self.files[0].display()
+                );
+            }
+            if let Some((from, to)) = gap(recording.times()) {
+                errln!(
+                    "{} {}: no samples from {from:.3} s to {to:.3} s, interpolated; cut the recording there",
+                    style::warning("warning:"),
+                    file.display()
+                );
             }
         }
         if self.model == Model::Rhythmic {
@@ -323,6 +341,19 @@ impl Fit {
 
 /// Largest difference between the ends of a rhythm, as a part of its range.
 const OPEN: f64 = 0.1;
+
+/// An interval between samples that is longer than the median by this factor is a gap.
+const GAP: f64 = 20.0;
+
+/// Begin and end of the longest gap of a recording, in seconds after its first sample.
+fn gap(times: &[f64]) -> Option<(f64, f64)> {
+    let mut intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let longest = (0..intervals.len()).max_by(|a, b| intervals[*a].total_cmp(&intervals[*b]))?;
+    let length = intervals[longest];
+    intervals.sort_by(f64::total_cmp);
+    let median = intervals[intervals.len() / 2];
+    (length > GAP * median).then(|| (times[longest] - times[0], times[longest + 1] - times[0]))
+}
 
 /// The channel whose end differs from its start by more than a part of its range, and both values.
 fn open_end(recording: &Recording) -> Option<String> {

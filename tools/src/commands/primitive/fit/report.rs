@@ -80,6 +80,34 @@ impl Report {
     }
 }
 
+/// Largest error of a dimension above which its primitive is doubtful, as a part of its range.
+const POOR: f64 = 0.25;
+
+impl Report {
+    /// Messages about dimensions that the primitive does not reproduce. Several recordings may differ from
+    /// each other; the periods of a rhythm may not.
+    pub(super) fn poor(&self) -> impl Iterator<Item = String> {
+        let is_rhythm = self.kind == "rhythmic";
+        let advice = match is_rhythm {
+            true => "check --periods, or fit more --kernels",
+            false => "look for a jump in the recording, or fit more --kernels",
+        };
+        self.dimensions.iter().filter(move |_| is_rhythm || self.recordings == 1).filter_map(move |d| {
+            let range = d.highest - d.lowest;
+            let is_poor = d.largest_error > POOR * range;
+            // a constant has no shape
+            (is_poor && range > 1e-9 * d.highest.abs().max(d.lowest.abs())).then(|| {
+                format!(
+                    "`{}` is reproduced with errors up to {:.2e}, {:.0} % of its range; {advice}",
+                    d.name,
+                    d.largest_error,
+                    100.0 * d.largest_error / range
+                )
+            })
+        })
+    }
+}
+
 /// A number of things, such as `1 recording` and `2 recordings`.
 fn counted(number: usize, thing: &str) -> String {
     format!("{number} {thing}{}", if number == 1 { "" } else { "s" })
