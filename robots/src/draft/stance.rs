@@ -395,7 +395,7 @@ impl<'a> Search<'a> {
         corners
     }
 
-    /// Centre of mass of all links, those of a fixed base included.
+    /// Centre of mass of all links, including a fixed base.
     fn centre_of_mass(&self) -> Vector3<f64> {
         let (mut mass, mut moment) = (0.0, Vector3::zeros());
         for (id, frame) in self.model.frame_ids().zip(self.model.frames()) {
