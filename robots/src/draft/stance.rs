@@ -389,7 +389,7 @@ impl<'a> Search<'a> {
     fn support(&self) -> Vec<Vector2<f64>> {
         let touching = |foot: &Foot| foot.touching(self.model, &self.kinematics);
         let mut points: Vec<Vector2<f64>> =
-            self.feet.iter().flat_map(|foot| touching(foot)).map(|point| point.coords.xy()).collect();
+            self.feet.iter().flat_map(touching).map(|point| point.coords.xy()).collect();
         let mut corners = Vec::new();
         convex_corners(&mut points, |point| *point, &mut corners);
         corners
