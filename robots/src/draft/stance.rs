@@ -389,13 +389,13 @@ impl<'a> Search<'a> {
     fn support(&self) -> Vec<Vector2<f64>> {
         let touching = |foot: &Foot| foot.touching(self.model, &self.kinematics);
         let mut points: Vec<Vector2<f64>> =
-            self.feet.iter().flat_map(|foot| touching(foot)).map(|point| point.coords.xy()).collect();
+            self.feet.iter().flat_map(touching).map(|point| point.coords.xy()).collect();
         let mut corners = Vec::new();
         convex_corners(&mut points, |point| *point, &mut corners);
         corners
     }
 
-    /// Centre of mass of all links, those of a fixed base included.
+    /// Centre of mass of all links, including a fixed base.
     fn centre_of_mass(&self) -> Vector3<f64> {
         let (mut mass, mut moment) = (0.0, Vector3::zeros());
         for (id, frame) in self.model.frame_ids().zip(self.model.frames()) {

@@ -113,6 +113,29 @@ fn bare_robot_holds_the_pose_of_its_first_profile() {
 }
 
 #[test]
+fn first_graph_stands_or_holds_and_reaches_a_pose() {
+    for robot in [
+        "robots/catalogue/quadruped/quadruped.urdf",
+        "robots/catalogue/humanoid/humanoid.urdf",
+        "robots/catalogue/panda/panda.urdf",
+        "robots/tests/fixtures/branching.urdf",
+    ] {
+        let folder = Folder::new(robot);
+        let (file, profile, graph) =
+            (folder.text("my-robot.urdf"), folder.text("first.toml"), folder.text("reach.toml"));
+        let message = printed(&["robot", "profile", &file, "--output", &profile, "--graph", &graph]);
+        assert!(message.contains("motorium run ") && message.contains(" kg"), "{message}");
+        let output = run(&["run", &graph, "--hosting", "inline", "--json"]);
+        let (errors, graph) =
+            (String::from_utf8_lossy(&output.stderr), std::fs::read_to_string(&graph).expect("readable"));
+        assert!(output.status.success(), "{robot}: {errors}\n{graph}");
+        let report: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        let reached = ["policy", "controller"].map(|name| report["results"][name]["goals_reached"].as_u64());
+        assert!(reached.contains(&Some(2)), "{robot}: {report}");
+    }
+}
+
+#[test]
 fn first_profile_has_a_tip_and_a_bent_arm() {
     let text = printed(&["robot", "profile", "ur5e"]);
     assert!(text.contains("frame  = \"tool0\""), "{text}");

@@ -1,4 +1,6 @@
-//! `motorium robot profile`: a first profile of a robot.
+//! `motorium robot profile`: a first profile of a robot, and a first graph.
+
+mod graph;
 
 use std::fs::OpenOptions;
 use std::io::{ErrorKind, Write as _};
@@ -8,18 +10,21 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use motorium_robots::{Loaded, MimicMode, ModelWarning, ProfileChoice, draft_profile};
 
+use super::facts;
 use super::source::RobotArgs;
 use crate::out::{errln, out, outln};
 use crate::style;
 
 /// Write a first profile of a robot, to be edited: feet, end effectors, home pose, gains and limits.
 ///
-/// Feet and end effectors come from the SRDF, or from the names of links; the home pose stands or lies
-/// inside the limits, gains
-/// and accelerations follow from inertias and effort limits. A graph names it by `profile` in its
-/// `[robot.NAME]`; a profile of the same name in the folder of the robot's file needs no entry.
+/// Feet and end effectors come from the SRDF next to the file, else from the names of links and the tip
+/// of the longest chain of joints. A robot on feet gets a floating base and stands at home; an arm is bent,
+/// inside its limits. Gains and accelerations follow from inertias, friction and effort limits.
 ///
-/// Example: motorium robot profile arm.urdf --output my-arm.toml
+/// A graph names it by `profile` in its `[robot.NAME]`; a profile of the same name in the folder of the
+/// robot's file needs no entry.
+///
+/// Example: motorium robot profile arm.urdf --output my-arm.toml --graph reach.toml
 #[derive(Debug, clap::Args)]
 pub(super) struct Profile {
     #[command(flatten)]
@@ -27,6 +32,9 @@ pub(super) struct Profile {
     /// File to write, which must not exist yet [default: standard output]
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Graph to write, which must not exist yet: the robot holds its home pose, then reaches another
+    #[arg(long, value_name = "FILE", requires = "output")]
+    graph: Option<PathBuf>,
 }
 
 impl Profile {
@@ -44,8 +52,20 @@ impl Profile {
             return Ok(ExitCode::SUCCESS);
         };
         write_new(file, &text)?;
-        outln!("{} {}", style::good("wrote"), file.display());
-        outln!("{}", next_steps(&robot, &self.robot.robot, file));
+        outln!("{} {}: {}", style::good("wrote"), file.display(), facts::mass(&robot.model));
+        let table = table_name(&robot);
+        let Some(graph) = &self.graph else {
+            outln!("{}", next_steps(&table, &self.robot.robot, file));
+            return Ok(ExitCode::SUCCESS);
+        };
+        let robot = match self.robot.open_with(MimicMode::Follow, ProfileChoice::File(file.clone())) {
+            Ok(robot) => robot,
+            Err(code) => return Ok(code),
+        };
+        let profile = robot.profile.as_ref().context("the profile is loaded with the robot")?;
+        write_new(graph, &graph::first_graph(&robot, profile, &table, &self.robot.robot, file))?;
+        let graph = graph.display();
+        outln!("{} {graph}; run it with `motorium run {graph}`", style::good("wrote"));
         Ok(ExitCode::SUCCESS)
     }
 }
@@ -63,14 +83,15 @@ fn write_new(file: &Path, text: &str) -> anyhow::Result<()> {
     opened.write_all(text.as_bytes()).with_context(|| format!("writing {}", file.display()))
 }
 
-fn next_steps(robot: &Loaded, named: &str, file: &Path) -> String {
-    let name: String = robot
-        .model
-        .name()
-        .chars()
-        .map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' })
-        .collect();
-    let table = if name.is_empty() { "robot" } else { &name };
+/// The name of the robot's table in a graph.
+fn table_name(robot: &Loaded) -> String {
+    let name = robot.model.name().chars();
+    let name: String =
+        name.map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();
+    if name.is_empty() { "robot".to_owned() } else { name }
+}
+
+fn next_steps(table: &str, named: &str, file: &Path) -> String {
     format!(
         "Check it, correct it, and name it in a graph:\n  [robot.{table}]\n  urdf    = {named:?}\n  profile = {:?}",
         file.display().to_string()
