@@ -106,7 +106,8 @@ impl OtherLog {
                 continue;
             }
             let value = self.decode(message.channel, numbers[message.channel], &message.data)?;
-            let time = (message.time_ns as f64 - begin_ns as f64) * 1e-9;
+            // Floating-point numbers round times since 1970 to fractions of a microsecond.
+            let time = message.time_ns.saturating_sub(begin_ns) as f64 * 1e-9;
             of_channel.for_each(|wanted| wanted.add(time, &value));
         }
         for wanted in &wanted {
