@@ -19,6 +19,7 @@ mod loading;
 mod model;
 mod new;
 mod param;
+mod play;
 mod primitive;
 mod qp;
 mod recording;
@@ -62,7 +63,7 @@ enum Command {
     Topic(topic::Topic),
     Goto(goto::Goto),
     Param(param::Param),
-    Play(recording::Play),
+    Play(play::Play),
     Replay(recording::Replay),
     Recover(recording::Recover),
     Plot(recording::Plot),

@@ -172,7 +172,9 @@ fn recorded_joints_are_played_exactly() {
         for sample in 0..20 {
             for joint in 0..7 {
                 let error = rows[start + 10 * sample][joint] - position(sample, joint);
-                assert!(error.abs() < 1e-12, "{file}: sample {sample}, joint {joint}: {error}");
+                // a column of ns since 1970 is read with an error of 128 ns
+                let tolerance = if index == 0 { 1e-6 } else { 1e-12 };
+                assert!(error.abs() < tolerance, "{file}: sample {sample}, joint {joint}: {error}");
             }
         }
     }

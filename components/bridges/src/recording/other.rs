@@ -106,7 +106,8 @@ impl OtherLog {
                 continue;
             }
             let value = self.decode(message.channel, numbers[message.channel], &message.data)?;
-            let time = (message.time_ns as f64 - begin_ns as f64) * 1e-9;
+            // Floating-point numbers round times since 1970 to fractions of a microsecond.
+            let time = message.time_ns.saturating_sub(begin_ns) as f64 * 1e-9;
             of_channel.for_each(|wanted| wanted.add(time, &value));
         }
         for wanted in &wanted {
@@ -391,22 +392,21 @@ impl<'s> Wanted<'s> {
         let Some(part) = message.get(&path) else { return };
         let entries = part.numbers().map_or(0, |numbers| numbers.len());
         self.most = self.most.max(Some(entries));
-        let names = message.names_of(&path);
         if let Value::Bytes(bytes) = part {
             for (entry, byte) in bytes.iter().enumerate() {
-                self.point(time, &path, &format!("[{entry}]"), f64::from(*byte), names.as_deref());
+                self.point(time, &path, &format!("[{entry}]"), f64::from(*byte), message);
             }
             return;
         }
         part.visit(&mut |inner, leaf| {
             if let Leaf::Number(number) = leaf {
-                self.point(time, &path, inner, number.as_f64(), names.as_deref());
+                self.point(time, &path, inner, number.as_f64(), message);
             }
         });
     }
 
     /// Adds a number at a path within the field.
-    fn point(&mut self, time: f64, field: &str, inner: &str, value: f64, names: Option<&[&str]>) {
+    fn point(&mut self, time: f64, field: &str, inner: &str, value: f64, message: &Value) {
         let entry = inner.strip_prefix('[').and_then(|inner| inner.split(']').next()?.parse::<usize>().ok());
         if let (Some(entries), Some(entry)) = (&self.signal.entries, entry)
             && !entries.contains(&entry)
@@ -416,7 +416,10 @@ impl<'s> Wanted<'s> {
         let dot = if field.is_empty() || inner.is_empty() || inner.starts_with('[') { "" } else { "." };
         let path = format!("{field}{dot}{inner}");
         let place = *self.of_name.entry(path).or_insert_with_key(|path| {
-            let label = entry.and_then(|entry| names?.get(entry).map(|name| (*name).to_string()));
+            let array = path.strip_suffix(']').and_then(|path| path.rsplit_once('['));
+            let label = array.and_then(|(array, index)| {
+                message.names_of(array)?.get(index.parse::<usize>().ok()?).map(|name| (*name).to_string())
+            });
             let name = format!("{}.{path}", self.signal.topic);
             self.curves.push(Curve { name, entry, label, points: Vec::new() });
             self.curves.len() - 1

@@ -183,7 +183,9 @@ pub fn curves(recording: &Recording, signals: &[Signal]) -> Result<Vec<Curve>, S
     for sample in recording.samples() {
         let sample = sample?;
         let begin_ns = *begin_ns.get_or_insert(sample.time_ns);
-        let time = (sample.time_ns as f64 - begin_ns as f64) * 1e-9;
+        // Floating-point numbers round times since 1970 to fractions of a microsecond. Messages may be out of
+        // order.
+        let time = (sample.time_ns as i64 - begin_ns as i64) as f64 * 1e-9;
         let of_topic = wanted.iter_mut().filter(|(_, index, ..)| *index == sample.topic);
         for (signal, _, decoder, curves, most) in of_topic {
             for (field, value) in &decoder.decode(&sample.bytes)?.0 {

@@ -3,7 +3,6 @@
 mod export;
 mod log;
 mod page;
-mod play;
 mod plot;
 mod recover;
 mod replay;
@@ -21,7 +20,6 @@ use motorium_bridges::recording::{Opened, Recording, open};
 
 pub(super) use export::Export;
 pub(super) use page::Report;
-pub(super) use play::Play;
 pub(super) use plot::Plot;
 pub(super) use recover::Recover;
 pub(super) use replay::Replay;

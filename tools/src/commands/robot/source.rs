@@ -34,7 +34,7 @@ pub(super) struct RobotArgs {
 pub(super) struct ProfiledArgs {
     #[command(flatten)]
     pub(super) robot: RobotArgs,
-    /// The robot's profile [default: the catalogue's, or the `.toml` next to the file]
+    /// Another profile than the robot's own
     #[arg(long, value_name = "FILE.toml")]
     pub(super) profile: Option<PathBuf>,
 }

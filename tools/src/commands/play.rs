@@ -9,8 +9,8 @@ use motorium::nearest::list;
 use motorium_recordings::{Recording, Selection};
 use motorium_robots::{LoadOptions, Loaded, Model, PackagePath, load_with};
 
-use super::super::run::{Clock, Generated, Run};
-use super::Temporary;
+use super::recording::Temporary;
+use super::run::{Clock, Generated, Run};
 use crate::out::errln;
 use crate::style;
 
