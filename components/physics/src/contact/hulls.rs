@@ -149,7 +149,7 @@ mod tests {
     #[test]
     fn the_chord_of_a_circle_is_exact() {
         let chord = |y: f64| within_circle(&[Vector3::new(-2.0, y, 0.0), Vector3::new(2.0, y, 1.0)], 1.0);
-        for y in [0.0, 0.6, -0.8, 1.0] {
+        for y in [0.0_f64, 0.6, -0.8, 1.0] {
             let half = 0.25 * (1.0 - y * y).sqrt();
             let [from, to] = chord(y).unwrap();
             assert!((from - (0.5 - half)).abs() < 1e-12 && (to - (0.5 + half)).abs() < 1e-12, "{y}");
