@@ -21,9 +21,9 @@ fn text(path: &Path) -> &str {
 
 /// Position of a joint in a sample of the fixtures.
 fn position(sample: usize, joint: usize) -> f64 {
-    let home = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854];
+    let home = [0.0, -7_854.0, 0.0, -23_562.0, 0.0, 15_708.0, 7_854.0];
     let phase = joint as f64;
-    home[joint] + 0.1 * (0.2 * sample as f64 + phase).sin() - 0.1 * phase.sin()
+    home[joint] / 1e4 + 0.1 * (0.2 * sample as f64 + phase).sin() - 0.1 * phase.sin()
 }
 
 #[test]
@@ -170,8 +170,8 @@ fn recorded_joints_are_played_exactly() {
         let start = rows.iter().rposition(is_first);
         let start = start.expect("the first sample is commanded");
         for sample in 0..20 {
-            for joint in 0..7 {
-                let error = rows[start + 10 * sample][joint] - position(sample, joint);
+            for (joint, commanded) in rows[start + 10 * sample].iter().take(7).enumerate() {
+                let error = commanded - position(sample, joint);
                 // a column of ns since 1970 is read with an error of 128 ns
                 let tolerance = if index == 0 { 1e-6 } else { 1e-12 };
                 assert!(error.abs() < tolerance, "{file}: sample {sample}, joint {joint}: {error}");
