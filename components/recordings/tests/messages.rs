@@ -22,9 +22,9 @@ fn log(name: &str) -> MessageLog<Vec<u8>> {
 
 /// Position of a joint in a fixture's sample.
 fn position(sample: usize, joint: usize) -> f64 {
-    let home = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854];
+    let home = [0.0, -7_854.0, 0.0, -23_562.0, 0.0, 15_708.0, 7_854.0];
     let phase = joint as f64;
-    home[joint] + 0.1 * (0.2 * sample as f64 + phase).sin() - 0.1 * phase.sin()
+    home[joint] / 1e4 + 0.1 * (0.2 * sample as f64 + phase).sin() - 0.1 * phase.sin()
 }
 
 fn check(recording: &Recording) {
