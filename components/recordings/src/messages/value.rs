@@ -85,6 +85,9 @@ impl Value {
                 let Self::Record(fields) = value else { return None };
                 value = &fields.iter().find(|(known, _)| **known == *name)?.1;
             }
+            if !(indices.is_empty() || indices.ends_with(']')) {
+                return None;
+            }
             for index in indices.split_terminator(']') {
                 let Self::List(entries) = value else { return None };
                 value = entries.get(index.strip_prefix('[')?.parse::<usize>().ok()?)?;
