@@ -1,9 +1,14 @@
 //! MCAP files of other programs as curves and tables. Those in `fixtures/mcap` were written by Foxglove's
 //! Python libraries.
 
+#[path = "../../../fixtures/mcap/joints.rs"]
+mod joints;
+
 use std::path::{Path, PathBuf};
 
 use motorium_bridges::recording::{Opened, OtherLog, ReadError, Recording, Signal, SignalsError, open};
+
+use joints::position;
 
 fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/mcap").join(name)
@@ -18,13 +23,6 @@ fn log(name: &str) -> Box<OtherLog> {
 
 fn signals(texts: &[&str]) -> Vec<Signal> {
     texts.iter().map(|text| text.parse().unwrap()).collect()
-}
-
-/// Position of a joint in a fixture's sample.
-fn position(sample: usize, joint: usize) -> f64 {
-    let home = [0.0, -7_854.0, 0.0, -23_562.0, 0.0, 15_708.0, 7_854.0];
-    let phase = joint as f64;
-    home[joint] / 1e4 + 0.1 * (0.2 * sample as f64 + phase).sin() - 0.1 * phase.sin()
 }
 
 #[test]

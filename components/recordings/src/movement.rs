@@ -3,16 +3,28 @@
 use nalgebra::DMatrix;
 
 use crate::error::{Place, RecordingError};
-use crate::messages::{LogError, MessageLog, Value};
+use crate::messages::{Channel, LogError, MessageLog, Value, metadata};
 use crate::names::chosen;
 use crate::{Recording, Selection};
 
-/// Metadata of a channel that motorium derives from a topic: the topic.
-const TOPIC: &str = "topic";
-/// Metadata of a channel with all fields of a topic of motorium: the layout of its type.
-const LAYOUT: &str = "layout";
-/// Names of the types of measured joints.
-const JOINT_STATES: [&str; 2] = ["JointState", "JointStates"];
+/// How a message holds measured joints.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Joints {
+    /// Arrays of names and numbers: `sensor_msgs/msg/JointState`, `motorium.JointState`.
+    Arrays,
+    /// An array of tables, one per joint: `foxglove.JointStates`.
+    Tables,
+}
+
+impl Joints {
+    fn held_by(channel: &Channel) -> Option<Self> {
+        match channel.schema.as_ref()?.short_name() {
+            "JointState" => Some(Self::Arrays),
+            "JointStates" => Some(Self::Tables),
+            _ => None,
+        }
+    }
+}
 
 /// Reads the movement of a channel: the selected one, else the only one with numbers in the field.
 pub(crate) fn movement(
@@ -78,17 +90,14 @@ fn usual<B: AsRef<[u8]>>(log: &MessageLog<B>, field: &str) -> Result<usize, LogE
         }
         let channel = &log.channels()[message.channel];
         // The drawings of a topic repeat its numbers.
-        let is_drawing = channel.metadata.contains_key(TOPIC) && !channel.metadata.contains_key(LAYOUT);
+        let is_drawing = channel.metadata.contains_key(metadata::TOPIC)
+            && !channel.metadata.contains_key(metadata::LAYOUT);
         let Some(decoder) = channel.decoder.as_ref().ok().filter(|_| !is_drawing) else { continue };
         if decoder.decode(&message.data).is_ok_and(|value| numbers(&value, field).is_some()) {
             found.push(message.channel);
         }
     }
-    let is_state = |index: &&usize| {
-        let schema = log.channels()[**index].schema.as_ref();
-        let last = schema.and_then(|schema| schema.name.rsplit(['.', '/', ':']).next());
-        last.is_some_and(|name| JOINT_STATES.contains(&name))
-    };
+    let is_state = |index: &&usize| Joints::held_by(&log.channels()[**index]).is_some();
     let states: Vec<usize> = found.iter().filter(is_state).copied().collect();
     match (states.as_slice(), found.as_slice()) {
         ([only], _) | ([], [only]) => Ok(*only),
@@ -182,10 +191,10 @@ fn samples<B: AsRef<[u8]>>(
 /// The names of the joints of a topic of motorium, from the drawing of its joints.
 fn labels<B: AsRef<[u8]>>(log: &MessageLog<B>, channel: usize) -> Option<Vec<String>> {
     let exact = &log.channels()[channel];
-    exact.metadata.get(LAYOUT)?;
+    exact.metadata.get(metadata::LAYOUT)?;
     let drawing = log.channels().iter().position(|known| {
-        let is_joints = known.schema.as_ref().is_some_and(|schema| schema.name.ends_with(".JointStates"));
-        is_joints && known.metadata.get(TOPIC) == Some(&exact.topic)
+        Joints::held_by(known) == Some(Joints::Tables)
+            && known.metadata.get(metadata::TOPIC) == Some(&exact.topic)
     })?;
     let message = log.messages().find(|message| message.channel == drawing)?;
     let value = log.decoder(drawing).ok()?.decode(&message.data).ok()?;

@@ -1,5 +1,8 @@
 //! MCAP files of other programs. Those in `fixtures/mcap` were written by Foxglove's Python libraries.
 
+#[path = "../../../fixtures/mcap/joints.rs"]
+mod joints;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -10,6 +13,8 @@ use motorium_recordings::messages::{
 };
 use motorium_recordings::{Recording, RecordingError, Selection, read};
 
+use joints::position;
+
 const COMPRESSIONS: [&str; 3] = ["none", "lz4", "zstd"];
 
 fn fixture(name: &str) -> PathBuf {
@@ -18,13 +23,6 @@ fn fixture(name: &str) -> PathBuf {
 
 fn log(name: &str) -> MessageLog<Vec<u8>> {
     MessageLog::new(std::fs::read(fixture(name)).unwrap()).unwrap()
-}
-
-/// Position of a joint in a fixture's sample.
-fn position(sample: usize, joint: usize) -> f64 {
-    let home = [0.0, -7_854.0, 0.0, -23_562.0, 0.0, 15_708.0, 7_854.0];
-    let phase = joint as f64;
-    home[joint] / 1e4 + 0.1 * (0.2 * sample as f64 + phase).sin() - 0.1 * phase.sin()
 }
 
 fn check(recording: &Recording) {

@@ -289,8 +289,8 @@ impl Stepper {
         self.accounts.open();
     }
 
-    /// Records a wake-up at `wake_ns`. A loop that has not `slept` rests if a rest is due. Returns the time of
-    /// waking, ns, which is later after a rest.
+    /// Records a wake-up at `wake_ns`. A loop that has not `slept` rests if a rest is due. Returns the time
+    /// of waking, ns, which is later after a rest.
     pub(super) fn woke(&mut self, wake_ns: u64, slept: bool, rest: &mut Rest) -> u64 {
         if slept {
             rest.slept(wake_ns);

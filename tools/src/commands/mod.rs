@@ -26,6 +26,7 @@ mod recording;
 mod reproduce;
 mod robot;
 mod run;
+mod samples;
 mod schema;
 mod step;
 mod stop;

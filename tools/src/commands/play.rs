@@ -6,11 +6,12 @@ use std::process::ExitCode;
 
 use anyhow::{bail, ensure};
 use motorium::nearest::list;
-use motorium_recordings::{Recording, Selection};
+use motorium_recordings::Recording;
 use motorium_robots::{LoadOptions, Loaded, Model, PackagePath, load_with};
 
 use super::recording::Temporary;
 use super::run::{Clock, Generated, Run};
+use super::samples::SampleArgs;
 use crate::out::errln;
 use crate::style;
 
@@ -35,18 +36,8 @@ pub(crate) struct Play {
     /// Look for `package://` files in this folder first; may be repeated
     #[arg(long, value_name = "FOLDER")]
     package_path: Vec<PathBuf>,
-    /// Field of the samples, or columns `NAME_FIELD` of a table [default: position]
-    #[arg(long, value_name = "NAME")]
-    field: Option<String>,
-    /// Channel of an MCAP file [default: the only one with such samples, or with joint states]
-    #[arg(long, value_name = "NAME")]
-    topic: Option<String>,
-    /// Column to keep (again for more) [default: all]
-    #[arg(long, value_name = "NAME")]
-    channel: Vec<String>,
-    /// Samples a second of recordings without time
-    #[arg(long, value_name = "HZ")]
-    rate: Option<f64>,
+    #[command(flatten)]
+    samples: SampleArgs,
     /// Factor of the speed
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     speed: f64,
@@ -71,16 +62,7 @@ impl Play {
             "`--speed {}`: expected a number above 0",
             self.speed
         );
-        let selection = Selection {
-            field: self.field.clone(),
-            channels: self.channel.clone(),
-            topic: self.topic.clone(),
-            rate: self.rate,
-        };
-        let (recording, removed) = motorium_recordings::read(&self.file, &selection)?.continuous();
-        for removed in removed {
-            errln!("{} {}: {removed}", style::warning("note:"), self.file.display());
-        }
+        let recording = self.samples.read(&self.file)?;
         let packages = PackagePath { folders: self.package_path.clone(), prefixes: Vec::new() };
         let options = LoadOptions { packages, ..LoadOptions::default() };
         let loaded = load_with(&self.robot, Path::new(""), &options)?;

@@ -1,8 +1,13 @@
 //! MCAP files of other programs, from `fixtures/mcap`: drawn, reported, exported, learned and played.
 
+#[path = "../../../fixtures/mcap/joints.rs"]
+mod joints;
+
 use std::path::{Path, PathBuf};
 
 use crate::program::{json, printed, run};
+
+use joints::position;
 
 fn fixture(name: &str) -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures/mcap").join(name);
@@ -17,13 +22,6 @@ fn all() -> Vec<String> {
 
 fn text(path: &Path) -> &str {
     path.to_str().expect("a plain path")
-}
-
-/// Position of a joint in a sample of the fixtures.
-fn position(sample: usize, joint: usize) -> f64 {
-    let home = [0.0, -7_854.0, 0.0, -23_562.0, 0.0, 15_708.0, 7_854.0];
-    let phase = joint as f64;
-    home[joint] / 1e4 + 0.1 * (0.2 * sample as f64 + phase).sin() - 0.1 * phase.sin()
 }
 
 #[test]

@@ -68,6 +68,8 @@ pub use signals::{Curve, Signal, SignalError, SignalsError, curves};
 pub use table::write_parquet;
 pub use verify::{Difference, Verification, VerifyError, What, verify};
 
+use motorium_recordings::messages::metadata::{LAYOUT, TOPIC};
+
 /// Profile of the files, in their header.
 const PROFILE: &str = "motorium";
 /// Name of the metadata record with the facts of the run.
@@ -81,10 +83,6 @@ const KEPT: &str = "kept ns";
 const RECOVERED: &str = "recovered";
 /// Name of the attachment with the plan.
 const PLAN: &str = "plan.json";
-/// Metadata key of a channel: the topic from which it is derived.
-const TOPIC: &str = "topic";
-/// Key of the metadata of an exact channel: the layout of its type, as JSON.
-const LAYOUT: &str = "layout";
 /// Key of the metadata of an exact channel: a hash of the layout.
 const HASH: &str = "layout_hash";
 /// Name of the channel with the events of a run.

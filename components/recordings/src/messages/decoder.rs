@@ -16,6 +16,13 @@ pub struct Schema {
     pub data: Vec<u8>,
 }
 
+impl Schema {
+    /// Name of the type without its packages: `JointState` for `sensor_msgs/msg/JointState`.
+    pub fn short_name(&self) -> &str {
+        self.name.rsplit(['.', '/', ':']).next().unwrap_or_default()
+    }
+}
+
 /// The reason why the messages of a channel cannot be decoded.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unsupported {

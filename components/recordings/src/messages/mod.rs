@@ -21,6 +21,7 @@ mod framing;
 mod idl;
 mod lengths;
 mod log;
+pub mod metadata;
 mod msg;
 mod protobuf;
 mod records;

@@ -17,12 +17,13 @@ use motorium_primitives::kmp::{KernelisedFit, KernelisedMovement};
 use motorium_primitives::promp::{Learning, ProMp, ProMpBasis, ProMpFit};
 use motorium_primitives::regression::PolynomialMovement;
 use motorium_primitives::rollout::{Trajectory, reproduce};
-use motorium_recordings::{Recording, Selection};
+use motorium_recordings::Recording;
 use nalgebra::DMatrix;
 
 use report::{Report, text};
 use shown::Shown;
 
+use super::super::samples::SampleArgs;
 use super::plot;
 use crate::chart::Panel;
 use crate::out::{errln, out, outln};
@@ -64,18 +65,8 @@ pub(super) struct Fit {
     /// Scaling of the shape of a discrete primitive with its displacement [default: fixed]
     #[arg(long, value_enum, hide_possible_values = true, value_name = "fixed|displacement|similarity")]
     scaling: Option<ScalingArg>,
-    /// Field of the samples of a topic, such as velocity [default: position]
-    #[arg(long, value_name = "NAME")]
-    field: Option<String>,
-    /// Channel of an MCAP file [default: the only one with such samples, or with joint states]
-    #[arg(long, value_name = "NAME")]
-    topic: Option<String>,
-    /// Channel to keep (again for more) [default: all]
-    #[arg(long, value_name = "NAME")]
-    channel: Vec<String>,
-    /// Samples a second of recordings without time
-    #[arg(long, value_name = "HZ")]
-    rate: Option<f64>,
+    #[command(flatten)]
+    selection: SampleArgs,
     /// Cut-off frequency of a low-pass filter for noise [default: no filter]
     #[arg(long, value_name = "HZ")]
     cutoff: Option<f64>,
@@ -193,26 +184,8 @@ impl Fit {
     }
 
     fn read(&self) -> anyhow::Result<Shown> {
-        let selection = Selection {
-            field: self.field.clone(),
-            channels: self.channel.clone(),
-            topic: self.topic.clone(),
-            rate: self.rate,
-        };
-        let recordings: Vec<Recording> = self
-            .files
-            .iter()
-            .map(|file| motorium_recordings::read(file, &selection))
-            .collect::<Result<_, _>>()?;
-        let mut continuous = Vec::new();
-        for (file, recording) in self.files.iter().zip(recordings) {
-            let (recording, removed) = recording.continuous();
-            for removed in removed {
-                errln!("{} {}: {removed}", style::warning("note:"), file.display());
-            }
-            continuous.push(recording);
-        }
-        let recordings = continuous;
+        let recordings: Vec<Recording> =
+            self.files.iter().map(|file| self.selection.read(file)).collect::<Result<_, _>>()?;
         let names = recordings[0].names().to_vec();
         for (file, recording) in self.files.iter().zip(&recordings) {
             if recording.names().len() != names.len() {

@@ -1,0 +1,42 @@
+//! Options that select the samples of a recording.
+
+use std::path::Path;
+
+use motorium_recordings::{Recording, Selection, read};
+
+use crate::out::errln;
+use crate::style;
+
+/// The samples of recordings, selected by topic, field and channel.
+#[derive(Debug, clap::Args)]
+pub(super) struct SampleArgs {
+    /// Field of the samples, or columns `NAME_FIELD` of a table [default: position]
+    #[arg(long, value_name = "NAME")]
+    field: Option<String>,
+    /// Channel of an MCAP file [default: the only one with such samples, or with joint states]
+    #[arg(long, value_name = "NAME")]
+    topic: Option<String>,
+    /// Column to keep (again for more) [default: all]
+    #[arg(long, value_name = "NAME")]
+    channel: Vec<String>,
+    /// Samples a second of recordings without time
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
+}
+
+impl SampleArgs {
+    /// The recording in `file` with whole turns removed, which are printed.
+    pub(super) fn read(&self, file: &Path) -> anyhow::Result<Recording> {
+        let selection = Selection {
+            field: self.field.clone(),
+            channels: self.channel.clone(),
+            topic: self.topic.clone(),
+            rate: self.rate,
+        };
+        let (recording, removed) = read(file, &selection)?.continuous();
+        for removed in removed {
+            errln!("{} {}: {removed}", style::warning("note:"), file.display());
+        }
+        Ok(recording)
+    }
+}
