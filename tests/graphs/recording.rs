@@ -338,6 +338,30 @@ fn the_score_of_a_recording_shows_a_missed_goal() {
 }
 
 #[test]
+fn report_page_shows_results_of_its_run_alone() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, json) = (folder.path().join("a.mcap"), folder.path().join("a.json"));
+    let graph = workspace().join("graphs/panda-reach.toml");
+    let arguments = ["--clock", "lockstep", "--for", "300 ms", "--json", "--record", text(&file)];
+    let ended = motorium(&[&["run", text(&graph)], &arguments[..]].concat());
+    std::fs::write(&json, &ended.stdout).expect("a file");
+    let page = folder.path().join("a.html");
+    let report =
+        |json: &Path| motorium(&["report", text(&file), "--results", text(json), "--output", text(&page)]);
+    let output = report(&json);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let written = std::fs::read_to_string(&page).expect("written");
+    assert!(written.contains("<li>readings 300</li>"));
+
+    let other = String::from_utf8_lossy(&ended.stdout).replace("\"panda-reach\"", "\"rover\"");
+    std::fs::write(&json, other).expect("a file");
+    let refused = report(&json);
+    assert_eq!(refused.status.code(), Some(1));
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(said.contains("is the report of graph `rover`, expected `panda-reach`"), "{said}");
+}
+
+#[test]
 fn a_recording_is_drawn_summarised_and_exported() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "300 ms"]);
@@ -356,9 +380,12 @@ fn a_recording_is_drawn_summarised_and_exported() {
     let output = motorium(&["report", text(&file), "--output", text(&page)]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let page = std::fs::read_to_string(page).expect("written");
-    for part in ["<svg", "panda/joint_command", "Tracking", "panda_joint3", "Events", "created"] {
+    let sections = ["Goals", "Limits: panda/joint_state", "Graph", "Topics", "Misses", "Tracking", "Events"];
+    for part in sections.iter().chain(&["0.30 s</text>", "panda/joint_command", ">measured<", "panda_joint3"])
+    {
         assert!(page.contains(part), "{part}");
     }
+    assert!(!page.contains("<h2>Results"), "the recording alone holds none");
     assert!(!page.contains("http://") || !page.contains("src="), "it needs no network");
 
     let tables = folder.path().join("tables");

@@ -4,10 +4,11 @@ use crate::draw::escape;
 
 const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#1f2328}\
 table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;border-bottom:1px solid #d0d7de;text-align:left}\
-td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}h2{margin-top:2em}svg{max-width:100%;height:auto}\
-.error{color:#d1242f}.warning{color:#9a6700}.dim{color:#57606a}.wide{overflow-x:auto}\
+td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}td.n{white-space:nowrap}h2{margin-top:2em}svg{max-width:100%;height:auto}\
+.error{color:#d1242f}.warning{color:#9a6700}.dim{color:#57606a}.wide{overflow-x:auto}ul.columns{columns:3 20em;font-size:13px}\
 @media(prefers-color-scheme:dark){body{background:#0d1117;color:#e6edf3}td,th{border-color:#30363d}\
-.error{color:#ff7b72}.warning{color:#e3b341}.dim{color:#9da7b3}}";
+.error{color:#ff7b72}.warning{color:#e3b341}.dim{color:#9da7b3}}\
+@media print{body{max-width:none;margin:0;font-size:12px}h2{break-after:avoid;margin-top:1em}svg,tr{break-inside:avoid}}";
 
 /// A page with a title above its body, in light and in dark colours.
 pub(crate) fn page(title: &str, body: &str) -> String {

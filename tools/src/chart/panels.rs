@@ -26,7 +26,7 @@ pub(crate) struct Panel {
 #[derive(Debug, Clone)]
 struct Curve {
     points: Vec<(f64, f64)>,
-    shown: bool,
+    is_reference: bool,
 }
 
 impl Panel {
@@ -34,14 +34,14 @@ impl Panel {
         Self { title: title.to_string(), curves: Vec::new(), bands: Vec::new() }
     }
 
-    /// A curve that was recorded: grey and dashed.
-    pub(crate) fn recorded(&mut self, points: Vec<(f64, f64)>) {
-        self.curves.push(Curve { points, shown: true });
+    /// A curve to compare with, such as a recorded or a commanded one: grey and dashed.
+    pub(crate) fn reference(&mut self, points: Vec<(f64, f64)>) {
+        self.curves.push(Curve { points, is_reference: true });
     }
 
     /// A curve.
     pub(crate) fn line(&mut self, points: Vec<(f64, f64)>) {
-        self.curves.push(Curve { points, shown: false });
+        self.curves.push(Curve { points, is_reference: false });
     }
 
     /// A band: time, lower and upper edge.
@@ -58,11 +58,12 @@ impl Panel {
     }
 }
 
-/// Draws panels below each other; the time axis is below the last, the legend above the first.
-pub(crate) fn panels(panels: &[Panel]) -> String {
+/// Draws panels below each other; the time axis is below the last, the legend above the first. `names` are those
+/// of the references and of the other curves.
+pub(crate) fn panels(panels: &[Panel], names: [&str; 2]) -> String {
     let height = TOP + panels.len() as f64 * (HEIGHT + GAP) + BOTTOM;
     let mut svg = theme::begin(WIDTH, height);
-    svg += &legend(panels);
+    svg += &legend(panels, names);
     for (index, panel) in panels.iter().enumerate() {
         draw(&mut svg, panel, TOP + index as f64 * (HEIGHT + GAP));
     }
@@ -71,15 +72,15 @@ pub(crate) fn panels(panels: &[Panel]) -> String {
     svg + "</svg>\n"
 }
 
-const RECORDED: &str = "class=\"old\" stroke=\"#8c959f\" stroke-dasharray=\"5 3\" stroke-width=\"1.2\"";
+const REFERENCE: &str = "class=\"old\" stroke=\"#8c959f\" stroke-dasharray=\"5 3\" stroke-width=\"1.2\"";
 
-fn legend(panels: &[Panel]) -> String {
+fn legend(panels: &[Panel], [reference, curve]: [&str; 2]) -> String {
     let any = |test: &dyn Fn(&Panel) -> bool| panels.iter().any(test);
     let line = format!("{} stroke-width=\"1.8\"", theme::stroke(0));
     let mut entries: Vec<(&str, &str)> = Vec::new();
-    if any(&|panel| panel.curves.iter().any(|curve| curve.shown)) {
-        entries.push((RECORDED, "recorded"));
-        entries.push((&line, "primitive"));
+    if any(&|panel| panel.curves.iter().any(|curve| curve.is_reference)) {
+        entries.push((REFERENCE, reference));
+        entries.push((&line, curve));
     }
     let band = format!("{} stroke-opacity=\"0.25\" stroke-width=\"9\"", theme::stroke(0));
     if any(&|panel| !panel.bands.is_empty()) {
@@ -119,8 +120,8 @@ fn draw(svg: &mut String, panel: &Panel, top: f64) {
         let _ = writeln!(svg, "<polygon points=\"{}\" {fill} fill-opacity=\"0.15\"/>", points.join(" "));
     }
     for curve in &panel.curves {
-        let stroke = match curve.shown {
-            true => RECORDED.to_string(),
+        let stroke = match curve.is_reference {
+            true => REFERENCE.to_string(),
             false => format!("{} stroke-width=\"1.6\"", theme::stroke(0)),
         };
         let points: Vec<String> =
@@ -142,12 +143,12 @@ mod tests {
     #[test]
     fn a_drawing_is_well_formed_also_of_nothing_and_of_constants() {
         let mut curve = Panel::new("a < b & c");
-        curve.recorded(vec![(0.0, 1.0), (1.0, 2.0)]);
+        curve.reference(vec![(0.0, 1.0), (1.0, 2.0)]);
         curve.line(vec![(0.0, 1.0), (1.0, 1.5)]);
         curve.band(vec![(0.0, 0.9, 1.1), (1.0, 1.4, 1.6)]);
         let mut constant = Panel::new("constant");
         constant.line(vec![(0.0, 3.0), (1.0, 3.0)]);
-        let text = panels(&[curve, constant, Panel::new("nothing")]);
+        let text = panels(&[curve, constant, Panel::new("nothing")], ["recorded", "primitive"]);
         let document = roxmltree::Document::parse(&text).unwrap();
         let count = |name: &str| document.descendants().filter(|node| node.has_tag_name(name)).count();
         assert_eq!([count("polyline"), count("polygon")], [3, 1]);

@@ -13,7 +13,7 @@ use crate::wrap::wrapped;
 use crate::{gate, style};
 
 use results::WIDTH;
-pub(crate) use results::decimal;
+pub(crate) use results::{decimal, figures, warnings};
 
 /// A table without lines, its columns apart by two blanks.
 pub(crate) fn table<const N: usize>(header: [&str; N]) -> Table {
@@ -46,7 +46,7 @@ fn percentiles(p: &Percentiles) -> String {
     parts.join(" / ")
 }
 
-fn short_percentiles(p: &Percentiles) -> String {
+pub(crate) fn short_percentiles(p: &Percentiles) -> String {
     [p.p50, p.p99, p.max].map(microseconds).join(" / ")
 }
 
@@ -185,26 +185,31 @@ fn interrupted(report: &Report, text: &mut String) {
 
 /// Names the cause of every missed step: one of the host is not one of ours.
 fn missed_steps(report: &Report, text: &mut String) {
-    for c in &report.components {
-        let misses = &c.misses;
-        let causes: Vec<String> = [
-            (misses.stolen, "held up by the host"),
-            (misses.late_wake, "held up by others on its core"),
-            (misses.long_step, "step too long"),
-            (misses.late_input, "stale command, safe state applied"),
-            (misses.over_budget, "over budget"),
-            (c.deferred, "events deferred by `min_interval`"),
-            (c.errors, "errors tolerated"),
-            (c.refused, "samples refused"),
-        ]
-        .iter()
-        .filter(|(count, _)| *count > 0)
-        .map(|(count, cause)| format!("{count} {cause}"))
-        .collect();
+    for component in &report.components {
+        let causes = causes(component);
         if !causes.is_empty() {
-            let _ = writeln!(text, "{}: {}", c.name, causes.join(", "));
+            let _ = writeln!(text, "{}: {}", component.name, causes.join(", "));
         }
     }
+}
+
+/// What was late, deferred, tolerated or refused of a component, each with its number.
+pub(crate) fn causes(component: &ComponentReport) -> Vec<String> {
+    let misses = &component.misses;
+    [
+        (misses.stolen, "held up by the host"),
+        (misses.late_wake, "held up by others on its core"),
+        (misses.long_step, "step too long"),
+        (misses.late_input, "stale command, safe state applied"),
+        (misses.over_budget, "over budget"),
+        (component.deferred, "events deferred by `min_interval`"),
+        (component.errors, "errors tolerated"),
+        (component.refused, "samples refused"),
+    ]
+    .iter()
+    .filter(|(count, _)| *count > 0)
+    .map(|(count, cause)| format!("{count} {cause}"))
+    .collect()
 }
 
 #[cfg(test)]

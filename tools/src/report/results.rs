@@ -26,11 +26,9 @@ const UNITS: [(&str, &str); 9] = [
 /// figures without a value are left out. Lines after the first begin with blanks; the first has `heading`
 /// columns before it.
 pub(super) fn lines(heading: usize, result: &Value) -> String {
-    let mut figures = Vec::new();
-    collect("", result, result, &mut figures);
     let mut text = String::new();
     let mut used = heading;
-    for figure in figures {
+    for figure in figures(result) {
         let length = figure.chars().count();
         // a comma follows
         if used > 4 && used + length + 3 > WIDTH {
@@ -49,10 +47,17 @@ pub(super) fn lines(heading: usize, result: &Value) -> String {
     text
 }
 
+/// The figures of a result, each with its path and its unit.
+pub(crate) fn figures(result: &Value) -> Vec<String> {
+    let mut figures = Vec::new();
+    collect("", result, result, &mut figures);
+    figures
+}
+
 /// The key of warnings, which are printed on separate lines.
 const WARNINGS: &str = "warnings";
 
-fn warnings(result: &Value) -> impl Iterator<Item = &str> {
+pub(crate) fn warnings(result: &Value) -> impl Iterator<Item = &str> {
     result.get(WARNINGS).and_then(Value::as_array).into_iter().flatten().filter_map(Value::as_str)
 }
 

@@ -53,8 +53,8 @@ pub use channels::{Channel, Content, channels};
 pub use derived::{Derived, DerivedError};
 pub use drawn::{Drawing, DrawnError, log};
 pub use pictures::PictureError;
-pub(crate) use robots::load as load_robot;
 pub use robots::{Description, RobotFrames, descriptions, joints_of_topic, robot_of_topic};
+pub(crate) use robots::{load as load_robot, load_in_world, robots};
 pub use world::{WORLD_SCENE, world_scene};
 
 /// The schema of the messages of a channel.

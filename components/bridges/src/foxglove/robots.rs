@@ -60,7 +60,7 @@ impl Description {
 }
 
 /// The robots of a plan, each once, in the order of its components.
-fn robots(plan: &Plan) -> Vec<&RobotReference> {
+pub(crate) fn robots(plan: &Plan) -> Vec<&RobotReference> {
     let mut robots: Vec<&RobotReference> = Vec::new();
     for robot in plan.components.iter().flat_map(|component| component.robot.iter().chain(&component.robots))
     {
@@ -101,8 +101,17 @@ fn prefix(plan: &Plan, robot: &str) -> String {
     if robots(plan).len() == 1 { String::new() } else { format!("{robot}/") }
 }
 
-/// Loads a robot of a plan.
+/// Loads a robot of a plan with its base at the origin.
 pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, RobotSourceError> {
+    load_with_base(robot, None)
+}
+
+/// Loads a robot of a plan with its base at its pose in the world.
+pub(crate) fn load_in_world(robot: &RobotReference) -> Result<Loaded, RobotSourceError> {
+    load_with_base(robot, robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }))
+}
+
+fn load_with_base(robot: &RobotReference, pose: Option<BasePose>) -> Result<Loaded, RobotSourceError> {
     let source = RobotSource {
         name: &robot.name,
         text: &robot.urdf,
@@ -110,7 +119,7 @@ pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, RobotSourceError> {
         profile: robot.profile.as_deref(),
         packages: &robot.package_path,
         settings: robot.settings.as_ref(),
-        pose: None,
+        pose,
     };
     source.load()
 }

@@ -6,7 +6,7 @@ use motorium::plan::Plan;
 use motorium::region::EventKind;
 use motorium::state::{Event, JointCommand, JointState, StateBuffer as _, from_bytes};
 
-use super::{EVENTS, ReadError, Recording};
+use super::{EVENTS, Envelope, ReadError, Recording};
 
 /// The analysis of a recording.
 #[derive(Debug, Clone, Default)]
@@ -36,6 +36,8 @@ pub struct TopicAnalysis {
     pub latency_ns: Vec<u64>,
     /// Times between one publication and the next, ns, rising.
     pub interval_ns: Vec<u64>,
+    /// The latencies over time: s since the first sample, and ns.
+    pub latencies: Envelope,
 }
 
 /// Errors of joints against their commands.
@@ -45,8 +47,22 @@ pub struct Tracking {
     pub command: String,
     /// The topic of the states.
     pub state: String,
-    /// Root mean square and maximum deviation of each joint's position from the command, rad or m.
-    pub joints: Vec<(f64, f64)>,
+    /// Each joint.
+    pub joints: Vec<TrackedJoint>,
+}
+
+/// One joint against its command.
+#[derive(Debug, Clone, Default)]
+pub struct TrackedJoint {
+    /// Root mean square of its deviation from the commanded position, rad or m; 0 without such commands.
+    pub rms: f64,
+    /// Its greatest deviation, rad or m.
+    pub most: f64,
+    /// The commanded positions over time, where positions are commanded: s since the first sample, and rad or
+    /// m.
+    pub commanded: Vec<(f64, f64)>,
+    /// The measured positions at these times.
+    pub measured: Vec<(f64, f64)>,
 }
 
 /// An event.
@@ -56,8 +72,10 @@ pub struct EventLine {
     pub time_s: f64,
     /// 0 information, 1 warning, 2 error.
     pub severity: u32,
-    /// Name of its kind, such as `missed`.
-    pub kind: &'static str,
+    /// Its kind; `None` for one that is not the launcher's.
+    pub kind: Option<EventKind>,
+    /// The number that belongs to it, such as a number of missed steps.
+    pub value: f64,
     /// Its words.
     pub text: String,
 }
@@ -68,14 +86,27 @@ pub fn quantile(rising: &[u64], part: f64) -> u64 {
     rising.get(index.saturating_sub(1).min(rising.len().saturating_sub(1))).copied().unwrap_or(0)
 }
 
-/// Sums of one pair of topics.
-struct Sums {
+/// Stretches of time of a curve that is to be drawn.
+const STRETCHES: usize = 300;
+
+/// One pair of topics.
+struct Pair {
     command: usize,
     state: usize,
     newest: Option<JointCommand>,
-    squares: Vec<f64>,
-    most: Vec<f64>,
+    /// Begin and end of the recording, s since the first sample.
+    ends: (f64, f64),
+    joints: Vec<Joint>,
     count: f64,
+}
+
+/// Sums of one joint of a pair.
+#[derive(Clone)]
+struct Joint {
+    squares: f64,
+    most: f64,
+    commanded: Envelope,
+    measured: Envelope,
 }
 
 /// Reads a recording and analyses its content.
@@ -84,6 +115,8 @@ struct Sums {
 /// A message is damaged.
 pub fn analyse(recording: &Recording, plan: &Plan) -> Result<Analysis, ReadError> {
     let mut analysis = Analysis::default();
+    let (first_ns, last_ns) = recording.times().unwrap_or_default();
+    let ends = (0.0, last_ns.saturating_sub(first_ns) as f64 * 1e-9);
     let topics = recording.topics();
     let mut last: Vec<Option<(u64, u32, u64, u64)>> = vec![None; topics.len()];
     analysis.topics = topics
@@ -91,10 +124,11 @@ pub fn analyse(recording: &Recording, plan: &Plan) -> Result<Analysis, ReadError
         .map(|topic| TopicAnalysis {
             name: topic.name.clone(),
             type_name: topic.layout.type_name.clone(),
+            latencies: Envelope::new(ends, STRETCHES),
             ..TopicAnalysis::default()
         })
         .collect();
-    let mut sums = pairs(recording, plan);
+    let mut pairs = pairs(recording, plan, ends);
     let mut begin_ns = u64::MAX;
     let mut end_ns = 0;
     for sample in recording.in_order() {
@@ -109,12 +143,16 @@ pub fn analyse(recording: &Recording, plan: &Plan) -> Result<Analysis, ReadError
             analysis.events.push(EventLine {
                 time_s: (sample.time_ns - begin_ns) as f64 * 1e-9,
                 severity: event.severity,
-                kind: EventKind::from_number(event.code).map_or("other", EventKind::name),
+                kind: EventKind::from_number(event.code),
+                value: event.value,
                 text: event.as_str().to_string(),
             });
             continue;
         }
-        of_topic.latency_ns.push(stamp.publish_time.saturating_sub(stamp.source_time));
+        let time_s = (sample.time_ns - begin_ns) as f64 * 1e-9;
+        let latency_ns = stamp.publish_time.saturating_sub(stamp.source_time);
+        of_topic.latency_ns.push(latency_ns);
+        of_topic.latencies.take(time_s, latency_ns as f64);
         let this = (stamp.episode, stamp.restart_count, stamp.sequence, stamp.publish_time);
         if let Some((episode, _, sequence, time)) = last[sample.topic].replace(this)
             && episode == stamp.episode
@@ -122,8 +160,8 @@ pub fn analyse(recording: &Recording, plan: &Plan) -> Result<Analysis, ReadError
             of_topic.gaps += stamp.sequence.saturating_sub(sequence + 1);
             of_topic.interval_ns.push(stamp.publish_time.saturating_sub(time));
         }
-        for sum in &mut sums {
-            sum.take(sample.topic, &sample.bytes);
+        for pair in &mut pairs {
+            pair.take(sample.topic, time_s, &sample.bytes);
         }
     }
     analysis.duration_s = end_ns.saturating_sub(begin_ns) as f64 * 1e-9;
@@ -131,12 +169,12 @@ pub fn analyse(recording: &Recording, plan: &Plan) -> Result<Analysis, ReadError
         topic.latency_ns.sort_unstable();
         topic.interval_ns.sort_unstable();
     }
-    analysis.tracking = sums.into_iter().filter_map(|sum| sum.result(recording)).collect();
+    analysis.tracking = pairs.into_iter().filter_map(|pair| pair.result(recording)).collect();
     Ok(analysis)
 }
 
 /// Pairs each topic of commands with the first topic of states published by its reader.
-fn pairs(recording: &Recording, plan: &Plan) -> Vec<Sums> {
+fn pairs(recording: &Recording, plan: &Plan, ends: (f64, f64)) -> Vec<Pair> {
     let mut by_command = BTreeMap::new();
     for (index, topic) in plan.topics.iter().enumerate() {
         if topic.layout.type_name != JointCommand::NAME {
@@ -160,34 +198,31 @@ fn pairs(recording: &Recording, plan: &Plan) -> Vec<Sums> {
             by_command.insert(command, state);
         }
     }
-    let sums = |(command, state)| Sums {
-        command,
-        state,
-        newest: None,
-        squares: Vec::new(),
-        most: Vec::new(),
-        count: 0.0,
-    };
-    by_command.into_iter().map(sums).collect()
+    let pair = |(command, state)| Pair { command, state, newest: None, ends, joints: Vec::new(), count: 0.0 };
+    by_command.into_iter().map(pair).collect()
 }
 
-impl Sums {
-    fn take(&mut self, topic: usize, bytes: &[u8]) {
+impl Pair {
+    fn take(&mut self, topic: usize, time_s: f64, bytes: &[u8]) {
         if topic == self.command {
             self.newest = from_bytes(bytes);
         } else if topic == self.state
             && let (Some(command), Some(state)) = (&self.newest, from_bytes::<JointState>(bytes))
         {
             let count = command.count().min(state.count());
-            self.squares.resize(count.max(self.squares.len()), 0.0);
-            self.most.resize(self.squares.len(), 0.0);
+            let envelope = Envelope::new(self.ends, STRETCHES);
+            let joint = Joint { squares: 0.0, most: 0.0, commanded: envelope.clone(), measured: envelope };
+            self.joints.resize(count.max(self.joints.len()), joint);
             self.count += 1.0;
-            for joint in 0..count {
+            for (index, joint) in self.joints.iter_mut().enumerate().take(count) {
                 // Effort and velocity control leave the position open.
-                if command.kp()[joint] > 0.0 {
-                    let error = (state.position()[joint] - command.position()[joint]).abs();
-                    self.squares[joint] += error * error;
-                    self.most[joint] = self.most[joint].max(error);
+                if command.kp()[index] > 0.0 {
+                    let (commanded, measured) = (command.position()[index], state.position()[index]);
+                    let error = (measured - commanded).abs();
+                    joint.squares += error * error;
+                    joint.most = joint.most.max(error);
+                    joint.commanded.take(time_s, commanded);
+                    joint.measured.take(time_s, measured);
                 }
             }
         }
@@ -195,11 +230,16 @@ impl Sums {
 
     fn result(self, recording: &Recording) -> Option<Tracking> {
         let name = |index: usize| recording.topics()[index].name.clone();
-        let rms = self.squares.iter().map(|sum| (sum / self.count.max(1.0)).sqrt());
+        let joint = |joint: &Joint| TrackedJoint {
+            rms: (joint.squares / self.count.max(1.0)).sqrt(),
+            most: joint.most,
+            commanded: joint.commanded.points(),
+            measured: joint.measured.points(),
+        };
         (self.count > 0.0).then(|| Tracking {
             command: name(self.command),
             state: name(self.state),
-            joints: rms.zip(self.most.iter().copied()).collect(),
+            joints: self.joints.iter().map(joint).collect(),
         })
     }
 }

@@ -29,6 +29,7 @@ mod machine;
 mod order;
 mod other;
 mod outcome;
+mod postures;
 mod reader;
 mod recorded;
 mod recorder;
@@ -46,7 +47,7 @@ mod taps;
 mod threads;
 mod verify;
 
-pub use analysis::{Analysis, EventLine, TopicAnalysis, Tracking, analyse, quantile};
+pub use analysis::{Analysis, EventLine, TopicAnalysis, TrackedJoint, Tracking, analyse, quantile};
 pub use component::{Record, RecordConfig};
 pub use csv::{TableError, write_csv};
 pub use demonstration::{Demonstration, DemonstrationError};
@@ -56,6 +57,7 @@ pub use lerobot::{
 };
 pub use order::InOrder;
 pub use other::{Opened, OtherLog, open};
+pub use postures::{Postures, postures};
 pub use reader::{ReadError, Recording};
 pub use recorded::{RecordedPictures, RecordedTopic};
 pub use recover::{Recovered, recover};
@@ -64,7 +66,7 @@ pub use replay::{Eased, Replay, ReplayConfig, replay_kind};
 pub use score::{
     GoalScore, JointScore, JointsScore, PoseScore, Score, Tolerance, score, spectral_arc_length,
 };
-pub use signals::{Curve, Signal, SignalError, SignalsError, curves};
+pub use signals::{Curve, Envelope, Signal, SignalError, SignalsError, curves};
 pub use table::write_parquet;
 pub use verify::{Difference, Verification, VerifyError, What, verify};
 

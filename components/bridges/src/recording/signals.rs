@@ -229,24 +229,76 @@ pub fn curves(recording: &Recording, signals: &[Signal]) -> Result<Vec<Curve>, S
 }
 
 impl Curve {
-    /// The curve with at most about this many points: of each stretch of time its least and its greatest
-    /// value.
+    /// The curve with at most this many points: of each stretch of time its least and its greatest value.
     #[must_use]
     pub fn thinned(&self, points: usize) -> Vec<(f64, f64)> {
-        let per_stretch = self.points.len().div_ceil((points / 2).max(1));
-        if per_stretch <= 2 {
+        if self.points.len() <= points {
             return self.points.clone();
         }
-        let mut thinned = Vec::with_capacity(points);
-        for stretch in self.points.chunks(per_stretch) {
-            let least = stretch.iter().min_by(|a, b| a.1.total_cmp(&b.1));
-            let greatest = stretch.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-            let mut both: Vec<(f64, f64)> = least.into_iter().chain(greatest).copied().collect();
-            both.sort_by(|a, b| a.0.total_cmp(&b.0));
-            both.dedup();
-            thinned.extend(both);
+        let times = || self.points.iter().map(|(time, _)| *time);
+        let ends = (times().fold(f64::INFINITY, f64::min), times().fold(f64::NEG_INFINITY, f64::max));
+        let mut envelope = Envelope::new(ends, points / 2);
+        self.points.iter().for_each(|(time, value)| envelope.take(*time, *value));
+        envelope.points()
+    }
+}
+
+/// The least and the greatest value of each stretch of time: a curve of any length as one that can be drawn.
+///
+/// ```
+/// use motorium_bridges::recording::Envelope;
+///
+/// let mut envelope = Envelope::new((0.0, 1.0), 10);
+/// (0..=1000).for_each(|sample| envelope.take(1e-3 * f64::from(sample), f64::from(sample % 7)));
+/// assert_eq!(envelope.points().len(), 20);
+/// ```
+#[derive(Debug, Clone, Default)]
+pub struct Envelope {
+    begin: f64,
+    /// Stretches per second.
+    rate: f64,
+    /// The points of the least and of the greatest value of each stretch.
+    stretches: Vec<Option<[(f64, f64); 2]>>,
+}
+
+impl Envelope {
+    /// An empty envelope of this many stretches (at least one) between two times, s. Earlier and later values
+    /// belong to the first and the last.
+    pub fn new((begin, end): (f64, f64), stretches: usize) -> Self {
+        let stretches = vec![None; stretches.max(1)];
+        let rate = if end > begin { stretches.len() as f64 / (end - begin) } else { 0.0 };
+        Self { begin, rate, stretches }
+    }
+
+    /// Adds a value; times need no order.
+    pub fn take(&mut self, time: f64, value: f64) {
+        // Numbers below 0 become 0.
+        let index = ((time - self.begin) * self.rate) as usize;
+        let last = self.stretches.len() - 1;
+        match &mut self.stretches[index.min(last)] {
+            empty @ None => *empty = Some([(time, value); 2]),
+            Some([least, greatest]) => {
+                if value < least.1 {
+                    *least = (time, value);
+                }
+                if value > greatest.1 {
+                    *greatest = (time, value);
+                }
+            }
         }
-        thinned
+    }
+
+    /// The points in the order of time: one or two of each stretch with values.
+    pub fn points(&self) -> Vec<(f64, f64)> {
+        let mut points = Vec::with_capacity(2 * self.stretches.len());
+        for [least, greatest] in self.stretches.iter().flatten() {
+            let (first, second) = if least.0 <= greatest.0 { (least, greatest) } else { (greatest, least) };
+            points.push(*first);
+            if second != first {
+                points.push(*second);
+            }
+        }
+        points
     }
 }
 

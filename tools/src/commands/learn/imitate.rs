@@ -236,13 +236,13 @@ impl Imitate {
                     (0..path.nrows()).map(|k| (stage.step.as_secs_f64() * k as f64, path[(k, axis)]));
                 points.collect::<Vec<_>>()
             };
-            panel.recorded(curve(&expected[0]));
+            panel.reference(curve(&expected[0]));
             for (_, paths) in reproduced.iter().filter(|(model, _)| *model != Model::Replay) {
                 panel.line(curve(&paths[0]));
             }
             page.push(panel);
         }
-        write("imitation.svg", &panels(&page))?;
+        write("imitation.svg", &panels(&page, ["recorded", "primitive"]))?;
         let rows: Vec<_> = reproduced
             .iter()
             .map(|(model, paths)| {

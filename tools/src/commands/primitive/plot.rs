@@ -25,5 +25,6 @@ pub(super) fn dimension(name: &str, trajectories: &[Trajectory], dimension: usiz
 
 /// Draws panels below each other into a file.
 pub(super) fn write(path: &Path, panels: &[Panel]) -> anyhow::Result<()> {
-    std::fs::write(path, chart::panels(panels)).with_context(|| path.display().to_string())
+    std::fs::write(path, chart::panels(panels, ["recorded", "primitive"]))
+        .with_context(|| path.display().to_string())
 }

@@ -68,12 +68,12 @@ fn poses(pose: &PoseScore) -> String {
     let mut text = format!("\n{frame} of {state} after {target}, as `{reader}` reads them\n");
     text += &format!("  goals      {goals_reached} reached, {goals_missed} missed");
     if let (Some(position), Some(orientation)) = (pose.position_error_m, pose.orientation_error_rad) {
-        text += &format!("; at the worst {}", errors(pose, position, orientation));
+        text += &format!("; at the worst {}", pose.errors(position, orientation));
     }
     text += &format!(
         "\n  path       rms {}; at most {}\n",
-        errors(pose, pose.path_position_rms_m, pose.path_orientation_rms_rad),
-        errors(pose, pose.path_position_max_m, pose.path_orientation_max_rad)
+        pose.errors(pose.path_position_rms_m, pose.path_orientation_rms_rad),
+        pose.errors(pose.path_position_max_m, pose.path_orientation_max_rad)
     );
     for (is_free, what) in [(pose.position_is_free, "position"), (pose.orientation_is_free, "orientation")] {
         if is_free {
@@ -88,19 +88,10 @@ fn poses(pose: &PoseScore) -> String {
             "  missed     goal {} at {:.3} s: {} away\n",
             goal.goal,
             goal.at_rest_s,
-            errors(pose, goal.position_error_m, goal.orientation_error_rad)
+            pose.errors(goal.position_error_m, goal.orientation_error_rad)
         );
     }
     text
-}
-
-/// Errors of position \[m\] and orientation \[rad\], without that which is left free.
-fn errors(pose: &PoseScore, position: f64, orientation: f64) -> String {
-    let all = [
-        (pose.position_is_free, format!("{:.3} mm", 1e3 * position)),
-        (pose.orientation_is_free, format!("{:.2} mrad", 1e3 * orientation)),
-    ];
-    all.into_iter().filter(|(is_free, _)| !is_free).map(|(_, words)| words).collect::<Vec<_>>().join(", ")
 }
 
 fn joints(score: &JointsScore) -> String {

@@ -15,6 +15,8 @@ mod urdf_text;
 
 use std::process::ExitCode;
 
+pub(super) use draw::strip as strip_of_pictures;
+
 /// Show, check and draw robots: the catalogue's, installed ones, and any URDF or MJCF file.
 ///
 /// Example: motorium robot draw panda --output panda.svg

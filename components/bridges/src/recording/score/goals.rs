@@ -7,7 +7,8 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::Serialize;
 
 use super::super::{RecordedSample, Recording};
-use super::{robot, spectral_arc_length};
+use super::spectral_arc_length;
+use crate::foxglove::load_in_world;
 
 /// Distances from a goal within which it counts as reached, if they differ from those in the reader's
 /// configuration.
@@ -63,6 +64,19 @@ pub struct PoseScore {
     pub orientation_is_free: bool,
     /// Each goal, in the order of time.
     pub goals: Vec<GoalScore>,
+}
+
+impl PoseScore {
+    /// A distance, m, and an angle, rad, as text in mm and mrad, without the one that is left free.
+    pub fn errors(&self, position: f64, orientation: f64) -> String {
+        let both = [
+            (self.position_is_free, format!("{:.3} mm", 1e3 * position)),
+            (self.orientation_is_free, format!("{:.2} mrad", 1e3 * orientation)),
+        ];
+        let shown: Vec<String> =
+            both.into_iter().filter(|(is_free, _)| !is_free).map(|(_, text)| text).collect();
+        shown.join(", ")
+    }
 }
 
 /// A goal at which the target has rested.
@@ -127,7 +141,7 @@ impl Follower {
         tolerance: Tolerance,
     ) -> Option<Self> {
         let component = &plan.components[reader];
-        let loaded = robot::load(component.robot.as_ref()?)?;
+        let loaded = load_in_world(component.robot.as_ref()?).ok()?;
         let recorded = |topic: usize| recording.topic(&plan.topics[topic].name);
         let input = |type_name: &str| {
             let found = component.inputs.iter().find(|input| input.layout.type_name == type_name);

@@ -6,7 +6,7 @@ use motorium_robots::Loaded;
 use serde::Serialize;
 
 use super::super::{RecordedSample, Recording, Tracking};
-use crate::foxglove::robot_of_topic;
+use crate::foxglove::{load_in_world, robot_of_topic};
 
 /// The joints of one topic of joint states.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -64,7 +64,7 @@ impl Limits {
     pub(super) fn new(recording: &Recording, plan: &Plan, index: usize) -> Option<Self> {
         let name = plan.topics[index].name.clone();
         let topic = recording.topic(&name)?;
-        let loaded = super::robot::load(robot_of_topic(plan, index)?)?;
+        let loaded = load_in_world(robot_of_topic(plan, index)?).ok()?;
         let of = |name: &String| JointScore {
             name: name.clone(),
             position_min: f64::INFINITY,
@@ -109,8 +109,10 @@ impl Limits {
             joint.velocity_share = share(joint.velocity_max, model.velocity_limit()[index]);
             joint.effort_share = share(joint.effort_max, model.effort_limit()[index]);
             // No comparison without commanded positions.
-            let errors = tracking.and_then(|tracking| tracking.joints.get(index)).filter(|both| both.1 > 0.0);
-            (joint.tracking_rms, joint.tracking_max) = (errors.map(|both| both.0), errors.map(|both| both.1));
+            let errors =
+                tracking.and_then(|tracking| tracking.joints.get(index)).filter(|joint| joint.most > 0.0);
+            (joint.tracking_rms, joint.tracking_max) =
+                (errors.map(|joint| joint.rms), errors.map(|joint| joint.most));
         }
         self.joints.retain(|joint| joint.position_min <= joint.position_max);
         let command = tracking.map(|tracking| tracking.command.clone());

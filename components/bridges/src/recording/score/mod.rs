@@ -6,7 +6,6 @@
 
 mod goals;
 mod joints;
-mod robot;
 mod smoothness;
 
 use motorium::plan::Plan;
@@ -17,7 +16,7 @@ pub use goals::{GoalScore, PoseScore, Tolerance};
 pub use joints::{JointScore, JointsScore};
 pub use smoothness::spectral_arc_length;
 
-use super::{ReadError, Recording, analyse};
+use super::{Analysis, ReadError, Recording, analyse};
 use goals::Follower;
 use joints::Limits;
 
@@ -57,39 +56,53 @@ impl Score {
 /// # Errors
 /// A message is damaged.
 pub fn score(recording: &Recording, plan: &Plan, tolerance: Tolerance) -> Result<Score, ReadError> {
-    let analysis = analyse(recording, plan)?;
-    let of_type = |name: &'static str| {
-        plan.topics.iter().enumerate().filter(move |(_, topic)| topic.layout.type_name == name)
-    };
-    let readers = of_type(PoseTarget::NAME)
-        .flat_map(|(index, topic)| topic.readers.iter().map(move |reader| (index, *reader)));
-    let mut followers: Vec<Follower> = readers
-        .filter_map(|(topic, reader)| Follower::new(recording, plan, topic, reader, tolerance))
-        .collect();
-    let mut limits: Vec<Limits> =
-        of_type(JointState::NAME).filter_map(|(index, _)| Limits::new(recording, plan, index)).collect();
-    let mut samples = recording.in_order().peekable();
-    // Values with equal times, such as all values of a lockstep tick: states first, then the targets derived
-    // from them.
-    let mut together = Vec::new();
-    while let Some(sample) = samples.next() {
-        let sample = sample?;
-        let time_ns = sample.time_ns;
-        together.push(sample);
-        if samples.peek().is_some_and(|next| next.as_ref().is_ok_and(|next| next.time_ns == time_ns)) {
-            continue;
+    analyse(recording, plan)?.score(recording, plan, tolerance)
+}
+
+impl Analysis {
+    /// Computes the score of the analysed recording.
+    ///
+    /// # Errors
+    /// A message is damaged.
+    pub fn score(
+        &self,
+        recording: &Recording,
+        plan: &Plan,
+        tolerance: Tolerance,
+    ) -> Result<Score, ReadError> {
+        let of_type = |name: &'static str| {
+            plan.topics.iter().enumerate().filter(move |(_, topic)| topic.layout.type_name == name)
+        };
+        let readers = of_type(PoseTarget::NAME)
+            .flat_map(|(index, topic)| topic.readers.iter().map(move |reader| (index, *reader)));
+        let mut followers: Vec<Follower> = readers
+            .filter_map(|(topic, reader)| Follower::new(recording, plan, topic, reader, tolerance))
+            .collect();
+        let mut limits: Vec<Limits> =
+            of_type(JointState::NAME).filter_map(|(index, _)| Limits::new(recording, plan, index)).collect();
+        let mut samples = recording.in_order().peekable();
+        // Values with equal times, such as all values of a lockstep tick: states first, then the targets derived
+        // from them.
+        let mut together = Vec::new();
+        while let Some(sample) = samples.next() {
+            let sample = sample?;
+            let time_ns = sample.time_ns;
+            together.push(sample);
+            if samples.peek().is_some_and(|next| next.as_ref().is_ok_and(|next| next.time_ns == time_ns)) {
+                continue;
+            }
+            let is_target = |topic: usize| followers.iter().any(|follower| follower.reads_target(topic));
+            together.sort_by_key(|sample| is_target(sample.topic));
+            for sample in together.drain(..) {
+                followers.iter_mut().for_each(|follower| follower.take(&sample));
+                limits.iter_mut().for_each(|limits| limits.take(&sample));
+            }
         }
-        let is_target = |topic: usize| followers.iter().any(|follower| follower.reads_target(topic));
-        together.sort_by_key(|sample| is_target(sample.topic));
-        for sample in together.drain(..) {
-            followers.iter_mut().for_each(|follower| follower.take(&sample));
-            limits.iter_mut().for_each(|limits| limits.take(&sample));
-        }
+        Ok(Score {
+            graph: plan.name.clone(),
+            duration_s: self.duration_s,
+            poses: followers.into_iter().filter_map(Follower::result).collect(),
+            joints: limits.into_iter().filter_map(|limits| limits.result(&self.tracking)).collect(),
+        })
     }
-    Ok(Score {
-        graph: plan.name.clone(),
-        duration_s: analysis.duration_s,
-        poses: followers.into_iter().filter_map(Follower::result).collect(),
-        joints: limits.into_iter().filter_map(|limits| limits.result(&analysis.tracking)).collect(),
-    })
 }

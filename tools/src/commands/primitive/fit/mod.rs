@@ -354,7 +354,7 @@ fn panels(shown: &Shown, reproduced: &[Trajectory]) -> Vec<Panel> {
         for (duration, positions) in &shown.demonstrations {
             let last = (positions.nrows() - 1) as f64;
             let line = (0..positions.nrows()).map(|k| (duration * k as f64 / last, positions[(k, d)]));
-            panel.recorded(line.collect());
+            panel.reference(line.collect());
         }
         panel
     };

@@ -7,6 +7,9 @@ use nalgebra::{Point3, Vector3};
 use super::marks::Marks;
 use super::scene::Scene;
 
+/// The view from the right, a little in front and above.
+pub(super) const OBLIQUE: &str = "-50,20";
+
 /// Direction of the eye, seen from the robot \[rad\].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct View {

@@ -12,11 +12,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use motorium_robots::{Kinematics, MimicMode, ShapeSource};
+use motorium_robots::{Kinematics, Loaded, MimicMode, ShapeSource};
 
 use super::source::ProfiledArgs;
 use crate::out::out;
-use camera::{Camera, View};
+use camera::{Camera, OBLIQUE, View};
 use marks::Frames;
 pub(super) use pose::PoseArgs;
 
@@ -30,7 +30,7 @@ pub(super) struct Draw {
     #[command(flatten)]
     pose: PoseArgs,
     /// View: front, back, left, right, top, or AZIMUTH,ELEVATION in degrees
-    #[arg(long, default_value = "-50,20", allow_hyphen_values = true)]
+    #[arg(long, default_value = OBLIQUE, allow_hyphen_values = true)]
     view: View,
     /// Frames to draw (x red, y green, z blue); `ends`: root, end effectors, feet
     #[arg(long, value_enum, default_value_t = Frames::Ends)]
@@ -97,4 +97,35 @@ impl Draw {
         }
         Ok(ExitCode::SUCCESS)
     }
+}
+
+/// Width and height of a picture of a strip.
+const FRAME: (f64, f64) = (220.0, 220.0);
+
+/// A robot at some times, s, and configurations, as pictures side by side: on one scale and seen from one
+/// place if its base is fixed, else each around the robot.
+pub(in crate::commands) fn strip(
+    robot: &Loaded,
+    configurations: &[(f64, Vec<f64>)],
+) -> anyhow::Result<String> {
+    let model = &robot.model;
+    let view: View = OBLIQUE.parse().map_err(anyhow::Error::msg)?;
+    let none = marks::Marks { frames: Vec::new(), names: false, com: None };
+    let mut kinematics = Kinematics::new(model);
+    let mut scenes = Vec::new();
+    for (_, q) in configurations {
+        kinematics.update(model, q);
+        let colours = robot.link_colours(ShapeSource::Collision)?;
+        scenes.push(scene::Scene::from_robot(robot, &kinematics, colours, false));
+    }
+    let all = scene::Scene { solids: scenes.iter().flat_map(|scene| scene.solids.clone()).collect() };
+    let camera = |scene| Camera::new(view, FRAME, if model.base().floating { scene } else { &all }, &none);
+    let cameras: Vec<Camera> = scenes.iter().map(camera).collect();
+    let pictures: Vec<_> = configurations
+        .iter()
+        .zip(&scenes)
+        .zip(&cameras)
+        .map(|(((time, _), scene), camera)| (format!("{time:.2} s"), scene, camera))
+        .collect();
+    Ok(picture::strip(model.name(), &pictures))
 }
