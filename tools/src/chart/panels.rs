@@ -58,8 +58,8 @@ impl Panel {
     }
 }
 
-/// Draws panels below each other; the time axis is below the last, the legend above the first. `names` are those
-/// of the references and of the other curves.
+/// Draws panels below each other; the time axis is below the last, the legend above the first. `names` belong
+/// to the references and to the other curves.
 pub(crate) fn panels(panels: &[Panel], names: [&str; 2]) -> String {
     let height = TOP + panels.len() as f64 * (HEIGHT + GAP) + BOTTOM;
     let mut svg = theme::begin(WIDTH, height);

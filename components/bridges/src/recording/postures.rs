@@ -17,8 +17,9 @@ pub struct Postures {
     pub configurations: Vec<(f64, Vec<f64>)>,
 }
 
-/// Returns each robot of a recording at `count` evenly spaced times, the first and the last sample among them.
-/// A robot without recorded joint states, or whose file no longer exists, is skipped, and so are times before a
+/// Returns each robot of a recording at `count` evenly spaced times from the first sample to the last.
+///
+/// Robots without recorded joint states, or whose file no longer exists, are skipped, as are times before a
 /// robot's first states.
 ///
 /// # Errors

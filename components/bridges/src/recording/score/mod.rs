@@ -81,8 +81,8 @@ impl Analysis {
         let mut limits: Vec<Limits> =
             of_type(JointState::NAME).filter_map(|(index, _)| Limits::new(recording, plan, index)).collect();
         let mut samples = recording.in_order().peekable();
-        // Values with equal times, such as all values of a lockstep tick: states first, then the targets derived
-        // from them.
+        // Values with equal times, such as all values of a lockstep tick: states first, then the targets
+        // derived from them.
         let mut together = Vec::new();
         while let Some(sample) = samples.next() {
             let sample = sample?;
