@@ -11,7 +11,7 @@ pub enum FileFormat {
 }
 
 /// Returns `true` if the root element of an XML text is `<mujoco>`, after any declarations and comments.
-pub(crate) fn is_mjcf(text: &str) -> bool {
+pub fn is_mjcf(text: &str) -> bool {
     let mut rest = text;
     while let Some(start) = rest.find('<') {
         rest = &rest[start + 1..];

@@ -42,18 +42,18 @@
 //!
 //! | modules | contents |
 //! |---|---|
-//! | `algebra`, [`lie`], `mesh`, `surface`, `terrain` | spatial algebra, meshes, frictions, height fields |
+//! | [`algebra`], [`lie`], `mesh` | three-vectors, spatial algebra, Lie groups, meshes |
 //! | `model` | links, joints, inertias, shapes |
 //! | `configuration`, `kinematics`, `dynamics`, `per_joint`, `srdf` | algorithms; collision rules |
 //! | `geometry` | distances between links |
 //! | `profile`, `options` | poses, gains, end effectors; options of loading |
-//! | `urdf`, `mjcf`, `world` | readers of files |
-//! | `load`, `catalogue`, `settings`, `digest`, `draft`, `drawn`, `rays` | robots ready to use, and their pictures and rays |
+//! | `urdf`, [`mjcf`] | readers of files |
+//! | `load`, `catalogue`, `settings`, `digest`, `draft`, `drawn` | robots ready to use, and their pictures |
 
 mod actuator;
-mod algebra;
-mod appearance;
+pub mod algebra;
 mod catalogue;
+mod colours;
 mod configuration;
 mod digest;
 mod draft;
@@ -71,7 +71,7 @@ pub mod lie;
 mod lines;
 mod load;
 mod mesh;
-mod mjcf;
+pub mod mjcf;
 mod model;
 mod nearest;
 mod options;
@@ -79,16 +79,12 @@ mod packages;
 mod per_joint;
 mod postures;
 mod profile;
-mod rays;
 mod setting_error;
 mod settings;
 mod source;
 mod srdf;
-mod surface;
-mod terrain;
 mod twist;
 mod urdf;
-mod world;
 
 pub use actuator::{
     Activation, Actuator, ActuatorError, ActuatorNetwork, ActuatorSettings, ActuatorTable,
@@ -96,8 +92,8 @@ pub use actuator::{
     InputOrder, JointLaw, Motor, NetworkError, NetworkSettings, NetworkTable, NetworkWeights, Thermal,
     ThermalTable,
 };
-pub use appearance::{Appearance, Checker, Colour, Light, LinkColours};
 pub use catalogue::{Entry, catalogue};
+pub use colours::{Colour, LinkColours};
 pub use draft::draft_profile;
 pub use dynamics::{
     ConstrainedDynamics, ConstrainedError, Constraint, Derivatives, Dynamics, MassFactor, Momentum,
@@ -105,11 +101,11 @@ pub use dynamics::{
 };
 pub use end_effector::EndEffectorError;
 pub use file::read_bounded;
-pub use format::FileFormat;
+pub use format::{FileFormat, is_mjcf};
 pub use geometry::{
     Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, MeshMode,
     Proximity, SolidKind, SolidProblem, SurfaceEdge, SurfaceTriangle, TriangleSurface, convex_corners,
-    fit_capsule,
+    fit_capsule, nearest_on_triangle,
 };
 pub use installed::{Installed, installed, installed_folder};
 pub use inverse_kinematics::{IkFailure, IkOptions, IkProgress, IkSolution, InverseKinematics};
@@ -123,7 +119,7 @@ pub use model::{
     JointDynamics, JointKind, Limits, LockError, Model, Placed, SafetyController, ScaleError, Shape,
     SpringError, UnknownFrame,
 };
-pub use nearest::nearest;
+pub use nearest::{nearest, suggestion};
 pub use options::{BaseMode, LoadOptions, MimicMode, ProfileChoice, ShapeSource};
 pub use packages::PackagePath;
 pub use per_joint::{PerJoint, PerJointError};
@@ -131,19 +127,11 @@ pub use postures::Posture;
 pub use profile::{
     BaseKind, BasePose, EndEffector, Foot, Gains, MobileBase, Profile, ProfileError, Rotor, Spin, Steering,
 };
-pub use rays::{Ray, RayHit, RayScene, RayShape};
 pub use setting_error::SettingError;
 pub use source::{RobotSource, RobotSourceError};
 pub use srdf::{Srdf, SrdfError};
-pub use surface::{FrictionCombine, Grain, Softness};
-pub use terrain::{HeightField, NearTriangle, Terrain, TerrainError, TerrainLayer};
 pub use twist::{Reference, Twist};
 pub use urdf::{
     DrawnRobot, ModelWarning, UrdfError, UrdfProblem, UrdfRobot, draw_as_urdf, parse_urdf, parse_urdf_with,
     pinocchio_joint_order,
-};
-pub use world::{
-    CompoundPart, Connection, ConnectionKind, Conveyor, Copies, Ground, MeshBody, MeshCollision, MeshShape,
-    MjcfWorld, Object, ObjectMass, ObjectShape, World, WorldError, WorldFileError, gravity_of_file,
-    parse_mjcf_world,
 };

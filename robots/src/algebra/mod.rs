@@ -11,6 +11,7 @@ mod wide;
 pub(crate) use axial::Turn;
 pub(crate) use parry::{v3, vector};
 pub(crate) use spatial::{ArticulatedInertia, RigidInertia, Spatial};
-pub(crate) use three::{M3, S3, V3};
+pub(crate) use three::S3;
+pub use three::{M3, V3};
 pub(crate) use trigonometry::{LANES, sin_cos, sin_cos_abreast};
 pub(crate) use wide::{Work, fused, widest};

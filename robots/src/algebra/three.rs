@@ -6,37 +6,49 @@ use nalgebra::{Matrix3, Vector3};
 
 /// A vector.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct V3 {
-    pub(crate) x: f64,
-    pub(crate) y: f64,
-    pub(crate) z: f64,
+pub struct V3 {
+    /// Component along x.
+    pub x: f64,
+    /// Component along y.
+    pub y: f64,
+    /// Component along z.
+    pub z: f64,
 }
 
 impl V3 {
-    pub(crate) const ZERO: Self = Self::new(0.0, 0.0, 0.0);
+    /// The zero vector.
+    pub const ZERO: Self = Self::new(0.0, 0.0, 0.0);
 
+    /// A vector of three components.
     #[inline(always)]
-    pub(crate) const fn new(x: f64, y: f64, z: f64) -> Self {
+    pub const fn new(x: f64, y: f64, z: f64) -> Self {
         Self { x, y, z }
     }
 
+    /// Reads the first three numbers.
+    ///
+    /// # Panics
+    /// With fewer than three.
     #[inline(always)]
-    pub(crate) fn from_slice(values: &[f64]) -> Self {
+    pub fn from_slice(values: &[f64]) -> Self {
         Self::new(values[0], values[1], values[2])
     }
 
+    /// Returns the components.
     #[inline(always)]
-    pub(crate) fn array(self) -> [f64; 3] {
+    pub fn array(self) -> [f64; 3] {
         [self.x, self.y, self.z]
     }
 
+    /// Returns the scalar product.
     #[inline(always)]
-    pub(crate) fn dot(self, other: Self) -> f64 {
+    pub fn dot(self, other: Self) -> f64 {
         self.x * other.x + self.y * other.y + self.z * other.z
     }
 
+    /// Returns the vector product.
     #[inline(always)]
-    pub(crate) fn cross(self, other: Self) -> Self {
+    pub fn cross(self, other: Self) -> Self {
         Self {
             x: self.y * other.z - self.z * other.y,
             y: self.z * other.x - self.x * other.z,
@@ -107,31 +119,37 @@ impl Mul<f64> for V3 {
 
 /// A matrix, by columns.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct M3 {
-    pub(crate) x: V3,
-    pub(crate) y: V3,
-    pub(crate) z: V3,
+pub struct M3 {
+    /// First column.
+    pub x: V3,
+    /// Second column.
+    pub y: V3,
+    /// Third column.
+    pub z: V3,
 }
 
 impl M3 {
-    pub(crate) const IDENTITY: Self =
+    /// The identity.
+    pub const IDENTITY: Self =
         Self { x: V3::new(1.0, 0.0, 0.0), y: V3::new(0.0, 1.0, 0.0), z: V3::new(0.0, 0.0, 1.0) };
-    pub(crate) const ZERO: Self = Self { x: V3::ZERO, y: V3::ZERO, z: V3::ZERO };
+    /// The zero matrix.
+    pub const ZERO: Self = Self { x: V3::ZERO, y: V3::ZERO, z: V3::ZERO };
 
     /// The matrix with `skew(a) * b == a x b`.
     #[inline(always)]
-    pub(crate) fn skew(a: V3) -> Self {
+    pub fn skew(a: V3) -> Self {
         Self { x: V3::new(0.0, a.z, -a.y), y: V3::new(-a.z, 0.0, a.x), z: V3::new(a.y, -a.x, 0.0) }
     }
 
     /// `a b'`
     #[inline(always)]
-    pub(crate) fn outer(a: V3, b: V3) -> Self {
+    pub fn outer(a: V3, b: V3) -> Self {
         Self { x: a * b.x, y: a * b.y, z: a * b.z }
     }
 
+    /// Returns the transpose.
     #[inline(always)]
-    pub(crate) fn transpose(&self) -> Self {
+    pub fn transpose(&self) -> Self {
         Self {
             x: V3::new(self.x.x, self.y.x, self.z.x),
             y: V3::new(self.x.y, self.y.y, self.z.y),
@@ -141,18 +159,19 @@ impl M3 {
 
     /// `self' v`
     #[inline(always)]
-    pub(crate) fn tr_mul(&self, v: V3) -> V3 {
+    pub fn tr_mul(&self, v: V3) -> V3 {
         V3::new(self.x.dot(v), self.y.dot(v), self.z.dot(v))
     }
 
     /// `self * Rz`, Rz turning about z by the angle of this sine and cosine.
     #[inline(always)]
-    pub(crate) fn turned(&self, sin: f64, cos: f64) -> Self {
+    pub fn turned(&self, sin: f64, cos: f64) -> Self {
         Self { x: self.x * cos + self.y * sin, y: self.y * cos - self.x * sin, z: self.z }
     }
 
+    /// Returns the sum of the diagonal.
     #[inline(always)]
-    pub(crate) fn trace(&self) -> f64 {
+    pub fn trace(&self) -> f64 {
         self.x.x + self.y.y + self.z.z
     }
 }

@@ -28,6 +28,5 @@ pub use distance::{Collisions, Proximity};
 pub use pairs::{Attachment, CollisionError, CollisionModel, CollisionOptions};
 pub use polygon::convex_corners;
 pub use shape::ConvexShape;
-pub(crate) use shape::planes;
 pub use solid::{MeshMode, SolidKind, SolidProblem};
-pub use triangles::{SurfaceEdge, SurfaceTriangle, TriangleSurface};
+pub use triangles::{SurfaceEdge, SurfaceTriangle, TriangleSurface, nearest_on_triangle};

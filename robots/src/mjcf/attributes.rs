@@ -12,7 +12,7 @@ use crate::nearest::nearest;
 use crate::{ModelWarning, Position};
 
 /// Class of elements without an explicit one.
-pub(crate) const MAIN: &str = "main";
+pub const MAIN: &str = "main";
 
 /// The key of the elements of a class, in place of an attribute: an element without attributes counts, too.
 const ELEMENT: &str = "";
@@ -29,14 +29,18 @@ struct Given<'a, 'i> {
 type Values<'a, 'i> = HashMap<&'a str, Vec<Given<'a, 'i>>>;
 
 /// The lines of the text, its `<default>` classes (values by kind of element) and the warnings so far.
-pub(crate) struct Attributes<'a, 'i> {
+pub struct Attributes<'a, 'i> {
     lines: Lines<'a>,
     classes: HashMap<&'a str, HashMap<&'static str, Values<'a, 'i>>>,
     warnings: RefCell<Vec<ModelWarning>>,
 }
 
 impl<'a, 'i> Attributes<'a, 'i> {
-    pub(crate) fn new(document: &'a Document<'i>) -> Result<Self, MjcfError> {
+    /// Reads the `<default>` classes of a document.
+    ///
+    /// # Errors
+    /// A class without a name or with one in use, or an attribute that is not read.
+    pub fn new(document: &'a Document<'i>) -> Result<Self, MjcfError> {
         let classes = HashMap::from([(MAIN, HashMap::new())]);
         let lines = Lines::new(document.input_text());
         let mut attributes = Self { lines, classes, warnings: RefCell::default() };
@@ -113,7 +117,11 @@ impl<'a, 'i> Attributes<'a, 'i> {
         self.known_class(node, class).map(|()| class)
     }
 
-    pub(crate) fn known_class(&self, node: Node<'_, '_>, class: &str) -> Result<(), MjcfError> {
+    /// Checks that a class exists.
+    ///
+    /// # Errors
+    /// No class has this name.
+    pub fn known_class(&self, node: Node<'_, '_>, class: &str) -> Result<(), MjcfError> {
         if self.classes.contains_key(class) {
             return Ok(());
         }
@@ -135,8 +143,12 @@ impl<'a, 'i> Attributes<'a, 'i> {
         Ok(Element { attributes: self, node, defaults, schema })
     }
 
-    /// Returns an element with its defaults, after checking all attributes against `schema`.
-    pub(crate) fn element<'b>(
+    /// Returns an element with its defaults, after checking all attributes against `schema`. `around` is the
+    /// class of the surrounding bodies.
+    ///
+    /// # Errors
+    /// An unknown class, or an attribute that `schema` rejects.
+    pub fn element<'b>(
         &'b self,
         node: Node<'a, 'i>,
         around: &'a str,
@@ -146,7 +158,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
     }
 
     /// Warns that something is ignored; once per kind, with a count.
-    pub(crate) fn ignored(&self, node: Node<'_, '_>, what: String, reason: &'static str) {
+    pub fn ignored(&self, node: Node<'_, '_>, what: String, reason: &'static str) {
         let mut warnings = self.warnings.borrow_mut();
         for warning in warnings.iter_mut() {
             if let ModelWarning::Ignored { what: known, count, .. } = warning
@@ -159,17 +171,13 @@ impl<'a, 'i> Attributes<'a, 'i> {
         warnings.push(ModelWarning::Ignored { what, at: self.position(node), count: 1, reason });
     }
 
-    pub(crate) fn warnings(&self) -> Vec<ModelWarning> {
+    /// Takes the warnings so far.
+    pub fn warnings(&self) -> Vec<ModelWarning> {
         self.warnings.take()
     }
 
-    pub(crate) fn refused(
-        &self,
-        node: Node<'_, '_>,
-        name: &str,
-        value: &str,
-        reason: &'static str,
-    ) -> MjcfError {
+    /// An error that rejects the value of an attribute; `reason` may be empty.
+    pub fn refused(&self, node: Node<'_, '_>, name: &str, value: &str, reason: &'static str) -> MjcfError {
         let (attribute, value) = (name.to_owned(), value.to_owned());
         self.error(node, MjcfProblem::Attribute { element: named(node), attribute, value, reason })
     }
@@ -178,7 +186,8 @@ impl<'a, 'i> Attributes<'a, 'i> {
         self.error(node, MjcfProblem::Missing { element: named(node), attribute })
     }
 
-    pub(crate) fn error(&self, node: Node<'_, '_>, problem: MjcfProblem) -> MjcfError {
+    /// An error at the position of an element.
+    pub fn error(&self, node: Node<'_, '_>, problem: MjcfProblem) -> MjcfError {
         MjcfError { file: None, at: self.position(node), problem: Box::new(problem) }
     }
 
@@ -187,7 +196,10 @@ impl<'a, 'i> Attributes<'a, 'i> {
     }
 
     /// Parses numbers separated by spaces, with the given count.
-    pub(crate) fn parse(
+    ///
+    /// # Errors
+    /// Another count, or a number that does not parse or is not finite.
+    pub fn parse(
         &self,
         node: Node<'_, '_>,
         name: &str,
@@ -215,9 +227,11 @@ impl<'a, 'i> Attributes<'a, 'i> {
 
 /// An element of the file with the defaults of its class.
 #[derive(Clone, Copy)]
-pub(crate) struct Element<'b, 'a, 'i> {
-    pub(crate) attributes: &'b Attributes<'a, 'i>,
-    pub(crate) node: Node<'a, 'i>,
+pub struct Element<'b, 'a, 'i> {
+    /// The attributes of the file.
+    pub attributes: &'b Attributes<'a, 'i>,
+    /// The element itself.
+    pub node: Node<'a, 'i>,
     defaults: Option<&'b Values<'a, 'i>>,
     schema: &'static Schema,
 }
@@ -244,7 +258,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
     }
 
     /// Warns that an attribute is ignored.
-    pub(crate) fn ignore(&self, name: &str, reason: &'static str) {
+    pub fn ignore(&self, name: &str, reason: &'static str) {
         let node = self.explicit(name).map_or(self.node, |given| given.node);
         self.ignored(node, name, reason);
     }
@@ -255,7 +269,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
     }
 
     /// Returns the value from the element or its class.
-    pub(crate) fn get(&self, name: &str) -> Option<&'a str> {
+    pub fn get(&self, name: &str) -> Option<&'a str> {
         self.explicit(name).map(|given| given.value)
     }
 
@@ -269,7 +283,11 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         Ok(found.map(|(way, given)| (way, given.value, given.node)))
     }
 
-    pub(crate) fn flag(&self, name: &str, default: bool) -> Result<bool, MjcfError> {
+    /// Returns a switch.
+    ///
+    /// # Errors
+    /// Neither `true` nor `false`.
+    pub fn flag(&self, name: &str, default: bool) -> Result<bool, MjcfError> {
         match self.get(name) {
             None => Ok(default),
             Some("true") => Ok(true),
@@ -278,19 +296,29 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         }
     }
 
-    /// Exactly `N` numbers.
-    pub(crate) fn numbers<const N: usize>(&self, name: &str) -> Result<Option<[f64; N]>, MjcfError> {
+    /// Returns exactly `N` numbers; `None` without the attribute.
+    ///
+    /// # Errors
+    /// See [`Attributes::parse`].
+    pub fn numbers<const N: usize>(&self, name: &str) -> Result<Option<[f64; N]>, MjcfError> {
         let Some(given) = self.explicit(name) else { return Ok(None) };
         let numbers = self.attributes.parse(given.node, name, given.value, N..=N)?;
         Ok(Some(std::array::from_fn(|index| numbers[index])))
     }
 
-    pub(crate) fn number(&self, name: &str, default: f64) -> Result<f64, MjcfError> {
+    /// Returns one number.
+    ///
+    /// # Errors
+    /// See [`Attributes::parse`].
+    pub fn number(&self, name: &str, default: f64) -> Result<f64, MjcfError> {
         Ok(self.numbers::<1>(name)?.map_or(default, |[x]| x))
     }
 
     /// Returns `N` numbers, the first ones from the element, then from its class, its parents, and `default`.
-    pub(crate) fn first_numbers<const N: usize>(
+    ///
+    /// # Errors
+    /// See [`Attributes::parse`].
+    pub fn first_numbers<const N: usize>(
         &self,
         name: &str,
         default: [f64; N],
@@ -325,27 +353,29 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
     }
 
     /// Rejects an attribute set by the element or its class.
-    pub(crate) fn refused(&self, name: &str, reason: &'static str) -> MjcfError {
+    pub fn refused(&self, name: &str, reason: &'static str) -> MjcfError {
         let given = self.explicit(name).unwrap_or(Given { value: "", node: self.node });
         self.attributes.refused(given.node, name, given.value, reason)
     }
 
-    pub(crate) fn missing(&self, name: &'static str) -> MjcfError {
+    /// An error: the element has no such attribute.
+    pub fn missing(&self, name: &'static str) -> MjcfError {
         self.attributes.missing(self.node, name)
     }
 
-    pub(crate) fn error(&self, problem: MjcfProblem) -> MjcfError {
+    /// An error at the element.
+    pub fn error(&self, problem: MjcfProblem) -> MjcfError {
         self.attributes.error(self.node, problem)
     }
 
     /// An error with a custom message.
-    pub(crate) fn fault(&self, problem: impl Into<String>) -> MjcfError {
+    pub fn fault(&self, problem: impl Into<String>) -> MjcfError {
         self.error(MjcfProblem::Other(problem.into()))
     }
 }
 
 /// The element with its name, if it has one: `joint name="knee"`.
-pub(crate) fn named(node: Node<'_, '_>) -> String {
+pub fn named(node: Node<'_, '_>) -> String {
     let element = node.tag_name().name();
     node.attribute("name").map_or_else(|| element.to_owned(), |name| format!("{element} name=\"{name}\""))
 }

@@ -15,7 +15,7 @@ use super::schema::{BODY, FRAME, FREEJOINT, JOINT, SITE};
 use crate::{Base, Body, Colour, Frame, Inertia, Shape, Srdf};
 
 /// Largest depth of bodies and frames: the reader recurses, and half the stack of a thread must do.
-pub(crate) const DEEPEST: usize = 150;
+pub const DEEPEST: usize = 150;
 
 /// The context of an element.
 #[derive(Clone, Copy)]
@@ -343,7 +343,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
 }
 
 /// Name of a body; a nameless one is called by its number in the file.
-pub(crate) fn body_name(node: Node<'_, '_>) -> String {
+pub fn body_name(node: Node<'_, '_>) -> String {
     node.attribute("name").map_or_else(
         || {
             let before = node.document().descendants().take_while(|other| *other != node);

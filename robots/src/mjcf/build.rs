@@ -3,11 +3,12 @@
 use std::path::Path;
 
 use nalgebra::{DMatrix, Isometry3};
-use roxmltree::{Document, Node, ParsingOptions};
+use roxmltree::Node;
 
 use super::attributes::{Attributes, MAIN};
 use super::bodies::{Place, SpringDamper, Tree};
 use super::compiler::Compiler;
+use super::document::parse_document;
 use super::drives::{self, Drives};
 use super::error::{MjcfError, MjcfProblem};
 use super::geoms::Geoms;
@@ -15,39 +16,20 @@ use super::robot::MjcfRobot;
 use super::sections::{check_options, read_assets, read_exclusions};
 use super::{actuators, equality, keyframes};
 use crate::options::{BaseMode, LoadOptions};
-use crate::{Base, Body, Coordinate, Dynamics, Frame, LinkColours, Model, Position, Srdf};
+use crate::{Base, Body, Coordinate, Dynamics, Frame, LinkColours, Model, Srdf};
 
 /// Sections without effect on a model.
 const SKIPPED: [&str; 5] = ["size", "visual", "statistic", "custom", "sensor"];
 
-/// Parses a document, or returns the XML error.
-pub(crate) fn parsed<'i>(
-    document: Result<Document<'i>, roxmltree::Error>,
-) -> Result<Document<'i>, MjcfError> {
-    document.map_err(|error| {
-        let at = error.pos();
-        let message = error.to_string().replace(&format!(" at {at}"), "");
-        let at = Position { line: at.row, column: at.col };
-        MjcfError { file: None, at, problem: Box::new(MjcfProblem::Xml(message)) }
-    })
-}
-
 pub(crate) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> Result<MjcfRobot, MjcfError> {
-    let options_of_xml = ParsingOptions { allow_dtd: true, ..Default::default() };
-    let document = parsed(Document::parse_with_options(text, options_of_xml))?;
+    let document = parse_document(text)?;
     let attributes = Attributes::new(&document)?;
     let root = document.root_element();
     if !root.has_tag_name("mujoco") {
         return Err(attributes.error(root, MjcfProblem::Root(root.tag_name().name().to_owned())));
     }
     let compiler = Compiler::read(root, &attributes)?;
-    let mut geoms = Geoms {
-        attributes: &attributes,
-        compiler: &compiler,
-        shapes: options.shapes,
-        meshes: Default::default(),
-        materials: Default::default(),
-    };
+    let mut geoms = Geoms::new(&attributes, &compiler, options.shapes);
     let mut exclusions = Srdf::default();
     for section in root.children().filter(Node::is_element) {
         match section.tag_name().name() {

@@ -16,8 +16,9 @@ pub(crate) enum FromGeoms {
     Always,
 }
 
+/// Settings of `<compiler>`.
 #[derive(Clone, Debug)]
-pub(crate) struct Compiler {
+pub struct Compiler {
     /// Radians per unit of angle.
     pub(crate) angle: f64,
     /// Axes of `euler`; upper case for world axes.
@@ -28,15 +29,20 @@ pub(crate) struct Compiler {
     pub(crate) groups: RangeInclusive<f64>,
     /// Base frames of free bodies without children move to their centre of mass.
     pub(crate) align_free: bool,
-    pub(crate) mesh_folder: PathBuf,
+    /// Folder of mesh files, relative to the file.
+    pub mesh_folder: PathBuf,
     /// Mesh files are named without their folder.
-    pub(crate) strip_path: bool,
+    pub strip_path: bool,
     /// Total mass of all bodies, including static ones, if set by the file \[kg\].
-    pub(crate) total_mass: Option<f64>,
+    pub total_mass: Option<f64>,
 }
 
 impl Compiler {
-    pub(crate) fn read(root: Node<'_, '_>, attributes: &Attributes<'_, '_>) -> Result<Self, MjcfError> {
+    /// Reads the settings from the children of the root element.
+    ///
+    /// # Errors
+    /// An attribute that is not supported, or a malformed value.
+    pub fn read(root: Node<'_, '_>, attributes: &Attributes<'_, '_>) -> Result<Self, MjcfError> {
         let mut compiler = Self {
             angle: std::f64::consts::PI / 180.0,
             sequence: ['x', 'y', 'z'],

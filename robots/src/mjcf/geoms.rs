@@ -20,7 +20,7 @@ use crate::{Colour, Geometry, Inertia, ModelWarning, Shape, ShapeSource, Triangl
 const PLANE: [f64; 2] = [100.0, 1.0];
 
 /// Default density \[kg/m3\].
-pub(crate) const WATER: f64 = 1000.0;
+pub const WATER: f64 = 1000.0;
 
 /// The last group that MuJoCo's viewer shows unasked.
 const LAST_SEEN: f64 = 2.0;
@@ -45,38 +45,48 @@ pub(crate) struct MeshAsset {
 }
 
 /// A `<geom>`.
-pub(crate) struct Geom {
-    pub(crate) placement: Isometry3<f64>,
-    pub(crate) geometry: Geometry,
+pub struct Geom {
+    /// Pose in the frame of its body.
+    pub placement: Isometry3<f64>,
+    /// Its shape; a plane is a box.
+    pub geometry: Geometry,
     /// `contype` and `conaffinity`.
-    pub(crate) masks: [i32; 2],
+    pub masks: [i32; 2],
     /// `true` if it is among the shapes of the model.
-    pub(crate) kept: bool,
+    pub kept: bool,
     /// Colour stated by it or its material.
-    pub(crate) colour: Option<Colour>,
+    pub colour: Option<Colour>,
     /// MuJoCo's viewer shows it unasked.
-    pub(crate) is_seen: bool,
+    pub is_seen: bool,
     /// Inertia in the frame of the geom, or a deferred error.
-    pub(crate) inertia: Result<Inertia, MjcfError>,
+    pub inertia: Result<Inertia, MjcfError>,
 }
 
-pub(crate) struct Geoms<'b, 'a, 'i> {
-    pub(crate) attributes: &'b Attributes<'a, 'i>,
-    pub(crate) compiler: &'b Compiler,
+/// A reader of geoms, with the meshes and materials they name.
+pub struct Geoms<'b, 'a, 'i> {
+    /// The attributes of the file.
+    pub attributes: &'b Attributes<'a, 'i>,
+    /// The settings of the file.
+    pub compiler: &'b Compiler,
     pub(crate) shapes: ShapeSource,
     pub(crate) meshes: HashMap<&'a str, MeshAsset>,
     /// Red, green, blue and opacity of the materials; `None` for texture-only materials.
     pub(crate) materials: HashMap<&'a str, Option<[f64; 4]>>,
 }
 
+impl<'b, 'a, 'i> Geoms<'b, 'a, 'i> {
+    /// A reader without meshes and materials, which [`read_assets`](super::read_assets) adds.
+    pub fn new(attributes: &'b Attributes<'a, 'i>, compiler: &'b Compiler, shapes: ShapeSource) -> Self {
+        Self { attributes, compiler, shapes, meshes: HashMap::new(), materials: HashMap::new() }
+    }
+}
+
 impl<'a, 'i> Geoms<'_, 'a, 'i> {
-    /// Reads a geom; `in_world` when its body does not move.
-    pub(crate) fn read(
-        &self,
-        node: Node<'a, 'i>,
-        around: &'a str,
-        in_world: bool,
-    ) -> Result<Geom, MjcfError> {
+    /// Reads a geom; `in_world` when its body does not move. `around` is the class of the surrounding bodies.
+    ///
+    /// # Errors
+    /// An unknown class, mesh or material, an unsupported shape, or a malformed value.
+    pub fn read(&self, node: Node<'a, 'i>, around: &'a str, in_world: bool) -> Result<Geom, MjcfError> {
         let geom = self.attributes.element(node, around, &GEOM)?;
         if let Some(inside) = node.children().find(Node::is_element) {
             let problem = MjcfProblem::Element(format!("{}> of <geom", inside.tag_name().name()));
@@ -143,7 +153,10 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
     }
 
     /// Returns the colour of a geom or its material, and whether MuJoCo's viewer shows it by default.
-    pub(crate) fn look(&self, geom: &Element<'_, 'a, 'i>) -> Result<(Option<Colour>, bool), MjcfError> {
+    ///
+    /// # Errors
+    /// An unknown material, or a malformed value.
+    pub fn look(&self, geom: &Element<'_, 'a, 'i>) -> Result<(Option<Colour>, bool), MjcfError> {
         let rgba = self.rgba(geom)?;
         let is_opaque = rgba.is_none_or(|[_, _, _, opacity]| opacity > 0.0);
         let is_seen = is_opaque && geom.number("group", 0.0)? <= LAST_SEEN;
@@ -216,8 +229,11 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
         }
     }
 
-    /// Rejects a geom with another inertia than a solid's.
-    pub(crate) fn check_solid(&self, geom: &Element<'_, 'a, 'i>) -> Result<(), MjcfError> {
+    /// Checks that a geom has the inertia of a solid.
+    ///
+    /// # Errors
+    /// It or its mesh has another one, such as a shell's.
+    pub fn check_solid(&self, geom: &Element<'_, 'a, 'i>) -> Result<(), MjcfError> {
         if geom.flag("shellinertia", false)? {
             return Err(geom.refused("shellinertia", SHELL));
         }

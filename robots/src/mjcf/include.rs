@@ -2,8 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use roxmltree::{Document, ParsingOptions};
-
+use super::document::parse_document;
 use super::error::{MjcfError, MjcfProblem};
 use crate::file::read_bounded;
 use crate::lines::Lines;
@@ -13,8 +12,9 @@ use crate::{ModelWarning, Position};
 const LONGEST: u64 = 16 * 1024 * 1024;
 
 /// A text with its included files, and the origin of each part.
-pub(crate) struct Expanded {
-    pub(crate) text: String,
+pub struct Expanded {
+    /// The text without `<include>`.
+    pub text: String,
     /// The main file and its included files, in order.
     files: Vec<(Option<PathBuf>, String)>,
     /// Start in `text`, file, start in that.
@@ -23,7 +23,10 @@ pub(crate) struct Expanded {
 
 /// Puts the content of the root element of each included file in the place of its `<include>`. Paths are
 /// relative to the folder of the main file, and no file is included twice, as in MuJoCo.
-pub(crate) fn expand(text: &str, file: Option<&Path>) -> Result<Expanded, MjcfError> {
+///
+/// # Errors
+/// A file that is not well-formed XML, cannot be read, or is included twice.
+pub fn expand(text: &str, file: Option<&Path>) -> Result<Expanded, MjcfError> {
     let mut expanded = Expanded {
         text: String::with_capacity(text.len()),
         files: vec![(file.map(Path::to_owned), text.to_owned())],
@@ -37,17 +40,8 @@ impl Expanded {
     /// Appends a file: the main one completely, of an included one the content of its root element.
     fn append(&mut self, index: usize) -> Result<(), MjcfError> {
         let text = self.files[index].1.clone();
-        let options = ParsingOptions { allow_dtd: true, ..Default::default() };
-        let document = match Document::parse_with_options(&text, options) {
-            Ok(document) => document,
-            Err(error) => {
-                let at = error.pos();
-                let message = error.to_string().replace(&format!(" at {at}"), "");
-                let at = Position { line: at.row, column: at.col };
-                let file = self.files[index].0.clone();
-                return Err(MjcfError { file, at, problem: Box::new(MjcfProblem::Xml(message)) });
-            }
-        };
+        let document = parse_document(&text)
+            .map_err(|error| MjcfError { file: self.files[index].0.clone(), ..error })?;
         let root = document.root_element();
         let whole = match (root.first_child(), root.last_child()) {
             _ if index == 0 => 0..text.len(),
@@ -114,7 +108,7 @@ impl Expanded {
     }
 
     /// Returns the error with its position in the file where it occurred.
-    pub(crate) fn located(&self, error: MjcfError) -> MjcfError {
+    pub fn located(&self, error: MjcfError) -> MjcfError {
         if error.file.is_some() {
             return error;
         }
@@ -123,7 +117,7 @@ impl Expanded {
     }
 
     /// Returns the warning with its position in its file, which is named unless it is the main file.
-    pub(crate) fn located_warning(&self, warning: ModelWarning) -> ModelWarning {
+    pub fn located_warning(&self, warning: ModelWarning) -> ModelWarning {
         let ModelWarning::Ignored { what, at, count, reason } = warning else { return warning };
         let (file, at) = self.origin(at);
         let included = file.filter(|file| Some(*file) != self.files[0].0.as_deref());

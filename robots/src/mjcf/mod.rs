@@ -5,33 +5,44 @@
 //! (springs, actuators, tendons), or is rejected if its value has an effect. `docs/src/mjcf.md` lists all of
 //! them.
 //!
+//! The elements are public for readers of other things than robots, such as worlds: [`expand`] a text,
+//! [`parse_document`], read the [`Attributes`] and the [`Compiler`], then elements and [`Geoms`].
+//!
 //! Not read: replicas and attachments. MuJoCo itself writes a file without them (`mj_saveLastXML`).
 
 mod actuators;
-pub(crate) mod attributes;
-pub(crate) mod bodies;
-pub(crate) mod build;
-pub(crate) mod compiler;
+mod attributes;
+mod bodies;
+mod build;
+mod compiler;
+mod document;
 mod drives;
 mod equality;
-pub(crate) mod error;
+mod error;
 mod gains;
-pub(crate) mod geoms;
-pub(crate) mod height_fields;
-pub(crate) mod include;
+mod geoms;
+mod include;
 mod joints;
 mod keyframes;
-pub(crate) mod looks;
-pub(crate) mod masks;
-pub(crate) mod pose;
+mod masks;
+mod pose;
 mod robot;
-pub(crate) mod schema;
-pub(crate) mod sections;
+mod schema;
+mod sections;
 
 use std::path::Path;
 
+pub use attributes::{Attributes, Element, MAIN, named};
+pub use bodies::{DEEPEST, body_name};
+pub use compiler::Compiler;
+pub use document::parse_document;
 pub use error::{MjcfError, MjcfProblem};
+pub use geoms::{Geom, Geoms, WATER};
+pub use include::{Expanded, expand};
+pub use pose::pose;
 pub use robot::MjcfRobot;
+pub use schema::{BODY, FRAME, FREEJOINT, GEOM, HELD, HFIELD, JOINT, OPTION, Schema, is_off};
+pub use sections::read_assets;
 
 use crate::LoadOptions;
 

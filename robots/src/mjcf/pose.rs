@@ -8,7 +8,10 @@ use super::error::{MjcfError, MjcfProblem};
 use crate::lie::so3;
 
 /// Pose of an element in the frame around it.
-pub(crate) fn pose(element: &Element<'_, '_, '_>, compiler: &Compiler) -> Result<Isometry3<f64>, MjcfError> {
+///
+/// # Errors
+/// A malformed value, or a direction of length 0.
+pub fn pose(element: &Element<'_, '_, '_>, compiler: &Compiler) -> Result<Isometry3<f64>, MjcfError> {
     let position = element.numbers::<3>("pos")?.unwrap_or_default();
     Ok(Isometry3::from_parts(Translation3::from(position), rotation(element, compiler)?))
 }

@@ -17,7 +17,7 @@ pub(crate) enum Use {
 }
 
 /// Attributes of an element, grouped by their treatment.
-pub(crate) struct Schema {
+pub struct Schema {
     /// Element of `<default>` that provides its defaults, if any.
     pub(crate) kind: &'static str,
     groups: &'static [(Use, &'static [&'static str])],
@@ -54,7 +54,7 @@ impl Schema {
 }
 
 /// True if a value switches an attribute off: zeros, or "false", "auto" or "none".
-pub(crate) fn is_off(value: &str) -> bool {
+pub fn is_off(value: &str) -> bool {
     let off = |word: &str| matches!(word, "false" | "auto" | "none") || word.parse() == Ok(0.0);
     value.split_whitespace().all(off)
 }
@@ -80,7 +80,8 @@ pub(crate) const ACTUATORS: [&str; 12] = [
 
 const CONTACT: &str = "contacts have no such forces here";
 
-pub(crate) const BODY: Schema = Schema {
+/// Attributes of `<body>`.
+pub const BODY: Schema = Schema {
     kind: "",
     groups: &[
         (Use::Read, &POSE),
@@ -91,16 +92,19 @@ pub(crate) const BODY: Schema = Schema {
     ],
 };
 
-pub(crate) const FRAME: Schema =
+/// Attributes of `<frame>`.
+pub const FRAME: Schema =
     Schema { kind: "", groups: &[(Use::Read, &POSE), (Use::Read, &["name", "childclass"])] };
 
 pub(crate) const INERTIAL: Schema =
     Schema { kind: "", groups: &[(Use::Read, &POSE), (Use::Read, &["mass", "diaginertia", "fullinertia"])] };
 
-pub(crate) const FREEJOINT: Schema =
+/// Attributes of `<freejoint>`.
+pub const FREEJOINT: Schema =
     Schema { kind: "", groups: &[(Use::Read, &["name", "align"]), (Use::NoEffect, &["group"])] };
 
-pub(crate) const JOINT: Schema = Schema {
+/// Attributes of `<joint>`.
+pub const JOINT: Schema = Schema {
     kind: "joint",
     groups: &[
         (Use::Read, &["name", "class", "type", "pos", "axis", "ref", "range", "limited", "align"]),
@@ -113,7 +117,8 @@ pub(crate) const JOINT: Schema = Schema {
     ],
 };
 
-pub(crate) const GEOM: Schema = Schema {
+/// Attributes of `<geom>`.
+pub const GEOM: Schema = Schema {
     kind: "geom",
     groups: &[
         (Use::Read, &POSE),
@@ -172,7 +177,7 @@ pub(crate) const EQUALITY: Schema = Schema {
 };
 
 /// `<connect>` and `<weld>` of bodies.
-pub(crate) const HELD: Schema = Schema {
+pub const HELD: Schema = Schema {
     kind: "equality",
     groups: &[
         (Use::Read, &["name", "class", "active", "body1", "body2", "anchor", "relpose"]),
@@ -181,7 +186,8 @@ pub(crate) const HELD: Schema = Schema {
     ],
 };
 
-pub(crate) const HFIELD: Schema = Schema {
+/// Attributes of `<hfield>`.
+pub const HFIELD: Schema = Schema {
     kind: "",
     groups: &[
         (Use::Read, &["name", "file", "nrow", "ncol", "size", "elevation"]),
@@ -226,7 +232,8 @@ pub(crate) const ACTUATOR: Schema = Schema {
 
 pub(crate) const EXCLUDE: Schema = Schema { kind: "", groups: &[(Use::Read, &["name", "body1", "body2"])] };
 
-pub(crate) const OPTION: Schema = Schema {
+/// Attributes of `<option>`.
+pub const OPTION: Schema = Schema {
     kind: "",
     groups: &[
         (Use::Read, &["gravity"]),

@@ -42,7 +42,12 @@ pub(crate) fn check_options<'a, 'i>(
     Ok(())
 }
 
-pub(crate) fn read_assets<'a, 'i>(
+/// Reads the meshes and materials of a section `<asset>`. `file` is the path of the file, next to which mesh
+/// files are found.
+///
+/// # Errors
+/// An unsupported element or attribute, or a malformed value.
+pub fn read_assets<'a, 'i>(
     section: Node<'a, 'i>,
     geoms: &mut Geoms<'_, 'a, 'i>,
     file: Option<&Path>,
