@@ -17,6 +17,7 @@ mod robots;
 mod search;
 mod shape;
 mod solid;
+pub(crate) mod srdf;
 mod support;
 mod tree;
 mod triangles;

@@ -6,7 +6,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::tree::{Bounds, BoxTree, is_met, least, most, overlap};
 use crate::TriangleMesh;
-use crate::algebra::V3;
+use crate::math::V3;
 
 /// A triangle of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,8 +2,7 @@
 
 use std::sync::Arc;
 
-use motorium_robots::algebra::{M3, V3};
-use motorium_robots::{CollisionModel, ConvexShape};
+use motorium_robots::{CollisionModel, ConvexShape, M3, V3};
 use nalgebra::{Isometry3, Vector3};
 
 use super::{Ray, RayHit, RayShape};

@@ -1,6 +1,6 @@
 //! Intersections of rays with the surfaces of shapes about the origin, from outside.
 
-use motorium_robots::algebra::V3;
+use motorium_robots::V3;
 
 /// Distance along the ray to the surface, and the outward normal there.
 pub(super) type Meeting = Option<(f64, V3)>;

@@ -1,6 +1,6 @@
 //! Rays against height fields: from block to block, and through the cells of blocks that reach up to the ray.
 
-use motorium_robots::algebra::V3;
+use motorium_robots::V3;
 
 use super::HeightField;
 use super::field::BLOCK;

@@ -1,7 +1,6 @@
 //! Height fields: surfaces over a grid, for rays and contacts.
 
-use motorium_robots::algebra::V3;
-use motorium_robots::nearest_on_triangle;
+use motorium_robots::{V3, nearest_on_triangle};
 use nalgebra::{Point3, Vector3};
 
 /// Cells along a side of the blocks whose highest point is known.

@@ -8,7 +8,7 @@ use roxmltree::Node;
 use super::named::named;
 use super::warning::ModelWarning;
 use crate::Position;
-use crate::lines::Lines;
+use crate::formats::lines::Lines;
 use crate::nearest::nearest;
 
 /// Optional attributes of each element. A misspelt one would leave its default.

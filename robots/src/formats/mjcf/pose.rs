@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, Unit, Un
 use super::attributes::Element;
 use super::compiler::Compiler;
 use super::error::{MjcfError, MjcfProblem};
-use crate::lie::so3;
+use crate::math::lie::so3;
 
 /// Pose of an element in the frame around it.
 ///

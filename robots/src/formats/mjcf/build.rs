@@ -15,7 +15,7 @@ use super::geoms::Geoms;
 use super::robot::MjcfRobot;
 use super::sections::{check_options, read_assets, read_exclusions};
 use super::{actuators, equality, keyframes};
-use crate::options::{BaseMode, LoadOptions};
+use crate::formats::options::{BaseMode, LoadOptions};
 use crate::{Base, Body, Coordinate, Dynamics, Frame, LinkColours, Model, Srdf};
 
 /// Sections without effect on a model.
@@ -78,13 +78,13 @@ pub(crate) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
     }
     let mut warnings = attributes.warnings();
     for body in &bodies {
-        crate::urdf::check_inertia(&body.name, &body.inertia, &mut warnings);
+        crate::formats::urdf::check_inertia(&body.name, &body.inertia, &mut warnings);
     }
-    crate::urdf::warn_of_massless_ends(&bodies, &mut warnings);
+    crate::formats::urdf::warn_of_massless_ends(&bodies, &mut warnings);
     let shapes = base.shapes.iter().chain(bodies.iter().flat_map(|body| &body.shapes));
     geoms.warn_of_missing_meshes(shapes, &mut warnings);
     let model = Model::new(name, base, bodies, frames);
-    crate::urdf::warn_of_model(&model, &mut warnings);
+    crate::formats::urdf::warn_of_model(&model, &mut warnings);
     let profile = drives::profile(&model, &references, keyframes, &drives);
     Ok(MjcfRobot { model, warnings, exclusions, profile, colours: LinkColours::of_shapes(colours) })
 }

@@ -7,7 +7,7 @@ use roxmltree::{Document, Node};
 
 use super::error::{MjcfError, MjcfProblem};
 use super::schema::{POSE, Schema, Use, is_off};
-use crate::lines::Lines;
+use crate::formats::lines::Lines;
 use crate::nearest::nearest;
 use crate::{ModelWarning, Position};
 

@@ -11,9 +11,9 @@ use super::error::{UrdfError, UrdfProblem};
 use super::named::named;
 use super::transmission;
 use super::warning::ModelWarning;
-use crate::lines::Lines;
+use crate::formats::lines::Lines;
+use crate::formats::options::ShapeSource;
 use crate::nearest::nearest;
-use crate::options::ShapeSource;
 use crate::{Drive, Position, SafetyController};
 
 /// Facts of the file that the parsed values lack, in file order.

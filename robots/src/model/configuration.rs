@@ -7,7 +7,7 @@
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3, Vector6};
 
-use crate::lie::se3;
+use crate::math::lie::se3;
 use crate::{JointKind, Model};
 
 impl Model {

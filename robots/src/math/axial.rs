@@ -84,7 +84,7 @@ impl RigidInertia {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::algebra::M3;
+    use crate::math::M3;
 
     fn body() -> RigidInertia {
         RigidInertia {

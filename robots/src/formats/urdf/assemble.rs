@@ -12,7 +12,7 @@ use super::source::{self, Survey};
 use super::structure::{self, Edge, Structure};
 use super::warning::ModelWarning;
 use super::{MimicMode, PackagePath, inertia, joints, transmission, warn_of_model};
-use crate::options::{BaseMode, LoadOptions, ShapeSource};
+use crate::formats::options::{BaseMode, LoadOptions, ShapeSource};
 use crate::{
     Base, Body, Coordinate, Drive, Frame, Geometry, Inertia, Joint, JointKind, Limits, Model, Shape,
 };

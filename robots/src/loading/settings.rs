@@ -6,8 +6,8 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-use crate::end_effector::tip_joints;
-use crate::joint_subset::JointSubset;
+use crate::loading::end_effector::tip_joints;
+use crate::loading::joint_subset::JointSubset;
 use crate::profile::GainArrays;
 use crate::{BaseKind, EndEffector, Loaded, Model, PerJoint, Profile, SettingError};
 

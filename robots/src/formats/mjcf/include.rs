@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::document::parse_document;
 use super::error::{MjcfError, MjcfProblem};
 use crate::file::read_bounded;
-use crate::lines::Lines;
+use crate::formats::lines::Lines;
 use crate::{ModelWarning, Position};
 
 /// Longest file that is included, bytes.

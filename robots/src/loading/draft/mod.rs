@@ -17,7 +17,7 @@ use limbs::{Limb, Limbs};
 use stance::{Contact, Stance, stand};
 use text::{key, numbers, quoted, rounded, strings};
 
-use crate::configuration::with_joints;
+use crate::model::configuration::with_joints;
 use crate::{BaseMode, BasePose, Kinematics, Loaded, Model};
 
 /// Returns a draft profile of `robot` as a TOML text with comments, ready to use.

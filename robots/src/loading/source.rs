@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::settings::Settings;
+use crate::loading::settings::Settings;
 use crate::{BasePose, FileFormat, LoadError, LoadOptions, Loaded, ProfileChoice, load_with};
 
 /// A robot reference of a graph file.

@@ -4,8 +4,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::file::read_bounded;
-use crate::format::{FileFormat, is_mjcf};
-use crate::installed::{find, installed};
+use crate::formats::format::{FileFormat, is_mjcf};
+use crate::loading::installed::{find, installed};
 use crate::nearest::{nearest, suggestion};
 use crate::{
     BaseKind, BaseMode, Entry, LoadOptions, MimicMode, MjcfError, MjcfRobot, Model, ModelWarning,

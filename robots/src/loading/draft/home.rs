@@ -2,8 +2,8 @@
 
 use nalgebra::{DVector, Vector3};
 
-use crate::configuration::with_joints;
-use crate::end_effector::tip_joints;
+use crate::loading::end_effector::tip_joints;
+use crate::model::configuration::with_joints;
 use crate::{
     CollisionModel, CollisionOptions, Collisions, Dynamics, FrameId, JointKind, Kinematics, Model, TaskRows,
 };

@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector2, Vec
 
 use super::home::neutral;
 use super::limbs::Limb;
-use crate::configuration::with_joints;
+use crate::model::configuration::with_joints;
 use crate::{
     Attachment, CollisionModel, CollisionOptions, ConvexShape, Dynamics, FrameId, JointKind, Kinematics,
     Loaded, MeshMode, Model, Reference, convex_corners,

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use nalgebra::{DVector, Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use crate::Model;
-use crate::configuration::write_pose;
 use crate::file::read_bounded;
-use crate::srdf::{GroupState, group_states};
+use crate::geometry::srdf::{GroupState, group_states};
+use crate::model::configuration::write_pose;
 
 /// Longest SRDF file, bytes.
 const LONGEST: u64 = 16 * 1024 * 1024;

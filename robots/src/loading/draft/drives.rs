@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::text::{numbers, rounded};
-use crate::configuration::with_joints;
+use crate::model::configuration::with_joints;
 use crate::{Dynamics, JointKind, Model};
 
 /// Deflection at which a drive reaches its full effort, rad or m: 0.2 rad for a revolute joint.

@@ -2,9 +2,9 @@
 
 use std::io;
 
-use crate::format::is_mjcf;
+use crate::formats::urdf;
 use crate::{
-    DrawnRobot, LinkColours, LoadOptions, Loaded, MjcfRobot, ShapeSource, draw_as_urdf, parse_mjcf, urdf,
+    DrawnRobot, LinkColours, LoadOptions, Loaded, MjcfRobot, ShapeSource, draw_as_urdf, is_mjcf, parse_mjcf,
 };
 
 impl Loaded {

@@ -1,11 +1,14 @@
-//! Small dense arithmetic for the inner loops: three-vectors, rotations, symmetric matrices and spatial
-//! vectors as plain numbers, so that a whole recursion compiles into straight-line code.
+//! Mathematics: Lie groups and twists, and small dense arithmetic for the inner loops. Three-vectors,
+//! rotations, symmetric matrices and spatial vectors are plain numbers, so that a whole recursion compiles
+//! into straight-line code.
 
 mod axial;
+pub mod lie;
 mod parry;
 mod spatial;
 mod three;
 mod trigonometry;
+pub(crate) mod twist;
 mod wide;
 
 pub(crate) use axial::Turn;

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use crate::end_effector::tip_joints;
-use crate::postures::srdf_beside;
-use crate::srdf::{GroupEnd, group_ends};
+use crate::geometry::srdf::{GroupEnd, group_ends};
+use crate::loading::end_effector::tip_joints;
+use crate::loading::postures::srdf_beside;
 use crate::{FrameId, Loaded, Model};
 
 /// Fewest joints between the base and a foot.
