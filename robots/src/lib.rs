@@ -42,53 +42,28 @@
 //!
 //! | modules | contents |
 //! |---|---|
-//! | `algebra`, [`lie`], `mesh`, `surface`, `terrain` | spatial algebra, meshes, frictions, height fields |
-//! | `model` | links, joints, inertias, shapes |
-//! | `configuration`, `kinematics`, `dynamics`, `per_joint`, `srdf` | algorithms; collision rules |
-//! | `geometry` | distances between links |
-//! | `profile`, `options` | poses, gains, end effectors; options of loading |
-//! | `urdf`, `mjcf`, `world` | readers of files |
-//! | `load`, `catalogue`, `settings`, `digest`, `draft`, `drawn`, `rays` | robots ready to use, and their pictures and rays |
+//! | `math`, `nearest`, `file` | three-vectors, spatial algebra, [Lie groups](lie), twists; names and files |
+//! | `mesh` | meshes, hulls and convex parts |
+//! | `model` | links, joints, inertias, shapes; configurations and values per joint |
+//! | `kinematics`, `dynamics`, `actuator` | algorithms; drives and motors |
+//! | `geometry` | distances between links, collision rules |
+//! | `profile` | poses, gains, end effectors |
+//! | `formats`, `catalogue` | readers of URDF and [MJCF](mjcf), options of reading; included robots |
+//! | `loading` | robots ready to use, their drafts, pictures and digests |
 
 mod actuator;
-mod algebra;
-mod appearance;
 mod catalogue;
-mod configuration;
-mod digest;
-mod draft;
-mod drawn;
 mod dynamics;
-mod end_effector;
 mod file;
-mod format;
+mod formats;
 mod geometry;
-mod installed;
-mod inverse_kinematics;
-mod joint_subset;
 mod kinematics;
-pub mod lie;
-mod lines;
-mod load;
+mod loading;
+mod math;
 mod mesh;
-mod mjcf;
 mod model;
 mod nearest;
-mod options;
-mod packages;
-mod per_joint;
-mod postures;
 mod profile;
-mod rays;
-mod setting_error;
-mod settings;
-mod source;
-mod srdf;
-mod surface;
-mod terrain;
-mod twist;
-mod urdf;
-mod world;
 
 pub use actuator::{
     Activation, Actuator, ActuatorError, ActuatorNetwork, ActuatorSettings, ActuatorTable,
@@ -96,54 +71,48 @@ pub use actuator::{
     InputOrder, JointLaw, Motor, NetworkError, NetworkSettings, NetworkTable, NetworkWeights, Thermal,
     ThermalTable,
 };
-pub use appearance::{Appearance, Checker, Colour, Light, LinkColours};
 pub use catalogue::{Entry, catalogue};
-pub use draft::draft_profile;
 pub use dynamics::{
     ConstrainedDynamics, ConstrainedError, Constraint, Derivatives, Dynamics, MassFactor, Momentum,
     PARAMETERS, SingularMassMatrix, Wrench,
 };
-pub use end_effector::EndEffectorError;
 pub use file::read_bounded;
-pub use format::FileFormat;
+pub use formats::colours::{Colour, LinkColours};
+pub use formats::format::{FileFormat, is_mjcf};
+pub use formats::lines::Position;
+pub use formats::mjcf;
+pub use formats::mjcf::{MjcfError, MjcfProblem, MjcfRobot, parse_mjcf};
+pub use formats::options::{BaseMode, LoadOptions, MimicMode, ProfileChoice, ShapeSource};
+pub use formats::packages::PackagePath;
+pub use formats::urdf::{
+    DrawnRobot, ModelWarning, UrdfError, UrdfProblem, UrdfRobot, draw_as_urdf, parse_urdf, parse_urdf_with,
+    pinocchio_joint_order,
+};
+pub use geometry::srdf::{Srdf, SrdfError};
 pub use geometry::{
     Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, MeshMode,
     Proximity, SolidKind, SolidProblem, SurfaceEdge, SurfaceTriangle, TriangleSurface, convex_corners,
-    fit_capsule,
+    fit_capsule, nearest_on_triangle,
 };
-pub use installed::{Installed, installed, installed_folder};
-pub use inverse_kinematics::{IkFailure, IkOptions, IkProgress, IkSolution, InverseKinematics};
+pub use kinematics::inverse::{IkFailure, IkOptions, IkProgress, IkSolution, InverseKinematics};
 pub use kinematics::{CentreOfMass, Kinematics, TaskRows};
-pub use lines::Position;
-pub use load::{LoadError, Loaded, load, load_with};
+pub use loading::draft::draft_profile;
+pub use loading::end_effector::EndEffectorError;
+pub use loading::installed::{Installed, installed, installed_folder};
+pub use loading::load::{LoadError, Loaded, load, load_with};
+pub use loading::postures::Posture;
+pub use loading::setting_error::SettingError;
+pub use loading::source::{RobotSource, RobotSourceError};
+pub use math::twist::{Reference, Twist};
+pub use math::{M3, V3, lie};
 pub use mesh::{MeshError, MeshProblem, TriangleMesh, VolumeProperties};
-pub use mjcf::{MjcfError, MjcfProblem, MjcfRobot, parse_mjcf};
+pub use model::per_joint::{PerJoint, PerJointError};
 pub use model::{
     AttachError, Base, Body, BodyFactors, Coordinate, Drive, Frame, FrameId, Geometry, Inertia, Joint,
     JointDynamics, JointKind, Limits, LockError, Model, Placed, SafetyController, ScaleError, Shape,
     SpringError, UnknownFrame,
 };
-pub use nearest::nearest;
-pub use options::{BaseMode, LoadOptions, MimicMode, ProfileChoice, ShapeSource};
-pub use packages::PackagePath;
-pub use per_joint::{PerJoint, PerJointError};
-pub use postures::Posture;
+pub use nearest::{nearest, suggestion};
 pub use profile::{
     BaseKind, BasePose, EndEffector, Foot, Gains, MobileBase, Profile, ProfileError, Rotor, Spin, Steering,
-};
-pub use rays::{Ray, RayHit, RayScene, RayShape};
-pub use setting_error::SettingError;
-pub use source::{RobotSource, RobotSourceError};
-pub use srdf::{Srdf, SrdfError};
-pub use surface::{FrictionCombine, Grain, Softness};
-pub use terrain::{HeightField, NearTriangle, Terrain, TerrainError, TerrainLayer};
-pub use twist::{Reference, Twist};
-pub use urdf::{
-    DrawnRobot, ModelWarning, UrdfError, UrdfProblem, UrdfRobot, draw_as_urdf, parse_urdf, parse_urdf_with,
-    pinocchio_joint_order,
-};
-pub use world::{
-    CompoundPart, Connection, ConnectionKind, Conveyor, Copies, Ground, MeshBody, MeshCollision, MeshShape,
-    MjcfWorld, Object, ObjectMass, ObjectShape, World, WorldError, WorldFileError, gravity_of_file,
-    parse_mjcf_world,
 };

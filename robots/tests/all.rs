@@ -15,7 +15,6 @@ mod drivetrains;
 mod end_effectors;
 mod floating;
 mod golden;
-mod height_pictures;
 mod inverse_kinematics;
 mod joint_subsets;
 mod lie_groups;
@@ -31,16 +30,12 @@ mod pinocchio;
 mod pinocchio_catalogue;
 mod profiles;
 mod properties;
-mod rays;
-mod sdf_random;
 mod solids;
 mod standing;
-mod terrain;
 mod urdf_faults;
 mod urdf_reading;
+mod urdf_writing;
 mod witnesses;
-mod world_surfaces;
-mod worlds;
 
 #[path = "../examples/forward_kinematics.rs"]
 #[allow(dead_code, reason = "the main function of the example")]

@@ -13,7 +13,6 @@ use serde_json::Value;
 mod compare;
 mod scene;
 mod traps;
-mod world;
 
 fn read(path: &Path) -> Model {
     let options = LoadOptions { mimic: MimicMode::Independent, ..LoadOptions::default() };

@@ -140,7 +140,11 @@ fn graphs_and_tables_of_drives() {
             reader(&["check", "FILE"], ".toml", graphs()),
             reader(&["can", "check", "FILE"], ".toml", graphs()),
             reader(&["can", "check", "drives.toml"], ".toml", files(&["graphs/drives"], &[".toml"])),
-            reader(&["check", "world.toml"], ".xml", files(&["robots/tests/mujoco"], &["world.xml"])),
+            reader(
+                &["check", "world.toml"],
+                ".xml",
+                files(&["components/worlds/tests/worlds/mujoco"], &["world.xml"]),
+            ),
             reader(&["check", "world.toml"], ".sdf", texts(&[SDF])),
         ],
     );

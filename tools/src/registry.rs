@@ -44,7 +44,7 @@ pub(crate) fn with_hidden() -> Registry {
 /// A registry of kinds with the robots and the files of worlds that the command reads.
 fn known(kinds: impl IntoIterator<Item = Kind>) -> Registry {
     let gravity = |path: &Path| {
-        motorium_robots::gravity_of_file(path).map_err(|error| ConfigError::new(error.to_string()))
+        motorium_worlds::gravity_of_file(path).map_err(|error| ConfigError::new(error.to_string()))
     };
     Registry::new(RobotSource { check: check_robot }, kinds).with_gravity_of_file(gravity)
 }

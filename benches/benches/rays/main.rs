@@ -6,7 +6,7 @@ mod table;
 
 use std::time::Instant;
 
-use motorium_robots::{RayHit, RayScene};
+use motorium_worlds::{RayHit, RayScene};
 use table::{Scan, TableTop};
 
 /// Turns of each side.

@@ -63,7 +63,7 @@ impl Peer {
         let mut peer = Self { process, questions, answers: BufReader::new(answers) };
         peer.ask(&table.mjcf)?;
         for scan in &table.scans {
-            let numbers = |of: &dyn Fn(&motorium_robots::Ray) -> [f64; 3]| -> Vec<String> {
+            let numbers = |of: &dyn Fn(&motorium_worlds::Ray) -> [f64; 3]| -> Vec<String> {
                 scan.rays.iter().flat_map(|ray| of(ray).map(|number| format!("{number:e}"))).collect()
             };
             let origins = numbers(&|ray| ray.origin.coords.into()).join(" ");

@@ -3,10 +3,8 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use motorium_robots::{
-    Attachment, CollisionModel, CollisionOptions, ConvexShape, Ground, Kinematics, Object, ObjectShape, Ray,
-    RayScene, World, load,
-};
+use motorium_robots::{Attachment, CollisionModel, CollisionOptions, ConvexShape, Kinematics, load};
+use motorium_worlds::{Ground, Object, ObjectShape, Ray, RayScene, World};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 /// The rays of a scan.

@@ -1,6 +1,7 @@
 //! Errors and warnings that occur while a simulation is set up.
 
-use motorium_robots::{ActuatorError, MeshCollision, Model, ObjectShape};
+use motorium_robots::{ActuatorError, Model};
+use motorium_worlds::{MeshCollision, ObjectShape};
 
 use crate::joint::JointProperties;
 use crate::{

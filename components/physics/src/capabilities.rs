@@ -18,7 +18,7 @@ pub struct Capabilities {
     pub conveyors: bool,
     /// Compliant surfaces and direction-dependent friction.
     pub textures: bool,
-    /// Contacts with the triangles of [meshes](motorium_robots::MeshCollision) of objects. Every engine
+    /// Contacts with the triangles of [meshes](motorium_worlds::MeshCollision) of objects. Every engine
     /// supports contacts with their convex parts.
     pub triangles: bool,
     /// Changes of physical [properties](crate::Properties) [during motion](crate::Simulation::change).

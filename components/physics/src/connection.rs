@@ -1,6 +1,6 @@
 //! Connections between parts in addition to the joints of robots.
 
-pub use motorium_robots::{Connection, ConnectionKind};
+pub use motorium_worlds::{Connection, ConnectionKind};
 
 /// An error in making a connection.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

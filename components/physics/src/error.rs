@@ -1,6 +1,7 @@
 //! Errors of steps and resets.
 
-use motorium_robots::{ActuatorError, Model, TerrainError};
+use motorium_robots::{ActuatorError, Model};
+use motorium_worlds::TerrainError;
 
 use crate::surface::Surface;
 use crate::{JointSetpoint, WorldError};

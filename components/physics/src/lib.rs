@@ -50,7 +50,7 @@ pub use error::{ResetError, StepError};
 pub use joint::JointProperties;
 pub use library_error::LibraryError;
 pub use motorium_drive::JointSetpoint;
-pub use motorium_robots::{
+pub use motorium_worlds::{
     Conveyor, Copies, Grain, Ground, Object, ObjectShape, Softness, Terrain, TerrainLayer, World, WorldError,
 };
 pub use mujoco::{Mujoco, MujocoSimulator};

@@ -1,6 +1,7 @@
 //! Physical properties that may change between resets.
 
-use motorium_robots::{ActuatorSettings, Appearance, Model, Terrain, World};
+use motorium_robots::{ActuatorSettings, Model};
+use motorium_worlds::{Appearance, Terrain, World};
 use nalgebra::Vector3;
 
 use crate::joint::JointProperties;

@@ -1,6 +1,6 @@
 //! Rays against the colliders of a simulation.
 
-use motorium_robots::{Ray, RayShape};
+use motorium_worlds::{Ray, RayShape};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 use crate::RayHit;
@@ -42,7 +42,7 @@ impl Rays {
             };
             let nearest = best.map_or(range, |hit| hit.distance);
             if let Some((distance, normal)) = shape.cast(&pose, &ray, nearest) {
-                best = Some(RayHit { name: &collider.name, distance, point: ray.at(distance), normal });
+                best = Some(RayHit { name: &collider.name, distance, point: ray.point(distance), normal });
             }
         }
         best

@@ -3,9 +3,8 @@
 use core::ops::Range;
 use std::collections::BTreeMap;
 
-use motorium_robots::{
-    ActuatorSettings, FrictionCombine, Grain, Kinematics, Loaded, Model, Softness, Srdf, UnknownFrame,
-};
+use motorium_robots::{ActuatorSettings, Kinematics, Loaded, Model, Srdf, UnknownFrame};
+use motorium_worlds::{FrictionCombine, Grain, Softness};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use crate::error::BASE_BOUND;

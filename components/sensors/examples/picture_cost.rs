@@ -3,9 +3,10 @@
 
 use std::time::Instant;
 
-use motorium_robots::{CollisionModel, CollisionOptions, Kinematics, Light, RayScene, World, load};
+use motorium_robots::{CollisionModel, CollisionOptions, Kinematics, load};
 use motorium_sensors::pinhole::Pinhole;
 use motorium_sensors::rendering::{Looks, Paint, PixelNoise, PixelSensor, Renderer};
+use motorium_worlds::{Light, RayScene, World};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 /// Pictures that are timed.

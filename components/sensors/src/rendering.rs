@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use motorium_robots::{Checker, Colour, Light, Ray, RayHit, RayScene};
+use motorium_robots::Colour;
+use motorium_worlds::{Checker, Light, Ray, RayHit, RayScene};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -61,7 +62,8 @@ pub struct Looks {
 /// Only construction allocates.
 ///
 /// ```
-/// use motorium_robots::{ConvexShape, Light, RayScene, RayShape};
+/// use motorium_robots::ConvexShape;
+/// use motorium_worlds::{Light, RayScene, RayShape};
 /// use motorium_sensors::pinhole::Pinhole;
 /// use motorium_sensors::rendering::{Looks, Paint, Renderer};
 /// use nalgebra::Isometry3;
@@ -146,7 +148,7 @@ impl Renderer {
                 *pixel = looks.sky;
                 continue;
             };
-            let point = rays[index].at(hit.distance);
+            let point = rays[index].point(hit.distance);
             let colour = looks.paints[hit.target].colour_at(&point);
             *pixel = colour.map(|part| part * ambient);
             let share = (1.0 - ambient) * hit.normal.dot(&to_light);

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use super::base_sweep::joint_motion;
 use super::recursion::Articulated;
 use super::{Dynamics, SingularMassMatrix, Wrench, external};
-use crate::algebra::{ArticulatedInertia, Spatial, V3};
+use crate::math::{ArticulatedInertia, Spatial, V3};
 use crate::model::flat::{FlatModel, FramePlacement};
 use crate::{FrameId, Model};
 

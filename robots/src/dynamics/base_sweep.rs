@@ -1,7 +1,7 @@
 //! Poses, joint motions and inertias of all bodies in base coordinates.
 
 use super::Dynamics;
-use crate::algebra::{Spatial, V3};
+use crate::math::{Spatial, V3};
 use crate::model::flat::FlatModel;
 use crate::model::node::Node;
 

@@ -1,6 +1,6 @@
 //! The Coriolis matrix of a body or composite.
 
-use crate::algebra::{M3, RigidInertia, S3, Spatial, V3};
+use crate::math::{M3, RigidInertia, S3, Spatial, V3};
 
 /// The Coriolis matrix of a body or composite, for motions in base coordinates.
 #[derive(Clone, Copy, Debug)]

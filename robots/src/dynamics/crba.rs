@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 
 use super::Dynamics;
 use crate::Model;
-use crate::algebra::{Spatial, Work, widest};
+use crate::math::{Spatial, Work, widest};
 use crate::model::flat::FlatModel;
 
 struct BodiesMass<'a, const BOTH: bool> {

@@ -5,7 +5,7 @@
 //! step. All wrenches from beyond a body go through the same steps, so they are carried side by side, in
 //! blocks that fill the registers.
 
-use crate::algebra::{LANES, M3, RigidInertia, Spatial, Turn, V3, fused, sin_cos_abreast};
+use crate::math::{LANES, M3, RigidInertia, Spatial, Turn, V3, fused, sin_cos_abreast};
 use crate::model::dh_frames::{DhBody, JointZeros, LinkTransform};
 use crate::model::flat::FlatModel;
 

@@ -11,7 +11,7 @@ use super::coriolis::Coriolis;
 use super::recursion::BodyDerivatives;
 use super::{Dynamics, SingularMassMatrix};
 use crate::Model;
-use crate::algebra::{Spatial, V3, Work, fused, widest};
+use crate::math::{Spatial, V3, Work, fused, widest};
 use crate::model::flat::FlatModel;
 
 /// Derivatives of a vector of efforts or accelerations, each nv x nv.

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::algebra::{Spatial, V3};
+use crate::math::{Spatial, V3};
 use crate::model::flat::FramePlacement;
 
 /// A force and a moment at the origin of a frame, in its axes.

@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use crate::Model;
-use crate::algebra::{Work, fused, widest};
+use crate::math::{Work, fused, widest};
 
 /// The mass matrix is not positive definite: some joint moves nothing with inertia.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

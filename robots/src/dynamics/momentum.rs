@@ -4,7 +4,7 @@ use nalgebra::{Dim, Matrix, StorageMut, Vector3};
 
 use super::Dynamics;
 use crate::Model;
-use crate::algebra::{M3, Spatial, V3, Work, widest};
+use crate::math::{M3, Spatial, V3, Work, widest};
 use crate::model::flat::FlatModel;
 
 /// Momentum of a whole robot, or its rate, about the centre of mass in world axes.

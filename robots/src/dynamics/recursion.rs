@@ -1,7 +1,7 @@
 //! The state of one body in each recursion.
 
 use super::coriolis::Coriolis;
-use crate::algebra::{ArticulatedInertia, M3, RigidInertia, Spatial, V3};
+use crate::math::{ArticulatedInertia, M3, RigidInertia, Spatial, V3};
 
 /// State of the recursion for one body, in its node frame.
 #[derive(Clone, Debug)]

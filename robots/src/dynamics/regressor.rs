@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::Dynamics;
 use crate::Model;
-use crate::algebra::{M3, Spatial, V3};
+use crate::math::{M3, Spatial, V3};
 
 /// Parameters of one body: mass, mass times centre of mass (x, y, z), then the inertia about the origin of
 /// the body frame as xx, xy, yy, xz, yz, zz (Pinocchio's order), all in the axes of the body frame.

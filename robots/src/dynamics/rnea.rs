@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::recursion::Local;
 use super::{Dynamics, Wrench, external};
-use crate::algebra::{M3, Spatial, V3, Work, widest};
+use crate::math::{M3, Spatial, V3, Work, widest};
 use crate::model::flat::FlatModel;
 use crate::model::node::Node;
 use crate::{FrameId, Model};
@@ -266,7 +266,7 @@ fn point_acceleration(w: V3, dw: V3) -> M3 {
 
 /// Wrench about the origin for the motion of a body, by the Newton-Euler equations.
 #[inline(always)]
-fn net_wrench(inertia: &crate::algebra::RigidInertia, body: &Local) -> Spatial {
+fn net_wrench(inertia: &crate::math::RigidInertia, body: &Local) -> Spatial {
     let spin = inertia.rotational * body.angular;
     Spatial {
         linear: body.acceleration * inertia.mass + body.point_acceleration * inertia.moment,

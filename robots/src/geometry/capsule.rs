@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Translation3, Unit, Vector3};
 
 use crate::Geometry;
-use crate::lie::so3;
+use crate::math::lie::so3;
 
 /// Steps of the search for the best axis: from 0.3 rad, halved each time no direction is better, to below a
 /// milliradian.

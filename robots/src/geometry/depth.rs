@@ -8,7 +8,7 @@
 use parry3d_f64::query::gjk::CsoPoint;
 
 use super::support::Placed;
-use crate::algebra::{V3, v3, vector};
+use crate::math::{V3, v3, vector};
 
 /// Corners at most: each turn of the search adds one.
 const CORNERS: usize = 128;

@@ -7,7 +7,7 @@ use super::solid::pose;
 use super::support::Placed;
 use super::witness_room::WitnessRoom;
 use crate::Kinematics;
-use crate::algebra::{M3, V3, v3};
+use crate::math::{M3, V3, v3};
 use nalgebra::{Isometry3, IsometryMatrix3, Point3, Rotation3, Unit, Vector3};
 use parry3d_f64::query::gjk::VoronoiSimplex;
 use parry3d_f64::query::{ClosestPoints, DefaultQueryDispatcher, QueryDispatcher};

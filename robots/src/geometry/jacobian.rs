@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, Vector3};
 
 use super::distance::Proximity;
 use super::pairs::CollisionModel;
-use crate::algebra::V3;
+use crate::math::V3;
 use crate::{Kinematics, Model};
 
 impl CollisionModel {

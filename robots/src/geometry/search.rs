@@ -3,7 +3,7 @@
 
 use super::depth::Polytope;
 use super::support::Placed;
-use crate::algebra::{V3, v3, vector};
+use crate::math::{V3, v3, vector};
 use parry3d_f64::query::gjk::{CsoPoint, GJKResult, VoronoiSimplex, closest_points};
 
 /// Closer than this \[m\] the direction from one point to the other is noise.

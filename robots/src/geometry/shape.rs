@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use parry3d_f64::transformation::try_convex_hull;
 
-use crate::algebra::{V3, v3, vector};
+use crate::math::{V3, v3, vector};
 
 /// Tolerance of equal plane normals.
 const SAME: f64 = 1e-9;

@@ -9,7 +9,7 @@ use parry3d_f64::transformation::try_convex_hull;
 use super::capsule::fit_capsule;
 use super::shape::{ConvexShape, outermost};
 use super::support::{Cloud, Core};
-use crate::algebra::{M3, V3, v3, vector};
+use crate::math::{M3, V3, v3, vector};
 use crate::{Geometry, MeshError, Shape, TriangleMesh};
 
 /// The collision shape that replaces a mesh.

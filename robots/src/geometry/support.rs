@@ -7,7 +7,7 @@
 use parry3d_f64::math::{Pose, Vector};
 use parry3d_f64::shape::SupportMap;
 
-use crate::algebra::{M3, V3, vector};
+use crate::math::{M3, V3, vector};
 
 /// A convex set about the origin of its frame.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,6 +1,6 @@
 //! A tree of boxes.
 
-use crate::algebra::V3;
+use crate::math::V3;
 
 /// Boxes of a leaf, at most.
 const LEAF: usize = 4;

@@ -6,8 +6,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::tree::{Bounds, BoxTree, is_met, least, most, overlap};
 use crate::TriangleMesh;
-use crate::algebra::V3;
-use crate::terrain::nearest_on_triangle;
+use crate::math::V3;
 
 /// A triangle of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -188,7 +187,8 @@ impl TriangleSurface {
 
     /// Distance along a ray to the first triangle within `range`, and its normal, turned towards the origin
     /// of the ray.
-    pub(crate) fn meet(&self, origin: V3, direction: V3, range: f64) -> Option<(f64, V3)> {
+    #[inline]
+    pub fn meet(&self, origin: V3, direction: V3, range: f64) -> Option<(f64, V3)> {
         let inverse = V3::new(1.0 / direction.x, 1.0 / direction.y, 1.0 / direction.z);
         let nearest = core::cell::Cell::new(range);
         let mut normal = None;
@@ -255,4 +255,38 @@ impl SurfaceEdge {
         // Between both by angle: closer to each than they are to one another.
         across.dot(&self.normals[0]) >= least && across.dot(&self.normals[1]) >= least
     }
+}
+
+/// The point of a triangle nearest to `p`, by the regions of its corners, sides and face.
+#[inline]
+pub fn nearest_on_triangle(p: V3, [a, b, c]: [V3; 3]) -> V3 {
+    let (ab, ac, ap) = (b - a, c - a, p - a);
+    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return a;
+    }
+    let bp = p - b;
+    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
+    if d3 >= 0.0 && d4 <= d3 {
+        return b;
+    }
+    let vc = d1 * d4 - d3 * d2;
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        return a + ab * (d1 / (d1 - d3));
+    }
+    let cp = p - c;
+    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
+    if d6 >= 0.0 && d5 <= d6 {
+        return c;
+    }
+    let vb = d5 * d2 - d1 * d6;
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        return a + ac * (d2 / (d2 - d6));
+    }
+    let va = d3 * d6 - d5 * d4;
+    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
+        return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
+    }
+    let scale = 1.0 / (va + vb + vc);
+    a + ab * (vb * scale) + ac * (vc * scale)
 }

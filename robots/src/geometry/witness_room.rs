@@ -4,7 +4,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 
 use nalgebra::Vector2;
 
-use crate::algebra::V3;
+use crate::math::V3;
 
 /// Directions of turns.
 pub(super) const TURNS: [(f64, f64); 8] = [

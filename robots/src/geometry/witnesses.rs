@@ -8,7 +8,7 @@ use super::polygon::{clip, convex_corners};
 use super::solid::Solid;
 use super::support::{Core, Placed};
 use super::witness_room::{Seen, TURNS, WitnessRoom};
-use crate::algebra::{M3, V3};
+use crate::math::{M3, V3};
 
 /// Rotation after which another point may be the nearest \[rad\].
 const TILT: f64 = 0.05;

@@ -4,7 +4,7 @@ use nalgebra::{Dim, Matrix, StorageMut, Vector3};
 
 use super::Kinematics;
 use crate::Model;
-use crate::algebra::{RigidInertia, V3};
+use crate::math::{RigidInertia, V3};
 use crate::model::flat::FlatModel;
 
 /// Motion of the centre of mass of all that moves, in world axes.

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::Kinematics;
-use crate::algebra::{M3, V3};
+use crate::math::{M3, V3};
 use crate::model::flat::FlatModel;
 use crate::{FrameId, Model, Reference, Twist};
 

@@ -3,7 +3,7 @@
 use nalgebra::{Dim, Matrix, Point3, StorageMut, Vector3};
 
 use super::{BodyState, Kinematics};
-use crate::algebra::{M3, V3};
+use crate::math::{M3, V3};
 use crate::model::flat::FlatModel;
 use crate::{FrameId, Model, Reference};
 

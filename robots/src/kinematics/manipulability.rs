@@ -4,7 +4,7 @@ use nalgebra::{Matrix6, Vector6};
 
 use super::Kinematics;
 use super::jacobian::column;
-use crate::algebra::V3;
+use crate::math::V3;
 use crate::{FrameId, Model};
 
 /// The motions of a frame that count, in world axes: velocity along x, y, z, then angular velocity about x,

@@ -2,6 +2,7 @@
 
 mod centre_of_mass;
 mod frames;
+pub(crate) mod inverse;
 mod jacobian;
 mod manipulability;
 
@@ -9,7 +10,7 @@ pub use centre_of_mass::CentreOfMass;
 pub use manipulability::TaskRows;
 
 use crate::Model;
-use crate::algebra::{M3, V3, Work, widest};
+use crate::math::{M3, V3, Work, widest};
 use crate::model::flat::{FlatModel, FramePlacement, Positions};
 
 /// Motion of one body in world axes: of its node frame's origin.

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
 
 use super::triangle_mesh::TriangleMesh;
-use crate::algebra::{V3, v3, vector};
+use crate::math::{V3, v3, vector};
 
 /// Voxels along the longest side of a mesh that is cut into parts.
 const RESOLUTION: u32 = 64;

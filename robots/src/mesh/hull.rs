@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use parry3d_f64::transformation::try_convex_hull;
 
 use super::triangle_mesh::TriangleMesh;
-use crate::algebra::{V3, v3, vector};
+use crate::math::{V3, v3, vector};
 
 /// The golden angle \[rad\]: points of a sphere turned by it from one height to the next are spread evenly
 /// (Vogel 1979).

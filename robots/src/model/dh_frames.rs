@@ -9,7 +9,7 @@
 use nalgebra::{IsometryMatrix3, Matrix3, Rotation3, Translation3, Vector3};
 
 use super::node::Node;
-use crate::algebra::{LANES, M3, RigidInertia, Turn, V3};
+use crate::math::{LANES, M3, RigidInertia, Turn, V3};
 
 /// Axes less parallel than this have their common normal near enough for its foot to be exact.
 const SKEW: f64 = 0.05;

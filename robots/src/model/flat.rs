@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::dh_frames::DhFrames;
 use super::node::Node;
 use super::{Base, Body, Frame, Inertia, JointKind};
-use crate::algebra::{LANES, M3, RigidInertia, S3, V3, sin_cos};
+use crate::math::{LANES, M3, RigidInertia, S3, V3, sin_cos};
 
 /// A frame, by the node it is fixed to.
 #[derive(Clone, Copy, Debug)]

@@ -2,6 +2,7 @@
 
 mod attach;
 mod body;
+pub(crate) mod configuration;
 pub(crate) mod dh_frames;
 pub(crate) mod flat;
 pub(crate) mod followers;
@@ -10,6 +11,7 @@ mod inertia;
 mod joint;
 mod lock;
 pub(crate) mod node;
+pub(crate) mod per_joint;
 mod scale;
 mod shape;
 mod springs;

@@ -1,6 +1,6 @@
 //! Bodies in the form that the recursions read.
 
-use crate::algebra::{M3, RigidInertia, V3};
+use crate::math::{M3, RigidInertia, V3};
 
 /// One body and the joint above it, in the form used by the recursions.
 #[derive(Clone, Debug)]

@@ -13,7 +13,7 @@ use serde::Deserialize;
 pub use error::ProfileError;
 pub use parts::{BaseKind, BasePose, EndEffector, Foot, MobileBase, Rotor, Spin, Steering};
 
-use crate::configuration::write_pose;
+use crate::model::configuration::write_pose;
 use crate::nearest::nearest;
 use crate::{Model, PerJoint};
 

@@ -1,17 +1,11 @@
 //! Support of the distance tests: a robot of one shape, poses, random numbers.
 
+mod random;
+
 use motorium_robots::{Geometry, LoadOptions, Model, parse_urdf_with};
 use nalgebra::{Isometry3, Vector3};
 
-/// Numbers in -1 .. 1: Knuth's MMIX generator.
-pub(crate) struct Random(pub(crate) u64);
-
-impl Random {
-    pub(crate) fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
-}
+pub(crate) use random::Random;
 
 /// A robot of one slide without other links, so that obstacles meet one shape on its base.
 pub(crate) fn with_shape(geometry: &str) -> Model {

@@ -196,7 +196,7 @@ impl Registry {
     }
 
     /// Returns the registry with a reader for the gravity stated in the file of a graph's `[world]`:
-    /// `motorium_robots::gravity_of_file` reads MJCF, URDF and SDF. Without one, kinds that read gravity keep
+    /// `motorium_worlds::gravity_of_file` reads MJCF, URDF and SDF. Without one, kinds that read gravity keep
     /// their own default if `[world]` leaves gravity to its file, and a check warns about it.
     #[must_use]
     pub fn with_gravity_of_file(self, reader: GravityOfFile) -> Self {

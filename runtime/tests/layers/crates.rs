@@ -6,14 +6,16 @@ use std::path::Path;
 use crate::tokens::{self, Token};
 
 /// Wings that may use other wings, as CONTRIBUTING.md lists them; all others meet in topics only.
-const BETWEEN_WINGS: [(&str, &[&str]); 7] = [
-    ("bridges", &["recordings"]),
-    ("control", &["qp"]),
+const BETWEEN_WINGS: [(&str, &[&str]); 9] = [
+    ("bridges", &["recordings", "worlds"]),
+    ("control", &["qp", "worlds"]),
     ("locomotion", &["control", "qp"]),
     ("library", &["algebra", "primitives", "recordings"]),
     ("models", &["algebra", "networks"]),
-    ("learners", &["algebra", "primitives", "library", "models", "physics", "recordings"]),
+    ("learners", &["algebra", "primitives", "library", "models", "physics", "recordings", "worlds"]),
+    ("physics", &["worlds"]),
     ("policies", &["primitives", "library", "models", "learners", "recordings"]),
+    ("sensors", &["worlds"]),
 ];
 
 /// The wings below `robots`: plain libraries that use no other crate of the workspace.

@@ -12,7 +12,7 @@ use motorium::state::{
     BaseState, Contacts, Event, ImageInfo, JointState, ObjectPoses, Odometry, PoseTarget, StateBuffer, Text,
     from_bytes,
 };
-use motorium_robots::World;
+use motorium_worlds::World;
 use serde::Deserialize as _;
 
 use super::Schema;

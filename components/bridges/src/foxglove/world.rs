@@ -7,7 +7,8 @@ use foxglove::messages::{
 };
 use motorium::plan::Plan;
 use motorium::state::{ObjectPoses, StateBuffer as _};
-use motorium_robots::{BasePose, Colour, HeightField, Object, ObjectShape, World};
+use motorium_robots::{BasePose, Colour};
+use motorium_worlds::{HeightField, Object, ObjectShape, World};
 use serde::Deserialize;
 
 use super::Schema;
@@ -212,7 +213,7 @@ mod tests {
     #[test]
     fn terrain_is_drawn_in_place_at_limited_resolution() {
         let text = r#"{"size": [12, 6], "centre": [4, 0], "spacing": 0.02, "layers": [{"slope": {"angle": 0.1, "from": 1}}]}"#;
-        let field = serde_json::from_str::<motorium_robots::Terrain>(text).unwrap().height_field().unwrap();
+        let field = serde_json::from_str::<motorium_worlds::Terrain>(text).unwrap().height_field().unwrap();
         let drawn = terrain(&field, &GREY);
         let TriangleListPrimitive { points, indices, .. } = &drawn.triangles[0];
         assert!((10_000..20_000).contains(&points.len()), "{}", points.len());

@@ -1,7 +1,8 @@
 //! The `config` table of `control.qp`.
 
 use motorium::units::TimeSpan;
-use motorium_robots::{PerJoint, World};
+use motorium_robots::PerJoint;
+use motorium_worlds::World;
 use schemars::JsonSchema;
 use serde::Deserialize;
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use motorium::prelude::*;
 use motorium::state::ObjectPoses;
-use motorium_robots::Object;
+use motorium_worlds::Object;
 use nalgebra::Isometry3;
 use serde_json::{Value, json};
 

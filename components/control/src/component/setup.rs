@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use motorium::prelude::*;
-use motorium_robots::{Gains, Loaded, Model, PerJoint, Profile, World};
+use motorium_robots::{Gains, Loaded, Model, PerJoint, Profile};
+use motorium_worlds::World;
 use nalgebra::{DVector, Vector3};
 
 use super::config::{LevelConfig, QpControllerConfig};

@@ -3,9 +3,9 @@
 use motorium::declare::ConfigError;
 use motorium::state::MAX_OBJECTS;
 use motorium_robots::{
-    Attachment, CollisionModel, CollisionOptions, Collisions, Kinematics, Model, Object, Profile, Proximity,
-    World,
+    Attachment, CollisionModel, CollisionOptions, Collisions, Kinematics, Model, Profile, Proximity,
 };
+use motorium_worlds::{Object, World};
 use nalgebra::Isometry3;
 use schemars::JsonSchema;
 use serde::Deserialize;

@@ -3,7 +3,8 @@
 use core::ops::RangeInclusive;
 
 use motorium::prelude::*;
-use motorium_robots::{EndEffectorError, FrameId, Model, Profile, World};
+use motorium_robots::{EndEffectorError, FrameId, Model, Profile};
+use motorium_worlds::World;
 use nalgebra::{Unit, Vector3};
 
 use super::PoseError;

@@ -3,7 +3,7 @@
 use core::ops::RangeInclusive;
 
 use motorium::prelude::*;
-use motorium_robots::World;
+use motorium_worlds::World;
 
 use super::context::TaskContext;
 pub(super) use super::context::{GAINS, WEIGHTS};

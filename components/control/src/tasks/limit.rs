@@ -1,7 +1,7 @@
 //! Soft limits as a task.
 
 use motorium::prelude::*;
-use motorium_robots::World;
+use motorium_worlds::World;
 
 use super::context::TaskContext;
 use super::held::{HeldTask, TaskCost};

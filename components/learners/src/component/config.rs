@@ -1,7 +1,7 @@
 //! The `config` table of `learner.task`.
 
 use motorium::units::TimeSpan;
-use motorium_robots::World;
+use motorium_worlds::World;
 use schemars::JsonSchema;
 use serde::Deserialize;
 

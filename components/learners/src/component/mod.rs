@@ -18,7 +18,8 @@ use motorium::state::{
 use motorium::transport::{Input, Output};
 use motorium::worker::Kind;
 use motorium_models::policy::{BaseMotion, projected_gravity};
-use motorium_robots::{BasePose, Object, RobotSource, World};
+use motorium_robots::{BasePose, RobotSource};
+use motorium_worlds::{Object, World};
 use score::Score;
 use serde_json::json;
 

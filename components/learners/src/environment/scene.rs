@@ -4,7 +4,8 @@ use std::path::Path;
 
 use motorium_models::policy::RobotDigest;
 use motorium_physics::{ArticulatedSimulator, BuildError, Options, RobotSetup};
-use motorium_robots::{LoadError, ModelWarning, UnknownFrame, World, WorldError, load};
+use motorium_robots::{LoadError, ModelWarning, UnknownFrame, load};
+use motorium_worlds::{World, WorldError};
 
 use crate::task::{Task, robot_digest};
 

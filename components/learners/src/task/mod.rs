@@ -44,7 +44,7 @@ mod trial;
 
 use motorium_models::policy::{ActionKind, Pattern, Policy, PolicyError, RobotDigest};
 use motorium_physics::randomise::{RandomiseConfig, RangeError};
-use motorium_robots::World;
+use motorium_worlds::World;
 use serde::Deserialize;
 
 pub use command::{CommandRanges, Curriculum};

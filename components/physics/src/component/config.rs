@@ -4,9 +4,8 @@ use std::collections::BTreeMap;
 
 use motorium::declare::ConfigError;
 use motorium::units::TimeSpan;
-use motorium_robots::{
-    BaseMode, BasePose, FrictionCombine, Grain, Loaded, Model, PerJoint, Posture, Softness,
-};
+use motorium_robots::{BaseMode, BasePose, Loaded, Model, PerJoint, Posture};
+use motorium_worlds::{FrictionCombine, Grain, Softness};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::Deserialize;

@@ -6,9 +6,10 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use motorium_robots::{
-    Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, FrictionCombine,
-    Grain, HeightField, MeshMode, Object, ObjectShape, Softness, Terrain, TriangleSurface,
+    Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, MeshMode,
+    TriangleSurface,
 };
+use motorium_worlds::{FrictionCombine, Grain, HeightField, Object, ObjectShape, Softness, Terrain};
 use nalgebra::{Isometry3, Vector3};
 
 use crate::robot::Robot;

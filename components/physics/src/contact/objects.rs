@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 
-use motorium_robots::ObjectMass;
+use motorium_worlds::ObjectMass;
 
 use super::colliders::Owner;
 use super::point::ContactPoint;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use motorium_robots::{Terrain, TerrainError};
+use motorium_worlds::{Terrain, TerrainError};
 
 use super::colliders::{Collider, Colliders};
 use crate::Surface;

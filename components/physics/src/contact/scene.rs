@@ -3,7 +3,8 @@
 mod calm;
 mod connected;
 
-use motorium_robots::{Kinematics, Terrain, TerrainError};
+use motorium_robots::Kinematics;
+use motorium_worlds::{Terrain, TerrainError};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::colliders::{Collider, Colliders, Owner};

@@ -1,6 +1,6 @@
 //! The combined law of the two surfaces at a contact point.
 
-use motorium_robots::{FrictionCombine, Softness};
+use motorium_worlds::{FrictionCombine, Softness};
 use nalgebra::{Rotation3, Vector3};
 
 use super::axes::axes;

@@ -5,7 +5,8 @@
 //! object lies across a peak or a ridge, the peak or the part of the ridge below it touches it. Edges between
 //! coplanar faces are no edges.
 
-use motorium_robots::{Collisions, ConvexShape, HeightField, NearTriangle, SurfaceEdge};
+use motorium_robots::{Collisions, ConvexShape, SurfaceEdge};
+use motorium_worlds::{HeightField, NearTriangle};
 use nalgebra::{IsometryMatrix3, Point3, Vector3};
 
 use super::bounds::Motions;

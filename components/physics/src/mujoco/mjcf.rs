@@ -6,7 +6,8 @@
 
 use std::fmt::Write as _;
 
-use motorium_robots::{Body, ConvexShape, Coordinate, FrictionCombine, Inertia, JointKind, ObjectMass};
+use motorium_robots::{Body, ConvexShape, Coordinate, Inertia, JointKind};
+use motorium_worlds::{FrictionCombine, ObjectMass};
 use nalgebra::{Isometry3, Vector3};
 
 use super::contact;

@@ -1,6 +1,7 @@
 //! Indices of motorium's coordinates in MuJoCo's vectors.
 
-use motorium_robots::{Coordinate, ObjectMass};
+use motorium_robots::Coordinate;
+use motorium_worlds::ObjectMass;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 /// Indices of motorium's coordinates in MuJoCo's position and velocity vectors.

@@ -1,6 +1,7 @@
 //! The step: implicit drives in the mass matrix, and the contacts found by MuJoCo.
 
-use motorium_robots::{Coordinate, ObjectMass, Reference};
+use motorium_robots::{Coordinate, Reference};
+use motorium_worlds::ObjectMass;
 use nalgebra::{Point3, Vector3};
 
 use super::Mujoco;

@@ -1,6 +1,7 @@
 //! The sampled quantities and their effects.
 
-use motorium_robots::{ActuatorSettings, Connection};
+use motorium_robots::ActuatorSettings;
+use motorium_worlds::Connection;
 
 use super::config::{Allowed, Interval, RandomiseConfig, TerrainIntervals};
 use super::range_error::RangeError;

@@ -1,6 +1,6 @@
 //! Rapier's sets of bodies, colliders and joints, including the objects of the world.
 
-use motorium_robots::{FrictionCombine, ObjectMass};
+use motorium_worlds::{FrictionCombine, ObjectMass};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rapier3d_f64::dynamics::{
     CCDSolver, CoefficientCombineRule, ImpulseJointSet, IntegrationParameters, IslandManager,

@@ -1,7 +1,7 @@
 //! Objects with several shapes on every engine, and MJCF worlds with height fields and connected bodies.
 
 use motorium_physics::{Ground, Object, ObjectShape, Simulator, World};
-use motorium_robots::{CompoundPart, parse_mjcf_world};
+use motorium_worlds::{CompoundPart, parse_mjcf_world};
 use nalgebra::{Point3, Vector3};
 
 use crate::engines::{Engine, engines, has_mujoco};

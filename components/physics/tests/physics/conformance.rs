@@ -2,7 +2,8 @@
 //! robots, save and restore.
 
 use motorium_physics::{ForeignState, Ground, JointSetpoint, Object, ObjectShape, Options, Simulator, World};
-use motorium_robots::{CompoundPart, Connection, MeshCollision, Model, Placed, TriangleMesh, load};
+use motorium_robots::{Model, Placed, TriangleMesh, load};
+use motorium_worlds::{CompoundPart, Connection, MeshCollision};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::engines::{Engine, engines};
@@ -238,7 +239,7 @@ fn with(change: impl FnOnce(&mut World)) -> World {
 #[test]
 fn engine_capabilities_match_what_is_simulated() {
     use motorium_physics::{Capabilities, Integrator};
-    use motorium_robots::{Conveyor, Softness};
+    use motorium_worlds::{Conveyor, Softness};
     type Flag = fn(&Capabilities) -> bool;
     let table = || mesh("hall", box_between([-1.0; 3], [1.0, 1.0, 0.0]), MeshCollision::Triangles);
     let connection = Connection {

@@ -149,7 +149,7 @@ fn the_arm_pushes_an_object_and_is_pushed_back() {
         let model = parse_urdf(urdf, None, MimicMode::Follow, &PackagePath::default()).unwrap().model;
         let mut cube = object("cube", ObjectShape::Box { size: [0.2; 3] }, Some(1.0), [0.2, 0.0, 0.1]);
         // The mean of 0 and 0.8 below, and of 0 and 0 between pusher and cube.
-        (cube.friction, cube.friction_combine) = (0.0, Some(motorium_robots::FrictionCombine::Mean));
+        (cube.friction, cube.friction_combine) = (0.0, Some(motorium_worlds::FrictionCombine::Mean));
         let world = grounded(vec![cube]);
         let mut simulation =
             engine.simulate(model, world, &[0.0], Options { friction: 0.0, ..Options::default() });

@@ -2,7 +2,7 @@
 //! and walls, fast balls, fast spins, and objects that start inside each other.
 
 use motorium_physics::{Ground, Object, ObjectShape, Simulator, World};
-use motorium_robots::CompoundPart;
+use motorium_worlds::CompoundPart;
 use nalgebra::Vector3;
 
 use crate::engines::Engine;

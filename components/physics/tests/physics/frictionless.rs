@@ -3,8 +3,8 @@
 use motorium_physics::{
     ArticulatedSimulator, Ground, JointSetpoint, Object, ObjectShape, Options, RobotSetup, Simulator, World,
 };
-use motorium_robots::FrictionCombine::{self, Max, Mean, Min, Multiply};
 use motorium_robots::load;
+use motorium_worlds::FrictionCombine::{self, Max, Mean, Min, Multiply};
 
 use crate::engines::{Engine, engines};
 

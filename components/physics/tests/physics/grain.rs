@@ -1,7 +1,8 @@
 //! Direction-dependent friction, against Coulomb's law along and across the grain.
 
 use motorium_physics::{ArticulatedSimulator, Grain, Ground, Object, ObjectShape, Options, Simulator, World};
-use motorium_robots::{FrictionCombine, Model, load};
+use motorium_robots::{Model, load};
+use motorium_worlds::FrictionCombine;
 
 use crate::engines::{Engine, engines};
 

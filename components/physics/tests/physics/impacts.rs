@@ -1,7 +1,7 @@
 //! Off-centre impacts with friction and restitution do not gain energy.
 
 use motorium_physics::{ArticulatedSimulator, Object, ObjectShape, Options, Simulator, World};
-use motorium_robots::MeshCollision;
+use motorium_worlds::MeshCollision;
 use nalgebra::{UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

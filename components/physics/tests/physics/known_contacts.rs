@@ -1,7 +1,8 @@
 //! Contact points of bodies on narrow faces, compared with their geometric positions.
 
 use motorium_physics::{ArticulatedSimulator, Object, ObjectShape, Options, Simulator, World};
-use motorium_robots::{MeshCollision, TriangleMesh};
+use motorium_robots::TriangleMesh;
+use motorium_worlds::MeshCollision;
 use nalgebra::Vector3;
 
 use crate::meshes::{box_between, mesh, pendulum};

@@ -1,7 +1,8 @@
 //! Cylinders on slopes of triangles and terrains, inside-out meshes, and distant meshes.
 
 use motorium_physics::{Ground, Object, ObjectShape, Options, Simulator, World};
-use motorium_robots::{MeshCollision, Terrain, TriangleMesh};
+use motorium_robots::TriangleMesh;
+use motorium_worlds::{MeshCollision, Terrain};
 use nalgebra::Vector3;
 
 use crate::engines::Engine;

@@ -2,7 +2,8 @@
 //! meshes.
 
 use motorium_physics::{Ground, Object, ObjectShape, Options, Simulator, World};
-use motorium_robots::{MeshCollision, MeshShape, Model, TriangleMesh, load};
+use motorium_robots::{Model, TriangleMesh, load};
+use motorium_worlds::{MeshCollision, MeshShape};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
 use crate::engines::{Engine, engines, has_mujoco};

@@ -1,7 +1,8 @@
 //! Every pair of shapes comes to rest: on faces wider than the body, and on narrower rails and rows.
 
 use motorium_physics::{Object, ObjectShape, Terrain, World};
-use motorium_robots::{MeshCollision, TriangleMesh};
+use motorium_robots::TriangleMesh;
+use motorium_worlds::MeshCollision;
 use nalgebra::{Isometry3, Vector3};
 
 use crate::meshes::{box_between, floor, joined, mesh, pendulum, prism};

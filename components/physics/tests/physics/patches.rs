@@ -1,7 +1,8 @@
 //! Line and face contacts transmit moments: bodies rest on narrower ones, and grippers hold them straight.
 
 use motorium_physics::{ArticulatedSimulator, JointSetpoint, Object, ObjectShape, Options, Simulator, World};
-use motorium_robots::{MeshCollision, MimicMode, Model, PackagePath, load, parse_urdf};
+use motorium_robots::{MimicMode, Model, PackagePath, load, parse_urdf};
+use motorium_worlds::MeshCollision;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::meshes::{box_between, mesh};

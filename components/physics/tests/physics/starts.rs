@@ -1,7 +1,8 @@
 //! Objects that start in motion or in the air, on every engine.
 
 use motorium_physics::{BuildWarning, Object, ObjectShape, Options, World};
-use motorium_robots::{MeshCollision, MimicMode, Model, PackagePath, parse_urdf};
+use motorium_robots::{MimicMode, Model, PackagePath, parse_urdf};
+use motorium_worlds::MeshCollision;
 use nalgebra::Vector3;
 
 use crate::conformance::object;

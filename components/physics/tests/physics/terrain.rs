@@ -4,7 +4,7 @@ use motorium_physics::{
     ArticulatedSimulator, BuildError, Ground, Object, ObjectShape, Options, RapierSimulator, Simulator,
     Terrain, World,
 };
-use motorium_robots::Ray;
+use motorium_worlds::Ray;
 use nalgebra::{Point3, Vector3};
 
 use crate::legged::{body, held_in, run};

@@ -1,9 +1,10 @@
 //! Rendered images, and detections in them, against closed forms.
 
-use motorium_robots::{Checker, Colour, ConvexShape, Light, RayScene, RayShape};
+use motorium_robots::{Colour, ConvexShape};
 use motorium_sensors::blob::{Blob, Hue};
 use motorium_sensors::pinhole::Pinhole;
 use motorium_sensors::rendering::{Looks, Paint, PixelNoise, PixelSensor, Renderer};
+use motorium_worlds::{Checker, Light, RayScene, RayShape};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
 const RED: Colour = [0.9, 0.1, 0.1];

@@ -3,13 +3,13 @@
 use motorium::prelude::*;
 use motorium::state::{Randomisation, Ranges};
 use motorium::testing::{Graph, Instance, Probe, Source};
-use motorium_robots::Terrain;
 use motorium_sensors::component::rays::{AlongRays, RaySensor};
+use motorium_worlds::Terrain;
 
 const TERRAIN: &str =
     "size = [8.0, 8.0], spacing = 0.1, seed = 3, layers = [{ diamond_square = { height = 0.2 } }]";
 
-fn field(seed: u64, scale: f64) -> motorium_robots::HeightField {
+fn field(seed: u64, scale: f64) -> motorium_worlds::HeightField {
     let text: toml::Table = format!("terrain = {{ {TERRAIN} }}").parse().unwrap();
     let terrain: Terrain = text["terrain"].clone().try_into().unwrap();
     Terrain { seed, scale, ..terrain }.height_field().unwrap()

@@ -11,7 +11,8 @@ mod warm;
 
 use core::ops::Range;
 
-use motorium_robots::{MassFactor, Softness};
+use motorium_robots::MassFactor;
+use motorium_worlds::Softness;
 use nalgebra::{Point3, Vector3};
 
 use super::colliders::Owner;

@@ -3,7 +3,8 @@
 use motorium::prelude::*;
 use motorium::state::ImageInfo;
 use motorium::transport::SliceOutput;
-use motorium_robots::{Colour, RayScene, World};
+use motorium_robots::Colour;
+use motorium_worlds::{RayScene, World};
 use nalgebra::Isometry3;
 use schemars::JsonSchema;
 use serde::Deserialize;

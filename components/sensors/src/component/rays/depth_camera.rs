@@ -3,7 +3,7 @@
 use motorium::prelude::*;
 use motorium::state::ImageInfo;
 use motorium::transport::SliceOutput;
-use motorium_robots::{Ray, RayHit, RayScene, World};
+use motorium_worlds::{Ray, RayHit, RayScene, World};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 use super::super::readings::refused;

@@ -2,7 +2,7 @@
 
 use motorium::prelude::*;
 use motorium::state::{HeightScan, MAX_HEIGHTS};
-use motorium_robots::{Ray, RayHit, RayScene, World};
+use motorium_worlds::{Ray, RayHit, RayScene, World};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::super::readings::refused;

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use motorium::prelude::*;
 use motorium::state::{CloudPoint, MAX_RANGES, Ranges};
 use motorium::transport::SliceOutput;
-use motorium_robots::{Ray, RayHit, RayScene, World};
+use motorium_worlds::{Ray, RayHit, RayScene, World};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 use super::super::readings::refused;

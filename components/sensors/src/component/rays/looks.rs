@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use motorium::declare::{ConfigError, RobotReference};
-use motorium_robots::{Attachment, BaseMode, CollisionModel, ShapeSource, World};
+use motorium_robots::{Attachment, BaseMode, CollisionModel, ShapeSource};
+use motorium_worlds::World;
 
 use super::super::robot::load;
 use crate::rendering::{Looks, Paint};

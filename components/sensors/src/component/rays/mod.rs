@@ -11,7 +11,7 @@ mod view;
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
-use motorium_robots::RayScene;
+use motorium_worlds::RayScene;
 use nalgebra::Isometry3;
 use schemars::JsonSchema;
 

@@ -2,7 +2,7 @@
 
 use motorium::prelude::*;
 use motorium::state::Ranges;
-use motorium_robots::{RayScene, World};
+use motorium_worlds::{RayScene, World};
 use nalgebra::Isometry3;
 
 use super::super::robot::Mount;

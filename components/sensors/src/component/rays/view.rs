@@ -6,9 +6,8 @@ use motorium::component::RunClock;
 use motorium::prelude::*;
 use motorium::state::{MAX_OBJECTS, ObjectPoses, Randomisation};
 use motorium::telemetry::set_apart;
-use motorium_robots::{
-    Attachment, CollisionModel, CollisionOptions, FrameId, MeshMode, RayScene, Terrain, World, WorldError,
-};
+use motorium_robots::{Attachment, CollisionModel, CollisionOptions, FrameId, MeshMode};
+use motorium_worlds::{RayScene, Terrain, World, WorldError};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use super::super::loads::Drawn;

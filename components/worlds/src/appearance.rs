@@ -1,0 +1,85 @@
+//! Appearance of a world: colours, light, sky.
+
+use std::collections::BTreeMap;
+
+use motorium_robots::Colour;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Colour of the ground.
+const EARTH: Colour = [0.8, 0.82, 0.84];
+
+/// The appearance of a world, for cameras. It has no effect on physics.
+///
+/// ```
+/// use motorium_worlds::Appearance;
+///
+/// let text = r#"
+/// colours = { ball = [0.9, 0.1, 0.1], ground = [0.7, 0.7, 0.7] }
+/// checker = { side = 0.25, colour = [0.5, 0.5, 0.5] }
+/// sky     = [0.6, 0.75, 0.95]
+/// light   = { direction = [0.3, 0.4, -1.0], ambient = 0.35 }
+/// "#;
+/// let appearance: Appearance = toml::from_str(text).unwrap();
+/// assert_eq!(appearance.ground(), [0.7; 3]);
+/// assert!(appearance.light.shadows);
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Appearance {
+    /// Colours of objects by their names, of the plane by `ground`, of the terrain by `terrain`: red, green
+    /// and blue, 0 to 1. Default: fixed objects grey, free ones orange, the ground light grey. Links have the
+    /// colours of their visuals.
+    pub colours: BTreeMap<String, Colour>,
+    /// Squares of a second colour on the ground. Default: none.
+    pub checker: Option<Checker>,
+    /// Colour where there is nothing.
+    pub sky: Colour,
+    /// The light.
+    pub light: Light,
+}
+
+/// A checkerboard on the ground. A corner is at the origin of the world.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Checker {
+    /// Side of a square (m).
+    pub side: f64,
+    /// The second colour: red, green and blue, 0 to 1.
+    pub colour: Colour,
+}
+
+/// Light from far away, as the sun's, and from all sides.
+///
+/// A matt surface of colour `c` with the outward normal `n` is seen as `c (ambient + (1 - ambient) max(0, -n
+/// d))`, `d` the direction of the light (Lambert's law); in a shadow as `c ambient`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Light {
+    /// Direction of the light, of any nonzero length. Default [0.3, 0.4, -1.0].
+    pub direction: [f64; 3],
+    /// Fraction of ambient light, 0 to 1. Default 0.35.
+    pub ambient: f64,
+    /// `true` if objects cast shadows. Default true.
+    pub shadows: bool,
+}
+
+impl Default for Appearance {
+    fn default() -> Self {
+        Self { colours: BTreeMap::new(), checker: None, sky: [0.65, 0.78, 0.92], light: Light::default() }
+    }
+}
+
+impl Default for Light {
+    fn default() -> Self {
+        Self { direction: [0.3, 0.4, -1.0], ambient: 0.35, shadows: true }
+    }
+}
+
+impl Appearance {
+    /// The colour of the ground, plane or terrain.
+    pub fn ground(&self) -> Colour {
+        let stated = self.colours.get("ground").or_else(|| self.colours.get("terrain"));
+        stated.copied().unwrap_or(EARTH)
+    }
+}

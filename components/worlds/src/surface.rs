@@ -1,0 +1,124 @@
+//! Surfaces in contact: the combination of frictions, softness, and direction-dependent friction.
+
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Rule for combining the friction coefficients of two surfaces in contact.
+///
+/// For surfaces with different rules, the later one in the order `mean`, `min`, `multiply`, `max` applies.
+///
+/// ```
+/// use motorium_worlds::FrictionCombine;
+///
+/// let (ice, rubber) = ((0.05, Some(FrictionCombine::Min)), (0.9, None));
+/// assert_eq!(FrictionCombine::combined(ice, rubber), 0.05);
+/// // A surface with a friction of 0 slides on everything that has no rule.
+/// assert_eq!(FrictionCombine::combined((0.0, None), rubber), 0.0);
+/// assert_eq!(FrictionCombine::combined((0.5, None), rubber), 0.7);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FrictionCombine {
+    /// The mean of both coefficients: the default of surfaces with friction.
+    Mean,
+    /// The smaller coefficient.
+    Min,
+    /// The product of both. With a friction of 0, the default rule; the surface then slides on any other.
+    Multiply,
+    /// The larger coefficient.
+    Max,
+}
+
+impl FrictionCombine {
+    /// The rule of a surface with this coefficient of friction: `stated`, or its default.
+    pub fn of_surface(friction: f64, stated: Option<Self>) -> Self {
+        stated.unwrap_or(if friction > 0.0 { Self::Mean } else { Self::Multiply })
+    }
+
+    /// Coefficient of friction of a contact between two surfaces, each with its coefficient and its stated
+    /// rule.
+    pub fn combined((a, rule_a): (f64, Option<Self>), (b, rule_b): (f64, Option<Self>)) -> f64 {
+        match Self::of_surface(a, rule_a).max(Self::of_surface(b, rule_b)) {
+            Self::Mean => 0.5 * (a + b),
+            Self::Min => a.min(b),
+            Self::Multiply => a * b,
+            Self::Max => a.max(b),
+        }
+    }
+}
+
+/// A compliant surface: a spring and a damper at each contact point, replacing rigid contact and restitution.
+///
+/// ```text
+/// force = max(0, stiffness depth - damping d(distance)/dt)
+/// ```
+///
+/// A box on four corners rests on four such springs. Between two soft surfaces, springs act in series, and so
+/// do dampers.
+///
+/// ```
+/// use motorium_worlds::World;
+///
+/// let world: World = toml::from_str("ground = { soft = { stiffness = 2e4, damping = 50.0 } }").unwrap();
+/// assert_eq!(world.ground.unwrap().soft.unwrap().stiffness, 2e4);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Softness {
+    /// Force per depth at a contact point (N/m), above 0.
+    #[schemars(range(min = 0.0))]
+    pub stiffness: f64,
+    /// Force per speed of approach while the surfaces overlap (N s/m), from 0. Default 0.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub damping: f64,
+}
+
+impl Softness {
+    /// Returns the series combination of two soft surfaces.
+    pub fn behind(self, other: Self) -> Self {
+        let series = |a: f64, b: f64| if a + b > 0.0 { a * b / (a + b) } else { 0.0 };
+        Self {
+            stiffness: series(self.stiffness, other.stiffness),
+            damping: series(self.damping, other.damping),
+        }
+    }
+}
+
+/// Direction-dependent friction, as of a skate, a ski or corduroy: the grain's coefficient along `direction`,
+/// the surface's across it.
+///
+/// In other directions the maximum friction forces form an ellipse, and sliding dissipates maximum energy.
+///
+/// ```
+/// use motorium_worlds::Object;
+///
+/// let text = r#"
+/// name     = "skate"
+/// shape    = { box = { size = [0.3, 0.02, 0.05] } }
+/// mass     = 1.0
+/// position = [0.0, 0.0, 0.025]
+/// friction = 0.9
+/// grain    = { direction = [1.0, 0.0, 0.0], friction = 0.02 }
+/// "#;
+/// let skate: Object = toml::from_str(text).unwrap();
+/// assert_eq!(skate.grain.unwrap().friction, 0.02);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Grain {
+    /// Direction of the grain in the axes of the object, of the link, or, for the ground, of the world; of
+    /// any length but 0.
+    pub direction: [f64; 3],
+    /// Coefficient of friction along it, at least 0. A contact uses the mean of both surfaces.
+    #[schemars(range(min = 0.0))]
+    pub friction: f64,
+}
+
+impl Grain {
+    /// The direction as a unit vector.
+    pub fn unit(&self) -> Vector3<f64> {
+        Vector3::from(self.direction).normalize()
+    }
+}

@@ -1,0 +1,174 @@
+//! The world around the robot, as described by a file.
+
+mod checks;
+mod colours;
+mod connection;
+mod copies;
+mod error;
+mod file;
+mod gravity;
+mod mesh;
+mod mjcf;
+mod numbers;
+mod reading;
+mod sdf;
+mod shape;
+mod surface;
+mod table;
+mod things;
+
+use std::path::{Path, PathBuf};
+
+use motorium_robots::ModelWarning;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::{Appearance, HeightField, Terrain, TerrainError};
+use checks::{finite, from_zero};
+pub use connection::{Connection, ConnectionKind};
+pub use error::{WorldError, WorldFileError};
+pub use gravity::gravity_of_file;
+pub use mesh::{MeshBody, MeshCollision, MeshShape};
+pub use mjcf::{MjcfWorld, parse_mjcf_world};
+pub use shape::{CompoundPart, ObjectMass, ObjectShape};
+pub use things::{Conveyor, Copies, Ground, Object};
+
+/// Gravity, air, a ground, simple objects and their looks. Lengths in metres, angles in radians, masses in
+/// kilograms; poses in the world, which is the base frame of the robot, z up.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct World {
+    /// A file with a world: MJCF, URDF or SDF. Its gravity, ground and objects are used, and the other keys
+    /// add to them; explicitly stated gravity takes precedence. Relative paths start at the graph's folder.
+    /// Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("format" = "path"))]
+    pub file: Option<PathBuf>,
+    /// Acceleration of free fall (m/s2).
+    pub gravity: [f64; 3],
+    /// `true` if `gravity` was written explicitly: it overrides the gravity of a `file` even if it equals
+    /// Earth's.
+    #[serde(skip)]
+    pub states_gravity: bool,
+    /// Velocity of the air (m/s), which pushes objects with a `drag`. Default: still air.
+    pub wind: [f64; 3],
+    /// Density of the air (kg/m3). Default 1.225, that at sea level and 15 degrees Celsius.
+    #[schemars(range(min = 0.0))]
+    pub air_density: f64,
+    /// A horizontal plane. Default: no ground.
+    pub ground: Option<Ground>,
+    /// An uneven ground, instead of the plane.
+    pub terrain: Option<Terrain>,
+    /// Objects, fixed or free to move. Names must differ.
+    #[serde(deserialize_with = "copies::expanded")]
+    pub objects: Vec<Object>,
+    /// Connections between objects, or of objects with the `world`, in their initial poses. Links are
+    /// connected by `connections` of the physics component.
+    pub connections: Vec<Connection>,
+    /// Appearance for cameras.
+    pub appearance: Appearance,
+}
+
+/// Acceleration of free fall on Earth \[m/s2\].
+const EARTH: [f64; 3] = [0.0, 0.0, -9.81];
+
+impl Default for World {
+    /// Earth's gravity, still air, no ground, no objects.
+    fn default() -> Self {
+        Self {
+            file: None,
+            gravity: EARTH,
+            states_gravity: false,
+            wind: [0.0; 3],
+            air_density: 1.225,
+            ground: None,
+            terrain: None,
+            objects: Vec::new(),
+            connections: Vec::new(),
+            appearance: Appearance::default(),
+        }
+    }
+}
+
+impl World {
+    /// Resolves relative file paths from a folder, and adds the world of its [`file`](Self::file). Returns
+    /// warnings of skipped elements.
+    ///
+    /// ```
+    /// # use motorium_worlds::World;
+    /// let text = r#"[terrain]
+    ///     size = [4.0, 4.0]
+    ///     layers = [{ image = { file = "hills.png", height = [0.0, 0.2] } }]"#;
+    /// let mut world: World = toml::from_str(text).unwrap();
+    /// world.locate("/nowhere".as_ref()).unwrap();
+    /// assert!(world.height_field().unwrap_err().to_string().contains("/nowhere/hills.png"));
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// [`WorldError::File`].
+    pub fn locate(&mut self, folder: &Path) -> Result<Vec<ModelWarning>, WorldError> {
+        if let Some(terrain) = &mut self.terrain {
+            terrain.locate(folder);
+        }
+        for object in &mut self.objects {
+            object.shape.locate(folder);
+        }
+        match self.file.take() {
+            Some(file) => Ok(self.add_file(&folder.join(file))?),
+            None => Ok(Vec::new()),
+        }
+    }
+
+    /// Returns the height field of its terrain, if any.
+    ///
+    /// # Errors
+    ///
+    /// [`TerrainError`].
+    pub fn height_field(&self) -> Result<Option<HeightField>, TerrainError> {
+        self.terrain.as_ref().map(Terrain::height_field).transpose()
+    }
+
+    /// Checks every value and name; `links` are the names the robot already uses.
+    ///
+    /// # Errors
+    ///
+    /// The first mistake found.
+    pub fn check<'a>(&self, links: impl Iterator<Item = &'a str> + Clone) -> Result<(), WorldError> {
+        for value in self.gravity {
+            finite("world", "gravity", value)?;
+        }
+        for value in self.wind {
+            finite("world", "wind", value)?;
+        }
+        from_zero("world", "air_density", self.air_density)?;
+        self.ground.as_ref().map_or(Ok(()), Ground::check_numbers)?;
+        if self.ground.is_some() && self.terrain.is_some() {
+            return Err(WorldError::TwoGrounds);
+        }
+        self.height_field()?;
+        for (index, object) in self.objects.iter().enumerate() {
+            let name = object.name.as_str();
+            let taken = |by| Err(WorldError::NameTaken { name: name.to_owned(), by });
+            if name == "ground" {
+                return taken("the ground plane");
+            }
+            if name == "terrain" {
+                return taken("the terrain");
+            }
+            if name == "world" {
+                return taken("the world itself");
+            }
+            if links.clone().any(|link| link == name) {
+                return taken("a link of the robot");
+            }
+            if self.objects[..index].iter().any(|other| other.name == name) {
+                return taken("an object before it");
+            }
+            object.check_numbers()?;
+            object.check_shape()?;
+        }
+        connection::check(&self.connections, &self.objects)?;
+        self.appearance.check(self)
+    }
+}

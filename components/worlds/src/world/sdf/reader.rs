@@ -1,0 +1,16 @@
+//! The state of a reader of SDF.
+
+use std::path::Path;
+
+use motorium_robots::{ModelWarning, Position};
+
+use crate::World;
+
+/// Reads the elements of a file into a world.
+pub(super) struct Reader<'p> {
+    pub(super) path: &'p Path,
+    pub(super) world: World,
+    pub(super) warnings: Vec<ModelWarning>,
+    /// The first collision that rebounds.
+    pub(super) first_bounce: Option<Position>,
+}

@@ -1,0 +1,128 @@
+//! `<include>`: files that replace the element that names them.
+
+use std::path::{Path, PathBuf};
+
+use super::document::parse_document;
+use super::error::{MjcfError, MjcfProblem};
+use crate::file::read_bounded;
+use crate::formats::lines::Lines;
+use crate::{ModelWarning, Position};
+
+/// Longest file that is included, bytes.
+const LONGEST: u64 = 16 * 1024 * 1024;
+
+/// A text with its included files, and the origin of each part.
+pub struct Expanded {
+    /// The text without `<include>`.
+    pub text: String,
+    /// The main file and its included files, in order.
+    files: Vec<(Option<PathBuf>, String)>,
+    /// Start in `text`, file, start in that.
+    parts: Vec<(usize, usize, usize)>,
+}
+
+/// Puts the content of the root element of each included file in the place of its `<include>`. Paths are
+/// relative to the folder of the main file, and no file is included twice, as in MuJoCo.
+///
+/// # Errors
+/// A file that is not well-formed XML, cannot be read, or is included twice.
+pub fn expand(text: &str, file: Option<&Path>) -> Result<Expanded, MjcfError> {
+    let mut expanded = Expanded {
+        text: String::with_capacity(text.len()),
+        files: vec![(file.map(Path::to_owned), text.to_owned())],
+        parts: Vec::new(),
+    };
+    expanded.append(0)?;
+    Ok(expanded)
+}
+
+impl Expanded {
+    /// Appends a file: the main one completely, of an included one the content of its root element.
+    fn append(&mut self, index: usize) -> Result<(), MjcfError> {
+        let text = self.files[index].1.clone();
+        let document = parse_document(&text)
+            .map_err(|error| MjcfError { file: self.files[index].0.clone(), ..error })?;
+        let root = document.root_element();
+        let whole = match (root.first_child(), root.last_child()) {
+            _ if index == 0 => 0..text.len(),
+            (Some(first), Some(last)) => first.range().start..last.range().end,
+            _ => return Ok(()),
+        };
+        let mut at = whole.start;
+        for node in root.descendants().filter(|node| node.has_tag_name("include")) {
+            let place = node.range();
+            self.part(index, at..place.start, &text);
+            at = place.end;
+            let problem = |problem: String| {
+                let (file, position) = (self.files[index].0.clone(), Lines::new(&text).position(place.start));
+                Err(MjcfError { file, at: position, problem: Box::new(MjcfProblem::Other(problem)) })
+            };
+            let Some(name) = node.attribute("file") else {
+                return problem("<include> has no attribute \"file\"".to_owned());
+            };
+            let Some(main) = &self.files[0].0 else {
+                return problem(format!(
+                    "<include> of \"{name}\": a text without a file has no folder to find it in"
+                ));
+            };
+            let path = main.parent().unwrap_or(Path::new("")).join(name);
+            if self.files.iter().any(|(known, _)| known.as_deref() == Some(&path)) {
+                return problem(format!(
+                    "<include> of \"{name}\": a file is included once, and this one was before"
+                ));
+            }
+            let read = read_bounded(&path, LONGEST).map_err(|error| error.to_string());
+            let read = read.and_then(|bytes| String::from_utf8(bytes).map_err(|error| error.to_string()));
+            match read {
+                Err(error) => {
+                    return problem(format!(
+                        "<include> of \"{name}\": cannot read {}: {error}",
+                        path.display()
+                    ));
+                }
+                Ok(text) => self.files.push((Some(path), text)),
+            }
+            self.append(self.files.len() - 1)?;
+        }
+        self.part(index, at..whole.end, &text);
+        Ok(())
+    }
+
+    fn part(&mut self, file: usize, range: std::ops::Range<usize>, text: &str) {
+        if !range.is_empty() {
+            self.parts.push((self.text.len(), file, range.start));
+            self.text.push_str(&text[range]);
+        }
+    }
+
+    /// Maps a position in the expanded text to a file and a position in it.
+    fn origin(&self, at: Position) -> (Option<&Path>, Position) {
+        let line = self.text.split_inclusive('\n').take(at.line as usize - 1).map(str::len).sum::<usize>();
+        let column =
+            self.text[line..].chars().take(at.column as usize - 1).map(char::len_utf8).sum::<usize>();
+        let offset = line + column;
+        let part = self.parts.partition_point(|(start, ..)| *start <= offset).saturating_sub(1);
+        let Some((start, file, from)) = self.parts.get(part) else { return (self.files[0].0.as_deref(), at) };
+        let (path, text) = &self.files[*file];
+        (path.as_deref(), Lines::new(text).position((from + offset - start).min(text.len())))
+    }
+
+    /// Returns the error with its position in the file where it occurred.
+    pub fn located(&self, error: MjcfError) -> MjcfError {
+        if error.file.is_some() {
+            return error;
+        }
+        let (file, at) = self.origin(error.at);
+        MjcfError { file: file.map(Path::to_owned), at, ..error }
+    }
+
+    /// Returns the warning with its position in its file, which is named unless it is the main file.
+    pub fn located_warning(&self, warning: ModelWarning) -> ModelWarning {
+        let ModelWarning::Ignored { what, at, count, reason } = warning else { return warning };
+        let (file, at) = self.origin(at);
+        let included = file.filter(|file| Some(*file) != self.files[0].0.as_deref());
+        let name = included.and_then(Path::file_name).map(|name| name.to_string_lossy());
+        let what = name.map_or(what.clone(), |name| format!("{name}: {what}"));
+        ModelWarning::Ignored { what, at, count, reason }
+    }
+}

@@ -1,0 +1,120 @@
+//! Doubtful parts of a well-formed file: misspelt names, which would be ignored, angles in degrees, shapes
+//! without a size.
+
+use core::f64::consts::TAU;
+
+use roxmltree::Node;
+
+use super::named::named;
+use super::warning::ModelWarning;
+use crate::Position;
+use crate::formats::lines::Lines;
+use crate::nearest::nearest;
+
+/// Optional attributes of each element. A misspelt one would leave its default.
+const OPTIONAL: &[(&str, &[&str])] = &[
+    ("origin", &["xyz", "rpy"]),
+    ("limit", &["lower", "upper", "effort"]),
+    ("dynamics", &["damping", "friction"]),
+    ("mimic", &["multiplier", "offset"]),
+    ("mesh", &["scale"]),
+    ("safety_controller", &["soft_lower_limit", "soft_upper_limit", "k_position", "k_velocity"]),
+];
+
+/// Children of each element that has optional ones.
+const CHILDREN: &[(&str, &[&str])] = &[
+    ("link", &["inertial", "visual", "collision"]),
+    (
+        "joint",
+        &[
+            "origin",
+            "parent",
+            "child",
+            "axis",
+            "calibration",
+            "dynamics",
+            "limit",
+            "mimic",
+            "safety_controller",
+        ],
+    ),
+    ("inertial", &["origin", "mass", "inertia"]),
+    ("collision", &["origin", "geometry", "material"]),
+];
+
+/// Sizes of each shape.
+const SIZES: &[(&str, &[&str])] = &[
+    ("box", &["size"]),
+    ("cylinder", &["radius", "length"]),
+    ("sphere", &["radius"]),
+    ("capsule", &["radius"]),
+    ("mesh", &["scale"]),
+];
+
+fn entry<'t>(table: &'t [(&str, &'t [&'t str])], node: Node<'_, '_>) -> &'t [&'t str] {
+    let name = node.tag_name().name();
+    table.iter().find(|(element, _)| *element == name).map_or(&[], |(_, names)| names)
+}
+
+/// Reports doubtful parts of the links and joints of a robot. Visual shapes are left out.
+pub(super) fn warn_of_doubts(robot: Node<'_, '_>, lines: &Lines<'_>, warnings: &mut Vec<ModelWarning>) {
+    let parts = robot.children().filter(|part| part.has_tag_name("link") || part.has_tag_name("joint"));
+    for node in parts.flat_map(|part| part.descendants()).filter(Node::is_element) {
+        if node.ancestors().any(|ancestor| ancestor.has_tag_name("visual")) {
+            continue;
+        }
+        let at = lines.position(node.range().start);
+        misspelt(node, at, warnings);
+        degrees(node, at, warnings);
+        sizes(node, at, warnings);
+    }
+}
+
+fn misspelt(node: Node<'_, '_>, at: Position, warnings: &mut Vec<ModelWarning>) {
+    let mut warn = |found: &str, expected: &str| {
+        let (element, found, expected) = (named(node), found.to_owned(), expected.to_owned());
+        warnings.push(ModelWarning::Misspelt { element, found, expected, at });
+    };
+    let missing = || entry(OPTIONAL, node).iter().copied().filter(|name| !node.has_attribute(*name));
+    let plain = node.attributes().filter(|attribute| attribute.namespace().is_none());
+    for attribute in plain.filter(|attribute| !entry(OPTIONAL, node).contains(&attribute.name())) {
+        if let Some(expected) = nearest(attribute.name(), missing()) {
+            warn(attribute.name(), expected);
+        }
+    }
+    let known = entry(CHILDREN, node);
+    for child in node.children().filter(|child| child.is_element() && child.tag_name().namespace().is_none())
+    {
+        let name = child.tag_name().name();
+        if known.contains(&name) {
+            continue;
+        }
+        if let Some(expected) = nearest(name, known.iter().copied()) {
+            warn(name, expected);
+        }
+    }
+}
+
+/// Numbers of an attribute; none if it is missing.
+fn numbers<'n>(node: Node<'n, '_>, attribute: &str) -> impl Iterator<Item = f64> + use<'n> {
+    node.attribute(attribute).unwrap_or("").split_whitespace().filter_map(|word| word.parse().ok())
+}
+
+fn degrees(node: Node<'_, '_>, at: Position, warnings: &mut Vec<ModelWarning>) {
+    let is_more_than_a_turn = |angle: &f64| angle.abs() > 1.001 * TAU;
+    let angle = numbers(node, "rpy").find(is_more_than_a_turn);
+    if let Some(angle) = angle.filter(|_| node.has_tag_name("origin")) {
+        warnings.push(ModelWarning::Degrees { element: named(node), angle, at });
+    }
+}
+
+fn sizes(node: Node<'_, '_>, at: Position, warnings: &mut Vec<ModelWarning>) {
+    for what in entry(SIZES, node) {
+        // a negative scale mirrors
+        let is_wrong = |size: &f64| if *what == "scale" { *size == 0.0 } else { *size <= 0.0 };
+        if let Some(value) = numbers(node, what).find(is_wrong) {
+            let (element, what) = (named(node), (*what).to_owned());
+            warnings.push(ModelWarning::NoSize { element, what, value, at });
+        }
+    }
+}

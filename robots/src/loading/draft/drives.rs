@@ -1,0 +1,127 @@
+//! Limits and gains of a draft profile.
+
+use nalgebra::{DMatrix, DVector, Vector3};
+
+use super::text::{numbers, rounded};
+use crate::model::configuration::with_joints;
+use crate::{Dynamics, JointKind, Model};
+
+/// Deflection at which a drive reaches its full effort, rad or m: 0.2 rad for a revolute joint.
+const FULL_EFFORT_AT: [f64; 2] = [0.2, 0.02];
+/// Largest sag under the robot's own weight without feed-forward, rad or m.
+const LARGEST_SAG: [f64; 2] = [0.05, 0.005];
+/// Largest deflection at which the friction of a joint stops its drive, rad or m: half of the tolerance of a
+/// joint goal.
+const STUCK_WITHIN: f64 = 0.005;
+/// Maximum angular frequency of a drive, 1/s, that steps of 1 ms can follow.
+const HIGHEST_FREQUENCY: f64 = 250.0;
+/// Lowest one, of a drive without a limit of effort, 1/s.
+const LOWEST_FREQUENCY: f64 = 30.0;
+/// Speed of a joint without a limit of velocity, rad/s or m/s.
+const MODERATE_SPEED: [f64; 2] = [2.0, 0.25];
+/// Shortest time from rest to full speed, s.
+const SHORTEST_RISE: f64 = 0.1;
+/// Fraction of the effort remaining beyond the weight that may accelerate the joint.
+const ACCELERATING_PART: f64 = 0.5;
+
+/// The limits, with `holding`, the efforts that hold the robot at home.
+pub(super) fn limits(model: &Model, home: &DVector<f64>, holding: Option<&[f64]>) -> String {
+    let joints = 0..model.joint_count();
+    let velocity: Vec<f64> = joints.clone().map(|index| speed(model, index)).collect();
+    let at = Weights::at_home(model, home, holding);
+    let acceleration = joints.map(|index| {
+        let effort = model.effort_limit()[index];
+        let left = effort - at.holding[index].abs();
+        let reached = velocity[index] / SHORTEST_RISE;
+        match effort.is_finite() && left > 0.0 {
+            true => rounded((ACCELERATING_PART * left / at.inertia[index]).min(reached)),
+            false => rounded(reached),
+        }
+    });
+    let mut text = "\n[limits]\n# Speeds of the file, rad/s or m/s; moderate ones where it has none. Lower ones are kept by all components.\n".to_string();
+    text += &numbers("velocity", velocity.iter().copied());
+    text += "# Half of the effort that the weight at home leaves, by the inertia there, rad/s^2 or m/s^2; full speed not\n# before 0.1 s. `inf` for none.\n";
+    text + &numbers("acceleration", acceleration)
+}
+
+/// The gains, with `holding` as in [`limits`].
+pub(super) fn gains(model: &Model, home: &DVector<f64>, holding: Option<&[f64]>) -> String {
+    let at = Weights::at_home(model, home, holding);
+    let pairs: Vec<(f64, f64)> = (0..model.joint_count())
+        .map(|index| {
+            if is_passive(model, index) {
+                return (0.0, 0.0);
+            }
+            let slides = usize::from(model.joint(index).kind == JointKind::Prismatic);
+            let (effort, free) = (model.effort_limit()[index], at.free_inertia[index]);
+            let wanted = match effort.is_finite() {
+                true => effort / FULL_EFFORT_AT[slides],
+                false => (at.inertia[index] * LOWEST_FREQUENCY.powi(2))
+                    .max(at.holding[index].abs() / LARGEST_SAG[slides]),
+            };
+            let friction = model.joint(index).dynamics.friction;
+            let mut least = friction / STUCK_WITHIN;
+            if holding.is_some() {
+                // With the feet on the ground more inertia resists than with the feet in the air.
+                least = least.max(at.holding[index].abs() / LARGEST_SAG[slides]);
+            }
+            let kp = rounded_above(wanted.min(free * HIGHEST_FREQUENCY.powi(2)), least);
+            let critical = 2.0 * (kp * at.inertia[index]).sqrt();
+            (kp, rounded(critical.min(2.0 * free * HIGHEST_FREQUENCY)))
+        })
+        .collect();
+    let mut text = "\n# Stiffness, N m/rad or N/m: the full effort at a deflection of 0.2 rad or 20 mm, less where little inertia follows,\n# but enough to overcome the friction of the joint within half of a tolerance of 0.01 rad or m.\n# Damping, N m s/rad or N s/m: critical for the inertia at home.\n[gains]\n".to_string();
+    text += &numbers("kp", pairs.iter().map(|pair| pair.0));
+    text + &numbers("kd", pairs.iter().map(|pair| pair.1))
+}
+
+/// Inertias and weights at a posture.
+struct Weights {
+    /// Inertia that each joint moves while the others are fixed, kg m^2 or kg.
+    inertia: Vec<f64>,
+    /// Inertia at each joint while the others are free.
+    free_inertia: Vec<f64>,
+    /// Effort that holds it against gravity, N m or N.
+    holding: Vec<f64>,
+}
+
+impl Weights {
+    fn at_home(model: &Model, home: &DVector<f64>, holding: Option<&[f64]>) -> Self {
+        let q = with_joints(model, home.as_slice());
+        let (nv, first) = (model.nv(), model.nv() - model.joint_count());
+        let mut dynamics = Dynamics::new(model);
+        let mut mass = DMatrix::zeros(nv, nv);
+        dynamics.crba(model, &q, &mut mass);
+        let mut gravity = vec![0.0; nv];
+        dynamics.gravity(model, &q, Vector3::new(0.0, 0.0, -9.81), &mut gravity);
+        // Links without a mass count for little.
+        let least = 1e-6;
+        let inertia: Vec<f64> = (first..nv).map(|index| mass[(index, index)].max(least)).collect();
+        let inverse = mass.clone().try_inverse();
+        let free_inertia = (first..nv)
+            .zip(&inertia)
+            .map(|(index, fallback)| {
+                let free = inverse.as_ref().map(|inverse| 1.0 / inverse[(index, index)]);
+                free.filter(|free| *free > least && free.is_finite()).unwrap_or(*fallback)
+            })
+            .collect();
+        let holding = holding.map_or_else(|| gravity[first..].to_vec(), <[f64]>::to_vec);
+        Self { inertia, free_inertia, holding }
+    }
+}
+
+pub(super) fn is_passive(model: &Model, index: usize) -> bool {
+    model.effort_limit()[index] == 0.0
+}
+
+fn speed(model: &Model, index: usize) -> f64 {
+    let limit = model.velocity_limit()[index];
+    let slides = usize::from(model.joint(index).kind == JointKind::Prismatic);
+    if limit.is_finite() && limit > 0.0 { limit } else { MODERATE_SPEED[slides] }
+}
+
+/// The larger number with two digits, not below `least`.
+fn rounded_above(number: f64, least: f64) -> f64 {
+    let near = rounded(number.max(least));
+    if near < least { rounded(1.05 * least) } else { near }
+}

@@ -1,0 +1,81 @@
+//! Robots for viewers: as URDF text, and the colours of their links.
+
+use std::io;
+
+use crate::formats::urdf;
+use crate::{
+    DrawnRobot, LinkColours, LoadOptions, Loaded, MjcfRobot, ShapeSource, draw_as_urdf, is_mjcf, parse_mjcf,
+};
+
+impl Loaded {
+    /// Returns the robot as URDF for viewers: the text of its URDF file with [held](Self::held) joints fixed,
+    /// or its model with visual shapes, [written](draw_as_urdf) as URDF. `None` if it was not loaded from a
+    /// file.
+    ///
+    /// # Errors
+    ///
+    /// The file can no longer be read.
+    pub fn drawn(&self) -> io::Result<Option<DrawnRobot>> {
+        let Some(text) = self.text()? else { return Ok(None) };
+        if !is_mjcf(&text) {
+            let text = match &self.held[..] {
+                [] => Some(text),
+                held => urdf::hold_joints(&text, self.path.as_deref(), held),
+            };
+            let written = text.map(|text| DrawnRobot { text, meshes: Vec::new() });
+            return Ok(Some(written.unwrap_or_else(|| draw_as_urdf(&self.model))));
+        }
+        let held: Vec<(&str, f64)> = self.held.iter().map(|(name, held)| (name.as_str(), *held)).collect();
+        let seen = self.with_shapes(&text, ShapeSource::Visual).and_then(|robot| {
+            let model = robot.model.locked(&held).ok()?;
+            (model.joint_names() == self.model.joint_names()).then_some((model, robot.colours))
+        });
+        Ok(Some(match seen {
+            Some((model, colours)) => urdf::write(&model, colours),
+            None => draw_as_urdf(&self.model),
+        }))
+    }
+
+    /// Returns the colours of the links' visuals in its file. For MJCF with [`ShapeSource::Collision`] these
+    /// are the colours of the model's geoms, or of visual geoms if no such geom has a colour. Empty without a
+    /// file.
+    ///
+    /// ```
+    /// use motorium_robots::{ShapeSource, load};
+    ///
+    /// let panda = load("panda", std::path::Path::new("."))?;
+    /// let colours = panda.link_colours(ShapeSource::Collision)?;
+    /// assert_eq!(colours.of_shape("panda_link0", 0, None).len(), 3);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// The file can no longer be read.
+    pub fn link_colours(&self, shapes: ShapeSource) -> io::Result<LinkColours> {
+        let Some(text) = self.text()? else { return Ok(LinkColours::default()) };
+        if !is_mjcf(&text) {
+            return Ok(LinkColours::of_urdf(&text));
+        }
+        let of = |shapes| self.with_shapes(&text, shapes).map(|robot| robot.colours).unwrap_or_default();
+        let seen = of(ShapeSource::Visual);
+        Ok(match shapes {
+            ShapeSource::Visual => seen,
+            ShapeSource::Collision => of(ShapeSource::Collision).or(seen),
+        })
+    }
+
+    /// The robot of its MJCF text with these shapes.
+    fn with_shapes(&self, text: &str, shapes: ShapeSource) -> Option<MjcfRobot> {
+        parse_mjcf(text, self.path.as_deref(), &LoadOptions { shapes, ..LoadOptions::default() }).ok()
+    }
+
+    /// True if its file is MJCF.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read any more.
+    pub fn is_mjcf(&self) -> io::Result<bool> {
+        Ok(self.text()?.is_some_and(|text| is_mjcf(&text)))
+    }
+}

@@ -1,0 +1,13 @@
+//! Robots ready to use: loading by name or path, settings from graph files, drafts of profiles.
+
+pub(crate) mod digest;
+pub(crate) mod draft;
+pub(crate) mod drawn;
+pub(crate) mod end_effector;
+pub(crate) mod installed;
+pub(crate) mod joint_subset;
+pub(crate) mod load;
+pub(crate) mod postures;
+pub(crate) mod setting_error;
+pub(crate) mod settings;
+pub(crate) mod source;
