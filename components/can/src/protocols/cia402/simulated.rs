@@ -5,7 +5,7 @@ use core::f64::consts::TAU;
 
 use super::codec::{
     ADAPTER, DriveState, Emergency, HOMING_MODE, HOMING_START, Mapping, Mode, NetworkCommand, NetworkState,
-    Node, Object, Process, Service, Setpoint, Value, adapter_heartbeat, sync,
+    Node, Object, Process, Service, Setpoint, Value, adapter_heartbeat, nearest, sync,
 };
 use super::data_sheet::fixed_mappings;
 use crate::frame::{Frame, Id};
@@ -428,9 +428,4 @@ fn statusword(state: DriveState) -> u16 {
         DriveState::FaultReaction => 0x021f,
         DriveState::Fault => 0x0218,
     }
-}
-
-/// Nearest integer; halves round away from zero.
-fn nearest(x: f64) -> i32 {
-    if x < 0.0 { (x - 0.5) as i32 } else { (x + 0.5) as i32 }
 }

@@ -349,3 +349,8 @@ impl Node {
         Ok(Process::Position { statusword, position: i32::from_le_bytes([a, b, c, d]) })
     }
 }
+
+/// Nearest integer; halves round away from zero.
+pub(crate) fn nearest(x: f64) -> i32 {
+    if x < 0.0 { (x - 0.5) as i32 } else { (x + 0.5) as i32 }
+}

@@ -13,7 +13,7 @@ use core::f64::consts::TAU;
 
 use super::codec::{
     ADAPTER, DISABLE_VOLTAGE, DriveState, FAULT_RESET, Mapping, Mode, NetworkCommand, NetworkState, Node,
-    Object, Process, Service, Setpoint, Value, adapter_heartbeat, sync,
+    Object, Process, Service, Setpoint, Value, adapter_heartbeat, nearest, sync,
 };
 use super::data_sheet::fixed_mappings;
 use super::homing_objects::HomingObjects;
@@ -427,9 +427,4 @@ impl Dialogue for Cia402 {
     fn synchronise(&self, frames: &mut Vec<Frame>) {
         frames.extend([adapter_heartbeat(), sync()]);
     }
-}
-
-/// Nearest integer; halves round away from zero.
-fn nearest(x: f64) -> i32 {
-    if x < 0.0 { (x - 0.5) as i32 } else { (x + 0.5) as i32 }
 }
