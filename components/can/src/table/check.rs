@@ -4,7 +4,7 @@ use super::{Table, TableError};
 use super::{current, homing, wire};
 use crate::Range;
 use crate::bus::offered::Place;
-use crate::protocols::entries::{BusEntry, BusKind, ControlMode, DriveEntry};
+use crate::protocols::entries::{BusEntry, BusKind, ControlMode, DriveEntry, LoopEntry};
 use crate::protocols::spec::Refusal;
 use crate::servo::{FAST_HEAD, LONGEST};
 
@@ -232,7 +232,8 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
     if drive.report_every.is_some_and(|every| every.ns == 0) {
         return Err(("no report of the encoder".into(), "let the drive report it, every cycle if it can"));
     }
-    let sound = |gain: f64| gain.is_finite() && gain >= 0.0;
+    let is_sound =
+        |gains: LoopEntry| gains.kp.is_finite() && gains.kp > 0.0 && gains.kd.is_finite() && gains.kd >= 0.0;
     let damps = drive.position_loop.is_none_or(|gains| gains.kd > 0.0);
     if drive.mode == Some(ControlMode::Velocity) && !damps {
         return Err((
@@ -240,7 +241,7 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
             "write the `kd` of the velocity loop of the drive, and `kp`: their ratio, in 1/s, is the position gain in the adapter",
         ));
     }
-    if drive.position_loop.is_some_and(|gains| !sound(gains.kd) || !(sound(gains.kp) && gains.kp > 0.0)) {
+    if drive.position_loop.is_some_and(|gains| !is_sound(gains)) {
         return Err((
             "gains of its loop that are not positive".into(),
             "write `kp` above 0, `kd` of 0 or more",
