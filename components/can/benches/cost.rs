@@ -5,7 +5,8 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use motorium_can::adapter::{Adapter, OnTrip, Phase};
-use motorium_can::mit::{Command, Drive, Feedback, Ranges, State};
+use motorium_can::drive::{Command, Feedback, Ranges, State};
+use motorium_can::mit::Drive;
 use motorium_can::{AnySimulatedDrive, Frame, Overrides, Received, Table};
 use motorium_drive::JointSetpoint;
 

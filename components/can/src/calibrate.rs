@@ -4,9 +4,8 @@ use core::time::Duration;
 
 use crate::adapter::{Adapter, OnTrip, WrongSetting};
 use crate::bus::{Bus, Received};
-use crate::cia402;
-use crate::frame::{Frame, Id};
-use crate::table::{Protocol, Table, TableError};
+use crate::frame::Frame;
+use crate::table::{Table, TableError};
 
 /// Drive of a joint that was held in a known pose.
 #[derive(Clone, Debug, PartialEq)]
@@ -188,19 +187,7 @@ impl Taken {
 /// Joint of the drive on this bus that a frame of another program commands.
 fn commanded(table: &Table, bus: usize, frame: &Frame) -> Option<String> {
     let mut drives = table.drives.iter().enumerate().filter(|(_, drive)| table.bus_of(drive) == Some(bus));
-    let found = drives.find(|(index, drive)| match (table.drive(*index), drive.protocol, frame.id) {
-        (Some(codec), ..) => codec.id() == frame.id,
-        (_, Protocol::Cia402, id) => {
-            frame.id == cia402::sync().id || id == Id::Standard(0x200 | u16::from(drive.node))
-        }
-        (_, Protocol::Odrive, _) => {
-            let node = crate::odrive::Node::new(drive.node);
-            // reports of a drive use other command codes
-            node.is_some_and(|node| node.instruction(frame).is_ok())
-        }
-        (_, Protocol::Moteus, Id::Standard(id)) => id & 0xff == u16::from(drive.node),
-        (_, Protocol::Moteus, Id::Extended(id)) => id & 0xff == u32::from(drive.node),
-        _ => false,
-    });
+    let found =
+        drives.find(|(index, drive)| drive.protocol.definition().is_command(&table.setup(*index), frame));
     found.map(|(_, drive)| drive.joint.clone())
 }

@@ -1,8 +1,9 @@
 //! Drives on CAN buses.
 //!
-//! [`drives`] holds the protocols as pure codecs. [`bus`] holds the buses: the bits and durations of frames,
-//! a simulated bus with arbitration and error states, kernel interfaces ([`SocketBus`]), serial adapters
-//! ([`SlcanBus`]), and lines of serial servos ([`ServoBus`]). A [`Table`] assigns drives to joints.
+//! Each protocol has a pure codec, such as [`mit`], [`cia402`] and [`dynamixel`]; [`drive`] is their common
+//! vocabulary. [`bus`] holds the buses: the bits and durations of frames, a simulated bus with arbitration
+//! and error states, kernel interfaces ([`SocketBus`]), serial adapters ([`SlcanBus`]), and lines of serial
+//! servos ([`ServoBus`]). A [`Table`] assigns drives to joints.
 //! [`Adapter`] is the logic that commands the drives, and [`AnySimulatedDrive`] is its counterpart. All of
 //! this is a plain library, usable without the runtime.
 //!
@@ -15,10 +16,13 @@ mod calibrate;
 mod component;
 mod database;
 mod decimal;
-pub mod drives;
+pub mod drive;
 mod frame;
+mod protocols;
+mod range;
 mod scan;
 mod scan_servos;
+pub mod servo;
 mod simulated_drive;
 mod table;
 mod traffic;
@@ -38,14 +42,18 @@ pub use component::{
     CanAdapter, CanAdapterConfig, DriveSimulation, DriveSimulationConfig, JointHealth, kinds,
 };
 pub use database::{Database, DatabaseError, Decoded, SignalValue};
-pub use drives::range::{Fields, Range};
-pub use drives::{cia402, damiao, dynamixel, feetech, mit, moteus, odrive, servo};
 pub use frame::{DecodeError, Form, Frame, Id};
+pub use protocols::codecs::*;
+pub use protocols::entries::{
+    BusEntry, BusKind, ControlMode, DriveEntry, HomingBy, HomingEntry, HomingProcedure, LoopEntry,
+    RangeEntry, ReferenceEntry,
+};
+pub use protocols::mit::simulated::SimulatedDrive;
+pub use protocols::name::Protocol;
+pub use protocols::simulation::{Mark, Overrides};
+pub use range::{Fields, Range};
 pub use scan::{Device, DeviceKind, FdSearch, Found, scan};
 pub use scan_servos::{SPEEDS as SERVO_SPEEDS, ServoFound, scan_servos};
-pub use simulated_drive::{AnySimulatedDrive, Mark, Overrides, SimulatedDrive};
-pub use table::{
-    BusEntry, BusKind, ControlMode, DriveEntry, HomingBy, HomingEntry, HomingProcedure, LoopEntry, Protocol,
-    RangeEntry, ReferenceEntry, Table, TableError, Transmission,
-};
+pub use simulated_drive::AnySimulatedDrive;
+pub use table::{Table, TableError, Transmission};
 pub use traffic::{Listener, Record, RecordError, Sender};

@@ -1,16 +1,12 @@
 //! Scan of the devices on a bus: IDs, protocols and settings.
 
-mod answers;
-mod device;
-
 use core::time::Duration;
 
 use crate::bus::{Bus, Received};
-use crate::damiao::{Register, Request};
 use crate::frame::{Form, Frame, Id};
-use crate::moteus::{self, Resolution};
-use answers::{damiao, heartbeat, moteus};
-pub use device::{Device, DeviceKind};
+use crate::protocols::definitions;
+pub use crate::protocols::device::{Device, DeviceKind};
+use crate::protocols::spec::DriveProtocol;
 
 /// Drives found on a bus.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -70,13 +66,10 @@ pub fn scan<B: Bus>(
 ) -> Found {
     const PAUSE: Duration = Duration::from_millis(2);
     let mut found = Found::default();
-    for node in 1..=0xf {
-        for register in Register::CHECKED {
-            let request = Request { node, register };
-            bus.send(&[request.frame()]);
-            pass(bus, PAUSE);
-            receive(bus, &mut found);
-        }
+    for request in definitions().flat_map(DriveProtocol::requests) {
+        bus.send(&[request]);
+        pass(bus, PAUSE);
+        receive(bus, &mut found);
     }
     let mut left = listen;
     while !left.is_zero() {
@@ -93,21 +86,21 @@ pub fn scan<B: Bus>(
     found
 }
 
-/// Reads the registers of moteus drives.
+/// Reads the settings of CAN FD drives.
 fn search_fd<B: Bus>(
     bus: &mut B,
     found: &mut Found,
     has_errors: &dyn Fn(&B) -> bool,
     mut pass: impl FnMut(&mut B),
 ) -> FdSearch {
-    for (asked, node) in (1..=126).filter_map(moteus::Node::new).enumerate() {
+    for (asked, request) in definitions().flat_map(DriveProtocol::fd_requests).enumerate() {
         if has_errors(bus) {
             return FdSearch::Disturbed { asked: asked as u8 };
         }
         if found.has_classic {
             return FdSearch::Classic;
         }
-        bus.send(&[node.frame(&moteus::Instruction::Query, Resolution::Int16)]);
+        bus.send(&[request]);
         pass(bus);
         receive(bus, found);
     }
@@ -134,36 +127,31 @@ fn receive(bus: &mut impl Bus, found: &mut Found) {
 impl Found {
     fn take(&mut self, frame: &Frame) {
         self.has_classic |= frame.form == Form::Classic;
-        if let Some(device) = damiao(frame) {
-            let kind = |device: &Device| matches!(device.kind, DeviceKind::Damiao { .. });
-            match self.devices.iter_mut().find(|known| known.node == device.node && kind(known)) {
-                Some(known) => known.kind.complete(device.kind),
-                None => self.devices.push(device),
-            }
-        } else if let Some(device) = moteus(frame) {
-            self.devices.retain(|known| {
-                known.node != device.node || !matches!(known.kind, DeviceKind::Moteus { .. })
-            });
-            self.devices.push(device);
-        } else if let Some(device) = heartbeat(frame).filter(|_| !self.is_other(frame.id)) {
-            let same = |known: &Device| {
-                known.node == device.node
-                    && core::mem::discriminant(&known.kind) == core::mem::discriminant(&device.kind)
-            };
-            match self.devices.iter_mut().find(|known| same(known)) {
-                Some(known) => *known = device,
-                None => self.devices.push(device),
-            }
+        if let Some(device) = definitions().find_map(|protocol| protocol.answer(frame)) {
+            self.add(device);
+        } else if let Some(device) =
+            definitions().find_map(|protocol| protocol.heartbeat(frame)).filter(|_| !self.is_other(frame.id))
+        {
+            self.add(device);
         } else {
-            // other programs' commands occasionally look like heartbeats; an ODrive's always are
-            self.devices.retain(|device| {
-                !(matches!(device.kind, DeviceKind::Odrive { .. })
-                    && frame.id == Id::Standard(u16::from(device.node) << 5 | 1))
-            });
+            let is_refuted = |device: &Device| definitions().any(|protocol| protocol.refutes(device, frame));
+            self.devices.retain(|device| !is_refuted(device));
             match self.others.iter_mut().find(|(id, _)| *id == frame.id) {
                 Some((_, count)) => *count += 1,
                 None => self.others.push((frame.id, 1)),
             }
+        }
+    }
+
+    /// Adds a device, or updates it if it is known.
+    fn add(&mut self, device: Device) {
+        let is_same = |known: &&mut Device| {
+            known.node == device.node
+                && core::mem::discriminant(&known.kind) == core::mem::discriminant(&device.kind)
+        };
+        match self.devices.iter_mut().find(is_same) {
+            Some(known) => known.kind.update(device.kind),
+            None => self.devices.push(device),
         }
     }
 
@@ -176,8 +164,7 @@ impl Found {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mit::Ranges;
-    use crate::moteus::{Home, Mode};
+    use crate::drive::{Command, PositionReference, Ranges};
     use crate::{AnySimulatedDrive, Overrides, Rates, SimulatedBus, SimulatedDrive, Table, mit};
 
     /// Bus with a Damiao drive, a moteus, an ODrive and a CANopen node that send heartbeats, and an unknown
@@ -238,8 +225,7 @@ mod tests {
         for step in 0..20_000_u32 {
             let kp = f64::from(step % 500);
             let (velocity, torque) = (f64::from(step % 60) - 30.0, f64::from(step % 19) - 9.0);
-            let command =
-                mit::Command { position: f64::from(step % 25) - 12.0, velocity, kp, kd: 0.0, torque };
+            let command = Command { position: f64::from(step % 25) - 12.0, velocity, kp, kd: 0.0, torque };
             found.take(&drive.command(&command));
         }
         assert_eq!(found.devices, []);
@@ -301,7 +287,8 @@ mod tests {
     fn moteus_drives_are_found_without_classic_devices() {
         let mut desk = desk(false);
         let found = scanned(&mut desk, true);
-        let kind = DeviceKind::Moteus { mode: Mode::Stopped, home: Some(Home::Output), fault: 0 };
+        let kind =
+            DeviceKind::Moteus { mode: "Stopped".into(), home: Some(PositionReference::Output), fault: 0 };
         assert_eq!(found.devices, [Device { node: 9, kind }]);
         assert_eq!((found.fd, desk.fd_frames), (FdSearch::Complete, 126));
         assert!(!desk.moteus.is_enabled());

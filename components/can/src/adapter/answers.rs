@@ -1,6 +1,7 @@
 //! Assignment of a drive's answers to the cycles.
 
 use super::{Link, Phase};
+use crate::protocols::dialogue::Dialogue as _;
 
 impl Link {
     /// Returns `true` if the answer of this cycle has arrived or, for a drive that reports unsolicited, if no

@@ -3,11 +3,10 @@
 //! A drive with its own homing procedure executes it, and reads zero at its mark. The adapter moves any other
 //! joint slowly against its mechanical stop.
 
-mod fault;
 mod stop;
 
-use crate::table::{HomingBy, HomingEntry};
-pub use fault::HomingFault;
+use crate::protocols::entries::{HomingBy, HomingEntry};
+use crate::protocols::homing_fault::HomingFault;
 pub(crate) use stop::{EASED, RUNAWAY, STILL};
 pub(super) use stop::{Outcome, Stop};
 

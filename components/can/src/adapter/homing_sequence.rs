@@ -1,6 +1,7 @@
 //! The homing of all joints, lowest order first.
 
 use super::{Adapter, HomingState, Link, Phase};
+use crate::protocols::dialogue::Dialogue as _;
 
 impl Adapter {
     /// Allows homing to continue (the default), or stops it. Stopping disables the joints in progress

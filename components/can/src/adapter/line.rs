@@ -1,9 +1,9 @@
 //! Packets of a serial line: one writes the goals of all servos, one queries all of them.
 
 use super::common_answer::CommonAnswer;
-use super::dialogue::Dialogue;
 use super::{Link, OnTrip};
 use crate::frame::Frame;
+use crate::protocols::dialogue::Dialogue as _;
 use crate::servo::{self, Instruction, LONGEST};
 
 /// Length of the longest outgoing packet, bytes.
@@ -22,24 +22,21 @@ pub(super) fn write(
     frames: &mut Vec<Frame>,
 ) {
     let before = frames.len();
-    let first = links.iter().find_map(|link| match &link.dialogue {
-        Dialogue::Servo(servo) if link.bus() == bus => Some(servo.maker),
-        _ => None,
-    });
+    let mut members = links.iter().filter(|link| link.bus() == bus).filter_map(|link| link.dialogue.member());
     // all servos of a line have the same manufacturer
-    let Some(maker) = first else { return };
-    let mut out = Packets { protocol: maker.protocol(), frames };
+    let Some(layout) = members.next().map(|servo| servo.layout()) else { return };
+    let mut out = Packets { protocol: layout.protocol, frames };
     let mut groups = [const { Group::new(0, 0) }; MOST];
-    for (group, (register, each)) in groups.iter_mut().zip(maker.written()) {
+    for (group, (register, each)) in groups.iter_mut().zip(layout.written) {
         *group = Group::new(*register, *each);
     }
     let mut askable = [false; MOST];
     for link in links.iter_mut().filter(|link| link.bus() == bus && !link.is_probed) {
         let order = link.order(trip);
-        let Dialogue::Servo(servo) = &mut link.dialogue else { continue };
+        let Some(servo) = link.dialogue.member_mut() else { continue };
         askable[servo.block(&order)] = true;
-        let number = servo.number;
-        servo.write(&order, &mut |group, bytes| groups[group].add(number, bytes, &mut out));
+        let number = servo.number();
+        servo.put(&order, &mut |group, bytes| groups[group].add(number, bytes, &mut out));
     }
     groups.iter_mut().for_each(|group| group.write(&mut out));
     // one query per cycle: two would be answered at once
@@ -52,17 +49,17 @@ pub(super) fn write(
     let asked_by = out.frames.len() - before + 1;
     for link in links.iter_mut().filter(|link| link.bus() == bus) {
         let order = link.order(trip);
-        let Dialogue::Servo(servo) = &link.dialogue else { continue };
+        let Some(servo) = link.dialogue.member() else { continue };
         let is_asked = !link.is_probed && servo.block(&order) == chosen;
         link.asked_by = is_asked.then_some(asked_by);
         if is_asked && count < servos.len() {
-            servos[count] = servo.number;
+            servos[count] = servo.number();
             count += 1;
         }
     }
     // they answer in this order, and on a simulated line the lowest number answers first
     servos[..count].sort_unstable();
-    let (register, bytes) = maker.asked()[chosen];
+    let (register, bytes) = layout.read[chosen];
     let servos = &servos[..count];
     let is_whole = links.iter().all(|link| link.bus() != bus || link.silent() == 0 && !link.is_probed);
     let together = is_whole && common.is_some_and(|common| common.ask(bytes));

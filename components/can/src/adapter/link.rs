@@ -2,19 +2,20 @@
 
 mod homing;
 
-use super::dialogue::{Dialogue, Order, Response};
-use super::homing::{Homing, HomingFault, HomingState};
-use super::{Counts, OnTrip, Phase, WrongSetting};
+use super::homing::{Homing, HomingState};
+use super::{Counts, HomingFault, OnTrip, Phase, WrongSetting};
 use crate::bus::bits::{Bits, Rates};
+use crate::drive::{Command, Fault, Ranges, State};
 use crate::frame::{DecodeError, Frame};
-use crate::mit::{self, Ranges, State};
+use crate::protocols::AnyDialogue;
+use crate::protocols::dialogue::{Dialogue, Order, Response};
 use crate::table::{Table, Transmission};
 use motorium_drive::JointSetpoint;
 
 /// One drive from the adapter's point of view.
 #[derive(Clone, Debug)]
 pub struct Link {
-    pub(super) dialogue: Dialogue,
+    pub(super) dialogue: AnyDialogue,
     pub(super) ranges: Ranges,
     pub(super) gear: Transmission,
     pub(super) bus: usize,
@@ -58,7 +59,7 @@ pub struct Link {
     pub(super) velocity: f64,
     pub(super) effort: f64,
     pub(super) temperature: Option<f64>,
-    pub(super) fault: Option<mit::Fault>,
+    pub(super) fault: Option<Fault>,
     pub(super) silent: u32,
     pub(super) counts: Counts,
 }
@@ -67,7 +68,7 @@ impl Link {
     /// Creates the link to drive `index` of a table. `damping` applies to its joint after the adapter has
     /// tripped.
     pub(super) fn new(table: &Table, index: usize, damping: f64) -> Self {
-        let (dialogue, entry) = (Dialogue::new(table, index), &table.drives[index]);
+        let (dialogue, entry) = (AnyDialogue::new(&table.setup(index)), &table.drives[index]);
         let bus = table.bus_of(entry).unwrap_or(0);
         let mut link = Self {
             ranges: table.ranges(index),
@@ -128,7 +129,7 @@ impl Link {
     }
 
     /// Fault that the drive reported last.
-    pub fn fault(&self) -> Option<mit::Fault> {
+    pub fn fault(&self) -> Option<Fault> {
         self.fault
     }
 
@@ -158,7 +159,7 @@ impl Link {
         (self.fresh, self.fault) = (false, None);
         // a drive that does not report its state may have lost its power meanwhile
         if let Some(homing) = &mut self.homing
-            && !(homing.state == HomingState::Homed && self.dialogue.tells_its_state())
+            && !(homing.state == HomingState::Homed && self.dialogue.reports_state())
         {
             homing.forget();
         }
@@ -270,7 +271,7 @@ impl Link {
 
     pub(super) fn command(&self, setpoint: JointSetpoint) -> Order {
         let (ratio, square) = (self.gear.ratio, self.gear.ratio * self.gear.ratio);
-        Order::Follow(mit::Command {
+        Order::Follow(Command {
             position: self.gear.to_drive(setpoint.position),
             velocity: setpoint.velocity * ratio,
             kp: setpoint.kp / square,
@@ -371,7 +372,7 @@ pub(super) struct Taken {
 }
 
 /// Shortest time from sending a command to the end of its answer, ns.
-fn soonest(dialogue: &Dialogue, rates: &Rates) -> u64 {
+fn soonest(dialogue: &AnyDialogue, rates: &Rates) -> u64 {
     let (form, command, answer) = dialogue.shortest();
     let bits = |bytes| Bits::nominal(false, form, bytes).ns(rates);
     let pause_ns = Bits { nominal: 3, fast: 0 }.ns(rates);

@@ -13,7 +13,6 @@
 mod answers;
 mod common_answer;
 mod counts;
-mod dialogue;
 mod enabling;
 mod homing;
 mod homing_sequence;
@@ -22,23 +21,21 @@ mod link;
 mod on_trip;
 mod phase;
 mod plausible;
-mod rounding;
-mod setting;
 
 use crate::bus::Received;
-use crate::cia402;
 use crate::frame::{DecodeError, Frame};
+use crate::protocols::dialogue::Dialogue as _;
+pub use crate::protocols::homing_fault::HomingFault;
+pub use crate::protocols::setting::WrongSetting;
 use crate::table::Table;
 use common_answer::CommonAnswer;
 pub use counts::Counts;
-use dialogue::{Dialogue, Order};
+pub use homing::HomingState;
 pub(crate) use homing::{EASED, RUNAWAY, STILL};
-pub use homing::{HomingFault, HomingState};
 pub use link::Link;
 use motorium_drive::JointSetpoint;
 pub use on_trip::OnTrip;
 pub use phase::Phase;
-pub use setting::WrongSetting;
 
 /// Cycles of silence after which a drive counts as lost.
 pub const LOST_AFTER: u32 = 3;
@@ -196,7 +193,7 @@ impl Adapter {
             let answers = link.dialogue.reports_every_ns().is_none();
             link.owed = link.owed.saturating_add(u32::from(is_lost && answers));
             // while some servos of a line are checked, they are queried in turns
-            let is_due = link.asked || !matches!(link.dialogue, Dialogue::Servo(_));
+            let is_due = link.asked || link.dialogue.member().is_none();
             if is_due && !link.is_probed {
                 link.silent = if is_missing { link.silent + 1 } else { 0 };
             }
@@ -252,9 +249,7 @@ impl Adapter {
     pub fn set_cycle(&mut self, cycle_ns: u64) {
         self.cycle_ns = cycle_ns;
         for link in &mut self.links {
-            if let Dialogue::Cia402(drive) = &mut link.dialogue {
-                drive.set_cycle(cycle_ns);
-            }
+            link.dialogue.set_cycle(cycle_ns);
         }
     }
 
@@ -296,19 +291,20 @@ impl Adapter {
         } else {
             self.links.iter_mut().filter(|link| link.bus == bus).for_each(Link::probe);
         }
-        let (mut is_line, mut is_synchronised) = (false, false);
+        let (mut is_line, mut synchronised) = (false, None);
         let (before, cycle) = (frames.len(), self.cycles);
-        for link in self.links.iter_mut().filter(|link| link.bus == bus) {
+        for (index, link) in self.links.iter_mut().enumerate().filter(|(_, link)| link.bus == bus) {
             link.asked_by = None;
             if link.is_probed {
                 continue;
             }
             let order = link.order(trip);
             link.count_clamped(&order);
-            is_line |= matches!(link.dialogue, Dialogue::Servo(_));
-            // answers to service data come independently of the synchronisation
-            let waits = matches!(link.dialogue, Dialogue::Cia402(_)) && !matches!(order, Order::Check(_));
-            is_synchronised |= waits;
+            is_line |= link.dialogue.member().is_some();
+            let waits = link.dialogue.is_synchronised(&order);
+            if waits {
+                synchronised = Some(index);
+            }
             link.dialogue.write(&order, frames);
             link.asked_by = Some(if waits { usize::MAX } else { frames.len() - before });
         }
@@ -316,8 +312,8 @@ impl Adapter {
             let common = self.common[bus].as_mut();
             line::write(&mut self.links, common, bus, (trip, cycle), frames);
         }
-        if is_synchronised {
-            frames.extend([cia402::adapter_heartbeat(), cia402::sync()]);
+        if let Some(index) = synchronised {
+            self.links[index].dialogue.synchronise(frames);
             let whole = frames.len() - before;
             for link in self.links.iter_mut().filter(|link| link.bus == bus) {
                 link.asked_by = link.asked_by.map(|by| by.min(whole));
@@ -346,7 +342,7 @@ impl Adapter {
             let is_well = link.phase == Phase::Enabled
                 && link.is_homed()
                 && link.silent == 0
-                && link.dialogue.tells_its_state()
+                && link.dialogue.reports_state()
                 && self.on_trip == OnTrip::Damp;
             if is_well {
                 // holds the present position, not the one held before the joint was damped

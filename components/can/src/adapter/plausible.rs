@@ -2,8 +2,9 @@
 //! is enabled.
 
 use super::{Link, Phase, WrongSetting};
+use crate::drive::Feedback;
 use crate::frame::DecodeError;
-use crate::mit;
+use crate::protocols::dialogue::Dialogue as _;
 
 /// Highest velocity imposed from outside, as a multiple of the drive's range, such as when a disabled joint
 /// is moved by hand.
@@ -26,7 +27,7 @@ impl Link {
     /// farther from the last one than it can have moved.
     pub(super) fn refuse_implausible(
         &mut self,
-        feedback: &mit::Feedback,
+        feedback: &Feedback,
         time_ns: u64,
     ) -> Result<(), DecodeError> {
         let fastest = self.ranges.velocity.max;

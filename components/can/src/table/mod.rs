@@ -2,11 +2,7 @@
 
 mod check;
 mod current;
-mod data_sheet;
-mod entries;
 mod homing;
-mod homing_entry;
-mod refusal;
 mod wire;
 
 use core::ops::Range as Span;
@@ -18,15 +14,14 @@ use toml::Spanned;
 use crate::bus::bits::Rates;
 use crate::bus::budget::{Budget, Shape};
 use crate::bus::offered::Place;
-use crate::frame::{Form, Id};
+use crate::drive::Ranges;
+use crate::frame::Form;
 use crate::mit;
-use crate::servo::{FAST_AROUND, FAST_HEAD};
+use crate::protocols::entries::{BusEntry, BusKind, DriveEntry, LoopEntry};
+use crate::protocols::mit_codec;
+use crate::protocols::spec::DriveSetup;
+use crate::servo::FAST_HEAD;
 use crate::{OpenError, RealBus};
-pub use entries::{
-    BusEntry, BusKind, ControlMode, DriveEntry, LoopEntry, Protocol, RangeEntry, ReferenceEntry,
-};
-pub(crate) use homing::HomingObjects;
-pub use homing_entry::{HomingBy, HomingEntry, HomingProcedure};
 
 /// Drive table, as read from its TOML file.
 ///
@@ -147,7 +142,7 @@ impl Table {
     /// Returns an error if a data sheet cannot be read, or contradicts the table.
     pub fn complete(&mut self, read: impl Fn(&str) -> io::Result<String>) -> Result<(), TableError> {
         for (index, drive) in self.drives.iter_mut().enumerate() {
-            data_sheet::complete(drive, &read).map_err(|(message, advice)| TableError {
+            drive.protocol.definition().complete(drive, &read).map_err(|(message, advice)| TableError {
                 line: None,
                 column: None,
                 entry: Some(("drive", index)),
@@ -210,18 +205,24 @@ impl Table {
 
     /// Codec of an MIT drive; `None` for other protocols.
     pub fn drive(&self, index: usize) -> Option<mit::Drive> {
+        mit_codec(&self.setup(index))
+    }
+
+    /// A drive with what follows from its limits and its bus.
+    pub(crate) fn setup(&self, index: usize) -> DriveSetup<'_> {
         let entry = &self.drives[index];
-        let usual = if entry.protocol == Protocol::Damiao { 0x10 | u16::from(entry.node) } else { 0 };
-        let reply_id = Id::Standard(entry.master.unwrap_or(usual));
-        // its fields have these ranges, whatever its limits are
-        let ranges = entry.ranges.ranges();
-        let mut drive = mit::Drive::new(entry.node, reply_id, entry.protocol.reply()?, ranges);
-        drive.form = self.form(entry);
-        Some(drive)
+        let bus = self.bus_of(entry).map(|bus| &self.buses[bus]);
+        DriveSetup {
+            entry,
+            ranges: self.ranges(index),
+            gains: self.position_loop(index),
+            form: self.form(entry),
+            fast_read: bus.is_some_and(|bus| bus.fast_read),
+        }
     }
 
     /// Ranges of a drive's fields, or the largest values within its limits.
-    pub fn ranges(&self, index: usize) -> mit::Ranges {
+    pub fn ranges(&self, index: usize) -> Ranges {
         self.drives[index].limited_ranges()
     }
 
@@ -232,13 +233,7 @@ impl Table {
 
     fn form(&self, drive: &DriveEntry) -> Form {
         let bus = self.bus_of(drive).map(|bus| &self.buses[bus]);
-        let is_fast = bus.is_some_and(|bus| bus.data_bitrate.is_some());
-        match drive.protocol {
-            Protocol::Feetech | Protocol::Dynamixel => Form::Packet,
-            Protocol::Damiao | Protocol::Moteus if is_fast => Form::FdFast,
-            // the others use classic frames on any bus
-            _ => Form::Classic,
-        }
+        drive.protocol.spec().frames.form(bus.is_some_and(|bus| bus.data_bitrate.is_some()))
     }
 
     /// Transmission between a joint and its drive.
@@ -259,61 +254,25 @@ impl Table {
     /// Time budget of one cycle on a bus.
     pub fn budget(&self, bus: usize, cycle_ns: u64) -> Budget {
         let entry = &self.buses[bus];
-        let drives = self.drives.iter().filter(|drive| self.bus_of(drive) == Some(bus));
-        let (mut exchanges, mut others) = (Vec::new(), Vec::new());
-        for drive in drives {
-            let command = Shape { extended: false, form: self.form(drive), bytes: 8 };
-            let of = |bytes| Shape { bytes, ..command };
-            match drive.protocol {
-                Protocol::Odrive => {
-                    exchanges.push((of(8), of(8)));
-                    // torques, the heartbeat, and temperatures
-                    others.extend([of(8); 3]);
-                }
-                Protocol::Cia402 => {
-                    exchanges.push((of(6), of(6)));
-                    others.push(of(6));
-                    if drive.is_homed() && drive.homing_objects().is_some() {
-                        // service data alongside the process data, and their answer
-                        others.extend([of(8); 2]);
-                    }
-                }
-                Protocol::Moteus => {
-                    exchanges.push((Shape { extended: true, ..of(32) }, of(20)));
-                }
-                // number and goal in the packet with all goals, and the number again in the query
-                Protocol::Feetech => {
-                    exchanges.push((of(4), of(6 + usize::from(crate::feetech::STATE_BYTES))))
-                }
-                Protocol::Dynamixel if entry.fast_read => {
-                    exchanges.push((of(6), of(FAST_AROUND + usize::from(crate::dynamixel::STATE_BYTES))))
-                }
-                Protocol::Dynamixel => {
-                    exchanges.push((of(6), of(11 + usize::from(crate::dynamixel::STATE_BYTES))))
-                }
-                _ => {
-                    let reply = drive.protocol.reply().map_or(8, mit::Reply::length);
-                    exchanges.push((command, of(reply)));
-                }
+        let drives = self.drives.iter().enumerate().filter(|(_, drive)| self.bus_of(drive) == Some(bus));
+        let (mut exchanges, mut others, mut shared) = (Vec::new(), Vec::new(), Vec::new());
+        for (index, drive) in drives {
+            let (protocol, setup) = (drive.protocol.definition(), self.setup(index));
+            exchanges.push(protocol.exchange(&setup));
+            others.extend(protocol.additional_frames(&setup));
+            if shared.is_empty() {
+                shared = protocol.bus_frames();
             }
         }
-        let plain = Shape { extended: false, form: Form::Classic, bytes: 0 };
-        let speaks =
-            |protocol| self.drives.iter().any(|drive| drive.bus == entry.name && drive.protocol == protocol);
-        if speaks(Protocol::Cia402) {
-            // synchronisation, and the heartbeat of the adapter
-            others.extend([plain, Shape { bytes: 1, ..plain }]);
-        }
+        others.extend(shared);
         let mut turn_rounds = 1;
-        if entry.kind == BusKind::Serial {
-            // header and end of both packets; servos answer in turn
-            let around = if speaks(Protocol::Dynamixel) { 14 } else { 8 };
-            others.extend([Shape { form: Form::Packet, bytes: around, ..plain }; 2]);
-            if entry.fast_read {
-                others.push(Shape { form: Form::Packet, bytes: FAST_HEAD, ..plain });
-            } else {
-                turn_rounds = exchanges.len() as u64;
+        match (entry.kind, entry.fast_read) {
+            (BusKind::Can, _) => {}
+            (BusKind::Serial, true) => {
+                others.push(Shape { extended: false, form: Form::Packet, bytes: FAST_HEAD });
             }
+            // they answer in turn
+            (BusKind::Serial, false) => turn_rounds = exchanges.len() as u64,
         }
         let turn_round_ns = entry.turn_round.ns * turn_rounds;
         Budget { rates: self.rates(bus), exchanges, others, turn_round_ns, cycle_ns }

@@ -1,13 +1,10 @@
 //! Checks against the wire: frames that a drive does not support, identifiers shared by two drives, and
-//! numbers beyond their fields.
+//! watchdogs beyond their fields.
 
-use core::f64::consts::TAU;
-
-use super::refusal::Refusal;
-use super::{BusEntry, ControlMode, DriveEntry, Protocol, Table};
-use crate::damiao;
+use super::Table;
 use crate::frame::{Form, Id};
-use crate::moteus;
+use crate::protocols::entries::{BusEntry, DriveEntry};
+use crate::protocols::spec::{Refusal, Watchdog};
 
 /// Refuses classic-only drives on a bus with drives that receive CAN FD frames.
 pub(super) fn check_forms(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
@@ -26,12 +23,7 @@ pub(super) fn check_forms(table: &Table, bus: &BusEntry) -> Result<(), Refusal> 
 
 /// Identifiers of a drive's commands and of its answers, on a bus shared by several protocols.
 fn identifiers(table: &Table, index: usize) -> Option<(Id, Id)> {
-    let entry = &table.drives[index];
-    match (table.drive(index), entry.protocol) {
-        (Some(drive), _) => Some((drive.id(), drive.reply_id)),
-        (None, Protocol::Moteus) => moteus::Node::new(entry.node).map(|node| (node.id(), node.reply_id())),
-        (None, _) => None,
-    }
+    table.drives[index].protocol.definition().identifiers(&table.setup(index))
 }
 
 /// Refuses a drive whose answers another one would interpret as commands, or whose answers look like another
@@ -40,7 +32,7 @@ pub(super) fn check_identifiers(table: &Table, index: usize) -> Result<(), Refus
     let drive = &table.drives[index];
     let Some((mine, answers)) = identifiers(table, index) else { return Ok(()) };
     let refuse = |message: String| Err((message, "choose another `master`, or another `node`"));
-    if answers == mine || answers == damiao::EVERYBODY {
+    if answers == mine {
         return refuse("the identifier of its answers is taken".into());
     }
     for (i, other) in
@@ -64,56 +56,14 @@ pub(super) fn check_identifiers(table: &Table, index: usize) -> Result<(), Refus
     Ok(())
 }
 
-/// Largest number in 16-bit thousandths: feed-forward of an ODrive, torques of CiA 402.
-const THOUSANDTHS: f64 = 32.767;
-
-/// Refuses numbers beyond the fields of the drive's protocol, and watchdogs beyond the range of their unit.
-pub(super) fn check_fields(drive: &DriveEntry) -> Result<(), Refusal> {
-    let ranges = &drive.ranges;
-    let mode = drive.mode.unwrap_or_default();
-    let beyond = |name: &str, value: f64, unit: &str, most: f64, field: &str| {
-        (value > most).then(|| format!("a {name} of {value} {unit}, and {field} ends at {most:.2}"))
-    };
-    let increments = drive.increments.unwrap_or(1.0);
-    let whole = f64::from(i32::MAX) / increments * TAU;
-    let found = match drive.protocol {
-        Protocol::Odrive if mode == ControlMode::Position => {
-            let field = "the field of its feed-forward";
-            beyond("velocity", ranges.velocity, "rad/s", THOUSANDTHS * TAU, field)
-                .or_else(|| beyond("torque", ranges.torque, "N m", THOUSANDTHS, field))
-        }
-        Protocol::Cia402 => beyond("position", ranges.position, "rad", whole, "its field of 32 bits")
-            .or_else(|| beyond("velocity", ranges.velocity, "rad/s", whole, "its field of 32 bits"))
-            .or_else(|| {
-                let most = drive.rated_torque.unwrap_or(1.0) * THOUSANDTHS;
-                let field = "object 0x6071, in thousandths of the rated torque,";
-                if mode == ControlMode::Torque {
-                    beyond("torque", ranges.torque, "N m", most, field)
-                } else {
-                    None
-                }
-            }),
-        _ => None,
-    };
-    if let Some(message) = found {
-        return Err((
-            message,
-            "write what the drive reaches within it: `ranges` refer to the output shaft of the drive",
-        ));
-    }
-    let (unit_ns, most, advice) = match drive.protocol {
-        Protocol::Damiao => (50_000, u32::MAX.into(), "write a multiple of 50 us: register 9 has them"),
-        Protocol::Moteus => {
-            (1_000_000, 32_767, "write whole milliseconds, up to 32767: its commands have them")
-        }
-        Protocol::Cia402 => {
-            (1_000_000, 65_535, "write whole milliseconds, up to 65535: object 0x1016 has them")
-        }
-        _ => return Ok(()),
-    };
+/// Refuses a watchdog beyond the range of its unit.
+pub(super) fn check_watchdog(drive: &DriveEntry) -> Result<(), Refusal> {
     let ns = drive.watchdog.ns;
-    if !ns.is_multiple_of(unit_ns) || ns / unit_ns > most {
-        return Err((format!("a watchdog of {} ms", ns as f64 * 1e-6), advice));
+    match drive.protocol.spec().watchdog {
+        Watchdog::Units { unit_ns, most, advice } if !ns.is_multiple_of(unit_ns) || ns / unit_ns > most => {
+            Err((format!("a watchdog of {} ms", ns as f64 * 1e-6), advice))
+        }
+        Watchdog::Missing { message, advice } if ns > 0 => Err((message.into(), advice)),
+        Watchdog::Any | Watchdog::Units { .. } | Watchdog::Missing { .. } => Ok(()),
     }
-    Ok(())
 }

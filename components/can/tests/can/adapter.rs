@@ -2,7 +2,7 @@
 
 use motorium_can::adapter::{Adapter, OnTrip, Phase, WrongSetting};
 use motorium_can::bus::simulated::Event;
-use motorium_can::mit::Ranges;
+use motorium_can::drive::{Command, Ranges};
 use motorium_can::{Frame, Id, Range, Received, SimulatedBus, SimulatedDrive, Table};
 use motorium_drive::JointSetpoint;
 
@@ -250,8 +250,7 @@ fn drives_release_after_the_adapter_dies_100_of_100() {
         // the last frame arrives at some point within a period of the 4 kHz inner loop
         let last_ns = rig.cycle * CYCLE_NS + 7_919 * trial;
         for drive in &mut rig.drives {
-            let frame =
-                drive.codec().command(&motorium_can::mit::Command { torque: 1.0, ..Default::default() });
+            let frame = drive.codec().command(&Command { torque: 1.0, ..Default::default() });
             assert!(drive.receive(&frame, last_ns).is_some());
         }
         let step_ns = 250_000;

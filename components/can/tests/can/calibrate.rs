@@ -3,8 +3,9 @@
 use core::time::Duration;
 
 use motorium_can::adapter::WrongSetting;
+use motorium_can::drive::Command;
 use motorium_can::{
-    AnySimulatedDrive, Bus, Calibrated, CalibrationError, Frame, Overrides, Received, Table, calibrate, mit,
+    AnySimulatedDrive, Bus, Calibrated, CalibrationError, Frame, Overrides, Received, Table, calibrate,
 };
 
 const TIME: Duration = Duration::from_millis(200);
@@ -121,7 +122,7 @@ fn what_makes_an_offset_worthless_is_told() {
         "{wrong}"
     );
     // a command of another program, which a kernel socket delivers to every listener
-    let frame = table.drive(1).unwrap().command(&mit::Command::default());
+    let frame = table.drive(1).unwrap().command(&Command::default());
     let commanded = Desk { received: vec![Received { frame, time_ns: 0 }], ..fresh() };
     assert_eq!(error(commanded), CalibrationError::Commanded { joint: "b".into() });
 }

@@ -3,7 +3,7 @@
 
 use motorium_can::Table;
 use motorium_can::adapter::WrongSetting;
-use motorium_can::mit::Fault;
+use motorium_can::drive::Fault;
 use motorium_drive::JointSetpoint;
 
 use super::drives::{Case, Rig, follow};

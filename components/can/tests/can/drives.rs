@@ -2,7 +2,8 @@
 
 use motorium_can::adapter::{Adapter, Link, OnTrip, Phase, WrongSetting};
 use motorium_can::bus::simulated::Event;
-use motorium_can::{AnySimulatedDrive, Overrides, Received, SimulatedBus, Table, mit};
+use motorium_can::drive::Fault;
+use motorium_can::{AnySimulatedDrive, Overrides, Received, SimulatedBus, Table};
 use motorium_drive::JointSetpoint;
 
 const WATCHDOG_NS: u64 = 40_000_000;
@@ -282,7 +283,7 @@ fn watchdog_releases_are_detected() {
             case.protocol
         );
         let fault = rig.adapter.links()[0].fault();
-        assert_eq!(fault, Some(mit::Fault::CommunicationLost), "{}", case.protocol);
+        assert_eq!(fault, Some(Fault::CommunicationLost), "{}", case.protocol);
         rig.adapter.resume();
         rig.run(400);
         assert_eq!(rig.phases(), [Phase::Enabled; 2], "{}", case.protocol);

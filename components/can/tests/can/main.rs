@@ -28,6 +28,7 @@ mod offered;
 mod protocols;
 mod random;
 mod real_time;
+mod recipe;
 mod safety;
 mod servo;
 mod servo_line;

@@ -1,6 +1,7 @@
 //! MIT protocol: published bytes, and round trips within half a step of the field.
 
-use motorium_can::mit::{Command, Drive, Fault, Feedback, Instruction, Ranges, Reply, State};
+use motorium_can::drive::{Command, Fault, Feedback, Ranges, State};
+use motorium_can::mit::{Drive, Instruction, Reply};
 use motorium_can::{DecodeError, Frame, Id, Range};
 use proptest::prelude::*;
 

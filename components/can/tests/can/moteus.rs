@@ -3,8 +3,9 @@
 use core::f64::consts::TAU;
 
 use motorium_can::adapter::{Adapter, OnTrip, Phase, WrongSetting};
+use motorium_can::drive::Fault;
 use motorium_can::moteus::{Command, Home, Instruction, Mode, Node, Resolution, State};
-use motorium_can::{AnySimulatedDrive, DecodeError, Form, Frame, Id, Overrides, Received, Table, mit};
+use motorium_can::{AnySimulatedDrive, DecodeError, Form, Frame, Id, Overrides, Received, Table};
 use proptest::prelude::*;
 
 fn node() -> Node {
@@ -191,11 +192,11 @@ fn the_simulated_encoder_counts_from_power_on_if_homed() {
 #[test]
 fn faults_have_names_and_limits() {
     for (code, fault) in [
-        (34, mit::Fault::OverVoltage),
-        (35, mit::Fault::Encoder),
-        (38, mit::Fault::HotTransistors),
-        (40, mit::Fault::UnderVoltage),
-        (33, mit::Fault::Other(33)),
+        (34, Fault::OverVoltage),
+        (35, Fault::Encoder),
+        (38, Fault::HotTransistors),
+        (40, Fault::UnderVoltage),
+        (33, Fault::Other(33)),
     ] {
         let state = State { mode: Mode::Fault, fault: code, ..well(Home::Output) };
         assert_eq!(answered(adapter(""), &state).links()[0].fault(), Some(fault));

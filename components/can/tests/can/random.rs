@@ -1,6 +1,7 @@
 //! Random frames: none makes a decoder panic, and encoding an accepted frame reproduces it.
 
 use motorium_can::bus::slcan::{LONGEST, Line, Reader, write};
+use motorium_can::drive::Ranges;
 use motorium_can::{Database, Form, Frame, Id, cia402, damiao, mit, moteus, odrive};
 
 const FRAMES: u64 = 10_000_000;
@@ -56,7 +57,7 @@ fn ten_million_random_frames_cause_no_panic() {
     ];
     let drives = forms.map(|reply| {
         let id = Id::Standard(if reply == mit::Reply::MiniCheetah { 0 } else { 0x11 });
-        mit::Drive::new(1, id, reply, mit::Ranges::MINI_CHEETAH)
+        mit::Drive::new(1, id, reply, Ranges::MINI_CHEETAH)
     });
     let (node, axis) = (cia402::Node::new(1).unwrap(), odrive::Node::new(3).unwrap());
     let request = damiao::Request { node: 1, register: damiao::Register::TorqueMax };

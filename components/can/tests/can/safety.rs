@@ -4,6 +4,7 @@
 use motorium_can::adapter::{Adapter, Link, OnTrip, Phase, WrongSetting};
 use motorium_can::bus::simulated::Event;
 use motorium_can::cia402::{self, Emergency};
+use motorium_can::drive::Fault;
 use motorium_can::odrive::{self, Report};
 use motorium_can::{AnySimulatedDrive, Frame, Overrides, Received, SimulatedBus, SimulatedDrive, Table};
 use motorium_drive::JointSetpoint;
@@ -170,7 +171,7 @@ fn a_damiao_in_another_control_mode_is_not_enabled() {
         let mut rig = Rig::new("damiao", "");
         let codec = table("damiao", "").drive(0).unwrap();
         let drive = SimulatedDrive::new(codec, Some(40_000_000)).with_control_mode(mode);
-        rig.drive = AnySimulatedDrive::Mit(Box::new(drive));
+        rig.drive = AnySimulatedDrive::from(drive);
         rig.run(20);
         let wrong = rig.adapter.wrong_setting().map(|(_, wrong)| wrong.to_string());
         let expected = format!("its control mode (register 10) is {mode}, expected 1");
@@ -311,7 +312,7 @@ fn an_emergency_message_is_counted_and_trips() {
     }
     assert!(rig.adapter.has_tripped());
     assert_eq!(rig.link().counts().emergencies, 6);
-    assert_eq!(rig.link().fault(), Some(motorium_can::mit::Fault::OverCurrent));
+    assert_eq!(rig.link().fault(), Some(Fault::OverCurrent));
     assert_eq!(rig.adapter.stray(), 0);
 }
 

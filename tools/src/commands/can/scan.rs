@@ -184,7 +184,7 @@ fn devices(found: &Found) -> Vec<Value> {
         DeviceKind::Moteus { mode, home, fault } => json!({
             "node": device.node,
             "protocol": "moteus",
-            "mode": format!("{mode:?}"),
+            "mode": mode,
             "counts_from": home.map(|home| format!("{home:?}")),
             "fault": fault,
         }),
@@ -264,7 +264,7 @@ fn describe_kind(kind: &DeviceKind) -> String {
         }
         DeviceKind::Moteus { mode, home, fault } => {
             let home = home.map_or_else(String::new, |home| format!(", counts from {home}"));
-            format!("moteus   mode {mode:?}{home}, fault {fault}")
+            format!("moteus   mode {mode}{home}, fault {fault}")
         }
     }
 }

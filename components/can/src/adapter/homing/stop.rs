@@ -5,8 +5,8 @@
 //! is closed. A joint that comes to rest at two positions has met a movable obstacle. A joint stopped only by
 //! its own weight also comes to rest at the same position, but sinks back as soon as its effort is halved.
 
-use super::fault::HomingFault;
-use crate::table::HomingEntry;
+use crate::protocols::entries::HomingEntry;
+use crate::protocols::homing_fault::HomingFault;
 
 /// Time over which motion is judged, ns.
 const WINDOW_NS: u64 = 200_000_000;

@@ -1,9 +1,9 @@
 //! Homing of the joint of a drive.
 
 use super::Link;
-use crate::adapter::dialogue::Order;
 use crate::adapter::homing::Outcome;
 use crate::adapter::{HomingFault, HomingState, OnTrip, Phase};
+use crate::protocols::dialogue::{Dialogue as _, Order};
 use motorium_drive::JointSetpoint;
 
 impl Link {

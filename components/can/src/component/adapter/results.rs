@@ -42,8 +42,8 @@ impl CanAdapter {
                 "lost": counts.lost,
                 "lost_in_cycle": counts.lost_in,
                 "faults": counts.faults,
-                "fault": link.fault().map(crate::mit::Fault::description),
-                "fault_code": link.fault().and_then(crate::mit::Fault::code),
+                "fault": link.fault().map(crate::drive::Fault::description),
+                "fault_code": link.fault().and_then(crate::drive::Fault::code),
                 "temperature_celsius": link.temperature(),
             });
             joints.insert(name.clone(), value);

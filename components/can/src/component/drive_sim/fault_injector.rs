@@ -2,8 +2,8 @@
 
 use super::axis::Axis;
 use super::config::DriveSimulationConfig;
+use crate::Frame;
 use crate::component::faults::{Fault, FaultKind};
-use crate::{AnySimulatedDrive, Frame, Id};
 
 /// Time between two frames of a babbling node, ns: shorter than a frame.
 pub(super) const BABBLE_NS: u64 = 50_000;
@@ -13,16 +13,13 @@ pub(super) const BABBLE_NS: u64 = 50_000;
 pub(super) struct DriveNode {
     entry: usize,
     node: usize,
-    is_odrive: bool,
+    /// Makes the device, state or number in a frame invalid.
+    corrupt: fn(&mut Frame),
 }
 
 impl DriveNode {
     pub(super) fn from_axis(axis: &Axis) -> Self {
-        Self {
-            entry: axis.entry,
-            node: axis.node,
-            is_odrive: matches!(axis.drive, AnySimulatedDrive::Odrive(_)),
-        }
+        Self { entry: axis.entry, node: axis.node, corrupt: axis.drive.corruption() }
     }
 }
 
@@ -57,14 +54,13 @@ impl FaultInjector<'_> {
         };
         let late_ns = has(FaultKind::Late).map_or(0, |fault| fault.delay_ns);
         let ready_ns = time_ns + delay_ns + jitter_ns + late_ns;
-        let frame = if has(FaultKind::WrongLength).is_some() {
+        let mut frame = frame;
+        if has(FaultKind::WrongLength).is_some() {
             let length = frame.data().len().min(6).saturating_sub(1);
-            Frame::new(frame.id, frame.form, &frame.data()[..length]).unwrap_or(frame)
+            frame = Frame::new(frame.id, frame.form, &frame.data()[..length]).unwrap_or(frame);
         } else if has(FaultKind::Corrupt).is_some() {
-            corrupt(frame, drive.is_odrive)
-        } else {
-            frame
-        };
+            (drive.corrupt)(&mut frame);
+        }
         answer_with(Sender::Drive(drive.node), frame, ready_ns);
         if has(FaultKind::Duplicate).is_some() {
             answer_with(Sender::Drive(drive.node), frame, ready_ns);
@@ -98,18 +94,6 @@ impl Sender {
 fn elsewhere(mut answer: Frame) -> Frame {
     if let Some(position) = answer.data_mut().get_mut(1) {
         *position ^= 0x20;
-    }
-    answer
-}
-
-/// Answer with an invalid device, state or number.
-fn corrupt(mut answer: Frame, is_odrive: bool) -> Frame {
-    let is_heartbeat = matches!(answer.id, Id::Standard(id) if id & 0x1f == 0x01);
-    match answer.data_mut() {
-        [_, _, _, _, state, ..] if is_odrive && is_heartbeat => *state ^= 0x70,
-        [_, _, c, d, ..] if is_odrive => (*c, *d) = (*c | 0x80, *d | 0x7f),
-        [first, ..] => *first ^= 0x70,
-        [] => {}
     }
     answer
 }

@@ -3,8 +3,8 @@
 use motorium_robots::Dynamics;
 use nalgebra::DMatrix;
 
+use crate::ControlMode;
 use crate::component::Equipped;
-use crate::table::ControlMode;
 
 /// `kd dt / I` from which a discrete velocity loop amplifies every error: its torque alternates between both
 /// limits.
@@ -23,7 +23,7 @@ pub(super) fn too_stiff(equipped: &Equipped, dt: f64) -> Option<String> {
     let inverse = mass.try_inverse()?;
     (0..joints).find_map(|i| {
         let entry = &table.drives[order[i]];
-        if !entry.protocol.has_loop() || entry.mode == Some(ControlMode::Torque) {
+        if !entry.protocol.spec().has_loop() || entry.mode == Some(ControlMode::Torque) {
             return None;
         }
         let (ratio, column) = (entry.ratio, model.nv() - joints + i);

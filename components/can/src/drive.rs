@@ -1,0 +1,186 @@
+//! Vocabulary of all drives: commands, feedback, states, faults and ranges, in units of the output shaft.
+
+use crate::range::Range;
+
+/// Command of a drive, in units of the output shaft.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Command {
+    /// Position setpoint, rad.
+    pub position: f64,
+    /// Velocity setpoint, rad/s.
+    pub velocity: f64,
+    /// Position gain, N m/rad.
+    pub kp: f64,
+    /// Velocity gain, N m s/rad.
+    pub kd: f64,
+    /// Feed-forward torque, N m.
+    pub torque: f64,
+}
+
+impl Command {
+    /// Torque that a drive applies for this command at this position \[rad\] and velocity \[rad/s\], without
+    /// limits, N m.
+    ///
+    /// ```
+    /// use motorium_can::drive::Command;
+    ///
+    /// let command = Command { position: 1.0, kp: 20.0, kd: 0.5, torque: 3.0, ..Command::default() };
+    /// assert_eq!(command.torque_at(0.9, 2.0), 3.0 + 20.0 * (1.0 - 0.9) - 0.5 * 2.0);
+    /// ```
+    pub fn torque_at(&self, position: f64, velocity: f64) -> f64 {
+        self.torque + self.kp * (self.position - position) + self.kd * (self.velocity - velocity)
+    }
+}
+
+/// Answer of a drive, in units of the output shaft.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Feedback {
+    /// Position, rad.
+    pub position: f64,
+    /// Velocity, rad/s.
+    pub velocity: f64,
+    /// Torque, N m.
+    pub torque: f64,
+    /// Temperature of the drive, degrees Celsius, if it is reported.
+    pub temperature: Option<f64>,
+    /// Supply voltage, V, if it is reported.
+    pub voltage: Option<f64>,
+    /// State of the drive.
+    pub state: State,
+}
+
+/// State reported by a drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// Not reported.
+    Unknown,
+    /// The drive is disabled.
+    Disabled,
+    /// The drive follows commands.
+    Enabled,
+    /// The drive disabled itself because of a fault.
+    Fault(Fault),
+}
+
+/// Fault of a drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// The supply voltage is too high.
+    OverVoltage,
+    /// The supply voltage is too low.
+    UnderVoltage,
+    /// The current is too high.
+    OverCurrent,
+    /// The transistors are too hot.
+    HotTransistors,
+    /// The motor is too hot.
+    HotMotor,
+    /// No command arrived within the watchdog time.
+    CommunicationLost,
+    /// The motor could not deliver the torque for too long.
+    Overload,
+    /// The encoder failed.
+    Encoder,
+    /// Any other fault, with the drive's code.
+    Other(u32),
+}
+
+impl Fault {
+    /// Short description of the fault.
+    pub fn description(self) -> &'static str {
+        match self {
+            Self::OverVoltage => "supply voltage too high",
+            Self::UnderVoltage => "supply voltage too low",
+            Self::OverCurrent => "current too high",
+            Self::HotTransistors => "transistors too hot",
+            Self::HotMotor => "motor too hot",
+            Self::CommunicationLost => "no command for the time of its watchdog",
+            Self::Overload => "overload",
+            Self::Encoder => "encoder failed",
+            Self::Other(_) => "a fault that the drive has a code for",
+        }
+    }
+
+    /// Drive-specific code of a fault that has no name here.
+    pub fn code(self) -> Option<u32> {
+        match self {
+            Self::Other(code) => Some(code),
+            _ => None,
+        }
+    }
+}
+
+/// Ranges of the fields, in units of the drive's output shaft.
+///
+/// ```
+/// use motorium_can::drive::Ranges;
+///
+/// assert_eq!(Ranges::MINI_CHEETAH.velocity.max, 65.0);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ranges {
+    /// Positions, rad.
+    pub position: Range,
+    /// Velocities, rad/s.
+    pub velocity: Range,
+    /// Position gains, N m/rad.
+    pub kp: Range,
+    /// Velocity gains, N m s/rad.
+    pub kd: Range,
+    /// Torques, N m.
+    pub torque: Range,
+}
+
+impl Ranges {
+    /// Creates ranges from the largest position, velocity and torque, with gains up to 500 N m/rad and 5 N m
+    /// s/rad.
+    pub const fn new(position: f64, velocity: f64, torque: f64) -> Self {
+        Self {
+            position: Range::symmetric(position),
+            velocity: Range::symmetric(velocity),
+            kp: Range::from_zero(500.0),
+            kd: Range::from_zero(5.0),
+            torque: Range::symmetric(torque),
+        }
+    }
+
+    /// Clamps each field of a command to its range.
+    pub fn clamped(&self, command: &Command) -> Command {
+        Command {
+            position: self.position.nearest(command.position),
+            velocity: self.velocity.nearest(command.velocity),
+            kp: self.kp.nearest(command.kp),
+            kd: self.kd.nearest(command.kd),
+            torque: self.torque.nearest(command.torque),
+        }
+    }
+
+    /// Replaces the largest gains.
+    #[must_use]
+    pub const fn with_gains(self, kp: f64, kd: f64) -> Self {
+        Self { kp: Range::from_zero(kp), kd: Range::from_zero(kd), ..self }
+    }
+}
+
+/// Reference of a drive's position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum PositionReference {
+    /// Position at power-up.
+    Relative = 0,
+    /// Zero of the rotor encoder: with a gearbox, there is one such position for each rotor turn per output
+    /// turn.
+    Rotor = 1,
+    /// Zero of the output, from an output encoder or because the position has been set.
+    Output = 2,
+}
+
+impl core::fmt::Display for PositionReference {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::Relative => "the power-up position",
+            Self::Rotor => "the rotor encoder",
+            Self::Output => "the output",
+        })
+    }
+}

@@ -1,0 +1,200 @@
+//! Dialogues with drives: they turn orders of the adapter into frames of a protocol, and frames of a drive
+//! into responses.
+
+use super::homing_fault::HomingFault;
+use super::setting::WrongSetting;
+use crate::drive::{Command, Fault, Feedback, Ranges, State};
+use crate::frame::{DecodeError, Form, Frame};
+use crate::protocols::entries::LoopEntry;
+use crate::servo;
+
+/// Request of the adapter to a drive in one cycle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Order {
+    /// Read or write the setting with this number.
+    Check(u8),
+    /// Disable the drive.
+    Disable,
+    /// Only answer: the drive reported a fault, which stays latched.
+    Rest,
+    /// Search for the mark.
+    Home,
+    /// Start following commands.
+    Enable,
+    /// Follow a command, in units of the output shaft.
+    Follow(Command),
+}
+
+/// Content of a frame from a drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Response {
+    /// State of the drive: the answer of the cycle.
+    Feedback(Feedback),
+    /// A setting that matches the table (`None`), or its mismatch.
+    Setting(Option<WrongSetting>),
+    /// Operating state, sent apart from the answers.
+    State(State),
+    /// Heartbeat: the drive is alive.
+    Alive,
+    /// A setting does not have its value yet and is read again.
+    Waiting,
+    /// Error reported in a separate message, and its presence.
+    Emergency { fault: Fault, is_present: bool },
+    /// The drive has just started and has lost its configuration.
+    Restarted,
+    /// Any other frame.
+    Other,
+}
+
+/// Dialogue with one drive.
+///
+/// Each cycle the adapter calls [`write`](Self::write) with its order, and [`read`](Self::read) with each
+/// frame of the drive.
+pub(crate) trait Dialogue {
+    /// Number of settings checked before the drive is enabled.
+    fn checks(&self) -> u8 {
+        0
+    }
+
+    /// Returns `true` if the gains of commands reach the drive.
+    fn takes_gains(&self) -> bool;
+
+    /// Returns `true` if the drive reports whether it is enabled.
+    fn reports_state(&self) -> bool {
+        true
+    }
+
+    /// Period of a drive that reports unsolicited; `None` for one that answers commands.
+    fn reports_every_ns(&self) -> Option<u64> {
+        None
+    }
+
+    /// Longest time, ns, between two heartbeats, or between two state messages of a drive whose answers lack
+    /// the state.
+    fn state_within_ns(&self) -> Option<u64> {
+        None
+    }
+
+    /// Form of the drive's frames, and bytes of the shortest command and the shortest answer.
+    fn shortest(&self) -> (Form, usize, usize);
+
+    /// Sets the time between two cycles, ns.
+    fn set_cycle(&mut self, _cycle_ns: u64) {}
+
+    /// Accepts an answer as plausible, so that setpoints may be derived from it.
+    fn accept(&mut self, _feedback: &Feedback) {}
+
+    /// Restarts the dialogue, and clears the faults of a drive that was lost or disabled itself.
+    fn restart(&mut self) {}
+
+    /// Discards the dialogue's progress, as at the start, without clearing faults.
+    fn forget(&mut self) {}
+
+    /// Starts the search for the mark, in a drive with a homing procedure.
+    fn begin_homing(&mut self) {}
+
+    /// Result of the drive's own homing, once it has finished.
+    fn homing_result(&self) -> Option<Result<(), HomingFault>> {
+        None
+    }
+
+    /// Returns `true` if the frame comes from this drive.
+    fn is_from(&self, frame: &Frame) -> bool;
+
+    /// Writes the frames of a cycle. Frames of a [`member`](Self::member) are written for the whole line
+    /// together.
+    fn write(&mut self, order: &Order, frames: &mut Vec<Frame>);
+
+    /// Returns `true` if the drive answers this order after the synchronisation of its bus.
+    fn is_synchronised(&self, _order: &Order) -> bool {
+        false
+    }
+
+    /// Writes the frames that synchronise all such drives of a bus, after the drives' own frames.
+    fn synchronise(&self, _frames: &mut Vec<Frame>) {}
+
+    /// Member of a serial line whose drives are written and queried together.
+    fn member(&self) -> Option<&dyn Member> {
+        None
+    }
+
+    /// Mutable access to [`member`](Self::member).
+    fn member_mut(&mut self) -> Option<&mut dyn Member> {
+        None
+    }
+
+    /// Reads a frame of this drive while the setting `checking` is being checked.
+    fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Response, DecodeError>;
+}
+
+/// Registers of a servo: the first register, and the number of bytes.
+pub(crate) type Registers = (u16, u8);
+
+/// Registers that the servos of a line share.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Layout {
+    /// Protocol of the packets.
+    pub(crate) protocol: servo::Protocol,
+    /// Registers written in a cycle, in this order.
+    pub(crate) written: &'static [Registers],
+    /// Registers read from a servo: the settings one after the other, and the state last.
+    pub(crate) read: &'static [Registers],
+}
+
+/// Member of a serial line. One packet writes the goals of all members, one packet queries all of them.
+pub(crate) trait Member {
+    /// Number of the servo.
+    fn number(&self) -> u8;
+
+    /// Registers of all members of the line.
+    fn layout(&self) -> &'static Layout;
+
+    /// Index of the block to read with an order, among [`Layout::read`].
+    fn block(&self, order: &Order) -> usize;
+
+    /// Writes the registers that an order requires: passes `put` the index of the block among
+    /// [`Layout::written`], and the bytes.
+    fn put(&mut self, order: &Order, put: &mut dyn FnMut(usize, &[u8]));
+}
+
+/// Newest state of a drive commanded by positions or torques, from which its setpoints are derived.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Motion {
+    pub(crate) position: f64,
+    pub(crate) velocity: f64,
+    /// Position held while commands have no position gain.
+    pub(crate) held: Option<f64>,
+}
+
+impl Motion {
+    /// Begins a cycle. A drive that is not yet following commands has no held position, since its joint may
+    /// have been moved.
+    pub(crate) fn begin(&mut self, order: &Order) {
+        if !matches!(order, Order::Follow(_)) {
+            self.held = None;
+        }
+    }
+
+    /// Position of a command. Without a position gain, it is the drive's position at the first such command.
+    pub(crate) fn target(&mut self, command: &Command) -> f64 {
+        if command.kp > 0.0 {
+            self.held = None;
+            command.position
+        } else {
+            *self.held.get_or_insert(self.position)
+        }
+    }
+
+    /// Velocity setpoint for a command at the newest state: the commanded velocity, and the velocity at which
+    /// the drive's own loop would approach the commanded position.
+    pub(crate) fn velocity(&self, command: &Command, gains: LoopEntry, ranges: &Ranges) -> f64 {
+        let towards =
+            if command.kp > 0.0 { gains.kp / gains.kd * (command.position - self.position) } else { 0.0 };
+        (command.velocity + towards).clamp(ranges.velocity.min, ranges.velocity.max)
+    }
+
+    /// Torque for a command at the newest state.
+    pub(crate) fn torque(&self, command: &Command, ranges: &Ranges) -> f64 {
+        command.torque_at(self.position, self.velocity).clamp(ranges.torque.min, ranges.torque.max)
+    }
+}
