@@ -84,6 +84,22 @@ fn a_panda_puts_a_cube_into_a_bin_and_twice_to_the_same_bit() {
 }
 
 #[test]
+fn a_mobile_arm_carries_a_cube_from_table_to_table() {
+    let ended = whole("fetch-cube.toml", &[]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let results = &ended.report().results;
+    let (cube, controller) = (&results["physics"]["objects"]["cube"], &results["controller"]);
+    let place = |axis: usize| cube["position"][axis].as_f64().expect("a number");
+    // on the table, 39.6 cm high
+    assert!((place(2) - 0.416).abs() < 1e-3, "{cube}");
+    assert!((place(0) + 0.6).abs() < 0.02 && (place(1) - 2.25).abs() < 0.02, "{cube}");
+    assert!(cube["speed"].as_f64().expect("a number") < 1e-3, "{cube}");
+    assert_eq!((&controller["finger_goals"], &controller["finger_goals_refused"]), (&3.into(), &0.into()));
+    assert_eq!(controller["goals_reached"], 14, "{controller}");
+    assert_nothing_allocates(&ended);
+}
+
+#[test]
 fn a_panda_puts_a_nut_into_a_tray_that_both_are_meshes() {
     let ended = whole("pick-nut.toml", &[]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);

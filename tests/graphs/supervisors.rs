@@ -147,6 +147,22 @@ fn a_guard_that_is_asked_to_end_stays_and_guards() {
 }
 
 #[test]
+fn a_run_under_nohup_survives_a_hang_up() {
+    let _machine = machine();
+    // shorter than the steps awaited below, in which a hang-up would have ended the run
+    let run = Run::start_under_nohup(&panda_reach(), &["--for", "60 s", "--set", "safety.settle=300 ms"]);
+    for process in COMPONENTS.map(|component| run.pid_of(component)).into_iter().chain([run.guard()]) {
+        signal(process, Signal::HUP);
+    }
+    signal(run.launcher(), Signal::HUP);
+    run.await_steps("physics", 1000);
+    assert!(is_alive(run.launcher()) && !run.is_safe("physics"), "the hang-up ended the run");
+    signal(run.launcher(), Signal::TERM);
+    let ended = run.finish();
+    assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Interrupted), "{}", ended.stderr);
+}
+
+#[test]
 fn a_stopped_launcher_resumes_supervision() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "policy.restart.when=failure"]);

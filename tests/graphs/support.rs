@@ -29,6 +29,11 @@ pub(crate) fn is_root() -> bool {
 /// Options of a run that may lose any number of steps: the test does not depend on the load of the host.
 pub(crate) const ANY_LOSS: [&str; 2] = ["--set", "realtime.lost_steps=1"];
 
+/// Returns `true` if every component has stepped.
+fn has_stepped(_: &motorium::plan::Plan, region: &motorium::region::Region) -> bool {
+    region.components().iter().all(|block| steps(block) > 20)
+}
+
 /// A started run.
 pub(crate) struct Run {
     child: Option<Child>,
@@ -38,9 +43,13 @@ pub(crate) struct Run {
 impl Run {
     /// Starts `motorium run GRAPH --json ARGUMENTS` and waits until the graph steps.
     pub(crate) fn start(graph: &Path, arguments: &[&str]) -> Self {
-        Self::start_when(graph, arguments, |_, region| {
-            region.components().iter().all(|block| steps(block) > 20)
-        })
+        Self::start_when(graph, arguments, has_stepped)
+    }
+
+    /// Like [`start`](Self::start), under `nohup`.
+    pub(crate) fn start_under_nohup(graph: &Path, arguments: &[&str]) -> Self {
+        let mut command = Command::new("nohup");
+        Self::spawn(command.arg(MOTORIUM), graph, arguments, has_stepped)
     }
 
     /// Starts `motorium run GRAPH --json ARGUMENTS` and waits until it is ready.
@@ -49,7 +58,16 @@ impl Run {
         arguments: &[&str],
         is_ready: impl Fn(&motorium::plan::Plan, &motorium::region::Region) -> bool,
     ) -> Self {
-        let child = Command::new(MOTORIUM)
+        Self::spawn(&mut Command::new(MOTORIUM), graph, arguments, is_ready)
+    }
+
+    fn spawn(
+        command: &mut Command,
+        graph: &Path,
+        arguments: &[&str],
+        is_ready: impl Fn(&motorium::plan::Plan, &motorium::region::Region) -> bool,
+    ) -> Self {
+        let child = command
             .arg("run")
             .arg(graph)
             // A broken graph misses its goals.

@@ -1,6 +1,7 @@
 //! Grippers: goals of fingers, and the positions that they stand for.
 
 use core::str::FromStr;
+use std::time::Duration;
 
 use motorium_robots::{EndEffectorError, Loaded};
 use schemars::JsonSchema;
@@ -97,6 +98,8 @@ struct Finger {
     upper: f64,
     open: f64,
     closed: f64,
+    /// Velocity limit, rad/s or m/s.
+    velocity: f64,
 }
 
 impl Fingers {
@@ -119,7 +122,8 @@ impl Fingers {
             let joint = model.joint_index(name)?;
             let (lower, upper) = (model.lower()[joint], model.upper()[joint]);
             let (open, closed) = (at("open", joint, upper), at("closed", joint, lower));
-            Some(Finger { joint, name: name.clone(), lower, upper, open, closed })
+            let velocity = model.velocity_limit()[joint];
+            Some(Finger { joint, name: name.clone(), lower, upper, open, closed, velocity })
         };
         let fingers: Vec<Finger> = names.filter_map(finger).collect();
         match fingers.is_empty() {
@@ -148,6 +152,12 @@ impl Fingers {
             });
         }
         Ok(self.0.iter().map(move |finger| (finger.joint, position(finger))))
+    }
+
+    /// Returns the shortest time in which every finger moves through its whole range; 0 if that is unlimited.
+    pub(crate) fn travel_time(&self) -> Duration {
+        let times = self.0.iter().map(|finger| (finger.upper - finger.lower) / finger.velocity);
+        Duration::try_from_secs_f64(times.fold(0.0, f64::max)).unwrap_or_default()
     }
 
     /// Returns `true` if this is the position at which a finger is closed: an object may stop it before.

@@ -5,7 +5,7 @@ use schemars::generate::SchemaSettings;
 use serde_json::{Value as Json, json};
 
 use super::model::GraphTable;
-use super::values::NAME_PATTERN;
+use super::values::{NAME_PATTERN, ROBOT_NAME_PATTERN};
 use crate::worker::Registry;
 
 /// The JSON Schema (draft 7, which editors know best) of graph files made of these kinds of components.
@@ -16,10 +16,10 @@ pub fn schema(registry: &Registry) -> Schema {
     let mut schema = generator.into_root_schema_for::<GraphTable<'static>>();
     let configs: Vec<(Json, Vec<&str>)> =
         configs.into_iter().map(|config| (config.clone(), required(&config, &schema))).collect();
-    for table in ["component", "robot"] {
+    for (table, pattern) in [("component", NAME_PATTERN), ("robot", ROBOT_NAME_PATTERN)] {
         if let Some(names) = schema.pointer_mut(&format!("/properties/{table}")).and_then(Json::as_object_mut)
         {
-            names.insert("propertyNames".into(), json!({ "pattern": NAME_PATTERN }));
+            names.insert("propertyNames".into(), json!({ "pattern": pattern }));
         }
     }
     if let Some(component) = schema.pointer_mut("/definitions/Component").and_then(Json::as_object_mut) {

@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use signal_hook::consts::SIGTSTP;
+use signal_hook::consts::{SIGHUP, SIGTSTP};
 
 /// Signals that request the end of the run.
 pub(super) struct Signals {
@@ -32,6 +32,10 @@ impl Signals {
         }
         catchers::enter()?;
         for signal in catchers::SIGNALS {
+            // under `nohup` a closed terminal must not end the run
+            if signal == SIGHUP && crate::os::is_ignored(signal) {
+                continue;
+            }
             let raised = count.clone();
             registered.push(signal_hook_registry_count(signal, raised)?);
             registered.push(signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?);

@@ -27,8 +27,8 @@ pub(crate) use futex::{futex_sleep, futex_wake_low};
 pub use idle::IdleLimit;
 pub use lock::{Lock, is_held};
 pub use prefetch::{prefetch_read, prefetch_write};
-pub(crate) use process::is_default;
 pub use process::{Watch, discard_output, install_interrupt, interrupt_thread, process_state, thread_id};
+pub(crate) use process::{is_default, is_ignored};
 pub use random::random_bytes;
 pub use readiness::Readiness;
 pub use realtime::{

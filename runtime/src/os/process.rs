@@ -41,11 +41,19 @@ pub fn interrupt_thread(thread: i32) {
 
 /// Returns `true` if a signal has its default action in this process.
 pub(crate) fn is_default(signal: libc::c_int) -> bool {
+    action_of(signal) == Some(libc::SIG_DFL)
+}
+
+/// Returns `true` if this process ignores a signal.
+pub(crate) fn is_ignored(signal: libc::c_int) -> bool {
+    action_of(signal) == Some(libc::SIG_IGN)
+}
+
+fn action_of(signal: libc::c_int) -> Option<libc::sighandler_t> {
     // SAFETY: zero is a valid value of the plain structure, into which the call writes the present action.
     unsafe {
         let mut action: libc::sigaction = core::mem::zeroed();
-        libc::sigaction(signal, core::ptr::null(), &raw mut action) == 0
-            && action.sa_sigaction == libc::SIG_DFL
+        (libc::sigaction(signal, core::ptr::null(), &raw mut action) == 0).then_some(action.sa_sigaction)
     }
 }
 

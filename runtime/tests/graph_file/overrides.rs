@@ -93,3 +93,11 @@ fn an_argument_without_a_path_or_a_value_is_no_override() {
     let set: Override = "a.b=c=d".parse().expect("an override");
     assert_eq!((set.path.as_str(), set.value.as_str()), ("a.b", "c=d"));
 }
+
+#[test]
+fn robot_names_may_have_capital_letters() {
+    let plan = plan(&["robot.UR5e.urdf=panda", "controller.robot=UR5e"]);
+    assert_eq!(plan.components[3].robot.as_ref().map(|robot| robot.name.as_str()), Some("UR5e"));
+    let refused = refused(&["robot.UR5\u{e9}.urdf=panda"]);
+    assert!(refused.contains("`A`-`Z`") && refused.contains("call it `UR5_`"), "{refused}");
+}

@@ -10,6 +10,7 @@ use super::conflicts::ConstraintRows;
 use super::diagnostics_output::DiagnosticsOutput;
 use super::dynamics_config::InfeasiblePolicy;
 use super::figures::Figures;
+use super::fingers::FingerGoals;
 use super::formulation::{Formulation, Parts, Room, SolveStats, Torque, Velocity};
 use super::measured::{FreshStep, MeasuredState, required_robot};
 use super::objects::MovingObjects;
@@ -59,6 +60,7 @@ impl Component for QpController {
         setup.row_limits(config)?;
         setup.acceleration_limit(config)?;
         MovingObjects::declare(config, &setup, declare);
+        FingerGoals::declare(&setup, declare);
         // checks and parameter defaults do not depend on the period
         for (context, task) in setup.tasks(0.0) {
             task.declare(&context, declare)?;
@@ -117,6 +119,7 @@ struct Controller<F> {
     mixture: Mixture,
     limits: RowLimits,
     objects: MovingObjects,
+    fingers: FingerGoals,
     formulation: F,
     /// Commanded positions and velocities of the joints.
     setpoint: SetpointIntegrator,
@@ -149,6 +152,7 @@ impl<F: Formulation> Controller<F> {
         let limits = parts.row_limits(config)?;
         let room = Room::new(&mut tasks, &limits, parts.levels().count());
         let objects = MovingObjects::configure(config, &parts, setup)?;
+        let fingers = FingerGoals::configure(&parts, setup)?;
         let velocity_fraction =
             parts.limits_velocities().then(|| setup.parameter("velocity_fraction")).transpose()?;
         let formulation = F::configure(config, &parts, &room, setup)?;
@@ -166,6 +170,7 @@ impl<F: Formulation> Controller<F> {
             mixture: Mixture::new(formulation.unknowns().len()),
             limits,
             objects,
+            fingers,
             formulation,
             setpoint,
             gains,
@@ -217,7 +222,8 @@ impl<F: Formulation> Controller<F> {
             held.task.prepare(&bounds);
         }
         let fraction = self.velocity_fraction.as_ref().map(Parameter::get);
-        self.formulation.prepare(&self.measured, &self.setpoint, fraction, &bounds);
+        let fingers = self.fingers.step(&self.setpoint, fraction.unwrap_or(1.0), dt);
+        self.formulation.prepare(&self.measured, &self.setpoint, fraction, fingers, &bounds);
         let Self { objects, limits, tasks, .. } = self;
         objects.update(|visit| visit_limits(limits, tasks, visit))?;
         Ok(bounds)
@@ -310,7 +316,7 @@ impl<F: Formulation> Controller<F> {
     }
 
     fn publish(&mut self, solved: bool, dt: f64) -> Result<(), StepError> {
-        let Self { formulation, measured, setpoint, gains, .. } = self;
+        let Self { formulation, measured, setpoint, gains, fingers, .. } = self;
         // held joints are driven by their gains only
         let share = if solved { formulation.gain_share() } else { 1.0 };
         let mut command = self.joint_command.loan()?;
@@ -321,8 +327,14 @@ impl<F: Formulation> Controller<F> {
         let scale = |gains: &DVector<f64>, scale: f64, scaled: &mut [f64]| {
             scaled.iter_mut().zip(gains).for_each(|(scaled, gain)| *scaled = scale * gain);
         };
-        scale(&gains.kp, share * self.kp_scale.get(), command.kp_mut());
-        scale(&gains.kd, share * self.kd_scale.get(), command.kd_mut());
+        let (kp_scale, kd_scale) = (self.kp_scale.get(), self.kd_scale.get());
+        scale(&gains.kp, share * kp_scale, command.kp_mut());
+        scale(&gains.kd, share * kd_scale, command.kd_mut());
+        // the grip of a finger with a goal comes from its gains
+        for joint in fingers.moved() {
+            command.kp_mut()[joint] = kp_scale * gains.kp[joint];
+            command.kd_mut()[joint] = kd_scale * gains.kd[joint];
+        }
         command.publish()
     }
 
@@ -331,6 +343,7 @@ impl<F: Formulation> Controller<F> {
         self.limits.reset();
         let Self { objects, limits, tasks, .. } = self;
         objects.reset(|visit| visit_limits(limits, tasks, visit));
+        self.fingers.reset();
         self.formulation.reset();
         self.figures.reset();
         self.measured.reset();
@@ -340,6 +353,7 @@ impl<F: Formulation> Controller<F> {
         let mut result = goals(&self.tasks);
         self.limits.add_to(&mut result);
         self.objects.add_to(&mut result);
+        self.fingers.add_to(&mut result);
         let contacts = self.formulation.contacts();
         self.figures.add_to(&mut result, &self.tasks, |conflict| {
             self.rows.describe(conflict, &self.measured.model, &contacts)

@@ -6,6 +6,7 @@ mod controller;
 mod diagnostics_output;
 mod dynamics_config;
 mod figures;
+mod fingers;
 mod formulation;
 pub mod measured;
 mod objects;

@@ -27,8 +27,9 @@ const LEVELS: u32 = 8;
 /// Range of every regularisation.
 const DAMPING: core::ops::RangeInclusive<f64> = 1e-12..=1.0;
 
-/// Name of the input.
+/// Names of inputs.
 pub(super) const OBJECTS_INPUT: &str = "object_poses";
+pub(super) const FINGERS_INPUT: &str = "fingers";
 
 /// A robot, its tasks, and the gains and effort limits of its drives.
 pub(super) struct ControllerSetup {
@@ -206,7 +207,7 @@ impl ControllerSetup {
         for (index, task) in self.tasks.iter().enumerate() {
             task.configured(index)?;
         }
-        let own = ["joint_state", "base_state", OBJECTS_INPUT];
+        let own = ["joint_state", "base_state", OBJECTS_INPUT, FINGERS_INPUT];
         let (mut names, mut targets) = (Vec::new(), own.to_vec());
         for (context, kind) in self.tasks(0.0) {
             let TaskHead { name, level, target, wrench, formulations, acts_on } = kind.head();

@@ -166,6 +166,15 @@ impl<S: QpSolver> DifferentialIk<S> {
         limit.narrow(state, before, dt, &mut self.problem);
     }
 
+    /// Prescribes a velocity \[rad/s or m/s\] by its index in `v`. Replaces the limits that were added to it
+    /// before.
+    pub fn prescribe(&mut self, index: usize, velocity: f64) {
+        let Self { problem, wide_bounds: [lower, upper], .. } = self;
+        for bounds in [&mut problem.lower, &mut problem.upper, lower, upper] {
+            bounds[index] = velocity;
+        }
+    }
+
     /// Returns `true` if the last [`solve`](Self::solve) exceeded the acceleration limit.
     pub fn exceeds_acceleration(&self) -> bool {
         self.exceeds_acceleration

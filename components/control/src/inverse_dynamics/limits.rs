@@ -27,6 +27,13 @@ impl InverseDynamics {
         self
     }
 
+    /// Sets the acceleration of a joint to zero for this tick, in place of its limits. For a joint that is
+    /// moved by the gains of its drive.
+    pub fn coast(&mut self, joint: usize) {
+        let variable = self.order.base + joint;
+        (self.problem.lower[variable], self.problem.upper[variable]) = (0.0, 0.0);
+    }
+
     /// Adds the rows of `limit`, which bound velocities by `lower(q) <= G(q) v <= upper(q)`, as bounds of the
     /// accelerations of a tick of `dt` seconds.
     ///

@@ -9,6 +9,7 @@ mod conflicts;
 mod diagnostics;
 mod fades;
 mod feed_forward;
+mod fingers;
 mod gaze;
 mod graph;
 mod inverse_kinematics;

@@ -8,12 +8,15 @@ use serde::Deserialize;
 use motorium_primitives::dmp::{ObstacleAvoidance, StoredModel};
 use motorium_primitives::reach::Repeat;
 
+use crate::gripper::Gripper;
+
 /// Configuration of `policy.dmp`.
 ///
 /// ```toml
 /// repeat = "forever"
 /// goals = [
 ///     { position = [0.5, 0.2, 0.3], duration = "2 s", dwell = "500 ms" },
+///     { gripper = "close", dwell = "200 ms" },
 ///     { offset = [0.0, -0.4, 0.0], rpy = [3.14, 0.0, 0.8], duration = "2 s", shape = { arc = [0.0, 0.0, 0.1] } },
 /// ]
 /// ```
@@ -71,8 +74,8 @@ pub struct PoseConfig {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GoalConfig {
-    /// Position in the world frame, m. This or `offset`. Neither is needed after a demonstration, whose end
-    /// is the default.
+    /// Position in the world frame, m. This or `offset`. Default: the end of a demonstration, or the previous
+    /// goal's for a goal with a `gripper`.
     #[serde(default)]
     pub position: Option<[f64; 3]>,
     /// Position relative to the previous goal, or to the start for the first one, in world axes, m. This or
@@ -86,8 +89,13 @@ pub struct GoalConfig {
     /// Orientation in the world frame as roll, pitch, yaw about the fixed axes x, y, z, in this order, rad.
     #[serde(default)]
     pub rpy: Option<[f64; 3]>,
-    /// Duration of the movement, at least 1 ms, such as "2 s". Required except for a demonstration, which has
-    /// its own.
+    /// Goal of the gripper: "open", "close", or a position of the fingers' joints, rad or m. The output
+    /// `fingers` publishes it when the movement starts, with the same duration. An object may stop the
+    /// fingers.
+    #[serde(default)]
+    pub gripper: Option<Gripper>,
+    /// Duration of the movement, at least 1 ms, such as "2 s". Default: the duration of a demonstration; for
+    /// a gripper alone, the time in which its fingers move through their whole range. Otherwise required.
     #[serde(default)]
     pub duration: Option<TimeSpan>,
     /// Time to stay at the goal, such as "500 ms". Default 0.

@@ -2,6 +2,7 @@
 
 mod config;
 mod couplings;
+mod fingers;
 mod imitation;
 mod reachable;
 mod start_pose;
@@ -22,6 +23,7 @@ use motorium::transport::{Output, Parameter};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use couplings::Couplings;
+use fingers::FingerOutput;
 use imitation::PathRecord;
 use motorium_primitives::reach::{PoseReach, ReachPhase, SteerError};
 use start_pose::StartPose;
@@ -42,6 +44,8 @@ use weights::LiveWeights;
 #[derive(Debug)]
 pub struct DmpPolicy {
     target: Output<PoseTarget>,
+    /// `None` if no goal has a gripper.
+    fingers: Option<FingerOutput>,
     speed: Parameter<f64>,
     start_pose: StartPose,
     waypoints: Waypoints,
@@ -80,6 +84,7 @@ impl Component for DmpPolicy {
         StartPose::declare(config, &waypoints, declare)?;
         Couplings::declare(config, declare)?;
         LiveWeights::declare(&waypoints, declare);
+        FingerOutput::declare(&waypoints, declare);
         declare.may_end_episodes();
         declare.output::<PoseTarget>(
             "target",
@@ -114,6 +119,7 @@ impl Component for DmpPolicy {
             record: waypoints.record(),
             reach: waypoints.reach()?,
             start_reach: waypoints.reach()?,
+            fingers: FingerOutput::open(&waypoints, setup)?,
             episode_end: setup.episode_end(),
             waypoints,
             start_pose: StartPose::new(&config, setup)?,
@@ -184,6 +190,7 @@ impl Component for DmpPolicy {
         self.chosen.fill(0);
         self.weights.iter_mut().for_each(LiveWeights::reset);
         self.couplings.reset();
+        self.fingers.iter_mut().for_each(FingerOutput::reset);
         self.rate = 1.0;
         (self.exchanges, self.goals_before, self.last_ns, self.left_at) = (0, 0, None, None);
         Ok(())
@@ -264,6 +271,9 @@ impl DmpPolicy {
             origin: self.waypoints.origin(),
         };
         self.memory.save(memory.numbers());
+        if let Some(fingers) = &mut self.fingers {
+            fingers.publish(&self.waypoints, memory.segment, memory.goals, self.speed.get())?;
+        }
         let mut target = self.target.loan()?;
         *target = PoseTarget {
             position: pose.translation.vector.into(),

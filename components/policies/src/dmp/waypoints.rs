@@ -1,5 +1,7 @@
 //! Conversion of configured goals to segments.
 
+use std::time::Duration;
+
 use motorium::declare::{ConfigError, RobotReference};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
@@ -7,6 +9,8 @@ use super::config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig, Weight
 use super::imitation::{self, Demonstrated, PathRecord};
 use motorium_primitives::dmp::{DmpModel, Settings};
 use motorium_primitives::reach::{PathShape, PoseReach, ReachError, Repeat, Segment, SteerError};
+
+use crate::gripper::Fingers;
 
 /// The goals of a policy, some of them relative to the start.
 #[derive(Debug)]
@@ -29,6 +33,8 @@ struct Goal {
     place: GoalPlace,
     /// `None` keeps the previous orientation.
     turn: Option<UnitQuaternion<f64>>,
+    /// Joints of the fingers and their positions, rad or m; `None` keeps the previous ones.
+    fingers: Option<Vec<(usize, f64)>>,
 }
 
 /// The position of a goal.
@@ -62,8 +68,10 @@ impl Waypoints {
             }
             waypoints.primitives.push(model);
         }
+        let first = config.goals.iter().position(|goal| goal.gripper.is_some());
+        let fingers = first.map(|index| fingers(robot, config.frame.as_deref(), index)).transpose()?;
         for (index, goal) in config.goals.iter().enumerate() {
-            waypoints.add(index, goal, robot, config.frame.as_deref())?;
+            waypoints.add(index, goal, robot, config.frame.as_deref(), fingers.as_ref())?;
         }
         Ok(waypoints)
     }
@@ -75,8 +83,14 @@ impl Waypoints {
         goal: &GoalConfig,
         robot: Option<&RobotReference>,
         frame: Option<&str>,
+        fingers: Option<&Fingers>,
     ) -> Result<(), ConfigError> {
         let key = |name: &str| format!("goals[{index}].{name}");
+        let gripper = goal.gripper.zip(fingers);
+        let positions = gripper.map(|(gripper, fingers)| fingers.positions(gripper)).transpose();
+        let positions = positions
+            .map_err(|error| ConfigError::key(key("gripper"), error.to_string()))?
+            .map(Iterator::collect);
         let mut turn = orientation(goal.orientation, goal.rpy, key)?;
         let mut segment = Segment {
             goal: Isometry3::identity(),
@@ -91,12 +105,10 @@ impl Waypoints {
                 let goal = Goal {
                     place: GoalPlace::At(shown.start()),
                     turn: shown.turns.map(|[start, _]| start).or(turn),
+                    fingers: None,
                 };
-                let to_start = Segment {
-                    duration: approach.into(),
-                    dwell: std::time::Duration::ZERO,
-                    ..segment.clone()
-                };
+                let to_start =
+                    Segment { duration: approach.into(), dwell: Duration::ZERO, ..segment.clone() };
                 self.push(index, goal, to_start, None);
             }
             at = Some(GoalPlace::At(shown.end()));
@@ -105,7 +117,10 @@ impl Waypoints {
             segment.shape = PathShape::Learned(Box::new(shown.model));
             path = Some(shown.path);
         } else {
-            if goal.duration.is_none() {
+            let is_still = goal.position.is_none() && goal.offset.is_none() && turn.is_none();
+            if let (None, true, Some((_, fingers))) = (goal.duration, is_still, gripper) {
+                segment.duration = fingers.travel_time();
+            } else if goal.duration.is_none() {
                 return Err(ConfigError::key(format!("goals[{index}]"), "`duration` is not given")
                     .advise("give the time to this goal, such as `duration = \"2 s\"`"));
             }
@@ -129,7 +144,7 @@ impl Waypoints {
                 goal_position(goal, &format!("goals[{index}]"), key)?
             }
         };
-        self.push(index, Goal { place, turn }, segment, path);
+        self.push(index, Goal { place, turn, fingers: positions }, segment, path);
         Ok(())
     }
 
@@ -165,6 +180,22 @@ impl Waypoints {
     /// Returns the positions of the goals, each with the index of its goal in the configuration.
     pub(super) fn places(&self) -> impl Iterator<Item = (GoalPlace, usize)> {
         self.goals.iter().map(|goal| goal.place).zip(self.keys.iter().copied())
+    }
+
+    /// Returns `true` if a goal has a gripper.
+    pub(super) fn has_grippers(&self) -> bool {
+        self.goals.iter().any(|goal| goal.fingers.is_some())
+    }
+
+    /// Returns the joints and positions of the fingers at the newest goal with a gripper among the last
+    /// `count` started segments, and the duration of its movement. `segment` is the current segment.
+    pub(super) fn fingers(&self, segment: usize, count: u64) -> Option<(&[(usize, f64)], Duration)> {
+        let all = self.segments.len();
+        let started = (0..all).take(usize::try_from(count).unwrap_or(all));
+        started.map(|back| (segment + all - back) % all).find_map(|segment| {
+            let fingers = self.goals[segment].fingers.as_deref()?;
+            Some((fingers, self.segments[segment].duration))
+        })
     }
 
     /// Returns the selectable primitives.
@@ -275,6 +306,17 @@ fn near(values: [f64; 3], key: String) -> Result<Vector3<f64>, ConfigError> {
     }
 }
 
+/// Returns the fingers of the robot for the gripper of a goal.
+fn fingers(
+    robot: Option<&RobotReference>,
+    frame: Option<&str>,
+    index: usize,
+) -> Result<Fingers, ConfigError> {
+    let robot = crate::robot::load(crate::robot::required(robot, "fingers")?)?;
+    Fingers::of_robot(&robot, frame)
+        .map_err(|error| ConfigError::key(format!("goals[{index}].gripper"), error.to_string()))
+}
+
 fn goal_position(
     goal: &GoalConfig,
     table: &str,
@@ -285,6 +327,7 @@ fn goal_position(
         (None, Some(offset)) => Ok(GoalPlace::Beside(near(offset, key("offset"))?)),
         (Some(_), Some(_)) => Err(ConfigError::key(key("offset"), "both `position` and `offset` are given")
             .advise("keep one of them")),
+        (None, None) if goal.gripper.is_some() => Ok(GoalPlace::Beside(Vector3::zeros())),
         (None, None) => Err(ConfigError::key(table, "neither `position` nor `offset` is given").advise(
             "give `position` in the world frame, or `offset` from the goal before (zero to turn on the spot)",
         )),

@@ -4,6 +4,7 @@ mod chunks;
 mod couplings;
 mod dmp;
 mod gaits;
+mod grippers;
 mod imitation;
 mod joint_policies;
 mod joint_targets;

@@ -6,7 +6,7 @@ use crate::graph::diagnostic::Report;
 use crate::graph::model::{BaseTable, GraphTable};
 use crate::graph::read::good;
 use crate::graph::source::Span;
-use crate::graph::values::check_name;
+use crate::graph::values::check_robot_name;
 
 /// A robot of the file.
 pub(super) struct Robot {
@@ -21,7 +21,7 @@ pub(super) struct Robot {
 pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mut Report) -> Vec<Robot> {
     let mut robots = Vec::new();
     for (name, at) in good(&graph.robot).iter().flat_map(|robots| &robots.0) {
-        let named = check_name("a robot", name, &at.key, report);
+        let named = check_robot_name(name, &at.key, report);
         let urdf = at.get().and_then(|table| {
             if let (Some(_), Some(mjcf)) = (&table.urdf, &table.mjcf) {
                 report

@@ -40,7 +40,7 @@ impl<'i> Read<'i> for String {
     }
 }
 
-/// A name of a graph, a component or a robot: `[a-z0-9_-]+`.
+/// A name of a graph or a component: `[a-z0-9_-]+`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Name(pub String);
 
@@ -53,9 +53,15 @@ fn name_character(c: char) -> bool {
     c.is_ascii_lowercase() || c.is_ascii_digit() || matches!(c, '_' | '-')
 }
 
-/// Checks the name of a graph, component or robot.
+/// Checks the name of a graph or component.
 pub(super) fn check_name(what: &str, name: &str, span: &Span, report: &mut Report) -> bool {
     check(what, name, &name_character, LONGEST_NAME, span, report)
+}
+
+/// Checks the name of a robot, which may have capital letters, such as `UR5e`.
+pub(super) fn check_robot_name(name: &str, span: &Span, report: &mut Report) -> bool {
+    let allowed = |c: char| name_character(c) || c.is_ascii_uppercase();
+    check("a robot", name, &allowed, LONGEST_NAME, span, report)
 }
 
 fn check(
@@ -67,13 +73,15 @@ fn check(
     report: &mut Report,
 ) -> bool {
     let slash = if allowed('/') { ", `/`" } else { "" };
+    let capitals = if allowed('A') { "`A`-`Z`, " } else { "" };
     if let Some(wrong) = name.chars().find(|c| !allowed(*c)) {
         let fixed: String = name
-            .to_lowercase()
             .chars()
             .map(|c| {
                 if allowed(c) {
                     c
+                } else if allowed(c.to_ascii_lowercase()) {
+                    c.to_ascii_lowercase()
                 } else if c.is_whitespace() || c == '.' {
                     '-'
                 } else {
@@ -85,7 +93,7 @@ fn check(
         report
             .error(format!("`{name}` cannot be the name of {what}"))
             .label(span, format!("`{}` is not allowed here", wrong.escape_default()))
-            .note(format!("names are made of `a`-`z`, `0`-`9`, `_`, `-`{slash}"))
+            .note(format!("names are made of `a`-`z`, {capitals}`0`-`9`, `_`, `-`{slash}"))
             .advise(format!("call it `{fixed}`"));
         return false;
     }
@@ -125,6 +133,8 @@ impl schemars::JsonSchema for Name {
 
 /// [`Name`] as a regular expression.
 pub(super) const NAME_PATTERN: &str = "^[a-z0-9_-]{1,64}$";
+/// Name of a robot as a regular expression.
+pub(super) const ROBOT_NAME_PATTERN: &str = "^[A-Za-z0-9_-]{1,64}$";
 
 /// The name of a topic, such as `panda/joint_state`.
 #[derive(Debug, Clone, PartialEq, Eq)]

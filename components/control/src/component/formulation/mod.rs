@@ -12,6 +12,7 @@ use motorium::state::ControlDiagnostics;
 
 use super::config::QpControllerConfig;
 use super::dynamics_config::InfeasiblePolicy;
+use super::fingers::JointVelocity;
 use super::measured::MeasuredState;
 use super::setup::{ControllerSetup, RowLimits};
 use crate::SetpointIntegrator;
@@ -34,12 +35,14 @@ pub(super) trait Formulation: Sized {
     /// Places the setpoint at the measured state, or at the setpoint before a crash.
     fn begin(&mut self, measured: &MeasuredState, setpoint: &mut SetpointIntegrator);
 
-    /// Applies parameters and inputs, once per step, after the tasks have applied theirs.
+    /// Applies parameters, inputs and the velocities of fingers with a goal, once per step, after the tasks
+    /// have applied theirs.
     fn prepare(
         &mut self,
         measured: &MeasuredState,
         setpoint: &SetpointIntegrator,
         velocity_fraction: Option<f64>,
+        fingers: &[JointVelocity],
         bounds: &TaskBounds,
     );
 

@@ -11,6 +11,7 @@ use crate::SetpointIntegrator;
 use crate::component::config::QpControllerConfig;
 use crate::component::diagnostics_output::push_name;
 use crate::component::dynamics_config::{InfeasiblePolicy, InverseDynamicsConfig};
+use crate::component::fingers::JointVelocity;
 use crate::component::measured::MeasuredState;
 use crate::component::setup::ControllerSetup;
 use crate::inverse_dynamics::{
@@ -27,6 +28,7 @@ pub(in crate::component) struct Torque {
     control: InverseDynamics,
     contacts: ContactSwitches,
     joints: JointAccelerationLimits,
+    fingers: Vec<JointVelocity>,
     /// The integrated accelerations.
     velocity: Vec<f64>,
     torque: Vec<f64>,
@@ -83,6 +85,7 @@ impl Formulation for Torque {
             control,
             contacts: switches,
             joints: settings.joints,
+            fingers: Vec::with_capacity(joints),
             velocity: vec![0.0; joints],
             torque: vec![0.0; joints],
             impedance: table.impedance(),
@@ -108,8 +111,11 @@ impl Formulation for Torque {
         _: &MeasuredState,
         _: &SetpointIntegrator,
         velocity_fraction: Option<f64>,
+        fingers: &[JointVelocity],
         bounds: &TaskBounds,
     ) {
+        self.fingers.clear();
+        self.fingers.extend_from_slice(fingers);
         if let Some(fraction) = velocity_fraction {
             self.joints.velocity_fraction = fraction.max(1e-6);
             self.control.set_joint_limits(self.joints);
@@ -120,6 +126,7 @@ impl Formulation for Torque {
     fn pose(&mut self, Parts { measured, tasks, limits, .. }: Parts<'_>, dt: f64) {
         let (control, state) = (&mut self.control, measured.motion());
         control.begin(&state, dt);
+        self.fingers.iter().for_each(|finger| control.coast(finger.joint));
         for held in tasks {
             let (level, constraint) = (held.level, held.is_constraint);
             let rows = if constraint { held.task.cost().rows().0 } else { 0 };
@@ -180,6 +187,9 @@ impl Formulation for Torque {
         let velocities = self.velocity.iter_mut().zip(model.velocity_limit());
         for (((velocity, limit), measured), a) in velocities.zip(measured).zip(accelerations) {
             *velocity = (*velocity + a * dt + leak * (measured - *velocity)).clamp(-limit, *limit);
+        }
+        for JointVelocity { joint, velocity } in &self.fingers {
+            self.velocity[*joint] = *velocity;
         }
         setpoint.integrate(&self.velocity, dt);
         setpoint.limit_tracking_error(q, self.max_lead);

@@ -9,6 +9,7 @@ use super::{Formulation, Parts, Room, SolveStats};
 use crate::component::config::{Feedback, QpControllerConfig};
 use crate::component::diagnostics_output::push_name;
 use crate::component::dynamics_config::InfeasiblePolicy;
+use crate::component::fingers::JointVelocity;
 use crate::component::measured::MeasuredState;
 use crate::component::setup::ControllerSetup;
 use crate::inverse_dynamics::{Conflicting, ConstraintName, Slack};
@@ -27,6 +28,7 @@ pub(in crate::component) struct Velocity {
     position: PositionLimit,
     velocity: VelocityLimit,
     acceleration: Option<AccelerationLimit>,
+    fingers: Vec<JointVelocity>,
     feed_forward: FeedForward,
     max_lead: f64,
     checkpoint: Checkpoint,
@@ -58,6 +60,7 @@ impl Formulation for Velocity {
             position: config.limits.position,
             velocity: config.limits.velocity,
             acceleration: parts.acceleration_limit(config)?,
+            fingers: Vec::with_capacity(parts.model.joint_count()),
             feed_forward: parts.feed_forward.clone(),
             max_lead: config.max_lead,
             remembered: checkpoint.resume(),
@@ -84,8 +87,11 @@ impl Formulation for Velocity {
         measured: &MeasuredState,
         setpoint: &SetpointIntegrator,
         velocity_fraction: Option<f64>,
+        fingers: &[JointVelocity],
         _: &TaskBounds,
     ) {
+        self.fingers.clear();
+        self.fingers.extend_from_slice(fingers);
         self.velocity.fraction = velocity_fraction.unwrap_or(self.velocity.fraction);
         if let Some(kinematics) = &mut self.at_setpoint {
             kinematics.update(&measured.model, setpoint.position());
@@ -93,7 +99,7 @@ impl Formulation for Velocity {
     }
 
     fn pose(&mut self, Parts { measured, setpoint, tasks, limits }: Parts<'_>, dt: f64) {
-        let Self { ik, at_setpoint, position, velocity, acceleration, .. } = self;
+        let Self { ik, at_setpoint, position, velocity, acceleration, fingers, .. } = self;
         let state = match at_setpoint {
             None => measured.robot(),
             Some(kinematics) => RobotState { model: &measured.model, kinematics, q: setpoint.position() },
@@ -116,6 +122,9 @@ impl Formulation for Velocity {
         ik.add_limit(&state, velocity, dt);
         if let Some(limit) = acceleration {
             ik.add_acceleration_limit(&state, limit, setpoint.velocity(), dt);
+        }
+        for JointVelocity { joint, velocity } in fingers {
+            ik.prescribe(*joint, *velocity);
         }
         for limit in limits.iter_mut() {
             ik.add_row_limit(&state, limit, dt);
