@@ -1,9 +1,11 @@
 //! Learning (criterion): search iterations, environment steps and training steps. With `--peers`, the
 //! searches are compared with cma and bayesian-optimization in one run, with `--training-peers` the time
 //! until a policy balances the cart-pole with Stable-Baselines3. `--returns "TASK ALGORITHM STEPS"... SEEDS`
-//! compares the returns of trained policies with Stable-Baselines3's.
+//! compares the returns of trained policies with Stable-Baselines3's. `--parts TASK...` prints the processor
+//! time of an environment step by part.
 
 mod cart_pole;
+mod parts;
 mod returns;
 mod training;
 mod work;
@@ -14,10 +16,16 @@ use criterion::{Criterion, Throughput};
 use motorium_benches::peers::compare;
 
 fn main() {
-    let mut arguments = std::env::args().skip_while(|argument| argument != "--returns");
-    if arguments.next().is_some() {
+    let names_after = |option: &str| {
+        let mut arguments = std::env::args().skip_while(|argument| argument != option);
         // cargo adds its own option
-        let words: Vec<String> = arguments.filter(|word| !word.starts_with("--")).collect();
+        arguments.next().map(|_| arguments.filter(|word| !word.starts_with("--")).collect::<Vec<_>>())
+    };
+    if let Some(tasks) = names_after("--parts") {
+        parts::print(&tasks);
+        return;
+    }
+    if let Some(words) = names_after("--returns") {
         if let Err(error) = returns::compare(&words) {
             eprintln!("{error}; pip install -r benches/peers/training.txt");
             std::process::exit(1);

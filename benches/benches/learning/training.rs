@@ -8,11 +8,11 @@ use motorium_learners::ppo::{Ppo, PpoSettings};
 use motorium_learners::task::Task;
 
 /// Worlds of the environments.
-const WORLDS: usize = 64;
+pub(crate) const WORLDS: usize = 64;
 /// Threads of the published figures.
 const THREADS: usize = 2;
-/// Tasks of the rows; one that the checkout does not have yet is left out.
-const TASKS: [&str; 2] = ["cart-pole", "quadruped-velocity"];
+/// Tasks of the rows.
+pub(crate) const TASKS: [&str; 2] = ["cart-pole", "quadruped-velocity"];
 
 /// A measured call and its environment steps.
 pub(crate) struct Row {
@@ -25,17 +25,27 @@ pub(crate) struct Row {
 pub(crate) fn all() -> Vec<Row> {
     let mut rows = Vec::new();
     for name in TASKS {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tasks");
-        let Ok(text) = std::fs::read_to_string(folder.join(name).with_extension("toml")) else {
-            eprintln!("no task {name}");
-            continue;
-        };
-        let task = Task::parse(&text).expect("the project's tasks are valid");
-        let scene = Scene::load(&task, &folder).expect("the robot of the catalogue");
+        let (task, scene) = load(name);
         rows.push(environment(name, &task, &scene));
         rows.push(training(name, &task, &scene));
     }
     rows
+}
+
+/// One of the project's tasks and its scene.
+pub(crate) fn load(name: &str) -> (Task, Scene) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tasks");
+    let text = std::fs::read_to_string(folder.join(name).with_extension("toml"));
+    let task = Task::parse(&text.expect("a task of the project")).expect("the project's tasks are valid");
+    let scene = Scene::load(&task, &folder).expect("the robot of the catalogue");
+    (task, scene)
+}
+
+/// Writes actions that change with `phase`.
+pub(crate) fn change(actions: &mut [f32], phase: f32) {
+    for (index, action) in actions.iter_mut().enumerate() {
+        *action = (0.7 * phase + index as f32).sin();
+    }
 }
 
 /// Steps of all worlds with actions that change from step to step.
@@ -48,10 +58,8 @@ fn environment(name: &str, task: &Task, scene: &Scene) -> Row {
         name: format!("{name}_environment_{WORLDS}_worlds_{THREADS}_threads"),
         steps: WORLDS as u64,
         run: Box::new(move || {
-            phase += 0.7;
-            for (index, action) in actions.iter_mut().enumerate() {
-                *action = (phase + index as f32).sin();
-            }
+            phase += 1.0;
+            change(&mut actions, phase);
             black_box(worlds.step(&actions).expect("the next episode starts"));
         }),
     }

@@ -90,6 +90,17 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         self.batch.count()
     }
 
+    /// Number of threads that step the worlds, the caller's included.
+    pub fn threads(&self) -> usize {
+        self.batch.threads()
+    }
+
+    /// Calls `work` once on each thread with the number of the thread, from 0, and returns when all calls
+    /// have returned.
+    pub fn on_threads(&mut self, work: &(dyn Fn(usize) + Sync)) {
+        self.batch.on_threads(work);
+    }
+
     /// Observations of all worlds, one after the other; after an end the first of the next episode.
     pub fn observations(&self) -> &[f32] {
         &self.observations

@@ -14,37 +14,39 @@ pub(crate) fn map_chunks<I: Sync, T: Default + Send>(
 ) -> Vec<T> {
     let mut results = Vec::new();
     results.resize_with(items.len(), T::default);
-    let mut memories = vec![(); threads.max(1)];
-    for_chunks(&mut memories, items, &mut results, |item, result, ()| *result = work(item));
+    let threads = threads.min(items.len()).max(1);
+    let mut memories = vec![(); threads];
+    let run = |work: &(dyn Fn(usize) + Sync)| {
+        std::thread::scope(|scope| {
+            (1..threads).for_each(|thread| {
+                scope.spawn(move || work(thread));
+            });
+            work(0);
+        });
+    };
+    for_chunks(run, &mut memories, items, &mut results, |item, result, ()| *result = work(item));
     results
 }
 
-/// Calls `work` for each item, its slot and the memory of a thread, one thread for each memory. Whichever
-/// thread is free takes the next item.
+/// Calls `work` for each item, its slot and the memory of a thread. `run` calls its argument once on each
+/// thread with the number of the thread, from 0; threads without a memory do nothing. Whichever thread is
+/// free takes the next item.
 pub(crate) fn for_chunks<I: Sync, T: Send, M: Send>(
+    run: impl FnOnce(&(dyn Fn(usize) + Sync)),
     memories: &mut [M],
     items: &[I],
     slots: &mut [T],
     work: impl Fn(&I, &mut T, &mut M) + Sync,
 ) {
-    let Some((own, others)) = memories.split_first_mut() else { return };
-    let pairs = items.iter().zip(slots);
-    if others.is_empty() || items.len() <= 1 {
-        return pairs.for_each(|(item, slot)| work(item, slot, own));
-    }
-    let pairs: Vec<_> = pairs.map(|(item, slot)| (item, Mutex::new(slot))).collect();
+    let pairs: Vec<_> = items.iter().zip(slots).map(|(item, slot)| (item, Mutex::new(slot))).collect();
+    let memories: Vec<_> = memories.iter_mut().map(Mutex::new).collect();
     let next = AtomicUsize::new(0);
-    let run = |memory: &mut M| {
+    run(&|thread| {
+        let Some(memory) = memories.get(thread) else { return };
+        let mut memory = memory.lock().unwrap_or_else(PoisonError::into_inner);
         while let Some((item, slot)) = pairs.get(next.fetch_add(1, Ordering::Relaxed)) {
-            work(item, *slot.lock().unwrap_or_else(PoisonError::into_inner), memory);
+            work(item, &mut slot.lock().unwrap_or_else(PoisonError::into_inner), &mut memory);
         }
-    };
-    let run = &run;
-    std::thread::scope(|scope| {
-        for memory in others.iter_mut().take(items.len() - 1) {
-            scope.spawn(move || run(memory));
-        }
-        run(own);
     });
 }
 

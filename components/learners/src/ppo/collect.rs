@@ -5,13 +5,60 @@ use nalgebra::DMatrix;
 use rand_distr::{Distribution as _, StandardNormal};
 
 use super::Ppo;
-use super::network::{Trace, single_steps};
-use super::rollout::Spread;
+use super::network::{Network, Piece, single_steps};
+use super::part::Passes;
+use super::rollout::{Rollout, Spread};
 use crate::environment::EnvironmentError;
+use crate::learner::for_chunks;
 use crate::random::{Counter, Purpose};
 
 /// Bound of normalised rewards, as CleanRL's.
 const REWARD_CLIP: f64 = 10.0;
+
+/// Worlds whose actions a thread samples together: the rows that products of matrices compute at once.
+const TILE: usize = 8;
+
+/// The numbers of a step that belong to some worlds, one world after the other.
+struct Tile<'a> {
+    values: &'a mut [f32],
+    actions: &'a mut [f32],
+    log_probabilities: &'a mut [f32],
+    /// Recurrent states of policy and value.
+    states: [&'a mut [f32]; 2],
+}
+
+/// The networks, and the spread of actions around the policy's outputs.
+struct Actor<'a> {
+    policy: &'a Network,
+    value: &'a Network,
+    spread: &'a Spread,
+    /// Seed, update and step of the samples.
+    counter: Counter,
+}
+
+impl Actor<'_> {
+    /// Computes values, and samples actions, for the observations of worlds from `first` on.
+    fn act(&self, first: usize, (inputs, input): (usize, &[f32]), tile: &mut Tile<'_>, passes: &mut Passes) {
+        let Tile { values, actions, log_probabilities, states } = tile;
+        let Passes { policy: means, value, .. } = passes;
+        let (width, units) = (actions.len() / values.len(), states[0].len() / values.len());
+        self.value.run(value, (inputs, input), single_steps(states[1], units));
+        self.policy.run(means, (inputs, input), single_steps(states[0], units));
+        values.copy_from_slice(value.output().as_slice());
+        states[0].copy_from_slice(means.states());
+        states[1].copy_from_slice(value.states());
+        let rows = actions.chunks_exact_mut(width).zip(means.output().as_slice().chunks_exact(width));
+        for (world, ((action, mean), log_probability)) in (first..).zip(rows.zip(&mut **log_probabilities)) {
+            let counter = Counter { world: world as u64, ..self.counter };
+            let mut random = counter.stream(Purpose::Action);
+            for ((action, mean), deviation) in action.iter_mut().zip(mean).zip(&self.spread.deviations) {
+                let noise: f32 = StandardNormal.sample(&mut random);
+                *action = mean + deviation * noise;
+            }
+            *log_probability = self.spread.log_density(action, mean);
+        }
+    }
+}
 
 impl<E: Engine + Send> Ppo<E> {
     /// Steps all worlds through a horizon, or each through an episode.
@@ -22,8 +69,9 @@ impl<E: Engine + Send> Ppo<E> {
         let units = self.settings.recurrent;
         self.worlds.set_level(self.worlds.terms().level(self.state.steps));
         let spread = Spread::new(&self.deviations, &self.active);
-        let [mut values, mut means] = [Trace::default(), Trace::default()];
-        let mut last = DMatrix::zeros(inputs, worlds);
+        let mut passes = Vec::new();
+        passes.resize_with(self.worlds.threads(), Passes::default);
+        let firsts: Vec<usize> = (0..worlds).step_by(TILE).collect();
         // worlds whose steps count
         let mut live = vec![true; worlds];
         self.rollout.used.clear();
@@ -44,39 +92,49 @@ impl<E: Engine + Send> Ppo<E> {
                     stored[first..first + worlds * units].copy_from_slice(states);
                 }
             }
-            let input = (inputs, &*observations);
-            self.value.run(&mut values, input, single_steps(&self.memories[1], units));
-            self.rollout.values[samples.clone()].copy_from_slice(values.output().as_slice());
-            self.policy.run(&mut means, input, single_steps(&self.memories[0], units));
-            self.memories[0].copy_from_slice(means.states());
-            self.memories[1].copy_from_slice(values.states());
-            let actions = &mut self.rollout.actions[samples.start * width..samples.end * width];
-            let rows = actions.chunks_exact_mut(width).zip(means.output().as_slice().chunks_exact(width));
-            for (world, (action, mean)) in rows.enumerate() {
-                let counter = Counter {
-                    seed: self.state.seed,
-                    world: world as u64,
-                    episode: self.state.updates,
-                    step: step as u64,
-                };
-                let mut random = counter.stream(Purpose::Action);
-                for ((action, mean), deviation) in action.iter_mut().zip(mean).zip(&spread.deviations) {
-                    let noise: f32 = StandardNormal.sample(&mut random);
-                    *action = mean + deviation * noise;
-                }
-                self.rollout.log_probabilities[samples.start + world] = spread.log_density(action, mean);
-            }
+            let counter =
+                Counter { seed: self.state.seed, world: 0, episode: self.state.updates, step: step as u64 };
+            let actor = Actor { policy: &self.policy, value: &self.value, spread: &spread, counter };
+            let Rollout { observations, values, actions, log_probabilities, .. } = &mut self.rollout;
+            let actions = &mut actions[samples.start * width..samples.end * width];
+            let mut states = self.memories.each_mut().map(|states| states.chunks_mut((TILE * units).max(1)));
+            let mut tiles: Vec<Tile<'_>> = values[samples.clone()]
+                .chunks_mut(TILE)
+                .zip(actions.chunks_mut(TILE * width))
+                .zip(log_probabilities[samples.clone()].chunks_mut(TILE))
+                .map(|((values, actions), log_probabilities)| {
+                    let states = states.each_mut().map(|states| states.next().unwrap_or_default());
+                    Tile { values, actions, log_probabilities, states }
+                })
+                .collect();
+            let run = |work: &(dyn Fn(usize) + Sync)| self.worlds.on_threads(work);
+            for_chunks(run, &mut passes, &firsts, &mut tiles, |first, tile, passes| {
+                let rows = (samples.start + first) * inputs..;
+                let input = &observations[rows][..tile.values.len() * inputs];
+                actor.act(*first, (inputs, input), tile, passes);
+            });
             self.worlds.step(actions)?;
-            // values after the step: first of final observations, then of the next step
-            last.fill(0.0);
-            for world in 0..worlds {
-                if let Some(observation) = self.worlds.final_observation(world) {
-                    self.state.observations.apply(observation, last.column_mut(world).as_mut_slice());
+            self.rollout.next_values[samples.clone()].fill(0.0);
+            // the value after a truncated episode; the values of the next step follow below
+            let is_truncated = |world: &usize| {
+                self.worlds.steps()[*world].end.is_some_and(|end| !end.is_terminal())
+                    && !self.variant.uses_episodes
+            };
+            let truncated: Vec<usize> = (0..worlds).filter(is_truncated).collect();
+            if !truncated.is_empty() {
+                let mut last = DMatrix::zeros(inputs, truncated.len());
+                for (column, world) in truncated.iter().enumerate() {
+                    if let Some(observation) = self.worlds.final_observation(*world) {
+                        self.state.observations.apply(observation, last.column_mut(column).as_mut_slice());
+                    }
+                }
+                let states = truncated.iter().map(|world| &self.memories[1][world * units..][..units]);
+                let pieces = states.map(|state| Piece { state: Some(state), steps: 1 });
+                let finals = self.value.forward(last, pieces);
+                for (world, value) in truncated.iter().zip(finals.output().iter()) {
+                    self.rollout.next_values[samples.start + world] = *value;
                 }
             }
-            let is_any = self.worlds.steps().iter().any(|step| step.end.is_some());
-            let finals =
-                is_any.then(|| self.value.forward(last.clone(), single_steps(&self.memories[1], units)));
             for world in 0..worlds {
                 if self.worlds.steps()[world].end.is_some() {
                     for states in &mut self.memories {
@@ -97,7 +155,6 @@ impl<E: Engine + Send> Ppo<E> {
             for (world, result) in self.worlds.steps().iter().enumerate() {
                 let k = samples.start + world;
                 self.rollout.ended[k] = result.end.is_some();
-                self.rollout.next_values[k] = 0.0;
                 if !live[world] {
                     continue;
                 }
@@ -105,13 +162,6 @@ impl<E: Engine + Send> Ppo<E> {
                 self.state.steps += 1;
                 self.state.episodes.record(world, result);
                 self.rollout.rewards[k] = (result.reward / deviation).clamp(-REWARD_CLIP, REWARD_CLIP) as f32;
-                // the value of the next observation follows below
-                if let (Some(end), Some(finals)) = (result.end, &finals)
-                    && !end.is_terminal()
-                    && !self.variant.uses_episodes
-                {
-                    self.rollout.next_values[k] = finals.output()[world];
-                }
                 if result.end.is_some() {
                     self.state.discounted[world] = 0.0;
                     live[world] = !self.variant.uses_episodes;

@@ -89,7 +89,6 @@ struct State {
 pub struct Ppo<E> {
     settings: PpoSettings,
     variant: Variant,
-    threads: usize,
     worlds: VectorEnvironment<E>,
     policy: Network,
     value: Network,
@@ -156,11 +155,9 @@ impl<E: Engine + Send> Ppo<E> {
             discounted: vec![0.0; settings.worlds],
             episodes: Episodes::new(settings.worlds),
         };
-        let threads = threads.max(1);
         Ok(Self {
             settings,
             variant,
-            threads,
             worlds,
             policy,
             value,

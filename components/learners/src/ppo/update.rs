@@ -10,6 +10,9 @@ use super::rollout::Spread;
 use crate::learner::{CHUNK, LearnerError, check_finite, for_chunks};
 use crate::random::{Counter, Purpose};
 
+/// Numbers of a gradient that a thread sums at a time.
+const RANGE: usize = 8192;
+
 impl<E: Engine + Send> Ppo<E> {
     /// Updates the networks by the steps of the rollout.
     pub(super) fn update(&mut self) -> Result<Losses, LearnerError> {
@@ -65,27 +68,25 @@ impl<E: Engine + Send> Ppo<E> {
         let chunk = (CHUNK / self.rollout.unroll).max(1) * self.rollout.unroll;
         let chunks: Vec<&[usize]> = batch.chunks(chunk).collect();
         let (mut parts, mut passes) = core::mem::take(&mut self.memory);
-        passes.resize_with(self.threads, Passes::default);
+        passes.resize_with(self.worlds.threads(), Passes::default);
         parts.resize_with(parts.len().max(chunks.len()), Part::default);
-        let shared = self.shared();
-        for_chunks(&mut passes, &chunks, &mut parts, |chunk, part, passes| {
+        let shared = Shared {
+            policy: &self.policy,
+            value: &self.value,
+            spread: Spread::new(&self.deviations, &self.active),
+            rollout: &self.rollout,
+            clip: self.settings.clip as f32,
+            weight: self.settings.value as f32,
+        };
+        let run = |work: &(dyn Fn(usize) + Sync)| self.worlds.on_threads(work);
+        for_chunks(run, &mut passes, &chunks, &mut parts, |chunk, part, passes| {
             shared.part(chunk, (batch.len(), normal), (part, passes));
         });
         let Some((sum, others)) = parts[..chunks.len()].split_first_mut() else {
             return Ok(Losses::default());
         };
-        for part in others {
-            for (sum, part) in [
-                (&mut sum.policy, &part.policy),
-                (&mut sum.value, &part.value),
-                (&mut sum.deviations, &part.deviations),
-            ] {
-                sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
-            }
-            sum.losses.policy += part.losses.policy;
-            sum.losses.value += part.losses.value;
-            sum.losses.divergence += part.losses.divergence;
-        }
+        let run = |work: &(dyn Fn(usize) + Sync)| self.worlds.on_threads(work);
+        add_parts(run, passes.len(), sum, others);
         let entropy = |(deviation, active): (&f32, &bool)| {
             if *active { f64::from(*deviation) + 0.5 * (1.0 + core::f64::consts::TAU.ln()) } else { 0.0 }
         };
@@ -122,17 +123,27 @@ impl<E: Engine + Send> Ppo<E> {
         self.memory = (parts, passes);
         Ok(losses)
     }
+}
 
-    fn shared(&self) -> Shared<'_> {
-        Shared {
-            policy: &self.policy,
-            value: &self.value,
-            spread: Spread::new(&self.deviations, &self.active),
-            rollout: &self.rollout,
-            clip: self.settings.clip as f32,
-            weight: self.settings.value as f32,
-        }
+/// Adds the parts of a gradient to the first, in their order.
+fn add_parts(run: impl FnOnce(&(dyn Fn(usize) + Sync)), threads: usize, sum: &mut Part, others: &[Part]) {
+    let add = |sum: &mut [f32], part: &[f32]| sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
+    for part in others {
+        add(&mut sum.deviations, &part.deviations);
+        sum.losses.policy += part.losses.policy;
+        sum.losses.value += part.losses.value;
+        sum.losses.divergence += part.losses.divergence;
     }
+    // each thread adds all parts of some numbers
+    let firsts = |gradient: &[f32]| (0..gradient.len()).step_by(RANGE);
+    let of_policy = firsts(&sum.policy).map(|first| (true, first));
+    let ranges: Vec<_> = of_policy.chain(firsts(&sum.value).map(|first| (false, first))).collect();
+    let mut sums: Vec<_> = sum.policy.chunks_mut(RANGE).chain(sum.value.chunks_mut(RANGE)).collect();
+    for_chunks(run, &mut vec![(); threads], &ranges, &mut sums, |(is_policy, first), sum, ()| {
+        for part in others {
+            add(sum, &(if *is_policy { &part.policy } else { &part.value })[*first..]);
+        }
+    });
 }
 
 /// The sum of squares, in eight sums that vectorise.

@@ -1,7 +1,12 @@
 //! Adam, a stochastic gradient method.
 
+use pulp::{Arch, Simd, WithSimd};
+
 /// Added to the root of the second moment.
 const EPSILON: f32 = 1e-8;
+
+/// Decay of the first and of the second moment.
+const BETA: [f32; 2] = [0.9, 0.999];
 
 /// The state of Adam for all parameters of a network, in their order.
 #[derive(Clone, Debug, PartialEq)]
@@ -10,6 +15,31 @@ pub struct Adam {
     second: Vec<Vec<f32>>,
     steps: i32,
     epsilon: f32,
+}
+
+/// A step of a slice of parameters.
+struct Step<'a> {
+    parameters: &'a mut [f32],
+    gradients: &'a [f32],
+    moments: [&'a mut [f32]; 2],
+    correction: [f32; 2],
+    epsilon: f32,
+    rate: f32,
+    decay: f32,
+}
+
+impl WithSimd for Step<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { parameters, gradients, moments: [first, second], correction, epsilon, rate, decay } = self;
+        for (((p, g), m), v) in parameters.iter_mut().zip(gradients).zip(first).zip(second) {
+            *m += (1.0 - BETA[0]) * (g - *m);
+            *v += (1.0 - BETA[1]) * (g * g - *v);
+            *p -= rate * ((*m / correction[0]) / ((*v / correction[1]).sqrt() + epsilon) + decay * *p);
+        }
+    }
 }
 
 impl Adam {
@@ -36,18 +66,14 @@ impl Adam {
         rate: f32,
         decay: f32,
     ) {
-        const BETA: [f32; 2] = [0.9, 0.999];
         self.steps += 1;
         let correction = BETA.map(|beta| 1.0 - beta.powi(self.steps));
         let state = self.first.iter_mut().zip(&mut self.second);
         for ((parameters, gradients), (first, second)) in parameters.into_iter().zip(gradients).zip(state) {
             assert_eq!((parameters.len(), gradients.len()), (first.len(), first.len()), "lengths of slices");
-            for (((p, g), m), v) in parameters.iter_mut().zip(gradients).zip(first).zip(second) {
-                *m += (1.0 - BETA[0]) * (g - *m);
-                *v += (1.0 - BETA[1]) * (g * g - *v);
-                *p -=
-                    rate * ((*m / correction[0]) / ((*v / correction[1]).sqrt() + self.epsilon) + decay * *p);
-            }
+            let epsilon = self.epsilon;
+            let moments = [&mut first[..], second];
+            Arch::new().dispatch(Step { parameters, gradients, moments, correction, epsilon, rate, decay });
         }
     }
 

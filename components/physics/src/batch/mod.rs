@@ -10,8 +10,9 @@ use crate::{
 };
 use workers::Workers;
 
-/// Blocks of worlds per thread. A thread that finishes early steps blocks of other threads.
-const BLOCKS: usize = 4;
+/// Blocks of worlds per thread. A thread that finishes early steps blocks of other threads; the others wait
+/// for the last block, so blocks are small.
+const BLOCKS: usize = 16;
 
 /// Many simulations of robots of one kind, stepped together on several threads.
 ///
@@ -177,6 +178,21 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
     /// Returns the number of worlds.
     pub fn count(&self) -> usize {
         self.worlds.len()
+    }
+
+    /// Returns the number of threads that visit the worlds, the caller's included.
+    pub fn threads(&self) -> usize {
+        self.workers.threads()
+    }
+
+    /// Calls `work` once on each thread with the number of the thread, from 0, and returns when all calls
+    /// have returned. Work between two steps thus uses the threads of the batch.
+    ///
+    /// # Panics
+    ///
+    /// Continues the first panic of a call once all threads have stopped.
+    pub fn on_threads(&mut self, work: &(dyn Fn(usize) + Sync)) {
+        self.workers.run(work);
     }
 
     /// Returns a world, to read its objects and contacts.
