@@ -67,7 +67,8 @@ impl Joint {
 /// | `brake` | none, then where the joint has come to stand | 10^6 N m s/rad, then those of the safe states | gravity |
 ///
 /// Held gains are the larger of the last command's and the profile's, separately for `kp` and `kd`, but at
-/// most 16 times the profile's `kp` and 20 times its `kd`.
+/// most 16 times the profile's `kp` and 20 times its `kd`. With a larger `kp` than the profile's, `kd` is at
+/// least as large as the profile's damping ratio requires.
 ///
 /// ```
 /// use motorium::plan::SafeState;
@@ -89,7 +90,9 @@ pub fn enter(state: SafeState, joint: &Joint, limits: &JointLimits, last: &Joint
                 if profile > 0.0 { last.min(most * profile).max(profile) } else { last }
             };
             let kp = held(last.kp, limits.kp, MOST_STIFFNESS);
-            let kd = held(last.kd, limits.kd, MOST_DAMPING);
+            // A stiffer drive needs more damping to stop the joint without swinging.
+            let stiffer = if limits.kp > 0.0 { (kp / limits.kp).sqrt() } else { 1.0 };
+            let kd = held(last.kd, limits.kd, MOST_DAMPING).max(stiffer * limits.kd);
             let velocity = if limits.acceleration.is_finite() { joint.velocity } else { 0.0 };
             JointSetpoint { velocity, effort: joint.gravity, kp, kd, ..none }
         }

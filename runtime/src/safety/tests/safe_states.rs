@@ -72,7 +72,11 @@ fn each_safe_state_is_entered_by_its_law() {
     assert_eq!(stay(SafeState::Brake, &Joint { velocity: 0.5, ..joint }, limits, &braked, DT), braked);
     let stiff = JointSetpoint { kp: 1_000.0, kd: 5.0, ..JointSetpoint::default() };
     let held = enter(SafeState::Hold, &joint, limits, &stiff);
-    assert_eq!((held.kp, held.kd), (1_000.0, 40.0), "each gain is the larger of the two");
+    assert_eq!(
+        (held.kp, held.kd),
+        (1_000.0, 40.0 * (1_000.0_f64 / 600.0).sqrt()),
+        "damped as in the profile"
+    );
     let stiffest = JointSetpoint { kp: 20_000.0, kd: 5_000.0, ..JointSetpoint::default() };
     let held = enter(SafeState::Hold, &joint, limits, &stiffest);
     assert_eq!((held.kp, held.kd), (9_600.0, 800.0), "a stiff controller may be unstable");
