@@ -1,4 +1,4 @@
-//! Largest distance of a frame from the base of its robot.
+//! The joints that move a frame, and its largest distance from the base of its robot.
 
 use motorium_robots::{FrameId, JointKind, Model};
 use nalgebra::Vector3;
@@ -44,6 +44,17 @@ impl Reach {
         let distance = (place - self.anchor).norm();
         (distance > self.length).then_some(distance)
     }
+}
+
+/// Returns, for each joint of `model`, whether it is an independent joint that moves a frame.
+pub(crate) fn moving_joints(model: &Model, frame: FrameId) -> Vec<bool> {
+    let mut moving = vec![false; model.joint_count()];
+    let mut body = model.frames()[frame.index()].body;
+    while let Some(index) = body {
+        moving[model.bodies()[index].joint.coordinate.index()] = true;
+        body = model.bodies()[index].parent;
+    }
+    moving
 }
 
 #[cfg(test)]

@@ -177,9 +177,12 @@ impl Waypoints {
         }
     }
 
-    /// Returns the positions of the goals, each with the index of its goal in the configuration.
-    pub(super) fn places(&self) -> impl Iterator<Item = (GoalPlace, usize)> {
-        self.goals.iter().map(|goal| goal.place).zip(self.keys.iter().copied())
+    /// Returns the position and the orientation (`None`: the previous goal's) of each goal, with the index of
+    /// its goal in the configuration.
+    pub(super) fn poses(
+        &self,
+    ) -> impl Iterator<Item = (GoalPlace, Option<UnitQuaternion<f64>>, usize)> + '_ {
+        self.goals.iter().zip(&self.keys).map(|(goal, key)| (goal.place, goal.turn, *key))
     }
 
     /// Returns `true` if a goal has a gripper.

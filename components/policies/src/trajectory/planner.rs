@@ -7,7 +7,7 @@ use motorium::state::MotionGoal;
 use motorium_robots::{FrameId, IkOptions, IkProgress, InverseKinematics, Kinematics, Loaded, Model};
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 
-use crate::reach::Reach;
+use crate::reach::{Reach, moving_joints};
 use crate::robot;
 
 /// Starting points of the search for a pose: a search without success ends after eight hundred iterations.
@@ -138,7 +138,7 @@ impl GoalPlanner {
         let tool = id.map(|frame| Tool {
             frame,
             reach: Reach::of_frame(&model, frame),
-            moving: moving(&model, frame),
+            moving: moving_joints(&model, frame),
             kinematics: Kinematics::new(&model),
             search: InverseKinematics::new(&model),
             pose: Isometry3::identity(),
@@ -258,17 +258,6 @@ impl Tool {
         self.search.restart();
         Ok(())
     }
-}
-
-/// The independent joints that move a frame.
-fn moving(model: &Model, frame: FrameId) -> Vec<bool> {
-    let mut moving = vec![false; model.joint_count()];
-    let mut body = model.frames()[frame.index()].body;
-    while let Some(index) = body {
-        moving[model.bodies()[index].joint.coordinate.index()] = true;
-        body = model.bodies()[index].parent;
-    }
-    moving
 }
 
 /// A refusal with the names of the robot.

@@ -135,3 +135,25 @@ fn unreachable_goals_are_refused_and_offsets_warned_of() {
     );
     assert!(graph(near).check().expect("it is within reach").warnings.is_empty());
 }
+
+#[test]
+fn goals_without_joint_positions_are_warned_of() {
+    let warnings = |robot: &str, goals: &str| {
+        let policy =
+            policy(&format!("{{ goals = [{goals}] }}")).robot("arm").subscribe("joint_state", "state");
+        let state = Source::new("arm", "state", |_| None::<JointState>);
+        let checked = Graph::new("reach-test").robot("arm", robot).with(state).with(policy).check();
+        checked.expect("a warning, no error").warnings.iter().map(|w| w.text.clone()).collect::<Vec<_>>()
+    };
+    let above_its_plane = "{ position = [0.5, 0.0, 0.3], duration = \"1 s\" }";
+    let text = warnings("planar-3r", above_its_plane).join("\n");
+    assert!(text.contains("goal 0: the nearest are 0.300 m away"), "{text}");
+
+    // nearly stretched, a tool that points back at the base would need another half metre
+    let goal = |pitch: f64| {
+        format!("{{ position = [0.85, 0.0, 0.4], rpy = [0.0, {pitch}, 0.0], duration = \"1 s\" }}")
+    };
+    assert_eq!(warnings("panda", &goal(1.5708)), Vec::<String>::new());
+    let text = warnings("panda", &format!("{}, {}", goal(1.5708), goal(-1.5708))).join("\n");
+    assert!(text.contains("goal 1") && text.contains("its position alone can be reached"), "{text}");
+}
