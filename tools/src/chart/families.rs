@@ -2,9 +2,17 @@
 
 use std::fmt::Write as _;
 
-/// A family of curves: each has its own dashes, colours and place in the legend.
+/// The systems that a family of curves was measured on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Group {
+    Floors,
+    Motorium,
+    Peers,
+}
+
+/// A family of curves: each has its own dashes and colours.
 pub(super) struct Family {
-    pub(super) title: &'static str,
+    pub(super) group: Group,
     pub(super) dashes: &'static str,
     /// The class of its colours begins with this letter.
     pub(super) class: char,
@@ -17,7 +25,7 @@ pub(super) struct Family {
 /// Colours that are distinct on white, also with colour blindness (P. Tol's "bright" and "muted").
 pub(super) const FAMILIES: [Family; 3] = [
     Family {
-        title: "floors of this machine",
+        group: Group::Floors,
         dashes: " stroke-dasharray=\"2 3\"",
         class: 'm',
         colours: &["#000000", "#777777", "#b08000", "#5a4fa0", "#0077bb"],
@@ -25,7 +33,7 @@ pub(super) const FAMILIES: [Family; 3] = [
         is_member: is_floor,
     },
     Family {
-        title: "motorium",
+        group: Group::Motorium,
         dashes: "",
         class: 'o',
         colours: &[
@@ -39,7 +47,7 @@ pub(super) const FAMILIES: [Family; 3] = [
         is_member: |name| !is_floor(name) && !is_peer(name),
     },
     Family {
-        title: "other systems",
+        group: Group::Peers,
         dashes: " stroke-dasharray=\"8 3\"",
         class: 'p',
         colours: &[
@@ -59,8 +67,14 @@ fn is_floor(name: &str) -> bool {
     name.starts_with("floor.") || name == "peer.cyclictest"
 }
 
-fn is_peer(name: &str) -> bool {
+pub(super) fn is_peer(name: &str) -> bool {
     !is_floor(name) && (name.starts_with("peer.") || name.starts_with("iceoryx2."))
+}
+
+/// Returns `true` for a measurement of motorium that other systems are measured next to: blocking hand-overs
+/// and the caterpillar of 17 processes.
+pub(super) fn has_counterpart(name: &str) -> bool {
+    name.starts_with("hop.blocking.") || name == "chain.17"
 }
 
 /// The rules of all colours on a dark ground.
@@ -92,7 +106,7 @@ mod tests {
     fn curve_colours_differ_and_show_on_dark() {
         let rules = on_dark();
         for family in &FAMILIES {
-            assert_eq!(family.on_dark.len(), family.colours.len(), "{}", family.title);
+            assert_eq!(family.on_dark.len(), family.colours.len(), "{:?}", family.group);
             for (i, colour) in family.on_dark.iter().enumerate() {
                 // as much as WCAG asks of small text
                 let contrast = (luminance(colour) + 0.05) / (luminance(theme::DARK) + 0.05);

@@ -4,177 +4,245 @@ use std::fmt::Write as _;
 
 use motorium_benches::latency::Measurement;
 
-use super::families::{FAMILIES, on_dark};
+use super::families::{FAMILIES, Group, has_counterpart, is_peer, on_dark};
 use super::theme;
 
 const WIDTH: f64 = 1200.0;
-/// Minimum height; a long legend makes it larger.
-const HEIGHT: f64 = 640.0;
+/// Minimum height of a frame; many labels make it larger.
+const HEIGHT: f64 = 400.0;
 const LEFT: f64 = 96.0;
-const RIGHT: f64 = 470.0;
-const TOP: f64 = 76.0;
-const BOTTOM: f64 = 60.0;
-/// Height of a line of the legend.
-const LINE: f64 = 17.0;
+/// Width of the column of labels, right of the frames.
+const RIGHT: f64 = 450.0;
+const TOP: f64 = 92.0;
+/// Height of what is below a frame: its marks and the title of its axis.
+const BOTTOM: f64 = 48.0;
+/// Distance between a panel and the title of the next.
+const GAP: f64 = 34.0;
+/// Height of a line of a label.
+const LINE: f64 = 16.0;
 /// The longest line of the subtitle, characters.
 const SUBTITLE: usize = 160;
-/// The longest line of the legend, characters.
-const LEGEND: usize = 62;
+/// The longest line of a label, characters.
+const LABEL: usize = 56;
 /// Points of a curve that are nearer to each other than this are drawn as one.
 const NEAR: f64 = 0.7;
 
-/// The frame that the curves are drawn in: nines to the right, decades upwards.
-struct Frame {
+/// The curves of one comparison.
+struct Panel<'a> {
+    title: &'static str,
+    curves: Vec<Curve<'a>>,
+}
+
+/// A curve, its style and the lines of its label.
+#[derive(Clone)]
+struct Curve<'a> {
+    measurement: &'a Measurement,
+    style: String,
+    label: Vec<String>,
+}
+
+impl Panel<'_> {
+    /// Height of all labels.
+    fn labels_height(&self) -> f64 {
+        self.curves.iter().map(Curve::label_height).sum()
+    }
+}
+
+impl Curve<'_> {
+    fn label_height(&self) -> f64 {
+        LINE * self.label.len() as f64 + 3.0
+    }
+}
+
+/// The scales of all panels: nines to the right, decades upwards.
+#[derive(Clone, Copy)]
+struct Scales {
     low: f64,
     high: f64,
     nines: f64,
-    height: f64,
 }
 
-impl Frame {
-    fn around(measurements: &[&Measurement], height: f64) -> Self {
+impl Scales {
+    fn around(measurements: &[&Measurement]) -> Self {
         let bounds =
             measurements.iter().flat_map(|measurement| measurement.ns.curve()).map(|(_, ns)| ns.max(1));
         let (low, high) = bounds.fold((u64::MAX, 10), |(low, high), ns| (low.min(ns), high.max(ns)));
         let low = decade(low.min(high)).floor();
         let most = measurements.iter().map(|measurement| measurement.ns.count).max().unwrap_or(1);
-        Self { low, high: decade(high).ceil().max(low + 1.0), nines: decade(most.max(10)).max(2.0), height }
+        Self { low, high: decade(high).ceil().max(low + 1.0), nines: decade(most.max(10)).max(2.0) }
     }
+}
 
+/// The frame that the curves of a panel are drawn in.
+struct Frame {
+    scales: Scales,
+    top: f64,
+    height: f64,
+}
+
+impl Frame {
     fn x(&self, nines: f64) -> f64 {
-        LEFT + (WIDTH - LEFT - RIGHT) * nines / self.nines
+        LEFT + (WIDTH - LEFT - RIGHT) * nines / self.scales.nines
     }
 
     fn y(&self, ns: f64) -> f64 {
-        let share = (ns.max(1.0).log10() - self.low) / (self.high - self.low);
-        self.bottom() - (self.bottom() - TOP) * share
+        let share = (ns.max(1.0).log10() - self.scales.low) / (self.scales.high - self.scales.low);
+        self.bottom() - self.height * share
     }
 
     fn bottom(&self) -> f64 {
-        self.height - BOTTOM
+        self.top + self.height
     }
 
     /// The grid, what its lines stand for, and the titles of both axes.
     fn axes(&self) -> String {
         let mut svg = String::new();
-        let (right, bottom) = (WIDTH - RIGHT, self.bottom());
-        for power in self.low as i32..=self.high as i32 {
+        let (top, right, bottom) = (self.top, WIDTH - RIGHT, self.bottom());
+        for power in self.scales.low as i32..=self.scales.high as i32 {
             let at = self.y(10f64.powi(power));
             let _ = writeln!(svg, "<path class=\"grid\" d=\"M{LEFT} {at:.1}H{right}\" stroke=\"#dddddd\"/>");
             svg += &theme::text(LEFT - 8.0, at + 4.0, "text-anchor=\"end\"", &time(power));
         }
         let median = ("50 %".to_string(), 2f64.log10());
-        let marks = (0..=self.nines as i32).map(|nines| (percent(nines), f64::from(nines)));
+        let marks = (0..=self.scales.nines as i32).map(|nines| (percent(nines), f64::from(nines)));
         for (words, nines) in core::iter::once(median).chain(marks) {
             let at = self.x(nines);
             let _ =
-                writeln!(svg, "<path class=\"grid\" d=\"M{at:.1} {TOP}V{bottom:.1}\" stroke=\"#dddddd\"/>");
+                writeln!(svg, "<path class=\"grid\" d=\"M{at:.1} {top:.1}V{bottom:.1}\" stroke=\"#dddddd\"/>");
             svg += &theme::text(at, bottom + 18.0, "text-anchor=\"middle\"", &words);
         }
-        let (across, down) = ((LEFT + right) / 2.0, (TOP + bottom) / 2.0);
+        let (across, down) = ((LEFT + right) / 2.0, (top + bottom) / 2.0);
         let middle = "text-anchor=\"middle\"";
-        svg += &theme::text(across, self.height - 16.0, middle, "share of samples that are at most so long");
+        svg += &theme::text(across, bottom + 38.0, middle, "share of samples at or below this latency");
         let turned = format!("{middle} transform=\"rotate(-90 22 {down:.1})\"");
         svg += &theme::text(22.0, down, &turned, "latency");
         svg
     }
 
     /// The points of a curve, without points too close to another to be visible.
-    fn points(&self, measurement: &Measurement) -> String {
+    fn points(&self, measurement: &Measurement) -> Vec<(f64, f64)> {
         // The last sample has no share above it, so it is drawn at the end of the axis for its count.
         let least = 1.0 / measurement.ns.count.max(1) as f64;
         let curve = measurement.ns.curve();
-        let mut points = String::new();
-        let mut drawn: Option<(f64, f64)> = None;
+        let mut points: Vec<(f64, f64)> = Vec::new();
         for (i, (share, ns)) in curve.iter().enumerate() {
             let at = (self.x(-(1.0 - share).max(least).log10()), self.y(*ns as f64));
             let is_near =
-                drawn.is_some_and(|drawn| (at.0 - drawn.0).abs() < NEAR && (at.1 - drawn.1).abs() < NEAR);
+                points.last().is_some_and(|last| (at.0 - last.0).abs() < NEAR && (at.1 - last.1).abs() < NEAR);
             if !is_near || i + 1 == curve.len() {
-                let _ = write!(points, "{:.1},{:.1} ", at.0, at.1);
-                drawn = Some(at);
+                points.push(at);
             }
         }
-        points.trim_end().to_string()
+        points
+    }
+
+    /// Draws the curves, and joins the end of each to its label in the column on the right.
+    fn curves(&self, curves: &[Curve<'_>]) -> String {
+        let mut svg = String::new();
+        let mut ends = Vec::new();
+        for curve in curves {
+            let points = self.points(curve.measurement);
+            let words: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+            let (style, words) = (&curve.style, words.join(" "));
+            let _ =
+                writeln!(svg, "<polyline fill=\"none\" stroke-width=\"1.6\"{style} points=\"{words}\"/>");
+            ends.extend(points.last().map(|end| (*end, curve)));
+        }
+        ends.sort_by(|one, other| one.0.1.total_cmp(&other.0.1));
+        let heights: Vec<f64> = ends.iter().map(|(_, curve)| curve.label_height()).collect();
+        let wanted: Vec<f64> = ends.iter().map(|((_, y), _)| *y).collect();
+        let tops = spread(&wanted, &heights, self.top - 8.0, self.bottom() + 8.0);
+        let column = WIDTH - RIGHT;
+        for (((x, y), curve), top) in ends.into_iter().zip(tops) {
+            let row = top + LINE / 2.0;
+            let style = &curve.style;
+            let _ = writeln!(
+                svg,
+                "<path fill=\"none\" stroke-width=\"0.8\" opacity=\"0.6\"{style} d=\"M{x:.1} {y:.1}L{:.1} {row:.1}\"/>\n\
+                 <path fill=\"none\" stroke-width=\"2\"{style} d=\"M{:.1} {row:.1}h26\"/>",
+                column + 14.0,
+                column + 14.0,
+            );
+            for (line, words) in curve.label.iter().enumerate() {
+                svg += &theme::text(column + 46.0, row + 4.0 + LINE * line as f64, "", words);
+            }
+        }
+        svg
     }
 }
 
-/// Draws the curves of some measurements, made on this machine. The horizontal axis counts nines: 90 %, 99 %,
-/// 99.9 % are equally far apart. A curve ends at its longest sample, above the percentile that its number of
-/// samples reaches.
+/// Returns upper ends of labels with these heights, in order, as near as possible to the middle of each at its
+/// `wanted` height, without overlap and from `top` to `bottom` (beyond it if they do not fit).
+fn spread(wanted: &[f64], heights: &[f64], top: f64, bottom: f64) -> Vec<f64> {
+    let mut tops = Vec::with_capacity(wanted.len());
+    let mut free = top;
+    for (wanted, height) in wanted.iter().zip(heights) {
+        let at = (wanted - LINE / 2.0).max(free);
+        tops.push(at);
+        free = at + height;
+    }
+    let mut limit = bottom.max(top + heights.iter().sum::<f64>());
+    for (at, height) in tops.iter_mut().zip(heights).rev() {
+        *at = at.min(limit - height);
+        limit = *at;
+    }
+    tops
+}
+
+/// Draws the curves of some measurements made on this machine: motorium and the floors of the machine in one
+/// panel, motorium and other systems in a second. The horizontal axis counts nines: 90 %, 99 %, 99.9 % are
+/// equally far apart. A curve ends at its longest sample, above the percentile that its number of samples
+/// reaches.
 pub(crate) fn plot(machine: &str, measurements: &[&Measurement]) -> String {
-    // of a peer that keeps its samples to itself there is no curve
+    // peers that keep their samples have no curve
     let has_curve = |measurement: &&&Measurement| !measurement.ns.buckets.is_empty();
     let measurements: Vec<&Measurement> = measurements.iter().filter(has_curve).copied().collect();
-    let (legend, curves) = legend(&measurements);
-    let height = HEIGHT.max(curves.bottom + BOTTOM);
-    let frame = Frame::around(&measurements, height);
-    let mut svg = theme::begin_with(WIDTH, height, 12, &on_dark());
-    svg += &theme::text(
-        LEFT,
-        24.0,
-        "font-size=\"16\" font-weight=\"bold\"",
-        "Latency against percentile, nothing trimmed",
-    );
+    let scales = Scales::around(&measurements);
+    let mut body = String::new();
+    let mut top = TOP;
+    for panel in panels(&measurements) {
+        let frame = Frame { scales, top, height: HEIGHT.max(panel.labels_height()) };
+        body += &theme::text(LEFT, top - 14.0, "font-size=\"13\" font-weight=\"bold\"", panel.title);
+        body += &frame.axes();
+        body += &frame.curves(&panel.curves);
+        top = frame.bottom() + BOTTOM + GAP;
+    }
+    let mut svg = theme::begin_with(WIDTH, top - GAP, 12, &on_dark());
+    let title = "font-size=\"16\" font-weight=\"bold\"";
+    svg += &theme::text(LEFT, 24.0, title, "Latency against percentile, nothing trimmed");
     for (i, line) in wrapped(machine, SUBTITLE).iter().enumerate() {
         svg += &theme::text(LEFT, 42.0 + 14.0 * i as f64, "font-size=\"11\"", line);
     }
-    svg += &frame.axes();
-    svg += &legend;
-    for Stroke { measurement, style } in &curves.strokes {
-        let points = frame.points(measurement);
-        let _ = writeln!(svg, "<polyline fill=\"none\" stroke-width=\"1.6\"{style} points=\"{points}\"/>");
-    }
-    svg.push_str("</svg>\n");
-    svg
+    svg + &body + "</svg>\n"
 }
 
-/// A curve and its style.
-struct Stroke<'a> {
-    measurement: &'a Measurement,
-    style: String,
-}
-
-struct Curves<'a> {
-    strokes: Vec<Stroke<'a>>,
-    /// Lower end of the legend, px.
-    bottom: f64,
-}
-
-/// The legend next to the frame, family by family.
-fn legend<'a>(measurements: &[&'a Measurement]) -> (String, Curves<'a>) {
-    let left = WIDTH - RIGHT + 16.0;
-    let mut svg = String::new();
-    let mut strokes = Vec::new();
-    let mut row = TOP + 4.0;
+/// Sorts measurements into panels. There is always a first one.
+fn panels<'a>(measurements: &[&'a Measurement]) -> Vec<Panel<'a>> {
+    let mut floors = Panel { title: "motorium and the floors of this machine", curves: Vec::new() };
+    let mut peers = Panel { title: "motorium and other systems", curves: Vec::new() };
     for family in &FAMILIES {
-        let members: Vec<&Measurement> =
-            measurements.iter().filter(|one| (family.is_member)(&one.name)).copied().collect();
-        if members.is_empty() {
-            continue;
-        }
-        svg += &theme::text(left, row + 4.0, "font-weight=\"bold\"", family.title);
-        row += LINE;
-        for (i, measurement) in members.into_iter().enumerate() {
+        let members = measurements.iter().filter(|measurement| (family.is_member)(&measurement.name));
+        for (i, measurement) in members.enumerate() {
             let colour = i % family.colours.len();
             let style = format!(
                 " class=\"{}{colour}\" stroke=\"{}\"{}",
                 family.class, family.colours[colour], family.dashes
             );
-            let _ = writeln!(
-                svg,
-                "<line x1=\"{left:.1}\" y1=\"{row:.1}\" x2=\"{:.1}\" y2=\"{row:.1}\" stroke-width=\"2\"{style}/>",
-                left + 30.0,
-            );
-            for line in wrapped(&measurement.what, LEGEND) {
-                svg += &theme::text(left + 38.0, row + 4.0, "", &line);
-                row += LINE;
+            let curve = Curve { measurement, style, label: wrapped(&measurement.what, LABEL) };
+            match family.group {
+                Group::Floors => floors.curves.push(curve),
+                Group::Peers => peers.curves.push(curve),
+                Group::Motorium => {
+                    if has_counterpart(&measurement.name) {
+                        peers.curves.push(curve.clone());
+                    }
+                    floors.curves.push(curve);
+                }
             }
-            strokes.push(Stroke { measurement, style });
         }
-        row += LINE / 2.0;
     }
-    (svg, Curves { strokes, bottom: row })
+    let has_peers = peers.curves.iter().any(|curve| is_peer(&curve.measurement.name));
+    core::iter::once(floors).chain(has_peers.then_some(peers)).collect()
 }
 
 /// Breaks a text between words into lines of at most `most` characters.
@@ -254,12 +322,12 @@ mod tests {
         let slow = measured("floor.x", "c", (1..5_000).map(|n| n * n).collect());
         let peer = measured("iceoryx2.x", "d", (1..5_000).map(|n| 2 * n).collect());
         let curves = curves(&plot("a machine", &[&fast, &slow, &peer]));
-        assert_eq!(curves.len(), 3, "each family draws its own, and none twice");
+        assert_eq!(curves.len(), 3, "each family draws its own; motorium has no counterpart here");
         for curve in &curves {
             assert!(curve.windows(2).all(|pair| pair[0].0 <= pair[1].0 && pair[0].1 >= pair[1].1));
             for (x, y) in curve {
                 assert!((LEFT..=WIDTH - RIGHT + 0.1).contains(x), "{x}");
-                assert!((TOP - 0.1..=HEIGHT - BOTTOM + 0.1).contains(y), "{y}");
+                assert!((TOP - 0.1..=TOP + 2.0 * HEIGHT + BOTTOM + GAP + 0.1).contains(y), "{y}");
             }
         }
     }
@@ -270,7 +338,7 @@ mod tests {
         let svg = plot("a machine", &[&many]);
         let curve = &curves(&svg)[0];
         assert!((50..3_000).contains(&curve.len()), "{} points", curve.len());
-        let frame = Frame::around(&[&many], HEIGHT);
+        let frame = Frame { scales: Scales::around(&[&many]), top: TOP, height: HEIGHT };
         let (x, y) = (frame.x(50_000f64.log10()), frame.y(many.ns.max as f64));
         let last = curve.last().unwrap();
         assert!((last.0 - x).abs() < 0.1 && (last.1 - y).abs() < 0.1, "{last:?} for {x} {y}");
@@ -311,7 +379,7 @@ mod tests {
     #[test]
     fn both_axes_name_their_units_and_the_median_is_marked() {
         let svg = plot("a machine", &[&measured("hop.x", "a", (1..5_000).collect())]);
-        for words in [">latency<", ">share of samples", ">1 ns<", ">1 us<", ">50 %<", ">99.9 %<"] {
+        for words in [">latency<", ">share of samples at", ">1 ns<", ">1 us<", ">50 %<", ">99.9 %<"] {
             assert!(svg.contains(words), "{words} in {svg}");
         }
     }
@@ -325,5 +393,28 @@ mod tests {
     #[test]
     fn nothing_measured_is_an_empty_frame_and_no_fault() {
         assert!(curves(&plot("nothing", &[])).is_empty());
+    }
+
+    #[test]
+    fn other_systems_have_a_panel_beside_their_counterparts() {
+        let one = |name: &str| measured(name, name, (1..2_000).collect());
+        let all = ["floor.x", "hop.blocking.same.512", "panda", "iceoryx2.same.512", "peer.lcm"].map(one);
+        let svg = plot("a machine", &all.iter().collect::<Vec<_>>());
+        let document = roxmltree::Document::parse(&svg).unwrap();
+        let texts: Vec<&str> = document.descendants().filter_map(|node| node.text()).collect();
+        let count = |name: &str| texts.iter().filter(|text| **text == name).count();
+        let panels = ["motorium and the floors of this machine", "motorium and other systems"];
+        assert_eq!(panels.map(count), [1, 1], "{texts:?}");
+        assert_eq!(all.each_ref().map(|one| count(&one.name)), [1, 2, 1, 1, 1], "{texts:?}");
+        let without_peers = plot("a machine", &all[..3].iter().collect::<Vec<_>>());
+        assert!(!without_peers.contains("other systems"));
+    }
+
+    #[test]
+    fn labels_are_near_their_curves_and_do_not_overlap() {
+        assert_eq!(spread(&[58.0, 108.0], &[19.0, 19.0], 0.0, 200.0), [50.0, 100.0]);
+        assert_eq!(spread(&[58.0, 60.0], &[19.0, 19.0], 0.0, 200.0), [50.0, 69.0]);
+        assert_eq!(spread(&[190.0, 195.0], &[20.0, 20.0], 0.0, 200.0), [160.0, 180.0]);
+        assert_eq!(spread(&[5.0; 3], &[20.0; 3], 0.0, 30.0), [0.0, 20.0, 40.0], "too many for the space");
     }
 }
