@@ -13,7 +13,7 @@ use crate::wrap::wrapped;
 use crate::{gate, style};
 
 use results::WIDTH;
-pub(crate) use results::{decimal, figures, warnings};
+pub(crate) use results::{decimal, items, warnings};
 
 /// A table without lines, its columns apart by two blanks.
 pub(crate) fn table<const N: usize>(header: [&str; N]) -> Table {

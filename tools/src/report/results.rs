@@ -1,5 +1,4 @@
-//! The results of components as text: one figure after the other, with its unit, on lines that fit a
-//! terminal.
+//! The results of components as text: figures with their units on lines that fit a terminal.
 
 use serde_json::Value;
 
@@ -22,24 +21,34 @@ const UNITS: [(&str, &str); 9] = [
     ("_m", "m"),
 ];
 
-/// A result of a component, by figures: values within values by their paths. Counters that are zero and
-/// figures without a value are left out. Lines after the first begin with blanks; the first has `heading`
-/// columns before it.
+/// The result of a component as text. Its own figures follow the heading, which takes `heading` columns; each
+/// part and each list of joints begins a line. Counters that are zero and figures without a value are left out.
 pub(super) fn lines(heading: usize, result: &Value) -> String {
     let mut text = String::new();
-    let mut used = heading;
-    for figure in figures(result) {
-        let length = figure.chars().count();
-        // a comma follows
-        if used > 4 && used + length + 3 > WIDTH {
-            text.push_str(if text.is_empty() { "\n    " } else { ",\n    " });
-            used = 4;
-        } else if !text.is_empty() {
-            text.push_str(", ");
-            used += 2;
+    for group in groups(result) {
+        let (mut used, indent) = match group.name.as_str() {
+            "" => (heading, 4),
+            name => {
+                text.push_str(&format!("\n    {name}: "));
+                (name.chars().count() + 6, 6)
+            }
+        };
+        for (index, figure) in group.figures.iter().enumerate() {
+            let length = figure.chars().count();
+            // a comma follows
+            if used > indent && used + length + 3 > WIDTH {
+                let text_before = text.trim_end().len();
+                text.truncate(text_before);
+                text.push_str(if index == 0 { "\n" } else { ",\n" });
+                text.push_str(&" ".repeat(indent));
+                used = indent;
+            } else if index > 0 {
+                text.push_str(", ");
+                used += 2;
+            }
+            used += length;
+            text.push_str(figure);
         }
-        used += length;
-        text.push_str(&figure);
     }
     for warning in warnings(result) {
         text.push_str(&format!("\n    warning: {warning}"));
@@ -47,11 +56,29 @@ pub(super) fn lines(heading: usize, result: &Value) -> String {
     text
 }
 
-/// The figures of a result, each with its path and its unit.
-pub(crate) fn figures(result: &Value) -> Vec<String> {
-    let mut figures = Vec::new();
-    collect("", result, result, &mut figures);
-    figures
+/// The figures of a result with their units, then its parts and lists of joints, one item each.
+pub(crate) fn items(result: &Value) -> Vec<String> {
+    let items = groups(result).into_iter().flat_map(|group| match group.name.as_str() {
+        "" => group.figures,
+        name => vec![format!("{name}: {}", group.figures.join(", "))],
+    });
+    items.collect()
+}
+
+/// Figures that belong together: a result's own (without a name), a part's, or one for each joint.
+#[derive(Debug, Default)]
+struct Group {
+    /// Path of the part or the list.
+    name: String,
+    figures: Vec<String>,
+}
+
+/// The figures of a result with their units, part by part.
+fn groups(result: &Value) -> Vec<Group> {
+    let mut groups = Vec::new();
+    collect("", result, result, &mut groups);
+    groups.retain(|group| !group.figures.is_empty());
+    groups
 }
 
 /// The key of warnings, which are printed on separate lines.
@@ -61,55 +88,39 @@ pub(crate) fn warnings(result: &Value) -> impl Iterator<Item = &str> {
     result.get(WARNINGS).and_then(Value::as_array).into_iter().flatten().filter_map(Value::as_str)
 }
 
-/// Collects the figures of a value within a `whole` result. A figure of a part that the whole has, too, under
-/// the same name and of the same value, is left out.
-fn collect(path: &str, value: &Value, whole: &Value, figures: &mut Vec<String>) {
-    match value {
-        Value::Object(values) => {
-            let joints = names_of_joints(values);
-            for (name, value) in values.iter().filter(|(name, _)| joints.is_none() || *name != JOINTS) {
-                if path.is_empty() && name == WARNINGS && warnings(whole).next().is_some()
-                    || !path.is_empty() && value.is_number() && whole.get(name) == Some(value)
-                {
-                    continue;
+/// Collects the figures of a part of a `whole` result. A figure of a part that the whole has, too, under the
+/// same name and of the same value, is left out.
+fn collect(path: &str, value: &Value, whole: &Value, groups: &mut Vec<Group>) {
+    let own = groups.len();
+    groups.push(Group { name: path.to_string(), figures: Vec::new() });
+    let Value::Object(values) = value else {
+        groups[own].figures.extend(figure("", value));
+        return;
+    };
+    let joints = names_of_joints(values);
+    for (name, value) in values.iter().filter(|(name, _)| joints.is_none() || *name != JOINTS) {
+        if path.is_empty() && name == WARNINGS && warnings(whole).next().is_some()
+            || !path.is_empty() && value.is_number() && whole.get(name) == Some(value)
+        {
+            continue;
+        }
+        let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+        match (&joints, value) {
+            (Some(joints), Value::Array(numbers))
+                if numbers.len() == joints.len() && numbers.iter().all(Value::is_number) =>
+            {
+                let figures = joints.iter().zip(numbers);
+                let figures = figures.map(|(joint, number)| format!("{joint} {}", scalar(number))).collect();
+                groups.push(Group { name: path, figures });
+            }
+            (_, Value::Object(_)) => collect(&path, value, whole, groups),
+            (_, Value::Array(values)) if values.iter().any(|value| value.is_object() || value.is_array()) => {
+                for (index, value) in values.iter().enumerate() {
+                    collect(&format!("{path}.{index}"), value, whole, groups);
                 }
-                let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
-                match (&joints, value) {
-                    (Some(joints), Value::Array(numbers))
-                        if numbers.len() == joints.len() && numbers.iter().all(Value::is_number) =>
-                    {
-                        // one figure for each joint: the lines break between them
-                        figures.extend(joints.iter().zip(numbers).enumerate().map(
-                            |(index, (joint, number))| {
-                                let number = scalar(number);
-                                if index == 0 {
-                                    format!("{path}: {joint} {number}")
-                                } else {
-                                    format!("{joint} {number}")
-                                }
-                            },
-                        ));
-                    }
-                    _ => collect(&path, value, whole, figures),
-                }
             }
+            _ => groups[own].figures.extend(figure(name, value)),
         }
-        Value::Array(values) if values.iter().any(|value| value.is_object() || value.is_array()) => {
-            for (index, value) in values.iter().enumerate() {
-                collect(&format!("{path}.{index}"), value, whole, figures);
-            }
-        }
-        Value::Array(values) if values.is_empty() => {}
-        Value::Array(values) => {
-            let mut listed: Vec<String> = values.iter().take(LISTED).map(scalar).collect();
-            if values.len() > LISTED {
-                listed.push(format!("... {} in all", values.len()));
-            }
-            figures.push(format!("{path} [{}]", listed.join(", ")));
-        }
-        Value::Null => {}
-        Value::Number(number) if number.as_u64() == Some(0) => {}
-        value => figures.push(figure(path, value)),
     }
 }
 
@@ -122,12 +133,25 @@ fn names_of_joints(values: &serde_json::Map<String, Value>) -> Option<Vec<&str>>
     (names.len() == values[JOINTS].as_array()?.len()).then_some(names)
 }
 
-fn figure(path: &str, value: &Value) -> String {
-    let unit = UNITS.iter().find(|(ending, _)| value.is_number() && path.ends_with(ending));
-    match unit {
-        Some((ending, unit)) => format!("{} {} {unit}", &path[..path.len() - ending.len()], scalar(value)),
-        None => format!("{path} {}", scalar(value)),
-    }
+/// A value with its name and unit; `None` for counters that are zero and for missing values.
+fn figure(name: &str, value: &Value) -> Option<String> {
+    let text = match value {
+        Value::Null => return None,
+        Value::Number(number) if number.as_u64() == Some(0) => return None,
+        Value::Array(values) if values.is_empty() => return None,
+        Value::Array(values) => {
+            let mut listed: Vec<String> = values.iter().take(LISTED).map(scalar).collect();
+            if values.len() > LISTED {
+                listed.push(format!("... {} in all", values.len()));
+            }
+            format!("{name} [{}]", listed.join(", "))
+        }
+        value => match UNITS.iter().find(|(ending, _)| value.is_number() && name.ends_with(ending)) {
+            Some((ending, unit)) => format!("{} {} {unit}", &name[..name.len() - ending.len()], scalar(value)),
+            None => format!("{name} {}", scalar(value)),
+        },
+    };
+    Some(text.trim_start().to_string())
 }
 
 fn scalar(value: &Value) -> String {
@@ -181,7 +205,7 @@ mod tests {
     fn lists_with_a_number_for_each_joint_name_the_joints() {
         let result =
             json!({ "joints": ["hip", "knee"], "joint_position": [0.5, 0.0], "base": [1.0, 2.0, 3.0] });
-        assert_eq!(lines(0, &result), "base [1, 2, 3], joint_position: hip 0.5, knee 0");
+        assert_eq!(lines(0, &result), "base [1, 2, 3]\n    joint_position: hip 0.5, knee 0");
         let result = json!({ "joints": [0.5, 0.25] });
         assert_eq!(lines(0, &result), "joints [0.5, 0.25]", "numbers are no names");
     }
@@ -194,11 +218,10 @@ mod tests {
         let text = lines(0, &result);
         let (figures, warnings) = text.split_once("\n    warning: ").expect("a warning");
         assert_eq!(warnings, "the hand is hot\n    warning: the foot is cold");
-        let figures: Vec<&str> = figures.split(',').map(str::trim).collect();
-        for figure in ["goals_reached 4", "position_error 0.75 m", "tasks.hand.position_error 0.5 m"] {
-            assert!(figures.contains(&figure), "{figure}: {text}");
-        }
-        assert!(!text.contains("tasks.hand.goals_reached"), "{text}");
+        let own = "goals_reached 4, position_error 0.75 m";
+        let hand = "tasks.hand: last_position_error 0.25 m, position_error 0.5 m";
+        assert_eq!(figures, format!("{own}\n    {hand}"));
+        assert_eq!(items(&result), ["goals_reached 4", "position_error 0.75 m", hand]);
     }
 
     #[test]
@@ -213,9 +236,9 @@ mod tests {
             "position_error 0.0123 m",
             "goals_reached 4",
             "phase resting",
-            "tasks.hand.angle 0.5 rad",
-            "path.0.terms 3",
-            "path.1.terms 5",
+            "\n    tasks.hand: angle 0.5 rad",
+            "\n    path.0: terms 3",
+            "\n    path.1: terms 5",
             "joints [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, ... 9 in all]",
             "finished true",
         ] {

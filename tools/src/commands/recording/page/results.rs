@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use motorium::launcher::Report;
 
 use crate::draw::escape;
-use crate::report::{causes, figures, short_percentiles, warnings};
+use crate::report::{causes, items, short_percentiles, warnings};
 
 /// The table of components, and the figures of each result.
 pub(super) fn section(report: &Report) -> String {
@@ -31,7 +31,7 @@ pub(super) fn section(report: &Report) -> String {
     html += "</table></div>\n";
     for (name, result) in &report.results {
         let lines: String =
-            figures(result).iter().map(|figure| format!("<li>{}</li>\n", escape(figure))).collect();
+            items(result).iter().map(|figure| format!("<li>{}</li>\n", escape(figure))).collect();
         let warnings: String =
             warnings(result).map(|text| format!("<li class=warning>{}</li>\n", escape(text))).collect();
         if !lines.is_empty() || !warnings.is_empty() {
