@@ -228,11 +228,7 @@ fn expectation_maximisation_matches_numpy() {
     // the reference is evaluated by scipy: the likelihood never decreases
     let likelihood = numbers(&golden["em_likelihood"]);
     assert!(likelihood.windows(2).all(|pair| pair[1] > pair[0] - 1e-2), "{likelihood:?}");
-    assert!(
-        (promp.noise().sqrt() - 0.05).abs() < 0.01,
-        "the noise of the data: {}",
-        promp.noise().sqrt()
-    );
+    assert!((promp.noise().sqrt() - 0.05).abs() < 0.01, "the noise of the data: {}", promp.noise().sqrt());
 }
 
 #[test]

@@ -108,10 +108,7 @@ fn duty_factor_and_leg_timing_are_kept() {
     }
     assert!((f64::from(one) / 1e4 - 0.7).abs() < 0.01, "{one}");
     assert!((f64::from(both) / 1e4 - 0.4).abs() < 0.01 && none < 50, "{both} {none}");
-    assert!(
-        (f64::from(backwards) / 1e4 - 0.7).abs() < 0.01,
-        "a leg in stance moves backwards: {backwards}"
-    );
+    assert!((f64::from(backwards) / 1e4 - 0.7).abs() < 0.01, "a leg in stance moves backwards: {backwards}");
     rhythm.set_duty_factor(0.5).unwrap();
     (0..5000).for_each(|_| rhythm.step(1e-3));
     let backwards = (0..10_000).filter(|_| {

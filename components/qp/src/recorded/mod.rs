@@ -35,9 +35,7 @@ pub enum RecordedError {
     #[error("expected one problem or a list of them, each with P and q: {0}")]
     Syntax(#[from] serde_json::Error),
     /// A token is not a JSON number.
-    #[error(
-        "`{word}` at line {line} column {column}, expected a finite number; write infinity as 1e20"
-    )]
+    #[error("`{word}` at line {line} column {column}, expected a finite number; write infinity as 1e20")]
     NoNumber {
         /// The token.
         word: &'static str,
