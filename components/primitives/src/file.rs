@@ -97,7 +97,7 @@ pub enum PrimitiveFileError {
         source: std::io::Error,
     },
     /// Another kind of file.
-    #[error("{}: the file is not a movement primitive; `motorium primitive fit` creates one from recordings", path.display())]
+    #[error("{}: the file is not a movement primitive; `motorium primitive fit` makes one from recordings", path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
