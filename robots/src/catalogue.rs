@@ -7,7 +7,7 @@ use crate::Profile;
 /// A robot of the catalogue.
 #[derive(Clone, Debug)]
 pub struct Entry {
-    /// The name to load it by.
+    /// Name of the robot in graph files.
     pub name: &'static str,
     /// Its URDF.
     pub urdf: &'static str,

@@ -4,11 +4,11 @@ use std::fs::File;
 use std::io::{Error, Read as _, Result};
 use std::path::Path;
 
-/// The content of a regular file of at most `longest` bytes.
+/// Reads a regular file of at most `longest` bytes.
 ///
 /// # Errors
-/// The system refuses, or the path names a folder, a device or a pipe, which may have no end, or too long a
-/// file.
+/// The file cannot be read, it is longer, or the path names a folder, a device or a pipe, which may never
+/// end.
 pub fn read_bounded(path: &Path, longest: u64) -> Result<Vec<u8>> {
     // Checked before opening: opening a pipe would block until its other end is open.
     let metadata = std::fs::metadata(path)?;
@@ -31,7 +31,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_a_regular_file_of_bounded_size_is_read() {
+    fn only_regular_files_of_bounded_size_are_read() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
         std::fs::write(&file, "four").unwrap();

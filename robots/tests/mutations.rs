@@ -154,7 +154,7 @@ fn nested_bodies_are_read_to_a_depth_that_fits_the_stack() {
         assert_eq!(chain(140), Ok(140));
         for depth in [150, 1000, 50_000] {
             let message = chain(depth).unwrap_err().to_string();
-            assert_eq!(message, "MJCF:149:1: more than 150 bodies and frames in one another are not read");
+            assert_eq!(message, "MJCF:149:1: more than 150 nested bodies and frames are not supported");
         }
     });
     thread.unwrap().join().unwrap();

@@ -11,13 +11,13 @@ use super::tiles::{COLUMNS, Factor, Gram, InvertTriangle, ROWS, SolveColumns};
 pub struct NotPositiveDefinite {
     /// Row of the pivot, from 0.
     pub row: usize,
-    /// Rows of the matrix.
+    /// Number of rows of the matrix.
     pub size: usize,
     /// The pivot.
     pub pivot: f64,
 }
 
-/// The factor `U` of `A = U^T U`, upper triangular, in storage that is reused.
+/// The upper triangular factor `U` of `A = U^T U`, in reusable storage.
 ///
 /// Sums have a fixed order. Nothing allocates while the matrix fits the capacity.
 ///
@@ -36,26 +36,26 @@ pub struct Cholesky {
     n: usize,
     stride: usize,
     factor: Vec<f64>,
-    /// `U^-T`, made by `inverse`.
+    /// `U^-T`, computed by `inverse`.
     triangle: Vec<f64>,
     /// A removed row.
     removed: Vec<f64>,
-    /// Right-hand sides, or vectors of `weighted_inverse`.
+    /// Right-hand sides, or the vectors of `weighted_inverse`.
     columns: Vec<f64>,
     arch: Arch,
 }
 
-/// Fewer right-hand sides are solved one by one.
+/// With fewer right-hand sides, each is solved separately.
 const FEW: usize = 4;
 
 fn padded(n: usize) -> usize {
     let columns = n.max(1).next_multiple_of(COLUMNS);
-    // rows a power of two apart share a few sets of the cache
+    // rows that are a power of two apart compete for a few cache sets
     if columns.is_multiple_of(128) { columns + COLUMNS } else { columns }
 }
 
 impl Cholesky {
-    /// An empty factor with room for `capacity` rows.
+    /// Creates an empty factor with room for `capacity` rows.
     pub fn with_capacity(capacity: usize) -> Self {
         let stride = padded(capacity);
         let factor = vec![0.0; stride * stride];
@@ -63,25 +63,25 @@ impl Cholesky {
         Self { n: 0, stride, factor, triangle: vec![], removed, columns: vec![], arch: Arch::new() }
     }
 
-    /// Rows of the matrix.
+    /// Number of rows of the matrix.
     pub fn size(&self) -> usize {
         self.n
     }
 
-    /// Distance of two rows of [`inverse`](Self::inverse), in values.
+    /// Distance between rows of [`inverse`](Self::inverse), in values.
     pub fn stride(&self) -> usize {
         self.stride
     }
 
-    /// Row `row` of `U`, from its diagonal on.
+    /// Row `row` of `U`, from the diagonal on.
     pub fn row(&self, row: usize) -> &[f64] {
         &self.factor[row * self.stride + row..row * self.stride + self.n]
     }
 
-    /// Factorises a matrix of `n` rows; `fill` writes row `i` from its diagonal on.
+    /// Factorises a matrix with `n` rows; `fill` writes row `i` from the diagonal on.
     ///
     /// # Errors
-    /// When a pivot is not positive; the factor is then empty.
+    /// A pivot is not positive; the factor is then empty.
     pub fn factorise(
         &mut self,
         n: usize,
@@ -108,7 +108,7 @@ impl Cholesky {
         })
     }
 
-    /// `ln |A|`.
+    /// Returns `ln |A|`.
     pub fn log_determinant(&self) -> f64 {
         2.0 * (0..self.n).map(|i| self.factor[i * self.stride + i].ln()).sum::<f64>()
     }
@@ -117,16 +117,17 @@ impl Cholesky {
     /// left of the diagonal are unspecified.
     ///
     /// # Panics
-    /// When `out` is not `stride * stride` long.
+    /// If the length of `out` is not `stride * stride`.
     pub fn inverse(&mut self, out: &mut [f64]) {
         self.weighted_inverse(1.0, &[], out);
     }
 
-    /// Writes the upper triangle of `factor A^-1 - sum_d w_d w_d^T` to `out`, as [`inverse`](Self::inverse)
-    /// does: `vectors` holds the vectors `w_d` one after the other.
+    /// Writes the upper triangle of `factor A^-1 - sum_d w_d w_d^T` to `out`, in the layout of
+    /// [`inverse`](Self::inverse). `vectors` contains the vectors `w_d` one after the other.
     ///
     /// # Panics
-    /// When `out` is not `stride * stride` long, or `vectors` is not a multiple of the matrix's rows long.
+    /// If the length of `out` is not `stride * stride`, or the length of `vectors` is not a multiple of the
+    /// number of rows.
     pub fn weighted_inverse(&mut self, factor: f64, vectors: &[f64], out: &mut [f64]) {
         let (stride, n) = (self.stride, self.n);
         assert_eq!(out.len(), stride * stride, "length of the inverse");
@@ -138,17 +139,17 @@ impl Cholesky {
         for (row, vector) in self.columns.chunks_exact_mut(stride).zip(vectors.chunks_exact(n.max(1))) {
             row[..n].copy_from_slice(vector);
         }
-        // rows of the last panel that hold padding are products of zeros
+        // padding rows of the last panel are products of zeros
         debug_assert!(n.next_multiple_of(ROWS) <= stride);
         let (triangle, subtracted) = (&self.triangle, &self.columns);
         self.arch.dispatch(Gram { triangle, factor, subtracted, out, stride, n });
     }
 
-    /// Solves `A x = b` in place for several right-hand sides, one after the other. Faster than
+    /// Solves `A x = b` in place for several right-hand sides, stored one after the other. Faster than
     /// [`solve`](Self::solve) from about four right-hand sides on.
     ///
     /// # Panics
-    /// When `x` is not a multiple of the matrix's rows long.
+    /// If the length of `x` is not a multiple of the number of rows.
     pub fn solve_all(&mut self, x: &mut [f64]) {
         let n = self.n.max(1);
         assert!(x.len().is_multiple_of(n), "{} values in right-hand sides of {n}", x.len());
@@ -173,7 +174,7 @@ impl Cholesky {
     /// Solves `A x = b` in place.
     ///
     /// # Panics
-    /// When `x` is not as long as the matrix.
+    /// If the length of `x` differs from the number of rows.
     pub fn solve(&self, x: &mut [f64]) {
         self.solve_lower(x);
         self.solve_upper(x);
@@ -182,7 +183,7 @@ impl Cholesky {
     /// Solves `U^T x = b` in place.
     ///
     /// # Panics
-    /// When `x` is not as long as the matrix.
+    /// If the length of `x` differs from the number of rows.
     pub fn solve_lower(&self, x: &mut [f64]) {
         assert_eq!(x.len(), self.n, "length of the right-hand side");
         let simd = Simd::from_arch(self.arch);
@@ -197,7 +198,7 @@ impl Cholesky {
     /// Solves `U x = b` in place.
     ///
     /// # Panics
-    /// When `x` is not as long as the matrix.
+    /// If the length of `x` differs from the number of rows.
     pub fn solve_upper(&self, x: &mut [f64]) {
         assert_eq!(x.len(), self.n, "length of the right-hand side");
         let simd = Simd::from_arch(self.arch);
@@ -208,13 +209,13 @@ impl Cholesky {
         }
     }
 
-    /// Appends a row and column to the matrix, in `O(n^2)`: `column` holds the entries above the diagonal.
+    /// Appends a row and column to the matrix, in `O(n^2)`; `column` contains the entries above the diagonal.
     ///
     /// # Errors
-    /// When the larger matrix is not positive definite; the factor is then as before.
+    /// The larger matrix is not positive definite; the factor is then unchanged.
     ///
     /// # Panics
-    /// When `column` is not as long as the matrix.
+    /// If the length of `column` differs from the number of rows.
     pub fn append(&mut self, column: &[f64], diagonal: f64) -> Result<(), NotPositiveDefinite> {
         assert_eq!(column.len(), self.n, "length of the column");
         if self.n == self.stride {
@@ -240,13 +241,13 @@ impl Cholesky {
     /// Removes row and column `index` of the matrix, in `O(n^2)`.
     ///
     /// # Panics
-    /// When the matrix has no such row.
+    /// If the row does not exist.
     pub fn remove(&mut self, index: usize) {
         assert!(index < self.n, "row {index} of {}", self.n);
         let (n, stride) = (self.n, self.stride);
         self.removed[index + 1..n]
             .copy_from_slice(&self.factor[index * stride + index + 1..index * stride + n]);
-        // the rows below take the removed row in by rotations: U'^T U' = U^T U + u u^T
+        // rotations merge the removed row into the rows below: U'^T U' = U^T U + u u^T
         for i in index + 1..n {
             let row = &mut self.factor[i * stride..(i + 1) * stride];
             let (diagonal, other) = (row[i], self.removed[i]);
@@ -340,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn several_right_hand_sides_have_the_same_solutions() {
+    fn solve_all_matches_single_solves() {
         for (n, count) in [(1, 5), (8, 4), (37, 14), (64, 1), (129, 33)] {
             let mut factor = factorised(&positive(n));
             let b: Vec<f64> = (0..n * count).map(|i| (0.4 * i as f64).cos()).collect();

@@ -4,42 +4,44 @@ use nalgebra::DMatrix;
 
 use super::symmetric::Decomposed;
 
-/// Number of singular vectors wanted.
+/// Selection of singular vectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Wanted {
-    /// All that are not rounding.
+    /// All singular vectors whose values exceed rounding.
     All,
-    /// A number of eigenforces at most.
+    /// At most this number of singular vectors.
     Rank(usize),
-    /// The fewest that leave at most this part of the energy (the sum of the squared singular values).
+    /// The smallest number that leaves at most this fraction of the energy (the sum of the squared singular
+    /// values).
     Residual(f64),
 }
 
 /// Left singular vectors and singular values of a matrix.
 #[derive(Clone, Debug)]
 pub struct LeftSingular {
-    /// Orthonormal left singular vectors, one a column, as many as were wanted and found.
+    /// Orthonormal left singular vectors, one per column: the selected ones that were found.
     pub vectors: DMatrix<f64>,
-    /// Their singular values, the largest first.
+    /// Singular values of the vectors, the largest first.
     pub values: Vec<f64>,
-    /// All singular values, the largest first: those without a vector to about 1e-13 of the largest.
+    /// All singular values, the largest first. Values without a vector are accurate to about 1e-13 of the
+    /// largest.
     pub spectrum: Vec<f64>,
     /// Sum of the squares of all entries of the matrix.
     pub energy: f64,
 }
 
-/// Singular values below this part of the largest are found from a Gram matrix of their own.
+/// Singular values below this fraction of the largest are computed from a separate Gram matrix.
 const SCALE: f64 = 1e-3;
-/// Singular values below this part of the largest are rounding.
+/// Singular values below this fraction of the largest are rounding errors.
 const ROUNDING: f64 = 1e-15;
 
-/// The leading left singular vectors of a matrix.
+/// Computes the leading left singular vectors of a matrix.
 ///
-/// The Gram matrix of the shorter side holds squares, and resolves singular values `s` only to `eps s_1^2 /
-/// s`. So only vectors with `s >= 1e-3 s_1` are taken from it; the matrix is projected onto what they leave,
-/// and the rest is found there, in the same way, until enough are found. All singular values with a vector
-/// are so exact to a few `eps s_1`, as with a direct method. A tall matrix is first reduced to its triangle
-/// (QR).
+/// The Gram matrix of the shorter side contains squares and resolves singular values `s` only to
+/// `eps s_1^2 / s`. Therefore only vectors with `s >= 1e-3 s_1` are computed from it. The matrix is then
+/// projected onto the complement, where the next vectors are computed in the same way until enough are found.
+/// All singular values with a vector are accurate to a few `eps s_1`, as with a direct method. A tall matrix
+/// is first reduced to its triangle (QR).
 pub fn left_singular(matrix: &DMatrix<f64>, wanted: Wanted) -> LeftSingular {
     let (rows, columns) = matrix.shape();
     if rows == 0 || columns == 0 {
@@ -60,7 +62,7 @@ pub fn left_singular(matrix: &DMatrix<f64>, wanted: Wanted) -> LeftSingular {
     let mut found =
         LeftSingular { vectors: DMatrix::zeros(rows, 0), values: vec![], spectrum: vec![], energy };
     descend(matrix, None, &mut found, wanted);
-    // levels meet where singular values are about equal: rounding can leave two out of order there
+    // at the boundary between levels, rounding can leave two nearly equal singular values out of order
     let mut order: Vec<usize> = (0..found.values.len()).collect();
     order.sort_by(|a, b| found.values[*b].total_cmp(&found.values[*a]));
     let kept = count_wanted(&order.iter().map(|k| found.values[*k]).collect::<Vec<_>>(), energy, wanted);
@@ -70,13 +72,13 @@ pub fn left_singular(matrix: &DMatrix<f64>, wanted: Wanted) -> LeftSingular {
     found
 }
 
-/// Number of the singular values wanted.
+/// Returns the number of selected singular values.
 pub fn count_wanted(values: &[f64], energy: f64, wanted: Wanted) -> usize {
     match wanted {
         Wanted::All => values.len(),
         Wanted::Rank(rank) => rank.min(values.len()),
         Wanted::Residual(part) => {
-            // summed from the small end, where nothing is lost
+            // summed from the smallest value, to avoid cancellation
             let squares: f64 = values.iter().rev().map(|s| s * s).sum();
             let mut left = (energy - squares).max(0.0) + squares;
             for (k, value) in values.iter().enumerate() {
@@ -90,7 +92,8 @@ pub fn count_wanted(values: &[f64], energy: f64, wanted: Wanted) -> usize {
     }
 }
 
-/// One scale of singular values: those of `basis^T matrix`, with `basis` what the scales above left.
+/// Processes one scale of singular values: those of `basis^T matrix`, where `basis` spans the complement of
+/// the previous scales.
 fn descend(matrix: &DMatrix<f64>, basis: Option<&DMatrix<f64>>, found: &mut LeftSingular, wanted: Wanted) {
     let projected = basis.map(|basis| basis.transpose() * matrix);
     let here = projected.as_ref().unwrap_or(matrix);
@@ -102,12 +105,12 @@ fn descend(matrix: &DMatrix<f64>, basis: Option<&DMatrix<f64>>, found: &mut Left
         found.spectrum.extend(roots);
         return;
     }
-    // no more than are wanted, and one that shows that it is enough
+    // at most the selected number, plus one that shows that it suffices
     let known = found.values.len();
     let ahead: Vec<f64> = found.values.iter().chain(&roots[..head]).copied().collect();
     let count = (count_wanted(&ahead, found.energy, wanted) + 1).saturating_sub(known).clamp(1, head);
     let vectors = solved.vectors(0, count);
-    // the length of a row is exact to second order in the error of its vector
+    // the norm of a row is exact to second order in the error of its vector
     let rows = vectors.transpose() * here;
     let values: Vec<f64> = (0..count).map(|k| rows.row(k).norm()).collect();
     found.spectrum.extend_from_slice(&values);
@@ -130,7 +133,7 @@ fn descend(matrix: &DMatrix<f64>, basis: Option<&DMatrix<f64>>, found: &mut Left
 mod tests {
     use super::*;
 
-    /// A matrix of known singular values.
+    /// Returns a matrix with known singular values.
     fn graded(rows: usize, columns: usize, values: &[f64]) -> DMatrix<f64> {
         let noise =
             |n: usize, seed: f64| DMatrix::from_fn(n, n, |i, j| (seed * (i * n + j) as f64 + 0.3).sin());
@@ -156,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn as_many_are_kept_as_the_residual_asks_for() {
+    fn residual_determines_the_number_of_vectors() {
         let matrix = graded(6, 8, &[3.0, 2.0, 1.0, 0.1, 0.01, 1e-5]);
         assert_eq!(left_singular(&matrix, Wanted::Residual(0.1)).values.len(), 2);
         assert_eq!(left_singular(&matrix, Wanted::Residual(1e-3)).values.len(), 3);
@@ -165,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn a_matrix_of_low_rank_has_no_more_vectors_than_its_rank() {
+    fn low_rank_matrix_has_as_many_vectors_as_its_rank() {
         let matrix = graded(30, 50, &[&[2.0, 1.0][..], &[0.0; 28]].concat());
         let found = left_singular(&matrix, Wanted::All);
         assert!(found.values.len() >= 2 && found.values[1] > 0.99);

@@ -1,12 +1,12 @@
 //! Dense linear algebra for the models and the motion library, without a heavy dependency.
 //!
-//! - [`Simd`]: dot products and matrix-vector products with the widest instructions of the machine.
-//! - [`Cholesky`]: a blocked factorisation with inverse, solves, and one row appended or removed.
+//! - [`Simd`]: dot products and matrix-vector products with the widest vector instructions of the machine.
+//! - [`Cholesky`]: a blocked factorisation with inverse, solves, and single-row append and remove.
 //! - [`symmetric_eigen`]: Householder tridiagonalisation and divide and conquer.
 //! - [`eigen_of_rank_one_update`]: eigenvalues of `diag(d) + z z^T` from their secular equation.
-//! - [`riccati`]: the discrete algebraic Riccati equation, and the linear-quadratic regulator.
-//! - [`left_singular`]: singular values and left singular vectors from Gram matrices, one for each scale of
-//!   singular values, so that squaring them costs no accuracy.
+//! - [`riccati`]: the discrete algebraic Riccati equation and the linear-quadratic regulator.
+//! - [`left_singular`]: singular values and left singular vectors from Gram matrices, with a separate matrix
+//!   for each scale of singular values, so that squaring does not cost accuracy.
 //!
 //! References: Gu, Eisenstat, *A divide-and-conquer algorithm for the symmetric tridiagonal eigenproblem*,
 //! SIAM J. Matrix Anal. Appl. 16, 1995. Li, *Solving secular equations stably and efficiently*, LAPACK

@@ -1,4 +1,4 @@
-//! The discrete algebraic Riccati equation, and the linear-quadratic regulator.
+//! The discrete algebraic Riccati equation and the linear-quadratic regulator.
 //!
 //! For `x_(k+1) = A x_k + B u_k` and the cost `sum x' Q x + u' R u`, with `Q` positive semi-definite and `R`
 //! positive definite:
@@ -7,8 +7,8 @@
 //! P = A' P A - A' P B (R + B' P B)^-1 B' P A + Q        K = (R + B' P B)^-1 B' P A        u = -K x
 //! ```
 //!
-//! The remaining cost from `x` is `x' P x`. The steady state of a Kalman filter is the dual: [`solve`] with
-//! `A'`, `H'`, the process noise and the measurement noise.
+//! The remaining cost from `x` is `x' P x`. The steady state of a Kalman filter is the dual problem:
+//! [`solve`] with `A'`, `H'`, the process noise and the measurement noise.
 //!
 //! ```
 //! use motorium_algebra::riccati::lqr;
@@ -24,10 +24,10 @@
 
 use nalgebra::DMatrix;
 
-/// An equation without a stabilising solution, or one that cannot be set up.
+/// The equation is invalid or has no stabilising solution.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RiccatiError {
-    /// A matrix of another size.
+    /// A matrix has the wrong size.
     #[error("`{name}` is {found:?}, expected {expected:?} rows and columns")]
     Size {
         /// The matrix.
@@ -40,7 +40,7 @@ pub enum RiccatiError {
     /// A number is not finite.
     #[error("`{0}` has a number that is not finite")]
     NotFinite(&'static str),
-    /// A matrix is not symmetric and positive.
+    /// A matrix is not symmetric and positive (semi-)definite.
     #[error("`{0}` is not symmetric and positive {definite}", definite = if *.0 == "r" { "definite" } else { "semi-definite" })]
     NotPositive(&'static str),
     /// No stabilising solution was found.
@@ -53,19 +53,19 @@ pub enum RiccatiError {
 /// A linear-quadratic regulator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Regulator {
-    /// The gain `K` of `u = -K x`: inputs by states.
+    /// The gain `K` of `u = -K x`, inputs x states.
     pub gain: DMatrix<f64>,
-    /// The cost `P` of `x' P x`.
+    /// The cost matrix `P` of `x' P x`.
     pub cost: DMatrix<f64>,
 }
 
-/// Doublings of the horizon: 2^60 steps.
+/// Maximum number of doublings of the horizon: 2^60 steps.
 const DOUBLINGS: usize = 60;
 
-/// Change, relative to the solution, at which the doubling ends.
+/// Change, relative to the solution, below which the doubling ends.
 const CONVERGED: f64 = 1e-15;
 
-/// Largest residual, relative to the solution, of one that is returned.
+/// Largest residual, relative to the solution, of an accepted solution.
 const RESIDUAL: f64 = 1e-8;
 
 /// Returns the stabilising solution `P` of the discrete algebraic Riccati equation.
@@ -96,7 +96,7 @@ pub fn solve(
         g += &a_k * wg * a_k.transpose();
         a_k = &a_k * wa;
         h += &step;
-        // Rounding must not add up to an asymmetry.
+        // Prevents accumulation of rounding into an asymmetry.
         h = (&h + h.transpose()) * 0.5;
         g = (&g + g.transpose()) * 0.5;
         if !h.iter().chain(a_k.iter()).all(|number| number.is_finite()) {
@@ -114,7 +114,7 @@ pub fn solve(
     Err(RiccatiError::NotStabilisable)
 }
 
-/// The regulator of least cost.
+/// Returns the optimal regulator.
 ///
 /// # Errors
 /// [`RiccatiError`].

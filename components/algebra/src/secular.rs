@@ -1,25 +1,25 @@
-//! Eigenvalues and vectors of a diagonal matrix to which one outer product was added.
+//! Eigenvalues and eigenvectors of a diagonal matrix plus an outer product.
 
 use nalgebra::DMatrix;
 
-/// The eigenvalues, ascending, and the orthonormal eigenvectors of `diag(d) + z z^T`.
+/// Eigenvalues, ascending, and orthonormal eigenvectors of `diag(d) + z z^T`.
 #[derive(Clone, Debug)]
 pub struct RankOne {
     /// Eigenvalues, ascending.
     pub values: Vec<f64>,
-    /// Eigenvectors, one a column, in the order of the values.
+    /// Eigenvectors, one per column, in the order of the values.
     pub vectors: DMatrix<f64>,
 }
 
-/// Solves the eigenproblem of `diag(d) + z z^T` for `d` in ascending order.
+/// Solves the eigenproblem of `diag(d) + z z^T`, with `d` in ascending order.
 ///
 /// The eigenvalues are the roots of `1 + sum(z_j^2 / (d_j - x)) = 0`, one between each two neighbours of `d`.
-/// Entries with a negligible `z_j`, and all but one of equal `d_j`, are eigenvalues as they stand
-/// (deflation). The vectors are made from the `z` for which the computed roots are exact (Gu and Eisenstat),
-/// so they are orthogonal to rounding however close the roots lie.
+/// Entries with a negligible `z_j`, and all but one of equal `d_j`, are already eigenvalues (deflation). The
+/// vectors are computed from the `z` for which the computed roots are exact (Gu and Eisenstat), so they are
+/// orthogonal to rounding even for very close roots.
 ///
 /// # Panics
-/// When `d` and `z` differ in length.
+/// If `d` and `z` differ in length.
 pub fn eigen_of_rank_one_update(d: &[f64], z: &[f64]) -> RankOne {
     assert_eq!(d.len(), z.len(), "as many entries on the diagonal as in the vector");
     let n = d.len();
@@ -27,7 +27,7 @@ pub fn eigen_of_rank_one_update(d: &[f64], z: &[f64]) -> RankOne {
     let size = d.iter().fold(0.0_f64, |m, x| m.max(x.abs())) + z.iter().map(|x| x * x).sum::<f64>();
     let tolerance = 4.0 * f64::EPSILON * size;
     let total = z.iter().map(|x| x * x).sum::<f64>().sqrt();
-    // columns of the outer basis that deflation turned into each other
+    // pairs of columns of the outer basis that deflation rotated
     let mut turns = Vec::new();
     let mut kept: Vec<usize> = Vec::with_capacity(n);
     let mut deflated = Vec::new();
@@ -53,7 +53,7 @@ pub fn eigen_of_rank_one_update(d: &[f64], z: &[f64]) -> RankOne {
     let poles: Vec<f64> = kept.iter().map(|&i| d[i]).collect();
     let weights: Vec<f64> = kept.iter().map(|&i| z[i]).collect();
     let (roots, inner) = solve(&poles, &weights);
-    // sorted together: roots and what was deflated
+    // roots and deflated values are sorted together
     let mut order: Vec<(f64, bool, usize)> =
         roots.iter().enumerate().map(|(k, &value)| (value, true, k)).collect();
     order.extend(deflated.iter().map(|&i| (d[i], false, i)));
@@ -78,11 +78,11 @@ pub fn eigen_of_rank_one_update(d: &[f64], z: &[f64]) -> RankOne {
     RankOne { values: order.iter().map(|entry| entry.0).collect(), vectors }
 }
 
-/// All roots and vectors, for distinct poles and weights that are not negligible.
+/// Computes all roots and vectors, for distinct poles and non-negligible weights.
 fn solve(d: &[f64], z: &[f64]) -> (Vec<f64>, DMatrix<f64>) {
     let k = d.len();
     let squares: Vec<f64> = z.iter().map(|x| x * x).collect();
-    // column i: d_j - root_i, without cancellation
+    // column i: d_j - root_i, computed without cancellation
     let mut gaps = DMatrix::zeros(k, k);
     let mut roots = Vec::with_capacity(k);
     for (i, column) in gaps.as_mut_slice().chunks_exact_mut(k.max(1)).enumerate() {
@@ -109,12 +109,12 @@ fn solve(d: &[f64], z: &[f64]) -> (Vec<f64>, DMatrix<f64>) {
     (roots, gaps)
 }
 
-/// The `i`-th root; `gaps[j]` becomes `d_j - root`.
+/// Returns the `i`-th root and sets `gaps[j]` to `d_j - root`.
 fn root(i: usize, d: &[f64], squares: &[f64], gaps: &mut [f64]) -> f64 {
     let k = d.len();
     let is_last = i + 1 == k;
     let width = if is_last { squares.iter().sum::<f64>() } else { d[i + 1] - d[i] };
-    // Measured from the nearer pole: the root is as exact as its distance to it.
+    // Measured from the nearer pole, so the root has the relative accuracy of its distance to it.
     let middle = |j: usize| (d[j] - d[i]) - 0.5 * width;
     let at_middle = 1.0 + (0..k).map(|j| squares[j] / middle(j)).sum::<f64>();
     let origin = if is_last || at_middle >= 0.0 { i } else { i + 1 };
@@ -162,7 +162,7 @@ fn root(i: usize, d: &[f64], squares: &[f64], gaps: &mut [f64]) -> f64 {
     d[origin] + tau
 }
 
-/// `sum(s / gap)` and `sum(s / gap^2)` at a distance `tau` from the origin.
+/// Returns `sum(s / gap)` and `sum(s / gap^2)` at a distance `tau` from the origin.
 fn sums(squares: &[f64], gaps: &[f64], tau: f64) -> [f64; 2] {
     let mut lanes = [[0.0; 4]; 2];
     let (mut squares, mut gaps) = (squares.chunks_exact(4), gaps.chunks_exact(4));
@@ -183,8 +183,8 @@ fn sums(squares: &[f64], gaps: &[f64], tau: f64) -> [f64; 2] {
     out
 }
 
-/// The step to the root of a constant and two poles, with the value and the slopes of the function ("middle
-/// way").
+/// Returns the step to the root of a model with a constant and two poles that matches the value and slopes of
+/// the function ("middle way").
 fn interpolate(value: f64, slopes: [f64; 2], [left, right]: [f64; 2]) -> f64 {
     let c = value - left * slopes[0] - right * slopes[1];
     let a = (left + right) * value - left * right * (slopes[0] + slopes[1]);
@@ -193,7 +193,8 @@ fn interpolate(value: f64, slopes: [f64; 2], [left, right]: [f64; 2]) -> f64 {
     if a <= 0.0 { (a - root) / (2.0 * c) } else { 2.0 * b / (a + root) }
 }
 
-/// Right of all poles: the step to the root of a constant and one pole, of the same value and slope.
+/// Returns the step, right of all poles, to the root of a model with a constant and one pole that matches
+/// value and slope.
 fn beyond_all(value: f64, slope: f64, left: f64) -> f64 {
     let constant = value - slope * left;
     left + slope * left * left / constant

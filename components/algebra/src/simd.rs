@@ -1,8 +1,8 @@
-//! Inner loops with the widest instructions the machine has, chosen when the program runs.
+//! Inner loops with the widest vector instructions of the machine, selected at run time.
 
 use pulp::{Arch, Simd as Instructions, WithSimd};
 
-/// The instructions of this machine. Cheap to copy; finding them out once is enough.
+/// The vector instructions of this machine. Cheap to copy; detect them once.
 #[derive(Clone, Copy, Debug)]
 pub struct Simd(Arch);
 
@@ -13,7 +13,7 @@ impl Default for Simd {
 }
 
 impl Simd {
-    /// Asks the machine.
+    /// Detects the instructions of the machine.
     pub fn new() -> Self {
         Self(Arch::new())
     }
@@ -23,15 +23,15 @@ impl Simd {
     }
 
     /// Runs `operation` compiled for the widest instructions of the machine, so that its loops over slices
-    /// become vector instructions. `operation` must be marked `#[inline(always)]`, and so must what it calls.
+    /// are vectorised. `operation` and the functions that it calls must be marked `#[inline(always)]`.
     pub fn run<R>(self, operation: impl FnOnce() -> R) -> R {
         self.0.dispatch(operation)
     }
 
-    /// `out = A^T x`: `matrix` holds the columns of A one after the other, each as long as `x`.
+    /// Computes `out = A^T x`; `matrix` contains the columns of A one after the other, each as long as `x`.
     ///
     /// # Panics
-    /// When `matrix` is not `x.len() * out.len()` long.
+    /// If the length of `matrix` is not `x.len() * out.len()`.
     pub fn project(self, matrix: &[f64], x: &[f64], out: &mut [f64]) {
         assert_eq!(matrix.len(), x.len() * out.len(), "columns of {} for {} outputs", x.len(), out.len());
         if !x.is_empty() {
@@ -41,10 +41,10 @@ impl Simd {
         }
     }
 
-    /// `out += A x`: `matrix` holds the columns of A one after the other, each as long as `out`.
+    /// Computes `out += A x`; `matrix` contains the columns of A one after the other, each as long as `out`.
     ///
     /// # Panics
-    /// When `matrix` is not `x.len() * out.len()` long.
+    /// If the length of `matrix` is not `x.len() * out.len()`.
     pub fn superpose(self, matrix: &[f64], x: &[f64], out: &mut [f64]) {
         assert_eq!(matrix.len(), x.len() * out.len(), "columns of {} for {} inputs", out.len(), x.len());
         let rows = out.len().max(1);
@@ -53,24 +53,25 @@ impl Simd {
         }
     }
 
-    /// The dot product of two vectors of the same length.
+    /// Returns the dot product of two vectors of the same length.
     pub fn dot(self, a: &[f64], b: &[f64]) -> f64 {
         let mut out = [0.0];
         self.project(a, b, &mut out);
         out[0]
     }
 
-    /// `y += factor * x`.
+    /// Computes `y += factor * x`.
     pub fn add_scaled(self, factor: f64, x: &[f64], y: &mut [f64]) {
         self.0.dispatch(AddScaled { factor, x, y });
     }
 
-    /// One column of a symmetric product, in one pass: `y += factor * x`, and the dot product of `x` and `z`.
+    /// Processes one column of a symmetric product in one pass: adds `factor * x` to `y` and returns the dot
+    /// product of `x` and `z`.
     pub(super) fn add_scaled_and_dot(self, factor: f64, x: &[f64], y: &mut [f64], z: &[f64]) -> f64 {
         self.0.dispatch(AddScaledAndDot { factor, x, y, z })
     }
 
-    /// `y -= a * x1 + b * x2`.
+    /// Computes `y -= a * x1 + b * x2`.
     pub(super) fn subtract_two(self, a: f64, x1: &[f64], b: f64, x2: &[f64], y: &mut [f64]) {
         self.0.dispatch(SubtractTwo { a, x1, b, x2, y });
     }
@@ -211,7 +212,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_projection_of_any_size_is_the_sum_of_products() {
+    fn projection_of_any_size_matches_the_sum_of_products() {
         for (n, outputs) in [(1, 1), (7, 3), (16, 2), (33, 5), (398, 50)] {
             let matrix: Vec<f64> = (0..n * outputs).map(|i| (0.3 * i as f64).sin()).collect();
             let x: Vec<f64> = (0..n).map(|i| (0.7 * i as f64).cos()).collect();

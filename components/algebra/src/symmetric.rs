@@ -1,4 +1,4 @@
-//! Eigenvalues and eigenvectors of a symmetric matrix, by divide and conquer.
+//! Eigenvalues and eigenvectors of a symmetric matrix by divide and conquer.
 
 use nalgebra::DMatrix;
 
@@ -6,7 +6,7 @@ use super::Simd;
 use super::secular::eigen_of_rank_one_update;
 use super::tridiagonal::Tridiagonal;
 
-/// Below this size a tridiagonal matrix is solved directly.
+/// Size below which a tridiagonal matrix is solved directly.
 const DIRECT: usize = 24;
 
 /// Eigenvalues, descending, and orthonormal eigenvectors of a symmetric matrix.
@@ -14,20 +14,20 @@ const DIRECT: usize = 24;
 pub struct SymmetricEigen {
     /// Eigenvalues, the largest first.
     pub values: Vec<f64>,
-    /// Eigenvectors, one a column, in the order of the values.
+    /// Eigenvectors, one per column, in the order of the values.
     pub vectors: DMatrix<f64>,
 }
 
-/// Solves the eigenproblem of a symmetric matrix, of which only the lower triangle is read.
+/// Solves the eigenproblem of a symmetric matrix; only the lower triangle is read.
 ///
 /// # Panics
-/// When the matrix is not square.
+/// If the matrix is not square.
 pub fn symmetric_eigen(matrix: DMatrix<f64>) -> SymmetricEigen {
     let solved = Decomposed::new(matrix);
     SymmetricEigen { vectors: solved.vectors(0, solved.values.len()), values: solved.values }
 }
 
-/// A solved eigenproblem whose vectors are made as they are asked for.
+/// A solved eigenproblem whose vectors are computed on request.
 pub(super) struct Decomposed {
     /// Eigenvalues, the largest first.
     pub(super) values: Vec<f64>,
@@ -47,7 +47,7 @@ impl Decomposed {
         Self { values, reduced, inner, simd }
     }
 
-    /// The eigenvectors of `count` eigenvalues, from the `first` on.
+    /// Returns the eigenvectors of `count` eigenvalues, starting with the `first`.
     pub(super) fn vectors(&self, first: usize, count: usize) -> DMatrix<f64> {
         let n = self.values.len();
         let mut vectors = DMatrix::zeros(n, count);
@@ -59,13 +59,13 @@ impl Decomposed {
     }
 }
 
-/// Eigenvalues, ascending, and vectors of a tridiagonal matrix.
+/// Computes eigenvalues, ascending, and eigenvectors of a tridiagonal matrix.
 fn divide(mut diagonal: Vec<f64>, beside: &[f64]) -> (Vec<f64>, DMatrix<f64>) {
     let n = diagonal.len();
     if n <= DIRECT {
         return direct(&diagonal, beside);
     }
-    // Torn apart at the middle, where an outer product with the coupling is left.
+    // Divided at the middle; the coupling remains as an outer product.
     let middle = n / 2;
     let coupling = beside[middle - 1];
     let strength = coupling.abs();
@@ -86,7 +86,7 @@ fn divide(mut diagonal: Vec<f64>, beside: &[f64]) -> (Vec<f64>, DMatrix<f64>) {
     let d: Vec<f64> = entries.iter().map(|entry| entry.0).collect();
     let z: Vec<f64> = entries.iter().map(|entry| entry.1).collect();
     let update = eigen_of_rank_one_update(&d, &z);
-    // The basis of each half multiplies only the rows that belong to it.
+    // The basis of each half multiplies only the rows of that half.
     let mut upper = DMatrix::zeros(middle, n);
     let mut lower = DMatrix::zeros(n - middle, n);
     for (row, entry) in entries.iter().enumerate() {
@@ -103,7 +103,7 @@ fn divide(mut diagonal: Vec<f64>, beside: &[f64]) -> (Vec<f64>, DMatrix<f64>) {
     (update.values, vectors)
 }
 
-/// A small tridiagonal matrix.
+/// Solves a small tridiagonal matrix directly.
 fn direct(diagonal: &[f64], beside: &[f64]) -> (Vec<f64>, DMatrix<f64>) {
     let n = diagonal.len();
     let mut full = DMatrix::zeros(n, n);
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn the_second_difference_has_its_known_eigenvalues() {
+    fn second_difference_matrix_has_known_eigenvalues() {
         let n = 100;
         let matrix = DMatrix::from_fn(n, n, |i, j| match i.abs_diff(j) {
             0 => 2.0,

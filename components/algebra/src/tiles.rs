@@ -1,7 +1,7 @@
-//! Products of panels of rows, by tiles that stay in registers.
+//! Products of panels of rows, by tiles that are kept in registers.
 //!
-//! Every sum runs over the rows in ascending order, with fused multiply-adds where the machine has them, so a
-//! result does not depend on the width of the instructions.
+//! Every sum runs over the rows in ascending order, with fused multiply-adds if the machine supports them, so
+//! a result does not depend on the width of the instructions.
 
 use std::array;
 use std::ops::Range;
@@ -10,10 +10,11 @@ use pulp::{Simd, WithSimd};
 
 /// Rows of a panel.
 pub(super) const ROWS: usize = 8;
-/// Columns of a row are padded to a multiple of this number: two of the widest registers.
+/// Rows are padded to a multiple of this number of columns: two of the widest registers.
 pub(super) const COLUMNS: usize = 16;
 
-/// Left factor of a product: entry `(k, r)` of the transposed rows `row..` of a matrix, or of the rows.
+/// Left factor of a product: entry `(k, r)` of the transposed rows `row..` of a matrix, or of the rows
+/// themselves.
 #[derive(Clone, Copy)]
 enum Left<'a> {
     /// `a[k][row + r]`.
@@ -26,16 +27,16 @@ enum Left<'a> {
 #[derive(Clone, Copy)]
 struct Product<'a, V> {
     left: Left<'a>,
-    /// Distance of two rows of the left matrix, in values.
+    /// Distance between rows of the left matrix, in values.
     stride: usize,
     right: &'a [V],
-    /// Distance of two rows of the right matrix, in registers.
+    /// Distance between rows of the right matrix, in registers.
     width: usize,
 }
 
 impl<V: Copy> Product<'_, V> {
-    /// Passes the products of the `ROWS` rows from `row` with two registers from `column` to `finish`, row by
-    /// row, each a sum over `depth`.
+    /// Computes the products of the `ROWS` rows from `row` with two registers from `column`, each a sum over
+    /// `depth`, and passes them to `finish` row by row.
     #[inline(always)]
     fn panel<S: Simd<f64s = V>>(
         self,
@@ -129,8 +130,8 @@ fn pair<S: Simd>(matrix: &mut [f64], stride: usize, row: usize, column: usize) -
     &mut S::as_mut_simd_f64s(&mut matrix[row * stride..(row + 1) * stride]).0[column..column + 2]
 }
 
-/// Overwrites the upper triangle of a symmetric matrix with `U` of `U^T U`; the pivot and its row if it is
-/// not positive.
+/// Overwrites the upper triangle of a symmetric matrix with `U` of `U^T U`. Returns the pivot and its row if
+/// it is not positive.
 pub(super) struct Factor<'a> {
     pub(super) matrix: &'a mut [f64],
     pub(super) stride: usize,
@@ -238,7 +239,7 @@ impl WithSimd for InvertTriangle<'_> {
     }
 }
 
-/// The upper triangle of `factor V^T V - W^T W`, for a lower triangular `V` and a few rows `W`.
+/// Computes the upper triangle of `factor V^T V - W^T W`, for a lower triangular `V` and a few rows `W`.
 pub(super) struct Gram<'a> {
     pub(super) triangle: &'a [f64],
     pub(super) factor: f64,

@@ -1,4 +1,4 @@
-//! A symmetric matrix made tridiagonal by reflections.
+//! Tridiagonalisation of a symmetric matrix by reflections.
 
 use nalgebra::DMatrix;
 
@@ -8,7 +8,7 @@ use super::Simd;
 pub(super) struct Tridiagonal {
     /// The diagonal of `T`.
     pub(super) diagonal: Vec<f64>,
-    /// The entries beside it.
+    /// The off-diagonal entries of `T`.
     pub(super) beside: Vec<f64>,
     /// Below the diagonal, column k: the vector of reflection k.
     reflections: DMatrix<f64>,
@@ -17,7 +17,7 @@ pub(super) struct Tridiagonal {
 }
 
 impl Tridiagonal {
-    /// Reduces a symmetric matrix, of which only the lower triangle is read.
+    /// Reduces a symmetric matrix; only the lower triangle is read.
     pub(super) fn new(mut matrix: DMatrix<f64>, simd: Simd) -> Self {
         let n = matrix.nrows();
         let (mut diagonal, mut beside, mut factors) =
@@ -57,7 +57,7 @@ impl Tridiagonal {
         Self { diagonal, beside, reflections: matrix, factors }
     }
 
-    /// Turns the eigenvectors of `T`, one a column, into those of `A`.
+    /// Transforms the eigenvectors of `T`, one per column, into eigenvectors of `A`.
     pub(super) fn apply(&self, vectors: &mut DMatrix<f64>, simd: Simd) {
         let n = self.reflections.nrows();
         let a = self.reflections.as_slice();
@@ -74,8 +74,8 @@ impl Tridiagonal {
     }
 }
 
-/// The reflection that leaves of `x` only its first entry: `x` becomes its vector; returns its factor and
-/// that entry.
+/// Computes the reflection that maps `x` to a multiple of the first unit vector. Overwrites `x` with the
+/// reflection's vector; returns its factor and the remaining entry.
 fn reflection(x: &mut [f64]) -> (f64, f64) {
     let scale = x.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     let rest = x[1..].iter().fold(0.0_f64, |m, x| m.max(x.abs()));

@@ -155,7 +155,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn kernels_hold_their_own_sums_exactly_and_a_spike_badly() {
+    fn kernels_reproduce_their_sums_but_not_a_spike() {
         let spring = SampledSpring::new(80, crate::DAMPING).unwrap();
         let kernels = kernel_functions(&spring, 12);
         let sum = kernels.column(1) * 2.0 - kernels.column(7) * 0.5;

@@ -317,7 +317,7 @@ impl MotionLibrary {
         parts.basis = parts.basis.columns(0, n).into_owned();
         parts.singular.truncate(n);
         parts.weights = parts.weights.rows(0, n).into_owned();
-        Self::from_parts(parts).expect("a part of a library that fits itself")
+        Self::from_parts(parts).expect("a truncated library is consistent")
     }
 
     /// Returns the weights of forces: `w = U^T f`, or `U^T G f` in the metric of position.

@@ -173,7 +173,7 @@ impl RecursiveLibrary {
             entries,
             ..parts_without_data(parts.layout, parts.spring, parts.metric)
         })
-        .expect("an updated library fits itself")
+        .expect("an updated library is consistent")
     }
 }
 

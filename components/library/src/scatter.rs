@@ -1,4 +1,4 @@
-//! Recursive principal components from the covariance, as in appendix A of the thesis.
+//! Recursive principal components from the covariance.
 
 use nalgebra::{DMatrix, DVector};
 

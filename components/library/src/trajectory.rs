@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn a_straight_line_stays_itself_when_resampled_and_smoothed() {
+    fn resampling_and_smoothing_keep_a_straight_line() {
         let resampled = line(11).resampled(41);
         assert!((0..41).all(|k| (resampled[(k, 1)] - 0.5 * k as f64).abs() < 1e-12));
         let smoothed = line(40).smoothed(2.0);

@@ -1,4 +1,4 @@
-//! Evaluation of neural networks, for robots and models alike: the leaf below both.
+//! Evaluation of neural networks, for robots and models alike.
 //!
 //! - [`inference`]: networks as lists of operations that run without allocation.
 //! - [`arithmetic`]: the scalar types of networks, `f32` and `f64`.

@@ -1,4 +1,4 @@
-//! A primitive in a file.
+//! Primitives in files.
 
 use std::path::{Path, PathBuf};
 
@@ -23,11 +23,11 @@ pub struct PrimitiveFile {
     pub duration: f64,
     /// Start of the demonstration, one entry per dimension.
     pub start: Vec<f64>,
-    /// Velocity there, per second.
+    /// Velocity at the start, per second.
     pub start_velocity: Vec<f64>,
     /// End of the demonstration, or centre of a rhythm.
     pub goal: Vec<f64>,
-    /// Velocity there, per second.
+    /// Velocity at the goal, per second.
     pub final_velocity: Vec<f64>,
     /// The primitive.
     pub primitive: Primitive,
@@ -50,7 +50,7 @@ pub enum Primitive {
 }
 
 impl Primitive {
-    /// Its kind, in a word.
+    /// Returns the name of the kind.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Discrete(_) => "discrete",
@@ -88,16 +88,16 @@ impl Primitive {
 /// An error of reading or writing a file.
 #[derive(Debug, thiserror::Error)]
 pub enum PrimitiveFileError {
-    /// The system refused.
+    /// The file cannot be read or written.
     #[error("{}: {source}", path.display())]
     System {
         /// The file.
         path: PathBuf,
-        /// Error of the system.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// Another kind of file.
-    #[error("{}: the file is not a movement primitive; `motorium primitive fit` makes one of recordings", path.display())]
+    #[error("{}: the file is not a movement primitive; `motorium primitive fit` makes one from recordings", path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
@@ -123,7 +123,7 @@ pub enum PrimitiveFileError {
     Content {
         /// The file.
         path: PathBuf,
-        /// Contradiction found.
+        /// Description of the contradiction.
         message: String,
     },
 }
@@ -192,7 +192,7 @@ impl PrimitiveFile {
         Ok(Self::of_mean(names, movement.running()?, Primitive::Kernelised(movement)))
     }
 
-    /// Polynomials with their start, goal and velocities.
+    /// Creates a polynomial primitive with the start, goal and velocities of its polynomials.
     pub fn polynomial(names: Vec<String>, movement: PolynomialMovement) -> Self {
         Self::of_mean(names, movement.clone(), Primitive::Polynomial(movement))
     }
@@ -267,7 +267,7 @@ impl PrimitiveFile {
     /// Writes the file atomically.
     ///
     /// # Errors
-    /// The system refuses the operation.
+    /// The operating system rejects the operation.
     pub fn write(&self, path: &Path) -> Result<(), PrimitiveFileError> {
         let text = serde_json::to_string(self)
             .map_err(|source| PrimitiveFileError::Text { path: path.into(), source })?;

@@ -89,8 +89,8 @@ impl<M: MeanMovement> MeanRunner<M> {
         &self.movement
     }
 
-    /// Mutable access to the movement, which may be replaced by one of the same dimensions for the next
-    /// start.
+    /// Mutable access to the movement. It may be replaced by one with the same number of dimensions for the
+    /// next start.
     pub(crate) fn movement_mut(&mut self) -> &mut M {
         &mut self.movement
     }
@@ -150,7 +150,7 @@ impl<M: MeanMovement> MeanRunner<M> {
 
     /// Returns `true` after the duration of the movement.
     pub fn is_over(&self) -> bool {
-        // sums of periods are rounded
+        // sums of time steps are rounded
         self.progress() >= 1.0 - 1e-9
     }
 

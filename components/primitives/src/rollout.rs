@@ -35,7 +35,7 @@ use crate::regression::PolynomialMovement;
 /// Values that replace those of the demonstration; `None` keeps the demonstrated value.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Override {
-    /// Start, one number a dimension.
+    /// Start, one entry per dimension.
     pub start: Option<Vec<f64>>,
     /// Goal of a movement or centre of a rhythm, one entry per dimension.
     pub goal: Option<Vec<f64>>,
@@ -56,7 +56,7 @@ pub struct Override {
 pub struct ViaPoint {
     /// Phase, 0 at the start and 1 at the end.
     pub phase: f64,
-    /// Position, one number a dimension.
+    /// Position, one entry per dimension.
     pub position: Vec<f64>,
     /// Standard deviation of the position, in its unit.
     pub deviation: f64,
@@ -86,7 +86,7 @@ pub enum RolloutError {
     Override {
         /// Kind of the primitive.
         kind: &'static str,
-        /// Overrides that it has.
+        /// Overrides that the kind supports.
         has: &'static str,
         /// Unsupported overrides.
         lacks: &'static str,
@@ -107,15 +107,15 @@ pub enum RolloutError {
          do not vary enough there, or other via points contradict it; move the via point, or give it a larger deviation (`--via P:X:DEVIATION`)"
     )]
     Unmet {
-        /// Phase of the place.
+        /// Phase of the via point.
         phase: f64,
         /// Index of the dimension.
         dimension: usize,
         /// Position of the movement.
         reached: f64,
-        /// Position of the place.
+        /// Position of the via point.
         wanted: f64,
-        /// Its standard deviation.
+        /// Standard deviation of the via point.
         deviation: f64,
     },
     /// The number of samples is out of range.
@@ -126,13 +126,14 @@ pub enum RolloutError {
 /// Longest integration step of discrete and rhythmic primitives, s; shorter if samples are closer.
 const STEP: f64 = 1e-3;
 
-/// Sufficient number of steps per movement or period: above 100 s the steps become longer than `STEP`.
+/// Number of steps per movement or period that always suffices: above 100 s the steps become longer than
+/// `STEP`.
 const STEPS: f64 = 1e5;
 
-/// Most steps of a trajectory.
+/// Maximum number of steps of a trajectory.
 const MAX_STEPS: f64 = 1e9;
 
-/// Most samples of a trajectory.
+/// Maximum number of samples of a trajectory.
 pub const MAX_SAMPLES: f64 = 1e7;
 
 /// Runs a primitive and samples it every `interval` seconds.

@@ -1,4 +1,4 @@
-//! Errors of quadratic programs: numbers that cannot be used, problems without a solution.
+//! Errors of quadratic programs: invalid data and problems without a solution.
 
 use std::fmt;
 
@@ -38,7 +38,7 @@ pub struct Conflict {
 }
 
 impl Conflict {
-    /// Largest number of constraints named.
+    /// Largest number of constraints in a conflict.
     pub const CAPACITY: usize = 4;
 
     /// Collects up to [`Conflict::CAPACITY`] constraints, strongest first.
@@ -50,7 +50,7 @@ impl Conflict {
         conflict
     }
 
-    /// The named constraints, strongest first.
+    /// Returns the constraints of the conflict, strongest first.
     pub fn constraints(&self) -> impl Iterator<Item = Constraint> + '_ {
         self.constraints.iter().flatten().copied()
     }
@@ -77,25 +77,25 @@ pub enum UpdateError {
         found.0, found.1, expected.0, expected.1
     )]
     Shape {
-        /// Which one, by its letter in the problem statement.
+        /// The matrix or vector, by its letter in the problem statement.
         what: &'static str,
         /// Rows and columns found.
         found: (usize, usize),
         /// Rows and columns expected.
         expected: (usize, usize),
     },
-    /// NaN or infinity where a number is needed.
+    /// A NaN or infinity where a finite number is required.
     #[error(
         "{what}[{row}, {column}] is {value}, expected a finite number; check the robot state and the targets"
     )]
     NotFinite {
-        /// Which one, by its letter in the problem statement.
+        /// The matrix or vector, by its letter in the problem statement.
         what: &'static str,
-        /// Row of the offending number.
+        /// Row of the number.
         row: usize,
-        /// Column of the offending number.
+        /// Column of the number.
         column: usize,
-        /// The offending number.
+        /// The number.
         value: f64,
     },
     /// The lower bound exceeds the upper bound, or a bound is unsatisfiable.
@@ -108,57 +108,55 @@ pub enum UpdateError {
         /// Upper bound.
         upper: f64,
     },
-    /// A finite bound on a side the structure does not declare.
+    /// A finite bound on a side that the structure does not declare.
     #[error(
         "{constraint} is {value}, but the structure has no bound there; declare the side in the structure"
     )]
     Undeclared {
         /// The constraint.
         constraint: Constraint,
-        /// Its finite value.
+        /// Finite value of the bound.
         value: f64,
     },
 }
 
-/// No solution was found.
+/// Reasons why no solution was found.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SolveError {
     /// No `x` satisfies the constraints.
-    #[error(
-        "infeasible: no x satisfies all constraints; the conflict is carried by {conflict}; relax one of them"
-    )]
+    #[error("infeasible: no x satisfies all constraints; conflict between {conflict}; relax one of them")]
     Infeasible {
-        /// The constraints that carry the certificate.
+        /// The constraints that dominate the certificate.
         conflict: Conflict,
     },
     /// The cost decreases forever along a direction that no constraint blocks.
-    #[error("unbounded: the cost falls for ever along variable {variable}; regularise it or bound it")]
+    #[error("unbounded: the cost decreases forever along variable {variable}; regularise it or bound it")]
     Unbounded {
         /// The variable with the largest share in that direction.
         variable: usize,
     },
-    /// The cost is not convex: it has negative curvature along some direction.
+    /// The cost is not convex: it has negative curvature along a direction.
     #[error(
         "not convex: P is not positive semi-definite, as its leading {} x {} block shows; check the signs of its numbers",
         .variable + 1, .variable + 1
     )]
     NotConvex {
-        /// The variable at whose row the factorisation ends.
+        /// The variable at whose row the factorisation stopped.
         variable: usize,
     },
-    /// The iteration limit came first.
-    #[error("no solution within {iterations} iterations; scale the problem or allow more")]
+    /// The iteration limit was reached.
+    #[error("no solution within {iterations} iterations; scale the problem or raise the limit")]
     MaxIterations {
-        /// Iterations done.
+        /// Number of iterations done.
         iterations: u32,
     },
     /// The arithmetic broke down or stopped making progress.
     #[error("numerical breakdown after {iterations} iterations; regularise or scale the problem")]
     Numerical {
-        /// Iterations done.
+        /// Number of iterations done.
         iterations: u32,
     },
     /// The solver has no valid problem data.
-    #[error("nothing to solve: the last update failed or there was none; update first")]
+    #[error("no problem to solve: the last update failed or is missing; call update first")]
     NotUpdated,
 }

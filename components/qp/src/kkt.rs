@@ -1,4 +1,4 @@
-//! The optimality conditions of a quadratic program, checked from its numbers alone.
+//! Optimality conditions of a quadratic program, checked from its numbers alone.
 
 use nalgebra::DVector;
 
@@ -7,20 +7,20 @@ use super::{Problem, Solution};
 /// Residuals of the Karush-Kuhn-Tucker conditions at a claimed solution, in the problem's own units.
 ///
 /// For a convex problem a point with all residuals zero is optimal (Boyd and Vandenberghe, *Convex
-/// Optimization*, 5.5.3). Allocates; meant for tests and diagnosis.
+/// Optimization*, 5.5.3). The check allocates; it is meant for tests and diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KktResidual {
     /// `max |P x + q + A'y + G'z + w|`.
     pub stationarity: f64,
     /// Largest violation of an equality, a row or a bound.
     pub feasibility: f64,
-    /// Largest product of a multiplier with the distance to the side it presses on; the multiplier itself
-    /// where that side is infinite.
+    /// Largest product of a multiplier with the distance to the side against which it presses; the multiplier
+    /// alone if that side is infinite.
     pub complementarity: f64,
 }
 
 impl KktResidual {
-    /// Residuals of `solution` for `problem`, which must be of the same structure.
+    /// Computes the residuals of `solution` for `problem`, which must have the same structure.
     pub fn from_solution(problem: &Problem, solution: &Solution) -> Self {
         let n = problem.gradient.len();
         let x = &solution.x;
@@ -46,7 +46,7 @@ impl KktResidual {
         residual
     }
 
-    /// The largest of the three.
+    /// Returns the largest of the three residuals.
     pub fn worst(&self) -> f64 {
         worse(worse(self.stationarity, self.feasibility), self.complementarity)
     }
@@ -69,7 +69,7 @@ impl KktResidual {
     }
 }
 
-/// The larger one; NaN if either is, which `f64::max` would hide.
+/// Returns the larger number, or NaN if either is NaN, which `f64::max` would hide.
 fn worse(a: f64, b: f64) -> f64 {
     if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }
 }

@@ -1,4 +1,4 @@
-//! Quadratic programs with a fixed structure, solved once a control tick.
+//! Quadratic programs with a fixed structure, solved once per control tick.
 //!
 //! ```text
 //! minimise    1/2 x'Px + q'x
@@ -6,10 +6,10 @@
 //! ```
 //!
 //! The data are dense and small (tens of variables). [`Structure`] fixes the dimensions and the sides on
-//! which rows and variables may be bounded; a [`Problem`] holds the numbers and is overwritten in place each
-//! tick; a [`QpSolver`] is built from the structure, so that everything is allocated before the first tick.
-//! [`ActiveSetSolver`] is the solver of a control loop, [`ClarabelSolver`] the reference. [`KktResidual`]
-//! checks a claimed solution independently of its solver; [`recorded`] reads problems from files.
+//! which rows and variables may be bounded. A [`Problem`] holds the numbers and is overwritten in place each
+//! tick. A [`QpSolver`] is built from the structure, so that everything is allocated before the first tick.
+//! [`ActiveSetSolver`] is the solver for control loops, [`ClarabelSolver`] the reference. [`KktResidual`]
+//! checks a claimed solution independently of its solver. [`recorded`] reads problems from files.
 //!
 //! ```
 //! use motorium_qp::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Structure};

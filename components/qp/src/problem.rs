@@ -4,13 +4,13 @@ use nalgebra::{DMatrix, DVector};
 
 use super::{Constraint, Side, Sides, Structure, UpdateError};
 
-/// Relative negative curvature of a Hessian that counts as zero, from rounding.
+/// Negative curvature of a Hessian, relative to its largest entry, that counts as rounding.
 pub(crate) const ROUNDING: f64 = 1e-9;
 
-/// The numbers of one quadratic program, to be overwritten in place each tick.
+/// The numbers of one quadratic program, overwritten in place each tick.
 ///
-/// With `n` unknowns, `m` equalities and `p` rows. An absent bound is `-inf` or `+inf`; so is any magnitude
-/// of [`Problem::INFINITE`] or more, the convention of most solvers.
+/// The problem has `n` unknowns, `m` equalities and `p` rows. An absent bound is `-inf` or `+inf`, or any
+/// magnitude of [`Problem::INFINITE`] or more, the convention of most solvers.
 #[derive(Clone, Debug)]
 pub struct Problem {
     /// `P`, n x n, symmetric positive semi-definite. Only the upper triangle is read.
@@ -37,7 +37,7 @@ impl Problem {
     /// Magnitude from which a bound counts as infinite.
     pub const INFINITE: f64 = 1e20;
 
-    /// A problem of this structure with all numbers zero and no bounds.
+    /// Creates a problem of this structure with all numbers zero and no bounds.
     pub fn new(structure: &Structure) -> Self {
         let n = structure.variables();
         let m = structure.equality_count();
@@ -55,7 +55,7 @@ impl Problem {
         }
     }
 
-    /// Takes the numbers of a problem of the same structure.
+    /// Copies the numbers of a problem of the same structure.
     pub(super) fn copy_from(&mut self, other: &Self) {
         self.hessian.copy_from(&other.hessian);
         self.gradient.copy_from(&other.gradient);
@@ -106,7 +106,8 @@ fn finite<C: nalgebra::Dim>(
 where
     nalgebra::DefaultAllocator: nalgebra::allocator::Allocator<nalgebra::Dyn, C>,
 {
-    // Zero times a finite number is zero, zero times infinity is NaN: eight branch-free sums.
+    // Zero times a finite number is zero, zero times infinity is NaN, so eight branch-free sums find invalid
+    // numbers.
     let (blocks, rest) = numbers.as_slice().as_chunks::<8>();
     let mut sums = [0.0; 8];
     for block in blocks {

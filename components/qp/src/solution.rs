@@ -4,7 +4,7 @@ use nalgebra::DVector;
 
 use super::{Constraint, Side, Structure};
 
-/// The tolerances that a solution meets.
+/// Tolerances that a solution meets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Accuracy {
     /// The tolerances of the settings.
@@ -14,10 +14,10 @@ pub enum Accuracy {
     Reduced,
 }
 
-/// An optimum and its multipliers.
+/// The optimum of a problem, with its multipliers.
 ///
-/// Multipliers are signed so that `P x + q + A'y + G'z + w = 0`, where `z` and `w` are positive at an active
-/// upper side, negative at an active lower side, and zero in between.
+/// Multipliers are signed so that `P x + q + A'y + G'z + w = 0`. `z` and `w` are positive at an active upper
+/// side, negative at an active lower side, and zero in between.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
     /// The optimum.
@@ -28,14 +28,14 @@ pub struct Solution {
     pub row_dual: DVector<f64>,
     /// `w`, one per variable.
     pub bound_dual: DVector<f64>,
-    /// Iterations the solver needed.
+    /// Number of iterations of the solve.
     pub iterations: u32,
-    /// The tolerances that it meets.
+    /// Tolerances that the solution meets.
     pub accuracy: Accuracy,
 }
 
 impl Solution {
-    /// A solution of this structure with all numbers zero.
+    /// Creates a solution of this structure with all numbers zero.
     pub fn new(structure: &Structure) -> Self {
         Self {
             x: DVector::zeros(structure.variables()),
@@ -46,7 +46,7 @@ impl Solution {
             accuracy: Accuracy::Full,
         }
     }
-    /// Calls `visit` with each inequality that has a multiplier: rows, then bounds.
+    /// Calls `visit` with each inequality that has a nonzero multiplier: rows, then bounds.
     pub fn visit_active(&self, visit: &mut dyn FnMut(Constraint)) {
         let side = |dual: f64| if dual > 0.0 { Side::Upper } else { Side::Lower };
         for (row, dual) in self.row_dual.iter().enumerate().filter(|(_, dual)| **dual != 0.0) {

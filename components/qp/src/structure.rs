@@ -21,7 +21,7 @@ impl fmt::Display for Side {
 /// The sides on which a row of `G` or a variable may ever be bounded.
 ///
 /// A declared side may be infinite at some ticks. An undeclared side is not passed to the solver, and a
-/// finite bound on it is rejected.
+/// finite bound on it is an error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Sides {
     /// Never bounded.
@@ -36,7 +36,7 @@ pub enum Sides {
 }
 
 impl Sides {
-    /// True if `side` is declared.
+    /// Returns `true` if `side` is declared.
     pub fn has(self, side: Side) -> bool {
         matches!((self, side), (Self::Both, _) | (Self::Lower, Side::Lower) | (Self::Upper, Side::Upper))
     }
@@ -59,7 +59,7 @@ pub struct Structure {
 }
 
 impl Structure {
-    /// `variables` unknowns, without constraints.
+    /// Creates a structure with `variables` unknowns and no constraints.
     pub fn new(variables: usize) -> Self {
         Self { variables, equalities: 0, rows: Vec::new(), bounds: vec![Sides::Neither; variables] }
     }
@@ -78,39 +78,39 @@ impl Structure {
         self
     }
 
-    /// Declares the same `sides` for every variable.
+    /// Declares `sides` for every variable.
     #[must_use]
     pub fn bounds(mut self, sides: Sides) -> Self {
         self.bounds.fill(sides);
         self
     }
 
-    /// Declares the `sides` of one variable.
+    /// Declares `sides` for one variable.
     ///
     /// # Panics
-    /// If `variable` is not below the number of variables.
+    /// If `variable` is not less than the number of variables.
     #[must_use]
     pub fn bound(mut self, variable: usize, sides: Sides) -> Self {
         self.bounds[variable] = sides;
         self
     }
 
-    /// Number of unknowns.
+    /// Returns the number of unknowns.
     pub fn variables(&self) -> usize {
         self.variables
     }
 
-    /// Number of rows of `A`.
+    /// Returns the number of rows of `A`.
     pub fn equality_count(&self) -> usize {
         self.equalities
     }
 
-    /// The declared sides of each row of `G`.
+    /// Returns the declared sides of each row of `G`.
     pub fn row_sides(&self) -> &[Sides] {
         &self.rows
     }
 
-    /// The declared sides of each variable.
+    /// Returns the declared sides of each variable.
     pub fn bound_sides(&self) -> &[Sides] {
         &self.bounds
     }

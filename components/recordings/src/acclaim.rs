@@ -1,7 +1,7 @@
 //! Acclaim skeletons (`.asf`) and motions (`.amc`), the format of the CMU motion-capture database.
 //!
-//! A bone turns its direction by `C M C^-1`, where `C` is the rotation of its `axis` and `M` the rotations of
-//! its `dof`s, the first applied first.
+//! A bone rotates its direction by `C M C^-1`, where `C` is the rotation of its `axis` and `M` the product of
+//! its `dof` rotations, the first applied first.
 
 use std::collections::BTreeMap;
 
@@ -11,11 +11,11 @@ use crate::error::Place;
 use crate::skeleton::{Motion, Skeleton, SkeletonJoint};
 use crate::{Recording, RecordingError};
 
-/// Most bones of a skeleton, and values of a motion.
+/// Maximum number of bones of a skeleton and of values of a motion.
 const MOST_BONES: usize = 1000;
 const MOST_VALUES: usize = 50_000_000;
 
-/// Lines of a text with their numbers, split into words, without comments.
+/// Splits a text into lines without comments, each with its number and its words.
 fn lines(text: &str) -> impl Iterator<Item = (usize, Vec<&str>)> {
     text.lines().enumerate().filter_map(|(index, line)| {
         let line = line.split('#').next().unwrap_or_default();
@@ -54,7 +54,7 @@ fn axis(letter: char) -> Option<usize> {
     }
 }
 
-/// A rotation by angles, degrees, about the axes that `order` names, the first applied first.
+/// Returns the rotation by angles in degrees about the axes named by `order`, the first applied first.
 fn rotation(
     path: &str,
     line: usize,
@@ -82,7 +82,7 @@ struct Bone {
     motions: Vec<Motion>,
 }
 
-/// Values named `rx` and `tz`.
+/// Parses a value name such as `rx` or `tz`.
 fn motion(path: &str, line: usize, word: &str) -> Result<Motion, RecordingError> {
     let mut letters = word.chars();
     match (letters.next(), letters.next().and_then(axis), letters.next()) {
@@ -101,12 +101,12 @@ fn channel(bone: &str, motion: Motion) -> String {
 }
 
 impl Skeleton {
-    /// Reads a skeleton in the format `.asf`; `path` is named in errors.
+    /// Reads a skeleton in the `.asf` format; `path` is named in errors.
     ///
-    /// Angles in degrees and in rad are understood; lengths are kept in the unit of the bones.
+    /// Angles may be in degrees or rad; lengths keep the unit of the bones.
     ///
     /// # Errors
-    /// A line that does not fit, a bone that is missing in the hierarchy, or a hierarchy that is no tree.
+    /// A line is invalid, a bone is missing from the hierarchy, or the hierarchy is not a tree.
     pub fn from_asf(path: &str, text: &str) -> Result<Self, RecordingError> {
         let mut section = String::new();
         let mut degrees = true;
@@ -172,14 +172,14 @@ impl Skeleton {
         assemble(path, last, root, &bones, &parents)
     }
 
-    /// Reads a motion of this skeleton in the format `.amc`, at `rate` samples a second; `path` is named in
+    /// Reads a motion of this skeleton in the `.amc` format, at `rate` samples per second; `path` is named in
     /// errors.
     ///
     /// # Errors
-    /// A line that does not fit the skeleton, a rate that is not positive, or fewer than two samples.
+    /// A line does not match the skeleton, the rate is not positive, or there are fewer than two samples.
     pub fn read_amc(&self, path: &str, text: &str, rate: f64) -> Result<Recording, RecordingError> {
         if !(rate > 0.0 && rate.is_finite()) {
-            let expected = "a positive number of samples a second";
+            let expected = "a positive number of samples per second";
             return Err(RecordingError::OutOfRange { name: "rate", value: rate, expected });
         }
         let channels = self.channels.len();
@@ -187,8 +187,8 @@ impl Skeleton {
         let mut samples: Vec<f64> = vec![];
         let (mut rows, mut last, mut before) = (0_usize, 1, None);
         let mut is_full = false;
-        // Channels are NaN until their bone is read. In a file that specifies all, one that a sample leaves
-        // out was cut off.
+        // Channels are NaN until their bone is read. If a file specifies all channels, a sample that lacks
+        // one was cut off.
         let end = |samples: &mut [f64], rows: usize, line: usize, is_full: bool| {
             let values = samples.iter_mut().skip(rows.saturating_sub(1) * channels);
             for (value, name) in values.zip(&self.channels).filter(|(value, _)| value.is_nan()) {
@@ -255,7 +255,7 @@ impl Skeleton {
     }
 }
 
-/// A bone that is being read.
+/// A bone while it is read.
 #[derive(Debug, Default)]
 struct Draft {
     name: Option<String>,
@@ -277,7 +277,7 @@ impl Draft {
                 self.axis = Some((vector(path, line, words)?, order));
             }
             "dof" => {
-                // a bone may change its length, `l`, which moves nothing here
+                // a bone may change its length, `l`, which does not move the joints here
                 let kept = words.iter().filter(|word| **word != "l");
                 self.motions = kept.map(|word| motion(path, line, word)).collect::<Result<_, _>>()?;
             }
@@ -299,7 +299,7 @@ impl Draft {
     }
 }
 
-/// Bones behind their parents.
+/// Sorts the bones such that parents precede their children.
 fn assemble(
     path: &str,
     last: usize,
@@ -387,13 +387,13 @@ mod tests {
         let row =
             |i: usize| found.values().row(i).iter().map(|v| (v * 1e9).round() / 1e9).collect::<Vec<_>>();
         assert_eq!(row(0), [1.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
-        // the lower bone turns about its own x, which is y of its parent: (0, 0, -1), and the parent turns it
-        // about z
+        // the lower bone rotates about its own x, which is y of its parent: (0, 0, -1), and the parent
+        // rotates it about z
         assert_eq!(row(1), [0.0, 1.0, 0.0, 0.0, 0.0, -1.0]);
     }
 
     #[test]
-    fn mistakes_are_located() {
+    fn errors_name_the_line() {
         let error = |text: &str| Skeleton::from_asf("a.asf", text).expect_err("an error").to_string();
         assert_eq!(
             error(&SKELETON.replace("length 2", "length two")),
@@ -419,7 +419,7 @@ mod tests {
     }
 
     #[test]
-    fn recorded_arms_equal_the_directions_of_the_data_set() {
+    fn recorded_arms_match_the_data_set() {
         let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
         let Ok(text) = std::fs::read_to_string(folder.join("cmu-mocap/02.asf")) else { return };
         let skeleton = Skeleton::from_asf("02.asf", &text).expect("a skeleton");

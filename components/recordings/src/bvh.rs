@@ -7,11 +7,11 @@ use crate::error::Place;
 use crate::skeleton::{Motion, Skeleton, SkeletonJoint};
 use crate::{Recording, RecordingError};
 
-/// Most joints of a skeleton, and values of a motion.
+/// Maximum number of joints of a skeleton and of values of a motion.
 const MOST_JOINTS: usize = 1000;
 const MOST_VALUES: usize = 50_000_000;
 
-/// Words of a text with their lines.
+/// Words of a text with their line numbers.
 struct Words<'a> {
     path: &'a str,
     words: Box<dyn Iterator<Item = (usize, &'a str)> + 'a>,
@@ -62,7 +62,7 @@ impl<'a> Words<'a> {
     }
 }
 
-/// Channels named `Xposition` and `Zrotation`.
+/// Parses a channel name such as `Xposition` or `Zrotation`.
 fn motion(words: &Words<'_>, word: &str) -> Result<Motion, RecordingError> {
     let axis = match word.as_bytes().first() {
         Some(b'X' | b'x') => Some(0),
@@ -78,11 +78,11 @@ fn motion(words: &Words<'_>, word: &str) -> Result<Motion, RecordingError> {
 }
 
 impl Skeleton {
-    /// Reads a skeleton and its motion in the format `.bvh`; `path` is named in errors. The end of a chain is
+    /// Reads a skeleton and its motion in the `.bvh` format; `path` is named in errors. The end of a chain is
     /// a joint named `PARENT_end`.
     ///
     /// # Errors
-    /// A word that does not fit, or fewer than two samples.
+    /// A word is invalid, or there are fewer than two samples.
     pub fn from_bvh(path: &str, text: &str) -> Result<(Self, Recording), RecordingError> {
         let mut words = Words::new(path, text);
         let mut made = Self { joints: vec![], channels: vec![] };
@@ -197,7 +197,7 @@ mod tests {
         0\n  }\n }\n}\nMOTION\nFrames: 2\nFrame Time: 0.04\n1 2 3 0 0 0 0 0 0\n0 0 0 0 0 0 90 90 0\n";
 
     #[test]
-    fn rotations_are_multiplied_in_the_order_of_the_channels() {
+    fn rotations_follow_the_channel_order() {
         let (skeleton, motion) = Skeleton::from_bvh("a.bvh", FILE).expect("a skeleton");
         assert_eq!(skeleton.joint_names().collect::<Vec<_>>(), ["hips", "arm", "arm_end"]);
         assert_eq!(motion.times(), [0.0, 0.04]);
@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_located() {
+    fn errors_name_the_line() {
         let error = |text: &str| Skeleton::from_bvh("a.bvh", text).expect_err("an error").to_string();
         assert_eq!(
             error(&FILE.replace("OFFSET 0 1 0", "OFFSET 0 one 0")),

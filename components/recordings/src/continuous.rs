@@ -1,4 +1,4 @@
-//! Angles without turns and quaternions of one sign: the same movement without discontinuities.
+//! Unwrapping of angles and sign alignment of quaternions: the same movement without discontinuities.
 
 use std::f64::consts::TAU;
 
@@ -7,38 +7,40 @@ use crate::Recording;
 /// A discontinuity that was removed from a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Removed {
-    /// An angle that changed by a whole turn between two samples.
+    /// An angle with changes by a whole turn between two samples.
     Turns {
         /// Name of the channel.
         name: String,
-        /// Number of the changes.
+        /// Number of such changes.
         count: usize,
-        /// A turn in the unit of the channel: 2 pi or 360.
+        /// A whole turn in the unit of the channel: 2 pi or 360.
         turn: f64,
     },
-    /// A quaternion that changed its sign, which is the same rotation.
+    /// A quaternion with sign changes, which do not change the rotation.
     Signs {
         /// Names of its four channels.
         names: [String; 4],
-        /// Number of the changes.
+        /// Number of sign changes.
         count: usize,
     },
 }
 
-/// Largest difference of the norm of a quaternion from 1.
+/// Maximum deviation of the norm of a quaternion from 1.
 const NORM: f64 = 1e-2;
-/// Slack of the range of an angle \[turns\].
+/// Tolerance of the range of an angle \[turns\].
 const SLACK: f64 = 1e-3;
-/// Largest change between the samples around a change by a turn \[turns\].
+/// Largest change to the samples before and after a change by a turn \[turns\].
 const LARGEST_STEP: f64 = 0.25;
 
 impl Recording {
     /// Returns the movement with continuous angles and quaternions.
     ///
     /// A channel is an angle if all its values are within one turn, from -pi to pi or from 0 to 2 pi (or the
-    /// same in degrees), and it changes by almost a turn between two samples. Four channels are a quaternion
-    /// if they are named `qx`, `qy`, `qz` and `qw`, in any order, with other beginnings or ends such as
-    /// `orientation.x`, or have consecutive numbers such as `q0` to `q3`, and all samples have the norm 1.
+    /// same in degrees), and it changes by almost a turn between two samples.
+    ///
+    /// Four channels are a quaternion if all samples have the norm 1 and the channels have matching names.
+    /// They are named `qx`, `qy`, `qz` and `qw`, in any order and with other prefixes or suffixes such as
+    /// `orientation.x`, or have consecutive numbers such as `q0` to `q3`.
     #[must_use]
     pub fn continuous(mut self) -> (Self, Vec<Removed>) {
         let mut removed = Vec::new();
@@ -64,7 +66,7 @@ impl Recording {
         (self, removed)
     }
 
-    /// Four channels each that hold a unit quaternion.
+    /// Returns groups of four channels that contain a unit quaternion.
     fn quaternions(&self) -> Vec<[usize; 4]> {
         let mut found = Vec::new();
         for (x, name) in self.names.iter().enumerate() {
@@ -92,8 +94,8 @@ impl Recording {
         found
     }
 
-    /// Four neighbours among numbered channels, such as `3` to `6` of a pose of seven numbers, that hold a
-    /// rotation: a unit quaternion of which at least two entries change.
+    /// Returns groups of four consecutive numbered channels, such as `3` to `6` of a pose with seven numbers,
+    /// that contain a rotation: a unit quaternion with at least two changing entries.
     fn numbered_quaternions(&self, known: &[[usize; 4]]) -> Vec<[usize; 4]> {
         let mut found: Vec<[usize; 4]> = Vec::new();
         let entry = |stem: &str, end: &str, number: u32| {
@@ -124,7 +126,7 @@ impl Recording {
         found
     }
 
-    /// Four entries of a field such as `orientation[0]` that hold a unit quaternion.
+    /// Returns the four entries of each field such as `orientation[0]` that contain a unit quaternion.
     fn quaternion_entries(&self) -> Vec<[usize; 4]> {
         let mut found = Vec::new();
         for (first, name) in self.names.iter().enumerate() {
@@ -147,7 +149,7 @@ impl Recording {
         found
     }
 
-    /// Gives a quaternion the sign of the sample before; the number of changes of sign.
+    /// Gives each sample of a quaternion the sign of the previous one. Returns the number of sign changes.
     fn align(&mut self, channels: &[usize; 4]) -> usize {
         let (mut sign, mut count) = (1.0, 0);
         for row in 1..self.samples() {
@@ -163,7 +165,7 @@ impl Recording {
         count
     }
 
-    /// Adds turns to an angle so that it is continuous; the number of changes by a turn.
+    /// Adds turns to an angle so that it is continuous. Returns the number of changes by a turn.
     fn unwrap(&mut self, channel: usize, turn: f64) -> usize {
         let column = self.values.column(channel);
         let (lowest, highest) = (column.min() / turn, column.max() / turn);
@@ -223,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn an_angle_that_turns_on_is_unwrapped() {
+    fn continuously_turning_angle_is_unwrapped() {
         for turn in [TAU, 360.0] {
             for (from, count) in [(-0.5, 2), (0.0, 2)] {
                 let angle = |k: usize| (0.3 + 0.01 * k as f64) * turn;
@@ -239,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn a_channel_with_long_steps_or_beyond_a_turn_stays() {
+    fn channels_with_long_steps_or_beyond_a_turn_are_unchanged() {
         let stairs: Vec<Vec<f64>> = (0..50).map(|k| vec![if k < 25 { 0.0 } else { 3.0 }]).collect();
         let far: Vec<Vec<f64>> = (0..50).map(|k| vec![if k < 25 { 0.0 } else { 7.0 }]).collect();
         for rows in [stairs, far] {
@@ -249,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn flags_are_no_quaternions() {
+    fn flags_are_not_quaternions() {
         let sign = |k: usize| if k < 25 { 1.0 } else { -1.0 };
         let rows: Vec<Vec<f64>> = (0..50).map(|k| vec![0.0, 0.0, 0.0, sign(k)]).collect();
         let original = recording(&["d0", "d1", "d2", "d3"], &rows);
@@ -257,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn a_quaternion_keeps_its_sign() {
+    fn quaternion_keeps_its_sign() {
         for names in [
             ["qx", "qy", "qz", "qw"],
             ["orientation[0]", "orientation[1]", "orientation[2]", "orientation[3]"],

@@ -1,4 +1,4 @@
-//! Tables of text: a header of names, then one sample a line.
+//! Text tables: a header of names, followed by one sample per line.
 
 use ::csv::{ReaderBuilder, StringRecord, Trim};
 
@@ -8,7 +8,7 @@ use crate::selection::Selection;
 use crate::table::Table;
 use crate::time::Clock;
 
-/// Reads a table. `separator` is found in the text if it is not given.
+/// Reads a table. The separator is detected if `separator` is `None`.
 pub(crate) fn table(
     path: &str,
     text: &str,
@@ -72,7 +72,7 @@ pub(crate) fn table(
     Ok(Table { columns, rows })
 }
 
-/// A finite number in a cell.
+/// Parses a finite number in a cell.
 fn number(cell: &str, place: impl Fn() -> Place) -> Result<f64, RecordingError> {
     let found = if cell.is_empty() { "nothing".into() } else { format!("`{cell}`") };
     let refused = |expected: &str, advice| RecordingError::Malformed {
@@ -92,7 +92,7 @@ fn number(cell: &str, place: impl Fn() -> Place) -> Result<f64, RecordingError> 
     }
 }
 
-/// The separator that divides the header and the line after it into equally many cells.
+/// Returns the separator that splits the header and the next line into the same number of cells.
 fn guessed_separator(text: &str) -> u8 {
     let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
     let (header, first) = (lines.next().unwrap_or_default(), lines.next().unwrap_or_default());
@@ -100,11 +100,11 @@ fn guessed_separator(text: &str) -> u8 {
         let count = separators(header, *separator);
         (count > 0 && count == separators(first, *separator), count)
     };
-    // the last of equals is taken: a comma
+    // the last of equals is chosen: a comma
     [b'\t', b';', b','].into_iter().max_by_key(score).unwrap_or(b',')
 }
 
-/// Number of separators in a line outside of quotes.
+/// Counts the separators in a line outside quotes.
 fn separators(line: &str, separator: u8) -> usize {
     let mut quoted = false;
     line.bytes()

@@ -4,14 +4,14 @@ use std::fmt;
 
 use crate::messages::LogError;
 
-/// A place in a file of recordings.
+/// A position in a file of recordings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Place {
     /// Path of the file.
     pub path: String,
-    /// Line, counted from 1. Unknown in a JSON file once it is parsed.
+    /// Line, counted from 1. Unknown in a JSON file after parsing.
     pub line: Option<usize>,
-    /// Sample or recording of a JSON file, counted from 1, with that word: `("sample", 3)`.
+    /// Sample or recording of a JSON file, counted from 1, with the noun: `("sample", 3)`.
     pub item: Option<(&'static str, usize)>,
     /// Column, counted from 1, with its name, which may be empty.
     pub column: Option<(usize, String)>,
@@ -57,15 +57,15 @@ impl fmt::Display for Place {
 /// [`Recording`](crate::Recording).
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
-    /// The system refused to read.
+    /// The file cannot be read.
     #[error("{path}: {source}")]
     System {
         /// Path of the file or folder.
         path: String,
-        /// The system's error.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Unknown ending of a file's name.
+    /// The file name has an unknown extension.
     #[error(
         "{path}: expected a name that ends in .csv, .tsv, .json, .jsonl or .ndjson, or a folder of such files"
     )]
@@ -73,19 +73,19 @@ pub enum RecordingError {
         /// Path of the file.
         path: String,
     },
-    /// A line, sample or cell that cannot be read.
+    /// A line, sample or cell is invalid.
     #[error("{place}: found {found}, expected {expected}{}", advised(*.advice))]
     Malformed {
-        /// Place of the mistake.
+        /// Position of the error.
         place: Box<Place>,
         /// Content found.
         found: String,
         /// Content expected.
         expected: String,
-        /// A remedy.
+        /// Suggested fix.
         advice: Option<&'static str>,
     },
-    /// Neither a time column nor a rate.
+    /// There is neither a time column nor a rate.
     #[error(
         "{path}: found no column named {} or {}, and no rate; set the samples per second by `--rate HZ` or the key `rate`",
         crate::names::TIME.join(", "),
@@ -95,7 +95,7 @@ pub enum RecordingError {
         /// Path of the file.
         path: String,
     },
-    /// An unknown field or channel.
+    /// The field or channel is unknown.
     #[error("{path}: found no channel `{name}`; known: {known}")]
     NoChannel {
         /// Path of the file.
@@ -105,31 +105,31 @@ pub enum RecordingError {
         /// The names in the file.
         known: String,
     },
-    /// A file without recordings, or with several where one is expected.
+    /// The number of recordings in the file is wrong.
     #[error("{path}: found {found} recordings, expected {expected}")]
     Count {
         /// Path of the file or folder.
         path: String,
         /// Number of recordings in it.
         found: usize,
-        /// The number expected, in words.
+        /// Description of the expected number.
         expected: &'static str,
     },
-    /// An unknown joint of a skeleton.
+    /// The skeleton has no such joint.
     #[error("the skeleton has no joint `{name}`; known: {known}")]
     NoJoint {
         /// The requested name.
         name: String,
-        /// The names of the skeleton.
+        /// Joint names of the skeleton.
         known: String,
     },
-    /// A limb between two joints in one place.
-    #[error("the limb `{name}` has no length, expected two joints apart from each other")]
+    /// The joints of a limb coincide.
+    #[error("the limb `{name}` has no length, expected two joints at different positions")]
     NoLength {
         /// Name of the limb.
         name: String,
     },
-    /// An MCAP file without the selected movement, or one that cannot be decoded.
+    /// The MCAP file does not contain the selected movement, or cannot be decoded.
     #[error("{path}: {reason}")]
     Messages {
         /// Path of the file.
@@ -137,17 +137,17 @@ pub enum RecordingError {
         /// The reason.
         reason: Box<LogError>,
     },
-    /// Too few samples.
+    /// There are too few samples.
     #[error("found {found} samples, expected at least {expected}")]
     TooShort {
         /// Number of samples found.
         found: usize,
-        /// Least number of samples.
+        /// Minimum number of samples.
         expected: usize,
     },
-    /// Times that do not increase.
+    /// Times do not increase.
     #[error(
-        "sample {sample} is at {time} s, not after the one before: sort the recording, or cut it where the clock was reset"
+        "sample {sample} is at {time} s, not after the previous one: sort the recording, or cut it where the clock was reset"
     )]
     Backwards {
         /// Index of the sample, counted from 1.
@@ -155,7 +155,7 @@ pub enum RecordingError {
         /// Its time, s.
         time: f64,
     },
-    /// NaN or an infinite value.
+    /// A value is NaN or infinite.
     #[error("sample {sample}, channel `{name}` is {value}: cut the recording or fill the gap")]
     NotFinite {
         /// Index of the sample, counted from 1.
@@ -165,14 +165,14 @@ pub enum RecordingError {
         /// The value.
         value: f64,
     },
-    /// A setting out of its range.
+    /// A setting is out of range.
     #[error("{name} = {value}: expected {expected}")]
     OutOfRange {
         /// Name of the setting.
         name: &'static str,
-        /// Its value.
+        /// Value of the setting.
         value: f64,
-        /// The range.
+        /// Expected range.
         expected: &'static str,
     },
 }

@@ -4,18 +4,19 @@ use nalgebra::DMatrix;
 
 use crate::{Recording, RecordingError};
 
-/// Samples a second at which a recording is filtered, in multiples of the cutoff: fine enough for the kernel.
+/// Sample rate at which a recording is filtered, as a multiple of the cutoff: fine enough for the kernel.
 const OVERSAMPLING: f64 = 20.0;
 
-/// Fewest periods of the cutoff in a recording: a slower filter would average over far more than there is.
+/// Minimum number of cutoff periods in a recording. A slower filter would average over far more than the
+/// recording.
 const FEWEST_PERIODS: f64 = 0.1;
 
-/// Largest deviation of a time from even spacing, in steps, at which samples count as evenly spaced.
+/// Maximum deviation of a time from even spacing, in steps, for samples to count as evenly spaced.
 const UNEVENNESS: f64 = 0.01;
 
 impl Recording {
-    /// As many evenly spaced samples as there are, samples x channels: the samples as they stand if their
-    /// times are even to 1 % of a step, else interpolated as by [`evenly`](Self::evenly).
+    /// Returns the same number of evenly spaced samples, samples x channels. Samples whose times are even to
+    /// 1 % of a step are returned unchanged; others are interpolated as by [`evenly`](Self::evenly).
     pub fn evenly_spaced(&self) -> DMatrix<f64> {
         let step = self.duration() / (self.samples() - 1) as f64;
         let is_even = self
@@ -29,13 +30,14 @@ impl Recording {
     /// Resamples to `samples` evenly spaced samples (samples x channels) by cubic interpolation, filtered
     /// with `cutoff` \[Hz\].
     ///
-    /// The interpolation is the cubic Hermite one with the slopes of a parabola through each three
-    /// neighbours. The filter is a Gaussian of the standard deviation `sqrt(ln 2) / (2 pi cutoff)` in time,
-    /// whose power at the cutoff is one half: no delay, no overshoot. At the ends the recording is continued
-    /// by point reflection, so that the first and last sample do not change.
+    /// The interpolation is a cubic Hermite spline whose slopes come from a parabola through each sample and
+    /// its neighbours. The filter is a Gaussian in time with the standard deviation
+    /// `sqrt(ln 2) / (2 pi cutoff)`, whose power at the cutoff is one half. It has no delay and no overshoot.
+    /// At the ends the recording is continued by point reflection, so that the first and last sample do not
+    /// change.
     ///
     /// # Errors
-    /// Fewer than two samples, or a cutoff that is not positive.
+    /// There are fewer than two samples, or the cutoff is not positive.
     pub fn evenly(&self, samples: usize, cutoff: Option<f64>) -> Result<DMatrix<f64>, RecordingError> {
         if samples < 2 {
             return Err(RecordingError::TooShort { found: samples, expected: 2 });
@@ -50,7 +52,7 @@ impl Recording {
             return Err(RecordingError::OutOfRange { name: "cutoff", value: cutoff, expected });
         }
         let wanted = (self.duration() * cutoff * OVERSAMPLING).ceil().clamp(16.0, 200_000.0) as usize;
-        // a whole number of fine steps between two wanted samples, so that nothing need be interpolated twice
+        // a whole number of fine steps between two output samples, so that nothing is interpolated twice
         let substeps = wanted.div_ceil(samples - 1).max(1);
         let fine = self.interpolated((samples - 1) * substeps + 1);
         let dt = self.duration() / (fine.nrows() - 1) as f64;
@@ -71,7 +73,7 @@ impl Recording {
         Ok(filtered)
     }
 
-    /// The recording between its samples, as [`evenly`](Self::evenly) interpolates it.
+    /// Returns the recording between its samples, as [`evenly`](Self::evenly) interpolates it.
     pub fn interpolation(&self) -> Interpolation {
         Interpolation { times: self.times.clone(), values: self.values.clone(), slopes: self.slopes() }
     }
@@ -90,7 +92,7 @@ impl Recording {
         out
     }
 
-    /// Slope at every sample, of the parabola through it and its neighbours.
+    /// Returns the slope at every sample, from the parabola through it and its neighbours.
     fn slopes(&self) -> DMatrix<f64> {
         let n = self.times.len();
         let secant = |k: usize, channel: usize| {
@@ -111,7 +113,7 @@ impl Recording {
     }
 }
 
-/// A recording between its samples: cubic, through every sample, with continuous velocity.
+/// A recording between its samples: a cubic through every sample with continuous velocity.
 ///
 /// ```
 /// use motorium_recordings::{Selection, read_text};
@@ -141,11 +143,11 @@ impl Interpolation {
         self.times[self.times.len() - 1] - self.times[0]
     }
 
-    /// Writes the values and their rates (per second) at a time since the first sample \[s\]; before it and
-    /// after the last sample the nearest of the two. Does not allocate.
+    /// Writes the values and their rates (per second) at a time since the first sample \[s\]. Outside the
+    /// recording, the first or last sample is used. Does not allocate.
     ///
     /// # Panics
-    /// A slice is shorter than the number of channels.
+    /// If a slice is shorter than the number of channels.
     pub fn evaluate(&self, time: f64, values: &mut [f64], rates: &mut [f64]) {
         let time = self.times[0] + time.clamp(0.0, self.duration());
         let interval = self.interval(time);
@@ -154,13 +156,13 @@ impl Interpolation {
         }
     }
 
-    /// Index of the sample before a time.
+    /// Returns the index of the sample before a time.
     fn interval(&self, time: f64) -> usize {
         let before = self.times.partition_point(|sample| *sample <= time);
         before.saturating_sub(1).min(self.times.len() - 2)
     }
 
-    /// Value and rate of a channel in an interval.
+    /// Returns value and rate of a channel in an interval.
     fn cubic(&self, interval: usize, time: f64, channel: usize) -> (f64, f64) {
         let width = self.times[interval + 1] - self.times[interval];
         let u = ((time - self.times[interval]) / width).clamp(0.0, 1.0);
@@ -174,7 +176,7 @@ impl Interpolation {
     }
 }
 
-/// A sample, continued beyond the ends by point reflection.
+/// Returns a sample, with point reflection beyond the ends.
 fn reflected(values: &DMatrix<f64>, index: isize, last: isize, channel: usize) -> f64 {
     let at = |index: isize| values[(index.clamp(0, last) as usize, channel)];
     if index < 0 {
@@ -205,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn a_parabola_sampled_unevenly_is_met_exactly() {
+    fn unevenly_sampled_parabola_is_reproduced_exactly() {
         let f = |t: f64| 1.0 - 2.0 * t + 3.0 * t * t;
         let even = recorded(&[1.0, 1.1, 1.5, 1.6, 2.4, 3.0], f).evenly(41, None).unwrap();
         for k in 0..41 {
@@ -231,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn the_filter_halves_the_power_at_its_cutoff() {
+    fn filter_halves_the_power_at_its_cutoff() {
         let times: Vec<f64> = (0..4001).map(|k| f64::from(k) * 1e-3).collect();
         let wave = recorded(&times, |t| (std::f64::consts::TAU * 3.0 * t).sin());
         let filtered = wave.evenly(2001, Some(3.0)).unwrap();
@@ -249,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn time_that_stands_still_is_refused_with_its_sample() {
+    fn repeated_time_is_rejected_with_its_sample() {
         let error = Recording::new(vec!["y".into()], vec![0.0, 1.0, 1.0], DMatrix::zeros(3, 1)).unwrap_err();
         assert!(error.to_string().starts_with("sample 3 is at 1 s, not after"), "{error}");
     }

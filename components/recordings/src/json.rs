@@ -1,4 +1,4 @@
-//! JSON and JSON lines: samples, or whole recordings.
+//! JSON and JSON lines: samples or whole recordings.
 
 use serde_json::{Map, Value};
 
@@ -9,10 +9,10 @@ use crate::selection::Selection;
 use crate::table::Table;
 use crate::time::{Clock, timed};
 
-/// A JSON value with its place in the file.
+/// A JSON value with its position in the file.
 type Item = (Place, Value);
 
-/// Reads one value a line.
+/// Reads one value per line.
 pub(crate) fn lines(path: &str, text: &str) -> Result<Vec<Item>, RecordingError> {
     let mut items = Vec::new();
     for (index, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
@@ -22,7 +22,7 @@ pub(crate) fn lines(path: &str, text: &str) -> Result<Vec<Item>, RecordingError>
     Ok(items)
 }
 
-/// Reads a file that is one list, one recording, or an object with a list `recordings`.
+/// Reads a file that contains a list, a recording, or an object with a list `recordings`.
 pub(crate) fn file(path: &str, text: &str) -> Result<Vec<Item>, RecordingError> {
     let mut value: Value = serde_json::from_str(text).map_err(|error| syntax(path, 0, &error))?;
     if let Some(list) = value.get_mut("recordings") {
@@ -39,17 +39,17 @@ pub(crate) fn file(path: &str, text: &str) -> Result<Vec<Item>, RecordingError> 
 
 fn syntax(path: &str, lines_before: usize, error: &serde_json::Error) -> RecordingError {
     let message = error.to_string();
-    // the place is said by `Place`
+    // `Place` already reports the position
     let said = message.split(" at line ").next().unwrap_or_default();
     RecordingError::Malformed {
         place: Box::new(Place::line(path, lines_before + error.line().max(1)).column(error.column(), "")),
         found: said.to_string(),
         expected: "JSON".into(),
-        advice: error.is_eof().then_some("the text is cut short"),
+        advice: error.is_eof().then_some("the text is truncated"),
     }
 }
 
-/// Recordings in JSON values: either each is a recording, or each is a sample of one.
+/// Converts JSON values to recordings: either each value is a recording, or each is a sample of a single one.
 pub(crate) fn recordings(
     path: &str,
     items: &[Item],
@@ -66,8 +66,8 @@ pub(crate) fn recordings(
     items.iter().enumerate().map(recording).collect()
 }
 
-/// A list, or an object with a time, a field `value` or `position`, or with single numbers only, is one
-/// sample.
+/// Returns `true` for a sample: a list, or an object with a time, a field `value` or `position`, or single
+/// numbers only.
 fn is_sample(value: &Value, selection: &Selection) -> bool {
     let Value::Object(object) = value else { return true };
     if object.get("positions").is_some_and(Value::is_array) {
@@ -91,7 +91,7 @@ fn malformed(place: &Place, found: String, expected: &str) -> RecordingError {
     }
 }
 
-/// One recording of values that are samples.
+/// Reads one recording whose samples are JSON values.
 fn samples(path: &str, items: &[Item], selection: &Selection) -> Result<Recording, RecordingError> {
     let mut header: Option<(Vec<String>, Columns)> = None;
     let mut rows = Vec::new();
@@ -99,7 +99,7 @@ fn samples(path: &str, items: &[Item], selection: &Selection) -> Result<Recordin
         let fields = sample(place, value, selection)?;
         if header.is_none() {
             let names: Vec<String> = fields.iter().map(|(name, _)| name.clone()).collect();
-            // the field is chosen here already
+            // the field has already been selected
             let rest = Selection { field: None, ..selection.clone() };
             let columns = Columns::select(place, &names, &rest)?;
             header = Some((names, columns));
@@ -123,7 +123,8 @@ fn samples(path: &str, items: &[Item], selection: &Selection) -> Result<Recordin
     Table { columns, rows }.recording(path)
 }
 
-/// Numbers of a sample by name: of a list, of an object, or of an object under `value` as topics are printed.
+/// Returns the named numbers of a sample: of a list, an object, or an object under `value` as topics are
+/// printed.
 fn sample(place: &Place, value: &Value, selection: &Selection) -> Result<Vec<(String, f64)>, RecordingError> {
     if let Value::Array(numbers) = value {
         let numbers = numbers.iter().enumerate();
@@ -168,7 +169,7 @@ fn sample(place: &Place, value: &Value, selection: &Selection) -> Result<Vec<(St
             }
             value if value.is_number() => fields.push((key.clone(), number(place, value)?)),
             _ if alone => return Err(malformed(place, format!("no number in `{key}`"), "numbers")),
-            // text beside numbers
+            // text next to numbers
             _ => {}
         }
     }
@@ -182,7 +183,7 @@ fn number(place: &Place, value: &Value) -> Result<f64, RecordingError> {
     }
 }
 
-/// A recording that is one object: arrays of numbers by name, or `positions` with `names`.
+/// Reads a recording that is one object: arrays of numbers by name, or `positions` with `names`.
 fn whole(
     place: &Place,
     object: &Map<String, Value>,
@@ -244,12 +245,13 @@ fn whole(
     Ok(Recording { id, label, ..Recording::new(names, times, values)? })
 }
 
-/// True if this number of samples lasts `duration` s at `rate` Hz, to one sample and 1 %.
+/// Returns `true` if this number of samples lasts `duration` s at `rate` Hz, to within one sample and 1 %.
 fn agree(rate: f64, samples: usize, duration: f64) -> bool {
     (rate * duration - (samples - 1) as f64).abs() <= 1.0 + 0.01 * samples as f64
 }
 
-/// True for `vx`, `v1`, `v_x` and `vjoint1`. Words without a number, such as `voltage`, are not velocities.
+/// Returns `true` for `vx`, `v1`, `v_x` and `vjoint1`. Words without a number, such as `voltage`, are not
+/// velocities.
 fn is_velocity(name: &str) -> bool {
     let Some(channel) = name.strip_prefix('v') else { return false };
     let channel = channel.strip_prefix('_').unwrap_or(channel);
@@ -259,8 +261,8 @@ fn is_velocity(name: &str) -> bool {
     is_numbered || (letters == 1 && number.is_empty())
 }
 
-/// Sums a velocity `vNAME` up to the position `NAME`: each sample adds its velocity times the time since the
-/// one before.
+/// Integrates a velocity `vNAME` to the position `NAME`: each sample adds its velocity times the time since
+/// the previous sample.
 fn integrate((name, values): &mut (String, Vec<f64>), times: &[f64]) {
     *name = name[1..].trim_start_matches('_').to_string();
     let mut sum = 0.0;

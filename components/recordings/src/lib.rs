@@ -1,47 +1,47 @@
-//! Recordings of movements from files, and their resampling.
+//! Recorded movements from files, and their resampling.
 //!
-//! | ending | content |
+//! | extension | content |
 //! |---|---|
-//! | `.csv`, `.tsv` | a table: a header of names, then one sample a line, separated by commas, semicolons or tabs |
+//! | `.csv`, `.tsv` | a table: a header of names, then one sample per line; commas, semicolons or tabs |
 //! | `.json` | a list of samples, one recording, a list of recordings, or `{"recordings": [...]}` |
-//! | `.jsonl`, `.ndjson` | a sample a line, such as `motorium topic echo --json` prints, or a recording a line |
+//! | `.jsonl`, `.ndjson` | one sample (as in `motorium topic echo --json`) or one recording per line |
 //! | `.mcap` | the messages of one channel; see [`messages`] |
 //!
-//! **Tables.** A byte-order mark, quotes and CRLF are understood; lines that begin with `#` are comments.
+//! **Tables.** Byte-order marks, quotes and CRLF are supported; lines that start with `#` are comments.
 //!
-//! **Samples in JSON.** A list of numbers, or an object: of a state buffer (under `value` or not) the field
-//! `position`, of other objects all numbers.
+//! **Samples in JSON.** A sample is a list of numbers or an object. A state buffer (under `value` or not)
+//! provides its field `position`, any other object all its numbers.
 //!
-//! **MCAP.** Of each message the array of numbers `position` or [`Selection::field`], named by the texts in
-//! `name` next to it; of a list of tables such as the joints of `foxglove.JointStates` the number of each
-//! table. The channel is [`Selection::topic`], else the only one with such numbers, of several the only
-//! one of joint states. The time is the time of the log.
+//! **MCAP.** Each message provides the array of numbers `position` or [`Selection::field`], named by the
+//! strings in an adjacent `name`. A list of tables, such as the joints of `foxglove.JointStates`, provides
+//! the number of each table. The channel is [`Selection::topic`]. By default it is the only channel with such
+//! numbers, or the only one with joint states. Times are log times.
 //!
-//! **Recordings in JSON.** An object with an array of numbers for each channel, or with `positions` (an array
-//! of samples) and `names`. `label` or `letter` is the kind of movement, `id` or `demo` its name; `duration`
-//! (s) or `rate` (Hz) says how long it takes. Arrays that are all named `v` and a letter or a number (`vx`,
-//! `vy`) are velocities and are summed up.
+//! **Recordings in JSON.** A recording is an object with an array of numbers for each channel, or with
+//! `positions` (an array of samples) and `names`. `label` or `letter` is the kind of movement, `id` or `demo`
+//! its name. `duration` (s) or `rate` (Hz) defines its timing. Arrays that are all named `v` plus a letter or
+//! a number (`vx`, `vy`) are velocities and are integrated.
 //!
 //! **Time.** A column, field or array `time_s`, `time`, `t`, `timestamp`, `__time`, `log_time` or `%time`
-//! holds the time of a sample; `dt_s`, `dt` or `frame_dt` the time from it to the next, s. Without one,
-//! samples are evenly spaced at [`Selection::rate`].
+//! contains the time of a sample; `dt_s`, `dt` or `frame_dt` contains the time until the next one, s.
+//! Otherwise samples are evenly spaced at [`Selection::rate`].
 //!
 //! **Units of time.** `time_s`, `time_ms`, `time_us` and `time_ns` (or `t_`, `timestamp_`) state their unit,
-//! as do `Time [ms]` and `time (ms)`; case does not matter. Other names hold seconds, or times since 1970 in
-//! s, ms, us or ns, which their size shows. Numbers too far apart for seconds are refused, as is a gap of a
-//! clock that was set.
+//! as do `Time [ms]` and `time (ms)`; case does not matter. Other names contain seconds, or times since 1970
+//! in s, ms, us or ns, recognised by their magnitude. Numbers too far apart for seconds are rejected, and so
+//! is a gap caused by setting the clock.
 //!
-//! **Tables of `motorium export`.** Their columns `sequence`, `publish_time_ns`, `source_time_ns` and
-//! `episode` are not channels.
+//! **Tables of `motorium export`.** The columns `sequence`, `publish_time_ns`, `source_time_ns` and `episode`
+//! are not channels.
 //!
-//! **Velocities.** A column `NAME_velocity` beside a column `NAME` is the velocity of that channel, and no
-//! channel itself.
+//! **Velocities.** A column `NAME_velocity` next to a column `NAME` is the velocity of that channel and not a
+//! channel.
 //!
 //! **Motion capture.** [`Skeleton`] reads skeletons and motions in the formats Acclaim (`.asf` and `.amc`)
-//! and Biovision (`.bvh`), and computes the directions of limbs; [`retarget`](mod@retarget) finds the joint
-//! positions of a robot whose limbs point there.
+//! and Biovision (`.bvh`) and computes the directions of limbs. [`retarget`](mod@retarget) finds the joint
+//! positions of a robot whose limbs have these directions.
 //!
-//! Every number is finite: NaN and infinite values are refused with their place.
+//! Every number is finite: NaN and infinite values are rejected with their position.
 //!
 //! ```
 //! use motorium_recordings::{Selection, read_text};
@@ -92,12 +92,12 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// A recording of `values` (samples x channels) at increasing `times` (s, one a sample), without id and
-    /// label.
+    /// Creates a recording of `values` (samples x channels) at increasing `times` (s, one per sample),
+    /// without id and label.
     ///
     /// # Errors
-    /// Fewer than two samples, no channel, lengths that differ, times that do not increase, NaN or infinite
-    /// values.
+    /// There are fewer than two samples or no channel, lengths differ, times do not increase, or a value is
+    /// NaN or infinite.
     pub fn new(names: Vec<String>, times: Vec<f64>, values: DMatrix<f64>) -> Result<Self, RecordingError> {
         if times.len() < 2 || values.nrows() != times.len() {
             let found = times.len().min(values.nrows());
@@ -127,12 +127,12 @@ impl Recording {
         Ok(Self { id: String::new(), label: None, names, times, values })
     }
 
-    /// Name of the recording: its `id` or `demo`, else the name of its file without folder and ending.
+    /// Name of the recording: its `id` or `demo`, otherwise the file name without folder and extension.
     pub fn id(&self) -> &str {
         &self.id
     }
 
-    /// Kind of movement, where the file says so.
+    /// Kind of movement, if the file specifies it.
     pub fn label(&self) -> Option<&str> {
         self.label.as_deref()
     }

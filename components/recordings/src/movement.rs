@@ -1,4 +1,4 @@
-//! A movement in an MCAP file: the numbers of one channel over time.
+//! Movements in MCAP files: the numbers of one channel over time.
 
 use nalgebra::DMatrix;
 
@@ -7,7 +7,7 @@ use crate::messages::{Channel, LogError, MessageLog, Value, metadata};
 use crate::names::chosen;
 use crate::{Recording, Selection};
 
-/// How a message holds measured joints.
+/// Representation of measured joints in a message.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Joints {
     /// Arrays of names and numbers: `sensor_msgs/msg/JointState`, `motorium.JointState`.
@@ -26,7 +26,7 @@ impl Joints {
     }
 }
 
-/// Reads the movement of a channel: the selected one, else the only one with numbers in the field.
+/// Reads the movement of the selected channel, or of the only channel with numbers in the field.
 pub(crate) fn movement(
     path: &str,
     bytes: Vec<u8>,
@@ -46,8 +46,8 @@ pub(crate) fn movement(
     Recording::new(names, times, values)
 }
 
-/// Named numbers of a message in a field: an array of numbers, a table of numbers, or the numbers of this
-/// name in an array of tables.
+/// Returns the named numbers of a message in a field: an array of numbers, a table of numbers, or the number
+/// with this name from each table of an array.
 fn numbers(message: &Value, field: &str) -> Option<Vec<(String, f64)>> {
     if let Some(value) = message.get(field) {
         if let Value::Record(fields) = value {
@@ -80,7 +80,8 @@ fn numbers(message: &Value, field: &str) -> Option<Vec<(String, f64)>> {
     })
 }
 
-/// The only channel whose first message has numbers in the field; of several, the only one of joint states.
+/// Returns the only channel whose first message has numbers in the field. If there are several, returns the
+/// only one with joint states.
 fn usual<B: AsRef<[u8]>>(log: &MessageLog<B>, field: &str) -> Result<usize, LogError> {
     let mut is_seen = vec![false; log.channels().len()];
     let mut found = Vec::new();
@@ -89,7 +90,7 @@ fn usual<B: AsRef<[u8]>>(log: &MessageLog<B>, field: &str) -> Result<usize, LogE
             continue;
         }
         let channel = &log.channels()[message.channel];
-        // The drawings of a topic repeat its numbers.
+        // Visualisations of a topic repeat its numbers.
         let is_drawing = channel.metadata.contains_key(metadata::TOPIC)
             && !channel.metadata.contains_key(metadata::LAYOUT);
         let Some(decoder) = channel.decoder.as_ref().ok().filter(|_| !is_drawing) else { continue };
@@ -112,7 +113,7 @@ fn usual<B: AsRef<[u8]>>(log: &MessageLog<B>, field: &str) -> Result<usize, LogE
     }
 }
 
-/// Samples of a movement, in the order of time.
+/// Samples of a movement, ordered by time.
 struct Samples {
     names: Vec<String>,
     rows: Vec<(u64, Vec<f64>)>,
@@ -163,7 +164,7 @@ fn samples<B: AsRef<[u8]>>(
         let is_complete = row.as_ref().is_some_and(|row| row.len() == found.len() && !row.is_empty());
         match row {
             Some(row) if is_complete || !selected.is_empty() => rows.push((message.time_ns, row)),
-            // Several robots may publish parts of the joints into one channel.
+            // Several robots may publish parts of the joints on one channel.
             None if !selected.is_empty() => {}
             _ => {
                 let listed = |names: Vec<&str>| match names.is_empty() {
@@ -188,7 +189,7 @@ fn samples<B: AsRef<[u8]>>(
     }
 }
 
-/// The names of the joints of a topic of motorium, from the drawing of its joints.
+/// Returns the joint names of a motorium topic, from the visualisation of its joints.
 fn labels<B: AsRef<[u8]>>(log: &MessageLog<B>, channel: usize) -> Option<Vec<String>> {
     let exact = &log.channels()[channel];
     exact.metadata.get(metadata::LAYOUT)?;

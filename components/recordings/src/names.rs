@@ -1,23 +1,23 @@
-//! Names of columns: times, velocities, and the channels a caller selects.
+//! Column names: times, velocities, and the channels that a caller selects.
 
 use crate::error::{Place, RecordingError};
 use crate::selection::Selection;
 use crate::time::{Clock, Unit};
 
-/// Names of a column or field that holds the time, in s or in a unit that the size of its numbers shows; the
-/// first of them that exists is used.
+/// Names of a column or field that contains the time, in s or in a unit recognised by magnitude. The first
+/// existing one is used.
 pub(crate) const TIME: [&str; 8] =
     ["time_s", "time", "t", "timestamp", "timestamp_s", "__time", "log_time", "%time"];
-/// Beginnings of names that a unit follows.
+/// Prefixes of names that are followed by a unit.
 const TIME_IN: [&str; 3] = ["time", "t", "timestamp"];
-/// Ends of names of times in a unit, and the unit in s.
+/// Suffixes of time names with their unit in s.
 const UNITS: [(&str, f64); 4] = [("_s", 1.0), ("_ms", 1e-3), ("_us", 1e-6), ("_ns", 1e-9)];
-/// Names of a column or field that holds the time from its sample to the next, s.
+/// Names of a column or field that contains the time from its sample to the next, s.
 pub(crate) const STEP: [&str; 3] = ["dt_s", "dt", "frame_dt"];
-/// Columns of a table that `motorium export` writes, besides the time and the fields of the samples.
+/// Columns of a table written by `motorium export`, in addition to the time and the fields of the samples.
 const EXPORTED: [&str; 4] = ["sequence", "publish_time_ns", "source_time_ns", "episode"];
 
-/// The unit of a time column of this name; `None` if it is not a time column.
+/// Returns the unit of a time column with this name; `None` if it is not a time column.
 fn time_unit(name: &str) -> Option<Unit> {
     let name = usual(name);
     if TIME.contains(&name.as_str()) {
@@ -29,7 +29,7 @@ fn time_unit(name: &str) -> Option<Unit> {
     Some(Unit::Named(seconds))
 }
 
-/// The name in the usual spelling: `time_ms` for `Time [ms]`, `Time (ms)` and `Time ms`. A `T` is a
+/// Returns the name in the usual spelling: `time_ms` for `Time [ms]`, `Time (ms)` and `Time ms`. A `T` is a
 /// temperature or a torque.
 fn usual(name: &str) -> String {
     let name = name.trim();
@@ -45,14 +45,14 @@ fn usual(name: &str) -> String {
     format!("{}_{unit}", beginning.trim())
 }
 
-/// The unit of a column of time steps of this name; `None` if it is not one.
+/// Returns the unit of a time-step column with this name; `None` if it is not one.
 fn step_unit(name: &str) -> Option<Unit> {
     let name = usual(name);
     let named = if name == "dt_s" { Unit::Named(1.0) } else { Unit::Recognised };
     STEP.contains(&name.as_str()).then_some(named)
 }
 
-/// The columns of a table that make a recording.
+/// The columns of a table that form a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Columns {
     /// Source of the times; `None` if neither the table nor the selection has one.
@@ -103,7 +103,7 @@ impl Columns {
         let channels = if selection.channels.is_empty() {
             usual
         } else {
-            // a channel asked for by its full name need not be among the usual ones
+            // a channel selected by its full name need not be among the default ones
             let every: Vec<(usize, String)> = match &selection.field {
                 None => {
                     let full = all.iter().map(|(index, name)| (*index, (*name).clone()));
@@ -126,8 +126,8 @@ impl Columns {
     }
 }
 
-/// The entries of a field of an exported topic, such as `position[0]` or `position[elbow]`, by default of the
-/// position. An entry with a name is called by it.
+/// Returns the entries of a field of an exported topic, such as `position[0]` or `position[elbow]`; by
+/// default of the position. An entry with a name is called by that name.
 fn entries_of_field(all: &[(usize, &String)], field: Option<&str>) -> Option<Vec<(usize, String)>> {
     let field = field.unwrap_or("position");
     let entries = all.iter().filter_map(|(index, name)| {
@@ -139,7 +139,7 @@ fn entries_of_field(all: &[(usize, &String)], field: Option<&str>) -> Option<Vec
     (!entries.is_empty()).then_some(entries)
 }
 
-/// The channels of a field: without one, all but the velocities of other channels.
+/// Returns the channels of a field; without a field, all channels except velocities of other channels.
 fn channels_of_field(
     place: &Place,
     all: &[(usize, &String)],
@@ -167,8 +167,8 @@ fn channels_of_field(
     Ok(found)
 }
 
-/// The channels that match the patterns, in the order of the patterns; `*` ends a pattern that is a
-/// beginning.
+/// Returns the channels that match the patterns, in the order of the patterns; a pattern may end in `*` to
+/// match a prefix.
 pub(crate) fn chosen(
     place: &Place,
     all: &[(usize, String)],

@@ -8,24 +8,24 @@ use crate::error::{Place, RecordingError};
 use crate::movement::movement;
 use crate::{Recording, Selection, csv, json};
 
-/// Longest file, bytes: an hour of forty joints at 1 kHz as text.
+/// Maximum size of a file, bytes: an hour of forty joints at 1 kHz as text.
 const LONGEST: u64 = 2 * 1024 * 1024 * 1024;
 
-/// Extension of files of messages.
+/// Extension of MCAP files.
 const MCAP: &str = "mcap";
 
-/// Reads the one recording of a file.
+/// Reads the single recording of a file.
 ///
 /// # Errors
-/// [`RecordingError`] names the file, the line and the column; a file with several recordings is refused.
+/// [`RecordingError`] names the file, the line and the column. A file with several recordings is an error.
 pub fn read(path: &Path, selection: &Selection) -> Result<Recording, RecordingError> {
     single(&path.display().to_string(), read_file(path, selection)?)
 }
 
-/// Reads the one recording of a text that stands in a file called `name`.
+/// Reads the single recording of a text from a file called `name`.
 ///
 /// # Errors
-/// As [`read`].
+/// Same as [`read`].
 pub fn read_text(name: &str, text: &str, selection: &Selection) -> Result<Recording, RecordingError> {
     single(name, parse(name, text, selection)?)
 }
@@ -33,8 +33,8 @@ pub fn read_text(name: &str, text: &str, selection: &Selection) -> Result<Record
 /// Reads all recordings of a file, or of the files in a folder in the order of their names.
 ///
 /// # Errors
-/// [`RecordingError`] names the file, the line and the column; a file or folder without recordings is
-/// refused.
+/// [`RecordingError`] names the file, the line and the column. A file or folder without recordings is an
+/// error.
 pub fn read_all(path: &Path, selection: &Selection) -> Result<Vec<Recording>, RecordingError> {
     let system = |source| RecordingError::System { path: path.display().to_string(), source };
     let mut files = vec![path.to_path_buf()];
@@ -56,7 +56,7 @@ pub fn read_all(path: &Path, selection: &Selection) -> Result<Vec<Recording>, Re
     Ok(recordings)
 }
 
-/// Returns `true` if the extension of a file name is one of a recording.
+/// Returns `true` if a file name has the extension of a recording.
 pub fn is_recording(path: &Path) -> bool {
     matches!(ending(path), "csv" | "tsv" | "json" | "jsonl" | "ndjson" | MCAP)
 }
@@ -115,7 +115,7 @@ fn parse(name: &str, text: &str, selection: &Selection) -> Result<Vec<Recording>
     Ok(recordings)
 }
 
-/// The name of a file without folder and extension.
+/// Returns the name of a file without folder and extension.
 fn stem(path: &Path) -> String {
     path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
 }

@@ -1,10 +1,10 @@
-//! Retargeting: joint positions of a robot whose limbs point where a human's do.
+//! Retargeting: finds joint positions with which a robot's limbs point in the same directions as a human's.
 //!
-//! Each sample is a damped least-squares problem on the directions of the limbs, within the position limits,
-//! that starts from the sample before it and stays close to it:
-//! `min over q of sum_l |u_l(q) - d_l|^2 + w |q - q_before|^2`, with `u_l` the unit direction of limb `l` of
-//! the robot and `d_l` the human's. The first sample starts from the home pose and from configurations spread
-//! over the limits.
+//! Each sample is a damped least-squares problem on the directions of the limbs, within the position limits.
+//! It starts from the previous sample and stays close to it:
+//! `min over q of sum_l |u_l(q) - d_l|^2 + w |q - q_before|^2`, with the unit directions `u_l` of limb `l` of
+//! the robot and `d_l` of the human. The first sample starts from the home pose and from configurations
+//! spread over the limits.
 
 use motorium_robots::{FrameId, Kinematics, Model, Reference};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -14,24 +14,24 @@ use crate::{Recording, RecordingError};
 /// A limb of a robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotLimb {
-    /// Name of the human's limb, whose channels end in `_x`, `_y` and `_z`.
+    /// Name of the human limb, whose channels end in `_x`, `_y` and `_z`.
     pub name: String,
-    /// The frame at which it begins.
+    /// Frame at the start of the limb.
     pub from: FrameId,
-    /// The frame at which it ends.
+    /// Frame at the end of the limb.
     pub to: FrameId,
 }
 
 /// Options of [`retarget`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RetargetOptions {
-    /// Steps of each sample. Default: 60.
+    /// Iterations per sample. Default: 60.
     pub iterations: usize,
-    /// Starting points of the first sample. Default: 32.
+    /// Number of initial guesses for the first sample. Default: 32.
     pub seeds: usize,
-    /// Weight of the distance from the sample before it, 1/rad^2. Default: 1e-3.
+    /// Weight of the distance from the previous sample, 1/rad^2. Default: 1e-3.
     pub posture: f64,
-    /// Least step of a joint between two samples that is a change of branch, rad or m. Default: 0.5.
+    /// Minimum step of a joint between two samples that counts as a change of branch, rad or m. Default: 0.5.
     pub branch: f64,
 }
 
@@ -41,14 +41,14 @@ impl Default for RetargetOptions {
     }
 }
 
-/// A joint that steps while the limbs hardly move.
+/// A joint step without a corresponding motion of the limbs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BranchChange {
     /// Index of the sample, from 0.
     pub sample: usize,
     /// Name of the joint.
     pub joint: String,
-    /// The step, rad or m.
+    /// Size of the step, rad or m.
     pub step: f64,
 }
 
@@ -57,13 +57,13 @@ pub struct BranchChange {
 pub struct Retargeted {
     /// Positions of the joints that move the limbs, rad or m.
     pub positions: Recording,
-    /// Median angle between each limb and the human's, rad, in the order of the limbs.
+    /// Median angle between each limb and the human limb, rad, in the order of the limbs.
     pub medians: Vec<f64>,
     /// Changes of branch.
     pub branches: Vec<BranchChange>,
 }
 
-/// A robot with its limbs, and memory that is reused.
+/// A robot with its limbs, and reusable memory.
 struct Problem<'a> {
     model: &'a Model,
     limbs: &'a [RobotLimb],
@@ -124,7 +124,7 @@ impl<'a> Problem<'a> {
         self.residual.norm_squared()
     }
 
-    /// Levenberg-Marquardt from `q`, close to `before`; returns the objective.
+    /// Runs Levenberg-Marquardt from `q`, close to `before`; returns the objective.
     fn solve(
         &mut self,
         q: &mut [f64],
@@ -178,7 +178,7 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// Starting point `seed`: the one given, then configurations spread over the limits.
+/// Returns initial guess `seed`: the given configuration first, then configurations spread over the limits.
 fn spread(model: &Model, q: &[f64], seed: usize) -> Vec<f64> {
     let mut made = q.to_vec();
     let offset = q.len() - model.joint_count();
@@ -187,7 +187,7 @@ fn spread(model: &Model, q: &[f64], seed: usize) -> Vec<f64> {
         if seed > 0 {
             let low = if lower.is_finite() { lower } else { -std::f64::consts::PI };
             let high = if upper.is_finite() { upper } else { std::f64::consts::PI };
-            // multiples of powers of the inverse of the plastic number fill a box evenly
+            // multiples of powers of the inverse plastic number fill a box evenly
             let share = (seed as f64 * 0.754_877_666_246_692_8_f64.powi(joint as i32 + 1)).fract();
             *entry = low + share * (high - low);
         }
@@ -196,20 +196,19 @@ fn spread(model: &Model, q: &[f64], seed: usize) -> Vec<f64> {
     made
 }
 
-/// True for a step of a joint that the limbs, which turned by `turned` (chord of unit vectors) at most, do
-/// not explain.
+/// Returns `true` for a joint step that the limb motion does not explain; `turned` is the largest change of a
+/// limb direction (chord of unit vectors).
 fn changes_branch(step: f64, turned: f64, least: f64) -> bool {
     step.abs() > least.max(3.0 * turned)
 }
 
-/// Joint positions of a robot whose limbs point where the directions of a recording do.
+/// Finds joint positions of a robot whose limbs point in the directions of a recording.
 ///
-/// `directions` holds the channels `LIMB_x`, `LIMB_y` and `LIMB_z` of each limb, in the world frame of the
-/// robot; `home` is the configuration (`nq` numbers) that joints without an effect keep. The base stays where
-/// `home` has it.
+/// `directions` has the channels `LIMB_x`, `LIMB_y` and `LIMB_z` of each limb, in the world frame of the
+/// robot. `home` is the configuration (`nq` numbers) kept by joints without an effect, and by the base.
 ///
 /// # Errors
-/// When a channel is missing, or `home` has another length.
+/// A channel is missing, or `home` has the wrong length.
 pub fn retarget(
     directions: &Recording,
     model: &Model,
@@ -292,7 +291,7 @@ pub fn retarget(
 mod tests {
     use super::*;
 
-    /// Directions of the Panda's arm in configurations of a smooth movement.
+    /// Returns directions of the Panda's arm in configurations of a smooth movement.
     fn example() -> (motorium_robots::Loaded, Vec<RobotLimb>, Recording, Vec<f64>) {
         let loaded = motorium_robots::load("panda", std::path::Path::new(".")).expect("the Panda");
         let frame = |name: &str| loaded.model.frame(name).expect("a frame");
@@ -323,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn limbs_of_the_robot_point_where_the_human_s_do() {
+    fn robot_limbs_match_the_human_directions() {
         let (loaded, limbs, directions, home) = example();
         let options = RetargetOptions::default();
         let found = retarget(&directions, &loaded.model, &limbs, &home, &options).expect("positions");
@@ -334,14 +333,14 @@ mod tests {
     }
 
     #[test]
-    fn a_step_is_a_change_of_branch_where_the_limbs_hardly_move() {
+    fn step_without_limb_motion_is_a_change_of_branch() {
         assert!(changes_branch(0.6, 0.1, 0.5) && changes_branch(-0.6, 0.1, 0.5));
         assert!(!changes_branch(0.4, 0.0, 0.5), "a small step");
         assert!(!changes_branch(0.6, 0.3, 0.5), "a fast limb");
     }
 
     #[test]
-    fn a_missing_channel_is_named() {
+    fn missing_channel_is_named() {
         let (loaded, limbs, _, home) = example();
         let times = vec![0.0, 1.0];
         let short = Recording::new(vec!["upper_x".into()], times, DMatrix::zeros(2, 1)).expect("a recording");

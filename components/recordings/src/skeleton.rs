@@ -1,16 +1,15 @@
-//! Skeletons of motion-capture files: from joint angles to the positions of joints, and the directions of
-//! limbs.
+//! Skeletons of motion-capture files: joint positions from joint angles, and directions of limbs.
 
 use nalgebra::{DMatrix, Rotation3, Unit, UnitQuaternion, Vector3};
 
 use crate::{Recording, RecordingError};
 
-/// A value of a sample that moves a joint.
+/// A motion of a joint by one value of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Motion {
-    /// Along an axis, in units of length of the file.
+    /// Translation along an axis, in the unit of length of the file.
     Translate(usize),
-    /// About an axis, degrees.
+    /// Rotation about an axis, degrees.
     Rotate(usize),
 }
 
@@ -18,15 +17,15 @@ pub(crate) enum Motion {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct SkeletonJoint {
     pub(crate) name: String,
-    /// Index of a joint before this one; none for the root.
+    /// Index of the parent, which precedes this joint; `None` for the root.
     pub(crate) parent: Option<usize>,
-    /// From the parent to this joint, turned as the parent is.
+    /// Offset from the parent to this joint, rotated with the parent.
     pub(crate) before: Vector3<f64>,
-    /// Added to the position, turned as this joint is.
+    /// Offset added to the position, rotated with this joint.
     pub(crate) after: Vector3<f64>,
-    /// Axes in which the joint turns.
+    /// Axes in which the joint rotates.
     pub(crate) axes: UnitQuaternion<f64>,
-    /// Its values, in the order in which the rotations are multiplied from the left, each with its channel.
+    /// Motions, in the order in which the rotations are multiplied from the left, each with its channel.
     pub(crate) motions: Vec<(Motion, usize)>,
 }
 
@@ -45,16 +44,16 @@ pub struct Skeleton {
 pub struct Limb {
     /// Name, such as `right_forearm`.
     pub name: String,
-    /// The joint at which it begins.
+    /// Joint at the start of the limb.
     pub from: String,
-    /// The joint at which it ends.
+    /// Joint at the end of the limb.
     pub to: String,
 }
 
 /// Frame in which directions of limbs are expressed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trunk {
-    /// The joint whose frame it is, such as `thorax`.
+    /// Joint that defines the frame, such as `thorax`.
     pub joint: String,
     /// Forward and upward axes of the skeleton in its rest pose, such as `z` and `y`; the third points left.
     pub forward: Vector3<f64>,
@@ -102,11 +101,11 @@ impl Skeleton {
         }
     }
 
-    /// Unit directions of limbs in the frame of the trunk (x forward, y left, z up), as channels `LIMB_x`,
-    /// `LIMB_y` and `LIMB_z`. Channels of the skeleton that the recording lacks are 0.
+    /// Computes unit directions of limbs in the frame of the trunk (x forward, y left, z up), as channels
+    /// `LIMB_x`, `LIMB_y` and `LIMB_z`. Skeleton channels missing from the recording are 0.
     ///
     /// # Errors
-    /// When a joint does not exist, a limb has no length, or the axes of the trunk are parallel.
+    /// A joint does not exist, a limb has no length, or the axes of the trunk are parallel.
     pub fn directions(
         &self,
         recording: &Recording,

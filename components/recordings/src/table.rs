@@ -7,7 +7,7 @@ use crate::error::{Place, RecordingError};
 use crate::names::Columns;
 use crate::time::timed;
 
-/// Samples with their places, the number in their time column if there is one, and their channels.
+/// Samples with their positions in the file, the number in their time column if present, and their channels.
 pub(crate) struct Table {
     pub(crate) columns: Columns,
     pub(crate) rows: Vec<(Place, Option<f64>, Vec<f64>)>,

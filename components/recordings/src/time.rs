@@ -1,41 +1,42 @@
-//! Units of time: named by a column, or recognised by the size of its numbers.
+//! Units of time: named by a column, or recognised by magnitude.
 
 use crate::error::{Place, RecordingError};
 
 /// Unit of the numbers of a time column.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Unit {
-    /// The name of the column states it, s.
+    /// Unit stated by the name of the column, s.
     Named(f64),
-    /// The size of the numbers shows it.
+    /// Unit recognised by the magnitude of the numbers.
     Recognised,
 }
 
-/// The column that times come from.
+/// Source of the sample times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Clock {
     /// Index of a column of times, and their unit.
     Time(usize, Unit),
     /// Index of a column of time steps, and their unit.
     Step(usize, Unit),
-    /// A number of samples a second.
+    /// A number of samples per second.
     Rate(f64),
 }
 
-/// Seconds since 1970 of the years 2001 to 2286; 10^3, 10^6 and 10^9 times as much in ms, us and ns.
+/// Seconds since 1970 of the years 2001 to 2286; ms, us and ns are 10^3, 10^6 and 10^9 times larger.
 const SINCE_1970: std::ops::Range<f64> = 1e9..1e10;
-/// Intervals from which on numbers without a unit are not taken for seconds: movements are sampled faster.
+/// Interval from which numbers without a unit are not interpreted as seconds, because movements are sampled
+/// faster.
 const SLOW: f64 = 5.0;
-/// Interval and duration from which on numbers without a unit are not taken for seconds: too few samples for
-/// such a long recording.
+/// Interval and duration from which numbers without a unit are not interpreted as seconds: too few samples
+/// for such a long recording.
 const SLOW_AND_LONG: (f64, f64) = (1.0, 60.0);
-/// Intervals below which numbers without a unit are not taken for seconds: nobody samples a movement at more
-/// than 100 kHz, and times in days have such intervals.
+/// Interval below which numbers without a unit are not interpreted as seconds. Movements are not sampled at
+/// more than 100 kHz, and times in days have such intervals.
 const FAST: f64 = 1e-5;
-/// Largest interval in a recording, in usual intervals and in s: more is a clock that was set.
+/// Largest interval in a recording, in typical intervals and in s. A longer one means that the clock was set.
 const LARGEST_GAP: (f64, f64) = (1000.0, 60.0);
 
-/// The unit of the numbers \[s\].
+/// Returns the unit of the numbers \[s\].
 fn unit(clock: Clock, numbers: &[(Place, f64)]) -> Result<f64, RecordingError> {
     let unit = match clock {
         Clock::Rate(_) => return Ok(1.0),
@@ -75,10 +76,10 @@ fn median(mut numbers: Vec<f64>) -> f64 {
     numbers.get(numbers.len() / 2).copied().unwrap_or_default()
 }
 
-/// Times of samples, s, from the numbers of their time column.
+/// Converts the numbers of a time column to times of samples, s.
 ///
 /// # Errors
-/// Times that do not increase, numbers whose unit is unclear, or a gap as of a clock that was set.
+/// Times do not increase, the unit of the numbers is unclear, or a gap shows that the clock was set.
 pub(crate) fn timed(
     clock: Clock,
     samples: impl Iterator<Item = (Place, Option<f64>)>,
@@ -92,7 +93,7 @@ pub(crate) fn timed(
         let time = match clock {
             Clock::Rate(rate) => k as f64 / rate,
             Clock::Time(..) => number * seconds,
-            // the number of a sample is the time from it to the next
+            // the number of a sample is the time until the next one
             Clock::Step(..) => times.last().map_or(0.0, |last| last + step),
         };
         if times.last().is_some_and(|last| time <= *last) {
@@ -113,7 +114,7 @@ pub(crate) fn timed(
     if let Some(k) = intervals.iter().position(is_gap) {
         return Err(RecordingError::Malformed {
             place: Box::new(numbers[k + 1].0.clone()),
-            found: format!("{} s since the sample before, usually {usual} s", intervals[k]),
+            found: format!("{} s since the previous sample, usually {usual} s", intervals[k]),
             expected: "times of one clock".into(),
             advice: Some("cut the recording where the clock was set"),
         });

@@ -1,4 +1,4 @@
-//! MCAP files of other programs. Those in `fixtures/mcap` were written by Foxglove's Python libraries.
+//! MCAP files of other writers. The files in `fixtures/mcap` were written by Foxglove's Python libraries.
 
 #[path = "../../../fixtures/mcap/joints.rs"]
 mod joints;
@@ -67,7 +67,7 @@ fn velocities_and_single_joints_are_selected() {
     );
 }
 
-/// The values of the first message of a channel.
+/// Returns the values of the first message of a channel.
 fn first(name: &str, topic: &str) -> Value {
     let log = log(name);
     let (channel, decoder) = log.channel(topic).unwrap();
@@ -136,7 +136,7 @@ IDL: demo/msg/Point
 module demo { module msg { struct Base { boolean is_set; }; struct Point : Base { float x; float y; }; }; };
 "#;
 
-/// A message of `IDL` in the given byte order.
+/// Returns a message of `IDL` in the given byte order.
 fn shape(is_little: bool) -> Vec<u8> {
     let mut body: Vec<u8> = Vec::new();
     let mut put = |bytes: &[u8]| {
@@ -164,7 +164,7 @@ fn shape(is_little: bool) -> Vec<u8> {
 }
 
 #[test]
-fn idl_is_decoded_in_both_byte_orders() {
+fn idl_messages_decode_in_both_byte_orders() {
     for (name, encoding) in [("demo/msg/Shape", "ros2idl"), ("demo::msg::Shape", "omgidl")] {
         let decoder = Decoder::new("cdr", Some(&schema(name, encoding, IDL))).unwrap();
         for is_little in [true, false] {
@@ -185,14 +185,14 @@ fn idl_is_decoded_in_both_byte_orders() {
 }
 
 #[test]
-fn every_cut_of_a_message_is_refused() {
+fn truncated_messages_are_rejected() {
     let decoder = Decoder::new("cdr", Some(&schema("demo/msg/Shape", "ros2idl", IDL))).unwrap();
     let whole = shape(true);
     for length in 0..whole.len() {
         assert!(decoder.decode(&whole[..length]).is_err(), "{length} bytes");
     }
     let long = [whole, vec![0; 12]].concat();
-    assert!(decoder.decode(&long).unwrap_err().to_string().contains("schema is of another message"));
+    assert!(decoder.decode(&long).unwrap_err().to_string().contains("schema describes another message"));
     let huge = Decoder::new("cdr", Some(&schema("a/msg/B", "ros2msg", "float64[] x\n"))).unwrap();
     let error = huge.decode(&[0, 1, 0, 0, 255, 255, 255, 255]).unwrap_err().to_string();
     assert_eq!(error, "an array of 4294967295 entries, with 0 bytes left");
@@ -230,7 +230,7 @@ fn unreadable_schemas_state_their_reason() {
     assert_eq!(Decoder::new("ros1", None), Err(Unsupported::Encoding("ros1".into())));
 }
 
-/// Writes a file of JSON messages: channel and content of each, 10 ms apart.
+/// Writes a file of JSON messages, given by channel and content, 10 ms apart.
 fn written(folder: &Path, messages: &[(&str, &str)]) -> PathBuf {
     let path = folder.join("a.mcap");
     let file = std::io::BufWriter::new(std::fs::File::create(&path).unwrap());
@@ -257,7 +257,7 @@ fn refusal(file: &Path, selection: &Selection) -> LogError {
 }
 
 #[test]
-fn choice_of_a_channel_is_left_to_the_user() {
+fn ambiguous_channels_require_a_topic() {
     let folder = tempfile::tempdir().unwrap();
     let number = r#"{"position": [1, 2]}"#;
     let file = written(folder.path(), &[("/left", number), ("/right", number), ("/left", number)]);
@@ -280,7 +280,7 @@ fn choice_of_a_channel_is_left_to_the_user() {
 }
 
 #[test]
-fn parts_of_the_joints_in_one_channel_are_selected_by_name() {
+fn joints_in_partial_messages_are_selected_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let arm = |x: f64| format!(r#"{{"name": ["a", "b"], "position": [{x}, 1]}}"#);
     let (one, two) = (arm(1.0), arm(2.0));
@@ -296,7 +296,7 @@ fn parts_of_the_joints_in_one_channel_are_selected_by_name() {
 }
 
 #[test]
-fn files_without_messages_are_not_called_cut_off() {
+fn files_without_messages_are_not_reported_as_truncated() {
     let folder = tempfile::tempdir().unwrap();
     assert_eq!(
         refusal(&written(folder.path(), &[]), &Selection::default()),
@@ -308,7 +308,7 @@ fn files_without_messages_are_not_called_cut_off() {
 }
 
 #[test]
-fn damaged_files_are_read_or_refused() {
+fn damaged_files_are_read_or_rejected() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     for name in ["json-none.mcap", "ros2-none.mcap", "ros2-zstd.mcap", "ros2-lz4.mcap"] {

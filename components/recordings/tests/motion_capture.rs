@@ -1,4 +1,4 @@
-//! Damaged files of motion capture are refused without a panic.
+//! Damaged motion-capture files are rejected without a panic.
 
 use motorium_recordings::Skeleton;
 
@@ -9,7 +9,7 @@ const AMC: &str = ":DEGREES\n1\nroot 5 6 7 0 0 0\nupper 0\nlower 0 0\n2\nupper 9
 const BVH: &str = "HIERARCHY\nROOT hips\n{\nOFFSET 0 0 0\nCHANNELS 3 Zrotation Xrotation Yrotation\nEnd Site\n{\nOFFSET 0 2 \
     0\n}\n}\nMOTION\nFrames: 2\nFrame Time: 0.04\n1 2 3\n0 90 0\n";
 
-/// Replaces, removes and repeats bytes at places of a fixed sequence.
+/// Replaces, removes and repeats bytes at pseudo-random positions.
 fn damaged(text: &str, seed: u64) -> String {
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     let mut draw = |below: usize| {
@@ -37,7 +37,7 @@ fn damaged(text: &str, seed: u64) -> String {
 }
 
 #[test]
-fn damaged_files_are_read_or_refused() {
+fn damaged_files_are_read_or_rejected() {
     let skeleton = Skeleton::from_asf("a.asf", ASF).expect("a skeleton");
     skeleton.read_amc("a.amc", AMC, 120.0).expect("a motion");
     Skeleton::from_bvh("a.bvh", BVH).expect("a skeleton");

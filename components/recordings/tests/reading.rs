@@ -23,7 +23,7 @@ fn column(recording: &Recording, channel: usize) -> Vec<f64> {
 }
 
 #[test]
-fn a_table_is_read_whatever_separates_its_cells() {
+fn tables_accept_any_cell_separator() {
     for separator in [",", ";", "\t", " , "] {
         for end in ["\n", "\r\n"] {
             let text = "# by hand\ntime_s,a,b\n0.0,1,2\n# half way\n0.5,3,4e-1\n\n";
@@ -39,7 +39,7 @@ fn a_table_is_read_whatever_separates_its_cells() {
 }
 
 #[test]
-fn a_byte_order_mark_is_no_part_of_the_first_name() {
+fn byte_order_mark_is_not_part_of_the_first_name() {
     let recording = read_text("x.csv", "\u{feff}t,a\n0,1\n1,2\n", &all()).unwrap();
     assert_eq!((recording.names(), recording.times()), (&["a".to_string()][..], &[0.0, 1.0][..]));
     let recording = read_text("x.json", "\u{feff}[[1], [2]]", &selection(1.0)).unwrap();
@@ -81,7 +81,7 @@ fn velocities_are_channels_only_on_request() {
 }
 
 #[test]
-fn time_comes_from_every_usual_name_from_steps_or_from_a_rate() {
+fn time_comes_from_named_columns_steps_or_a_rate() {
     for name in ["time_s", "time", "t", "timestamp"] {
         let recording = read_text("x.csv", &format!("a,{name}\n1,0.5\n2,1.5\n"), &all()).unwrap();
         assert_eq!((recording.times(), recording.names()), (&[0.5, 1.5][..], &["a".to_string()][..]));
@@ -90,7 +90,7 @@ fn time_comes_from_every_usual_name_from_steps_or_from_a_rate() {
         let text = format!("{name},a\n0.5,1\n0.25,2\n0.5,3\n");
         assert_eq!(read_text("x.csv", &text, &all()).unwrap().times(), [0.0, 0.5, 0.75]);
     }
-    // one of two clocks is the time, the other no channel
+    // of two clocks, one is the time and the other is not a channel
     let recording = read_text("x.csv", "timestamp,t,a\n7,0,1\n8,2,3\n", &all()).unwrap();
     assert_eq!((recording.times(), recording.names().len()), (&[0.0, 2.0][..], 1));
     assert_eq!(read_text("x.csv", "a\n1\n2\n", &selection(50.0)).unwrap().times(), [0.0, 0.02]);
@@ -99,7 +99,7 @@ fn time_comes_from_every_usual_name_from_steps_or_from_a_rate() {
 }
 
 #[test]
-fn a_mistake_in_a_table_is_refused_with_its_line_and_column() {
+fn invalid_tables_are_rejected_with_line_and_column() {
     let error = |text: &str| refusal("x.csv", text, &all());
     assert_eq!(error("t,a\n0,1\n1\n"), "x.csv, line 3: found 1 cells, expected 2, as in the header");
     assert_eq!(
@@ -120,7 +120,7 @@ fn a_mistake_in_a_table_is_refused_with_its_line_and_column() {
 }
 
 #[test]
-fn values_that_are_not_finite_are_refused_with_their_place() {
+fn non_finite_values_are_rejected_with_their_position() {
     for cell in ["NaN", "nan", "inf", "-inf", "1e999"] {
         let error = refusal("x.csv", &format!("t,a,b\n0,1,2\n1,2,{cell}\n"), &all());
         let expected = format!("x.csv, line 3, column 3 (`b`): found `{cell}`, expected a finite number; ");
@@ -135,7 +135,7 @@ fn values_that_are_not_finite_are_refused_with_their_place() {
 }
 
 #[test]
-fn a_printed_topic_is_read_by_field() {
+fn printed_topic_is_read_by_field() {
     let line = |t: f64, x: f64| {
         format!(
             r#"{{"topic":"arm/joint_state","sequence":7,"time_s":{t},"publisher":"encoder","value":{{"count":2,"position":[{x},2.0],"velocity":[9.0,{x}]}}}}"#
@@ -167,7 +167,7 @@ fn lists_are_samples_and_objects_with_arrays_are_recordings() {
 }
 
 #[test]
-fn recordings_a_line_keep_their_names_labels_and_durations() {
+fn recordings_per_line_keep_name_label_and_duration() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.jsonl");
     let lines = [
@@ -179,7 +179,7 @@ fn recordings_a_line_keep_their_names_labels_and_durations() {
     let described: Vec<_> =
         all_of_it.iter().map(|r| (r.id(), r.label(), r.duration(), r.names().join(" "))).collect();
     assert_eq!(described, [("1", Some("l"), 0.2, "x y".into()), ("A-3", Some("A"), 2.0, "x y".into())]);
-    // velocities times the 0.1 s or 2 s between their samples, summed up
+    // velocities times the 0.1 s or 2 s between their samples, accumulated
     let sums = column(&all_of_it[0], 0);
     assert!(sums.iter().zip([0.1, 0.3, 0.6]).all(|(sum, expected)| (sum - expected).abs() < 1e-12));
     assert_eq!(column(&all_of_it[1], 1), [6.0, 14.0]);
@@ -188,7 +188,7 @@ fn recordings_a_line_keep_their_names_labels_and_durations() {
 }
 
 #[test]
-fn a_folder_is_read_in_the_order_of_its_files() {
+fn folder_is_read_in_file_name_order() {
     let folder = tempfile::tempdir().unwrap();
     for (name, text) in
         [("b.csv", "t,a\n0,1\n1,2\n"), ("a.json", "{\"recordings\":[{\"a\":[5,6]}]}"), ("c.txt", "no")]
@@ -206,10 +206,10 @@ fn a_folder_is_read_in_the_order_of_its_files() {
 }
 
 #[test]
-fn text_that_is_torn_or_not_utf8_is_refused_with_its_line() {
+fn truncated_or_non_utf8_text_is_rejected_with_its_line() {
     let error = refusal("x.jsonl", "{\"t\": 0, \"x\": 1}\n{\"t\": 1, \"x\":", &all());
     assert!(error.starts_with("x.jsonl, line 2, column 13: found EOF"), "{error}");
-    assert!(error.ends_with("expected JSON; the text is cut short"), "{error}");
+    assert!(error.ends_with("expected JSON; the text is truncated"), "{error}");
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.csv");
     std::fs::write(&path, b"t,a\n0,1\n1,\xff\n").unwrap();
@@ -264,7 +264,7 @@ fn units_and_case_of_time_columns_have_many_spellings() {
 }
 
 #[test]
-fn words_that_begin_with_v_are_not_velocities() {
+fn words_starting_with_v_are_not_velocities() {
     let text = r#"{"rate": 10, "voltage": [1, 2, 3], "valve": [0, 0, 1]}"#;
     let recording = read_text("x.json", text, &all()).unwrap();
     assert_eq!(recording.names(), ["valve", "voltage"]);
@@ -279,12 +279,12 @@ fn words_that_begin_with_v_are_not_velocities() {
 }
 
 #[test]
-fn times_of_an_unknown_unit_are_refused() {
+fn times_of_unknown_unit_are_rejected() {
     let table = |name: &str, step: f64| {
         let lines: String = (0..100).map(|k| format!("{},{k}\n", step * f64::from(k))).collect();
         format!("{name},a\n{lines}")
     };
-    // the last is a date of a spreadsheet, in days
+    // the last one is a spreadsheet date, in days
     for (name, step) in [("time", 10.0), ("t", 1.0), ("timestamp", 1e4), ("time", 1e7), ("time", 1e-7)] {
         let error = refusal("x.csv", &table(name, step), &all());
         assert!(error.contains("without a unit") && error.contains("time_ms"), "{error}");
@@ -296,11 +296,11 @@ fn times_of_an_unknown_unit_are_refused() {
     // a clock that was set
     let late: String = (0..50).map(|k| format!("{},{k}\n", 1_764_300_000.0 + 0.01 * f64::from(k))).collect();
     let error = refusal("x.csv", &format!("t,x\n0,0\n{late}"), &all());
-    assert!(error.starts_with("x.csv, line 3: found 1764300000 s since the sample before"), "{error}");
+    assert!(error.starts_with("x.csv, line 3: found 1764300000 s since the previous sample"), "{error}");
 }
 
 #[test]
-fn a_table_of_motorium_export_is_read() {
+fn motorium_export_table_is_read() {
     let text = "time_ns,sequence,publish_time_ns,source_time_ns,episode,count,position[0],position[1],velocity[0]\n\
                 0,1,0,0,0,2,1,2,9\n1000000,2,1000000,1000000,0,2,3,4,9\n2000000,3,2000000,2000000,0,2,5,6,9\n";
     let recording = read_text("x.csv", text, &all()).unwrap();
@@ -312,7 +312,7 @@ fn a_table_of_motorium_export_is_read() {
 }
 
 #[test]
-fn a_cutoff_far_below_the_duration_is_refused() {
+fn cutoff_far_below_the_duration_is_rejected() {
     let recording = read_text("x.csv", "t,a\n0,1\n1,2\n", &all()).unwrap();
     assert!(recording.evenly(10, Some(1e-9)).unwrap_err().to_string().starts_with("cutoff = "));
 }
@@ -324,7 +324,7 @@ fn contradictory_rates_and_durations_are_refused() {
         read_text("x.json", &text, &all())
     };
     assert!((recording(1.0, 3.0).unwrap().duration() - 3.0).abs() < 1e-12);
-    // some writers count the last interval, too
+    // some writers count the last interval as well
     assert!((recording(1.0, 4.0).unwrap().duration() - 4.0).abs() < 1e-12);
     let error = recording(100.0, 3.0).unwrap_err().to_string();
     assert!(error.contains("a `rate` of 100 Hz and a `duration` of 3 s"), "{error}");

@@ -1,5 +1,5 @@
-//! Time of a picture of 160 x 120 pixels of the Panda at a table with ten objects, with shadows and noise:
-//! `cargo run --release -p motorium-sensors --example picture_cost`.
+//! Time to render an image of 160 x 120 pixels of the Panda at a table with ten objects, with shadows and
+//! noise: `cargo run --release -p motorium-sensors --example picture_cost`.
 
 use std::time::Instant;
 
@@ -9,7 +9,7 @@ use motorium_sensors::rendering::{Looks, Paint, PixelNoise, PixelSensor, Rendere
 use motorium_worlds::{Light, RayScene, World};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
-/// Pictures that are timed.
+/// Number of timed images.
 const PICTURES: usize = 300;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

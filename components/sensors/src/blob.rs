@@ -1,4 +1,4 @@
-//! A thing of one colour in a picture, and its motion in the world.
+//! Detection of a coloured object in images, and tracking of its motion in the world.
 
 use std::f64::consts::TAU;
 
@@ -7,7 +7,7 @@ use nalgebra::{Unit, Vector3};
 use crate::channel::SettingError;
 use crate::pinhole::Pinhole;
 
-/// A hue: selects pixels whose levels point in the direction of a colour, at any brightness.
+/// A hue, which selects pixels by the direction of their levels in colour space, at any brightness.
 ///
 /// Under white light the levels of a matt surface are its colour times a scalar. Light and shadow therefore
 /// do not change the angle between levels and colour.
@@ -25,16 +25,16 @@ pub struct Hue {
     direction: Vector3<f64>,
     /// Square of the cosine of the largest angle.
     square: f64,
-    /// Least level of the brightest channel.
+    /// Minimum level of the brightest channel.
     least: f64,
 }
 
 impl Hue {
-    /// The hue of a colour: pixels whose levels differ from its direction by at most `tolerance` \[rad\], and
-    /// of which the brightest channel has at least the level `least`, 0 to 255.
+    /// Creates a hue from a colour. It selects pixels whose levels differ from the colour's direction by at
+    /// most `tolerance` \[rad\] and whose brightest channel is at least `least`, 0 to 255.
     ///
     /// # Errors
-    /// [`SettingError`]: black, or a number out of its range.
+    /// [`SettingError`] if the colour is black or a number is out of range.
     pub fn new(colour: [f64; 3], tolerance: f64, least: f64) -> Result<Self, SettingError> {
         if let Some(part) = colour.iter().find(|part| !(0.0..=1.0).contains(*part)) {
             return Err(SettingError::new("colour", *part, "numbers from 0 to 1"));
@@ -51,7 +51,7 @@ impl Hue {
         Ok(Self { direction, square: tolerance.cos().powi(2), least })
     }
 
-    /// True if a pixel has it.
+    /// Returns `true` if a pixel has this hue.
     pub fn has(&self, pixel: [u8; 3]) -> bool {
         let levels = Vector3::from(pixel.map(f64::from));
         let along = levels.dot(&self.direction);
@@ -59,17 +59,17 @@ impl Hue {
     }
 }
 
-/// A set of pixels of one hue in an image.
+/// The pixels of one hue in an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Blob {
-    /// Their number.
+    /// Number of pixels.
     pub pixels: u32,
-    /// Direction of the centre, in the axes of the camera: the mean direction weighted by solid angle. For a
-    /// sphere it points at its centre.
+    /// Direction of the centre in camera axes: the mean direction weighted by solid angle. For a sphere it
+    /// points at its centre.
     pub direction: Unit<Vector3<f64>>,
     /// Solid angle covered by the pixels \[sr\].
     pub solid_angle: f64,
-    /// `true` if a pixel is at the edge of the image; the object may extend beyond it.
+    /// `true` if a pixel is at the edge of the image; the object may then extend beyond it.
     pub on_edge: bool,
 }
 
@@ -120,10 +120,10 @@ impl Blob {
     }
 }
 
-/// A fixed-gain filter of the position and the velocity of a point that moves evenly (alpha-beta filter,
+/// A fixed-gain filter for the position and velocity of a point with constant velocity (alpha-beta filter,
 /// critically damped).
 ///
-/// With `s` the smoothing and `r` the error of the predicted position, a measurement after a time `dt` adds
+/// With the smoothing `s` and the error `r` of the predicted position, a measurement after a time `dt` adds
 /// `(1 - s^2) r` to the position and `(1 - s)^2 r / dt` to the velocity.
 ///
 /// ```
@@ -178,7 +178,7 @@ impl PointFilter {
         self.state.map(|(last, ..)| last)
     }
 
-    /// Forgets everything.
+    /// Resets the filter to its empty state.
     pub fn reset(&mut self) {
         self.state = None;
     }

@@ -1,4 +1,4 @@
-//! The errors of a measured quantity: noise, bias and its walk, scale, resolution, range.
+//! Errors of a measured quantity: noise, bias and its random walk, scale, resolution, range.
 
 use motorium::units::TimeSpan;
 use schemars::JsonSchema;
@@ -6,15 +6,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::noise::Noise;
 
-/// The errors of a sensor of one quantity, the same for each of its axes, in the unit of the quantity. The
-/// default is an ideal sensor.
+/// Errors of a sensor of one quantity, the same for each axis, in the unit of the quantity. The default is an
+/// ideal sensor.
 ///
 /// ```text
 /// y = clamp(resolution * round(((1 + s) x + b(t) + n) / resolution), -range, range)
 /// ```
 ///
-/// with noise `n` of deviation `noise` in each reading; a scale error `s` and a bias `b(0)` that are drawn
-/// once, with the deviations `scale_error` and `bias`; and a bias that walks, `db = bias_walk sqrt(dt) n`.
+/// with noise `n` of deviation `noise` in each reading; a scale error `s` and a bias `b(0)` that are sampled
+/// once, with the deviations `scale_error` and `bias`; and a random walk of the bias,
+/// `db = bias_walk sqrt(dt) n`.
 ///
 /// ```toml
 /// noise     = 0.02
@@ -35,13 +36,13 @@ pub struct ErrorModel {
     /// Standard deviation of the change of the bias in one second. Default 0.
     #[schemars(range(min = 0.0))]
     pub bias_walk: f64,
-    /// Standard deviation of the scale's error, as a share of the reading. Default 0.
+    /// Standard deviation of the scale error, as a fraction of the reading. Default 0.
     #[schemars(range(min = 0.0))]
     pub scale_error: f64,
     /// Step of the readings; 0 for continuous ones, the default.
     #[schemars(range(min = 0.0))]
     pub resolution: f64,
-    /// Largest reading, of either sign. Default: no end.
+    /// Largest magnitude of a reading. Default: unlimited.
     #[schemars(range(min = 0.0))]
     pub range: Option<f64>,
 }
@@ -52,14 +53,14 @@ pub struct ErrorModel {
 pub struct SettingError {
     /// The setting.
     pub setting: String,
-    /// The number found.
+    /// The value found.
     pub value: f64,
-    /// The numbers expected.
+    /// The valid values.
     pub expected: &'static str,
 }
 
 impl SettingError {
-    /// An error of a number of a setting.
+    /// Creates an error about the value of a setting.
     pub fn new(setting: impl Into<String>, value: f64, expected: &'static str) -> Self {
         Self { setting: setting.into(), value, expected }
     }
@@ -75,12 +76,12 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// Returns the timing with another latency.
+    /// Returns the same timing with another latency.
     pub(crate) fn late(self, latency: TimeSpan) -> Self {
         Self { latency, ..self }
     }
 
-    /// Checks that the share is one.
+    /// Checks that `drop_out` is from 0 to 1.
     ///
     /// # Errors
     /// [`SettingError`].
@@ -93,7 +94,7 @@ impl Timing {
     }
 }
 
-/// A sensor of one quantity with some axes: the numbers of an [`ErrorModel`] drawn, and its noise.
+/// A sensor of one quantity with several axes: its sampled errors and its noise.
 ///
 /// ```
 /// use motorium_sensors::channel::{Channel, ErrorModel};
@@ -107,7 +108,7 @@ impl Timing {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Channel {
-    /// One model for all axes, or one for each.
+    /// One model for all axes, or one for each axis.
     errors: Vec<ErrorModel>,
     noise: Noise,
     walk: Noise,
@@ -120,7 +121,7 @@ impl Channel {
     /// select the noise, which is independent for each channel of a seed.
     ///
     /// # Errors
-    /// [`SettingError`]: a number that is negative or not finite.
+    /// [`SettingError`] if a number is negative or not finite.
     pub fn new(
         name: &str,
         errors: &ErrorModel,
@@ -132,11 +133,11 @@ impl Channel {
         Self::from_parts(name, vec![*errors], axes, seed, [first, first + 1, first + 2, first + 3])
     }
 
-    /// Creates a sensor whose axes have separate errors. `streams` are the numbers of the noises of a seed
-    /// that bias, scale, readings and walk are drawn from.
+    /// Creates a sensor whose axes have separate errors. `streams` are the numbers of the seed's noise
+    /// streams from which bias, scale, readings and walk are sampled.
     ///
     /// # Errors
-    /// [`SettingError`]: a number that is negative or not finite.
+    /// [`SettingError`] if a number is negative or not finite.
     pub fn each(
         name: &str,
         errors: Vec<ErrorModel>,

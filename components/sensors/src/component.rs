@@ -123,7 +123,7 @@ impl Component for JointEncoder {
         measured.position_mut().copy_from_slice(reading.position);
         measured.velocity_mut().copy_from_slice(reading.velocity);
         measured.effort_mut().copy_from_slice(reading.effort);
-        // A reading's age counts from its state, and so includes the latency.
+        // A reading's age counts from its state and therefore includes the latency.
         measured.publish_from(reading.source)?;
         self.published += 1;
         Ok(())
@@ -161,7 +161,7 @@ fn joints(robot: &RobotReference) -> Result<usize, ConfigError> {
     }
     .load()
     .map_err(|error| ConfigError::new(error.to_string()))?;
-    // a joint state holds no pose of a floating base, but its rotors
+    // a joint state contains the rotors but not the pose of a floating base
     let rotors = loaded.profile.map_or(0, |profile| profile.rotors.len());
     let joints = loaded.model.joint_count() + rotors;
     if joints > MAX_JOINTS {

@@ -1,11 +1,11 @@
-//! The contact sensors of feet.
+//! Contact sensors of feet.
 
 use crate::channel::{Channel, ErrorModel, SettingError};
 
-/// The contact sensors of a robot's feet: a force with errors, and a switch with hysteresis behind it.
+/// Contact sensors of a robot's feet: a force with errors, followed by a switch with hysteresis.
 ///
-/// A foot is in contact from the reading in which its force reaches `on` to the one in which it falls below
-/// `off`.
+/// Contact starts with the reading in which the force reaches `on` and ends with the reading in which it
+/// falls below `off`.
 ///
 /// ```
 /// use motorium_sensors::channel::ErrorModel;
@@ -30,10 +30,10 @@ pub struct ContactModel {
 }
 
 impl ContactModel {
-    /// Sensors for `feet` feet that switch at the forces `(on, off)` \[N\].
+    /// Creates sensors for `feet` feet that switch at the forces `(on, off)` \[N\].
     ///
     /// # Errors
-    /// [`SettingError`]: a number out of range, `off` above `on`.
+    /// [`SettingError`] if a number is out of range or `off` exceeds `on`.
     pub fn new(
         feet: usize,
         force: &ErrorModel,
@@ -49,7 +49,7 @@ impl ContactModel {
         Ok(Self { force: Channel::new("force", force, feet, seed, 0)?, on, off, contacts: vec![false; feet] })
     }
 
-    /// Makes the true forces \[N\], one for each foot, the readings, and switches.
+    /// Converts the true forces \[N\], one per foot, to readings, and updates the switches.
     pub fn measure(&mut self, dt: f64, forces: &mut [f64]) {
         self.force.measure(dt, forces);
         for (contact, force) in self.contacts.iter_mut().zip(forces) {
@@ -58,7 +58,7 @@ impl ContactModel {
         }
     }
 
-    /// True for each foot in contact.
+    /// Returns `true` for each foot in contact.
     pub fn contacts(&self) -> &[bool] {
         &self.contacts
     }

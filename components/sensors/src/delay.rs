@@ -1,7 +1,7 @@
 //! Delay of readings by their latency.
 
-/// A delay line on time stamps. A frame of values taken at `t` becomes readable at `t + latency`, to the
-/// nanosecond.
+/// A delay line based on time stamps. A frame of values sampled at `t` becomes readable at `t + latency`, to
+/// the nanosecond.
 ///
 /// If several frames become due between two reads, only the newest is read. Memory for all frames in flight
 /// is allocated at construction.
@@ -9,7 +9,7 @@
 pub struct DelayLine {
     latency: u64,
     width: usize,
-    /// Ring of frames, oldest first from `head`; the oldest is the one that was last read, once one was.
+    /// Ring of frames, oldest first from `head`. After the first read, the oldest frame is the one read last.
     times: Vec<u64>,
     /// A caller-defined value per frame, returned with it.
     notes: Vec<u64>,
@@ -49,7 +49,7 @@ impl DelayLine {
         self.lost
     }
 
-    /// Forgets every frame.
+    /// Removes all frames.
     pub fn clear(&mut self) {
         self.count = 0;
     }
@@ -118,18 +118,18 @@ mod tests {
         line.push(10_000)[0] = 7.0;
         assert_eq!(line.read(11_499), None);
         assert_eq!(line.read(11_500), Some((10_000, &[7.0][..])));
-        assert_eq!(line.read(99_000), Some((10_000, &[7.0][..])), "the last reading stays");
+        assert_eq!(line.read(99_000), Some((10_000, &[7.0][..])), "the last reading stays available");
     }
 
     #[test]
-    fn without_latency_a_frame_is_due_at_once() {
+    fn frame_without_latency_is_due_immediately() {
         let mut line = DelayLine::new(0, 2, 1000);
         line.push(5).copy_from_slice(&[1.0, 2.0]);
         assert_eq!(line.read(5), Some((5, &[1.0, 2.0][..])));
     }
 
     #[test]
-    fn the_newest_of_several_due_frames_is_read() {
+    fn newest_of_several_due_frames_is_read() {
         let mut line = DelayLine::new(3000, 1, 1000);
         for time in [0, 1000, 2000, 3000] {
             line.push(time)[0] = time as f64;
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_at_the_announced_rate_never_loses_a_frame() {
+    fn stream_at_the_announced_rate_loses_no_frame() {
         for latency in [0, 1, 999, 1000, 1001, 7300, 10_000] {
             let mut line = DelayLine::new(latency, 1, 1000);
             for k in 0..200_u64 {

@@ -1,4 +1,4 @@
-//! Positions on the earth: geodetic coordinates on the WGS 84 ellipsoid, and a tangent plane there.
+//! Positions on the earth: geodetic coordinates on the WGS 84 ellipsoid, and a tangent plane.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -11,7 +11,7 @@ const FLATTENING: f64 = 1.0 / 298.257_223_563;
 /// First eccentricity, squared.
 const ECCENTRICITY: f64 = FLATTENING * (2.0 - FLATTENING);
 
-/// A place by its geodetic coordinates on WGS 84.
+/// A position in geodetic coordinates on WGS 84.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geodetic {
     /// Latitude, degrees, north positive.
@@ -23,7 +23,7 @@ pub struct Geodetic {
 }
 
 impl Geodetic {
-    /// The place in axes fixed to the earth: x to latitude and longitude 0, z to the north pole \[m\].
+    /// Returns the position in earth-fixed axes \[m\]: x to latitude and longitude 0, z to the north pole.
     ///
     /// ```
     /// use motorium_sensors::geodesy::Geodetic;
@@ -39,8 +39,9 @@ impl Geodetic {
         Vector3::new(across * cos_l, across * sin_l, (radius * (1.0 - ECCENTRICITY) + self.altitude) * sin)
     }
 
-    /// The geodetic coordinates of a place in axes fixed to the earth \[m\], by Bowring's method (*Survey
-    /// Review* 23, 1976): exact to micrometres from the sea to satellites, after two rounds to rounding.
+    /// Returns the geodetic coordinates of a position in earth-fixed axes \[m\], by Bowring's method (*Survey
+    /// Review* 23, 1976). It is exact to micrometres from sea level to satellites, and after two rounds to
+    /// rounding.
     pub fn of_earth_fixed(place: &Vector3<f64>) -> Self {
         let minor = MAJOR * (1.0 - FLATTENING);
         let second = ECCENTRICITY / (1.0 - ECCENTRICITY);
@@ -61,7 +62,7 @@ impl Geodetic {
     }
 }
 
-/// A plane that touches the earth at a place: x to the east, y to the north, z up.
+/// A plane tangent to the earth: x to the east, y to the north, z up.
 ///
 /// ```
 /// use motorium_sensors::geodesy::{Geodetic, TangentPlane};
@@ -75,12 +76,12 @@ impl Geodetic {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TangentPlane {
     origin: Vector3<f64>,
-    /// East, north and up, in columns.
+    /// East, north and up as columns.
     axes: Matrix3<f64>,
 }
 
 impl TangentPlane {
-    /// The plane at a place.
+    /// Returns the plane that is tangent at a position.
     pub fn tangent_at(place: &Geodetic) -> Self {
         let ((sin, cos), (sin_l, cos_l)) =
             (place.latitude.to_radians().sin_cos(), place.longitude.to_radians().sin_cos());
@@ -90,12 +91,12 @@ impl TangentPlane {
         Self { origin: place.earth_fixed(), axes: Matrix3::from_columns(&[east, north, up]) }
     }
 
-    /// The geodetic coordinates of a place in the axes of the plane \[m\].
+    /// Returns the geodetic coordinates of a position in the axes of the plane \[m\].
     pub fn geodetic(&self, place: &Vector3<f64>) -> Geodetic {
         Geodetic::of_earth_fixed(&(self.origin + self.axes * place))
     }
 
-    /// A place in the axes of the plane \[m\].
+    /// Returns a position in the axes of the plane \[m\].
     pub fn local(&self, place: &Geodetic) -> Vector3<f64> {
         self.axes.tr_mul(&(place.earth_fixed() - self.origin))
     }
@@ -106,7 +107,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn places_come_back_from_axes_fixed_to_the_earth() {
+    fn geodetic_coordinates_survive_a_round_trip() {
         for latitude in [-90.0, -45.3, 0.0, 1e-7, 46.5, 89.9999, 90.0] {
             for longitude in [-179.0, -6.0, 0.0, 120.0] {
                 for altitude in [-400.0, 0.0, 8848.0, 400e3] {
@@ -119,8 +120,8 @@ mod tests {
         }
     }
 
-    /// Published lengths of a degree on WGS 84: 111,319.49 m along the equator, 110,574.39 m of the first of
-    /// latitude.
+    /// Published lengths of a degree on WGS 84: 111,319.49 m along the equator, 110,574.39 m for the first
+    /// degree of latitude.
     #[test]
     fn degree_lengths_match_maps() {
         let equator = Geodetic { latitude: 0.0, longitude: 0.0, altitude: 0.0 };
@@ -132,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn the_plane_and_the_ellipsoid_part_by_the_curvature() {
+    fn plane_deviates_from_the_ellipsoid_by_curvature() {
         let place = Geodetic { latitude: 46.52, longitude: 6.57, altitude: 0.0 };
         let plane = TangentPlane::tangent_at(&place);
         let far = plane.geodetic(&Vector3::new(0.0, 10e3, 0.0));

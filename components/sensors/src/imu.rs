@@ -5,16 +5,16 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::channel::{Channel, ErrorModel, SettingError};
 
-/// The motion of a sensor in the world.
+/// Motion of a sensor in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorMotion {
     /// Orientation of the sensor in the world.
     pub rotation: UnitQuaternion<f64>,
-    /// Velocity of its origin, axes of the world \[m/s\].
+    /// Velocity of the sensor's origin in world axes \[m/s\].
     pub velocity: Vector3<f64>,
 }
 
-/// One reading of an inertial measurement unit, in its axes.
+/// One reading of an inertial measurement unit, in sensor axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImuReading {
     /// Specific force: acceleration minus gravitational acceleration \[m/s2\].
@@ -23,17 +23,17 @@ pub struct ImuReading {
     pub angular_velocity: Vector3<f64>,
 }
 
-/// An inertial measurement unit that integrates between its readings, as those with a digital output do.
+/// An inertial measurement unit that integrates between its readings, as units with digital output do.
 ///
 /// Between two samples at `t` and `t + dt`, with the orientation `R` and the velocity `v` of the sensor in
-/// the world and the acceleration of free fall `g`,
+/// the world and the gravitational acceleration `g`,
 ///
 /// ```text
 /// omega = log(R(t)' R(t + dt)) / dt        f = R(t + dt/2)' ((v(t + dt) - v(t)) / dt - g)
 /// ```
 ///
-/// are the mean angular velocity and the mean specific force of the interval, in the axes of its middle; then
-/// come the errors of each. The first sample gives no reading.
+/// are the mean angular velocity and the mean specific force of the interval, in the sensor's axes in the
+/// middle of it; the errors of each are added. The first sample gives no reading.
 ///
 /// ```
 /// use motorium_sensors::channel::ErrorModel;
@@ -57,10 +57,10 @@ pub struct ImuModel {
 }
 
 impl ImuModel {
-    /// A unit under an acceleration of free fall `gravity` \[m/s2\] in the world.
+    /// Creates a unit under the gravitational acceleration `gravity` \[m/s2\] in the world.
     ///
     /// # Errors
-    /// [`SettingError`] of a setting of `gyroscope` or `accelerometer`.
+    /// [`SettingError`] if a setting of `gyroscope` or `accelerometer` is invalid.
     pub fn new(
         gyroscope: &ErrorModel,
         accelerometer: &ErrorModel,
@@ -75,7 +75,7 @@ impl ImuModel {
         })
     }
 
-    /// Sets the acceleration of free fall in the world \[m/s2\].
+    /// Sets the gravitational acceleration in the world \[m/s2\].
     pub fn set_gravity(&mut self, gravity: Vector3<f64>) {
         self.gravity = gravity;
     }

@@ -20,7 +20,7 @@
 //! - [`component::estimator`]: `estimator.base`, the state of a legged base.
 //! - [`component::merge`]: `joint.merge`, joint state of a robot from several publishers.
 //!
-//! The models use nothing of the runtime but its time unit, and only construction allocates.
+//! The models depend only on the runtime's unit of time, and only construction allocates.
 //!
 //! ```
 //! use std::time::Duration;

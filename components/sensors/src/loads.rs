@@ -3,17 +3,17 @@
 use motorium_robots::{FrameId, Inertia, Kinematics, Model};
 use nalgebra::{Isometry3, Point3, Vector3};
 
-/// A force and a torque about the origin of the world, axes of the world.
+/// A force and a torque about the world origin, in world axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WorldWrench {
     /// Force \[N\].
     pub force: Vector3<f64>,
-    /// Torque about the origin of the world \[Nm\].
+    /// Torque about the world origin \[Nm\].
     pub torque: Vector3<f64>,
 }
 
 impl WorldWrench {
-    /// Returns force \[N\] and torque \[Nm\] about the origin of a frame, in its axes.
+    /// Returns the force \[N\] and the torque \[Nm\] about the origin of a frame, in the axes of that frame.
     pub fn seen_from(&self, frame: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let torque = self.torque - frame.translation.vector.cross(&self.force);
         let inverse = frame.rotation.inverse();
@@ -21,23 +21,23 @@ impl WorldWrench {
     }
 }
 
-/// A force from outside on a link.
+/// An external force on a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutsideForce {
     /// The link, by its index among the frames of the model.
     pub link: usize,
     /// Point of application in the world \[m\].
     pub point: Point3<f64>,
-    /// The force on the link, axes of the world \[N\].
+    /// Force on the link in world axes \[N\].
     pub force: Vector3<f64>,
 }
 
-/// A wrench from outside on a link.
+/// An external wrench on a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutsideWrench {
     /// The link, by its index among the frames of the model.
     pub link: usize,
-    /// The wrench on the link.
+    /// Wrench on the link.
     pub wrench: WorldWrench,
 }
 
@@ -47,11 +47,11 @@ impl From<OutsideForce> for OutsideWrench {
     }
 }
 
-/// Wrenches between the links of a robot, as means between two samples of its motion.
+/// Wrenches between the links of a robot, averaged between two samples of its motion.
 ///
-/// A link and everything it carries have the total momentum `P`, the angular momentum `L` about the origin of
-/// the world and the mass `m` with the centre `c`. Between two samples at `t` and `t + dt` the joint that
-/// carries the link, a moving or a fixed one, must have exerted the mean wrench
+/// A link and everything it carries have the total momentum `P`, the angular momentum `L` about the world
+/// origin and the mass `m` with the centre `c`. Between two samples at `t` and `t + dt`, the joint that
+/// carries the link, moving or fixed, must have exerted the mean wrench
 ///
 /// ```text
 /// F = (P(t + dt) - P(t)) / dt - m g - sum f_i
@@ -59,8 +59,8 @@ impl From<OutsideForce> for OutsideWrench {
 /// ```
 ///
 /// with the gravitational acceleration `g` and the external forces `f_i` at the points `r_i`. No joint
-/// acceleration is needed, and an impact between the samples is fully included. Masses are those of the model
-/// times a factor per link.
+/// acceleration is needed, and an impact between the samples is fully included. Masses are the model's, times
+/// a factor per link.
 ///
 /// ```
 /// use motorium_robots::{Kinematics, load};
@@ -94,18 +94,18 @@ struct Link {
     before: Motion,
 }
 
-/// Momenta of one link.
+/// Momentum of one link.
 #[derive(Clone, Copy, Debug, Default)]
 struct Motion {
     momentum: Vector3<f64>,
-    /// Angular momentum about the origin of the world.
+    /// Angular momentum about the world origin.
     angular: Vector3<f64>,
-    /// Mass times the position of its centre.
+    /// Mass times centre position.
     moment: Vector3<f64>,
 }
 
 impl Loads {
-    /// The loads of a robot under an acceleration of free fall `gravity` \[m/s2\] in the world.
+    /// Creates the loads of a robot under the gravitational acceleration `gravity` \[m/s2\] in the world.
     pub fn new(model: &Model, gravity: Vector3<f64>) -> Self {
         let links = model.frames().iter().map(|frame| Link {
             parent: frame.parent,
@@ -118,8 +118,7 @@ impl Loads {
         Self { wrenches: vec![WorldWrench::default(); links.len()], links, gravity, last: None }
     }
 
-    /// Sets the acceleration of free fall \[m/s2\] and, link by link of the model, the factor of its mass and
-    /// its inertia.
+    /// Sets the gravitational acceleration \[m/s2\] and the factor of each link's mass and inertia.
     pub fn set_properties(&mut self, gravity: Vector3<f64>, factor: impl Fn(usize) -> f64) {
         self.gravity = gravity;
         self.links.iter_mut().enumerate().for_each(|(index, link)| link.factor = factor(index));
@@ -185,7 +184,7 @@ impl Loads {
                 wrench.torque -= outside.torque;
             }
         }
-        // Parents stand before their children.
+        // Parents precede their children.
         for index in (0..links.len()).rev() {
             let Some(parent) = links[index].parent else { continue };
             let own = wrenches[index];

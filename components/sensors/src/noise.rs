@@ -4,10 +4,10 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal, StandardUniform};
 use rand_pcg::Pcg64;
 
-/// Number of the noise of lost readings among the channels of a seed.
+/// Channel number, within a seed, of the noise of drop-outs.
 pub(crate) const DROP_OUTS: u64 = 1 << 20;
 
-/// A source of standard normal numbers: the same seed and channel give the same sequence.
+/// A source of standard normal numbers. Equal seeds and channels give equal sequences.
 ///
 /// PCG XSL RR 128/64 (O'Neill 2014), ziggurat sampling. Channels of one seed are independent, so switching
 /// the noise of one quantity on or off does not change the others.
@@ -17,16 +17,15 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Channel `channel` of a seed.
+    /// Creates the noise of channel `channel` of a seed.
     pub fn new(seed: u64, channel: u64) -> Self {
-        // a generator of seeds for each seed, and from it the seed of the channel: streams of one state
-        // correlate
+        // the seed selects a generator of seeds, which seeds the channel: streams of one state are correlated
         let mut seeds = Pcg64::seed_from_u64(seed);
         seeds.advance(u128::from(channel) << 32);
         Self { generator: Pcg64::from_rng(&mut seeds) }
     }
 
-    /// The next standard normal number.
+    /// Returns the next standard normal number.
     pub fn normal(&mut self) -> f64 {
         StandardNormal.sample(&mut self.generator)
     }

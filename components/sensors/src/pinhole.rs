@@ -1,11 +1,11 @@
-//! A camera without distortion.
+//! A distortion-free camera.
 
 use nalgebra::{Unit, Vector3};
 
-/// A camera without distortion that looks along x: columns to the right, which is along -y, rows down, which
-/// is along -z.
+/// A distortion-free camera that looks along x: columns to the right, which is along -y, rows down, which is
+/// along -z.
 ///
-/// Pixels are numbered from the middle of the top left one.
+/// Pixel coordinates start at the centre of the top left pixel.
 ///
 /// ```
 /// use motorium_sensors::pinhole::Pinhole;
@@ -21,13 +21,13 @@ use nalgebra::{Unit, Vector3};
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pinhole {
-    /// Pixels of a row.
+    /// Pixels per row.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
     /// Focal lengths along the rows and columns, pixels.
     pub focal_length: [f64; 2],
-    /// The point on the optical axis.
+    /// Principal point: the pixel on the optical axis.
     pub principal_point: [f64; 2],
 }
 
@@ -42,7 +42,7 @@ impl Pinhole {
         Self::square(width, height, half(height) / (0.5 * field_of_view).tan())
     }
 
-    /// Square pixels, the optical axis in the middle.
+    /// Creates a camera with square pixels and the optical axis in the centre.
     fn square(width: u32, height: u32, focal_length: f64) -> Self {
         Self {
             width,
@@ -52,14 +52,15 @@ impl Pinhole {
         }
     }
 
-    /// A vector of length 1 along the optical axis through a point of the picture, in the axes of the camera.
+    /// Returns the vector through a point of the image whose component along the optical axis is 1, in camera
+    /// axes.
     pub fn ray(&self, pixel: [f64; 2]) -> Vector3<f64> {
         let right = (pixel[0] - self.principal_point[0]) / self.focal_length[0];
         let down = (pixel[1] - self.principal_point[1]) / self.focal_length[1];
         Vector3::new(1.0, -right, -down)
     }
 
-    /// Directions of the middles of the pixels, row by row from the top left corner.
+    /// Returns the directions of the pixel centres, row by row from the top left corner.
     pub fn directions(&self) -> impl Iterator<Item = Unit<Vector3<f64>>> {
         let camera = *self;
         (0..self.height).flat_map(move |row| {
@@ -68,8 +69,7 @@ impl Pinhole {
         })
     }
 
-    /// The point of the picture at which a point in the axes of the camera \[m\] is seen; `None` behind the
-    /// camera.
+    /// Projects a point in camera axes \[m\] into the image; `None` behind the camera.
     pub fn project(&self, point: &Vector3<f64>) -> Option<[f64; 2]> {
         if point.x <= 0.0 {
             return None;

@@ -25,7 +25,7 @@ pub struct SensorRanges {
     pub latency: Option<[TimeSpan; 2]>,
 }
 
-/// The parameters of a sensor in one episode.
+/// Parameters of a sensor in one episode.
 ///
 /// ```
 /// use motorium_sensors::randomise::SensorRanges;
@@ -46,11 +46,11 @@ pub struct SensorDraw {
     pub latency: TimeSpan,
 }
 
-/// Numbers of the draws among the channels of a seed.
+/// Channel number, within a seed, of the draws.
 const DRAWS: u64 = 1 << 21;
 
 impl SensorRanges {
-    /// True if nothing is drawn.
+    /// Returns `true` if nothing is sampled.
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
     }
@@ -58,7 +58,7 @@ impl SensorRanges {
     /// Checks every range.
     ///
     /// # Errors
-    /// [`SettingError`].
+    /// [`SettingError`] describes the first invalid range.
     pub fn check(&self) -> Result<(), SettingError> {
         for (name, range) in [("noise", self.noise), ("bias", self.bias)] {
             let Some([low, high]) = range else { continue };
@@ -100,12 +100,12 @@ impl SensorRanges {
 }
 
 impl SensorDraw {
-    /// Parameters that change nothing, for a sensor with this latency.
+    /// Returns parameters without effect, for a sensor with this latency.
     pub fn none(latency: TimeSpan) -> Self {
         Self { noise: 1.0, bias: 1.0, latency }
     }
 
-    /// The errors of a quantity in the episode.
+    /// Returns the errors of a quantity in the episode.
     pub fn errors(&self, errors: &ErrorModel) -> ErrorModel {
         ErrorModel {
             noise: self.noise * errors.noise,

@@ -7,7 +7,7 @@ use nalgebra::{Unit, Vector3};
 use crate::channel::{Channel, ErrorModel, SettingError};
 use crate::noise::Noise;
 
-/// Number of the noise of lost returns among the channels of a seed.
+/// Channel number, within a seed, of the noise of lost returns.
 const LOST: u64 = 1 << 21;
 
 /// Settings of a [`RangeModel`].
@@ -23,7 +23,7 @@ pub struct RangeSettings {
     pub lost: f64,
 }
 
-/// The errors of the distances that a sensor measures along its rays.
+/// Errors of the distances that a sensor measures along its rays.
 ///
 /// ```
 /// use motorium_sensors::channel::ErrorModel;
@@ -45,10 +45,10 @@ pub struct RangeModel {
 }
 
 impl RangeModel {
-    /// The errors of a sensor with this number of rays, drawn from a seed.
+    /// Creates the errors of a sensor with this number of rays, sampled from a seed.
     ///
     /// # Errors
-    /// [`SettingError`]: a number out of its range.
+    /// [`SettingError`] if a number is out of range.
     pub fn new(settings: &RangeSettings, rays: usize, seed: u64) -> Result<Self, SettingError> {
         let RangeSettings { distance, least, most, lost } = *settings;
         if !(0.0..=1e6).contains(&most) || most == 0.0 {
@@ -64,7 +64,7 @@ impl RangeModel {
         Ok(Self { settings: *settings, channel, draws: Noise::new(seed, LOST) })
     }
 
-    /// The reading of a ray without a return, m: twice the greatest distance.
+    /// Returns the reading of a ray without a return, m: twice the maximum distance.
     pub fn no_return(&self) -> f64 {
         2.0 * self.settings.most
     }
@@ -87,7 +87,7 @@ impl RangeModel {
     }
 }
 
-/// The direction of an azimuth, from x towards y, and an elevation above the xy plane \[rad\].
+/// Returns the direction with an azimuth, from x towards y, and an elevation above the xy plane \[rad\].
 ///
 /// ```
 /// use motorium_sensors::ranging::direction;
@@ -100,8 +100,8 @@ pub fn direction(azimuth: f64, elevation: f64) -> Unit<Vector3<f64>> {
     Unit::new_normalize(Vector3::new(across * azimuth.cos(), across * azimuth.sin(), up))
 }
 
-/// Azimuths of `count` rays, from right to left: over a field of view \[rad\] about x with a ray at each end,
-/// or over the whole turn, from behind, without one direction twice.
+/// Returns the azimuths of `count` rays, from right to left. They cover a field of view \[rad\] about x with
+/// a ray at each end, or a whole turn starting behind, without a duplicate direction.
 ///
 /// ```
 /// use motorium_sensors::ranging::azimuths;

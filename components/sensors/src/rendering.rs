@@ -12,13 +12,13 @@ use crate::channel::SettingError;
 use crate::noise::Noise;
 use crate::pinhole::Pinhole;
 
-/// Number of the noise of pixels among the channels of a seed.
+/// Channel number, within a seed, of the noise of pixels.
 const PIXELS: u64 = 1 << 22;
 
-/// Distance from a surface at which the ray to the light begins \[m\]: above the rounding of the point.
+/// Distance from a surface at which the ray to the light starts \[m\], larger than the rounding of the point.
 const OFF: f64 = 1e-6;
 
-/// The colour of a surface.
+/// Colour of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Paint {
     /// Red, green and blue, 0 to 1.
@@ -28,12 +28,12 @@ pub struct Paint {
 }
 
 impl Paint {
-    /// One colour all over.
+    /// Returns a paint of a single colour.
     pub fn solid(colour: Colour) -> Self {
         Self { colour, checker: None }
     }
 
-    /// The colour at a point of the world.
+    /// Returns the colour at a point of the world.
     fn colour_at(&self, point: &Point3<f64>) -> Colour {
         match self.checker {
             Some(Checker { side, colour })
@@ -46,12 +46,12 @@ impl Paint {
     }
 }
 
-/// The looks of a scene.
+/// Appearance of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Looks {
     /// Paint of each shape of the scene, by its number.
     pub paints: Arc<[Paint]>,
-    /// Colour where there is nothing.
+    /// Colour of the background.
     pub sky: Colour,
     /// The light.
     pub light: Light,
@@ -87,7 +87,7 @@ pub struct Renderer {
     directions: Vec<Unit<Vector3<f64>>>,
     rays: Vec<Ray>,
     hits: Vec<Option<RayHit>>,
-    /// Rays to the light.
+    /// Shadow rays to the light.
     feelers: Vec<Ray>,
     /// Per hit: pixel, fraction of direct light by Lambert's law, and colour of the surface.
     lit: Vec<(usize, f64, Colour)>,
@@ -110,20 +110,20 @@ impl Renderer {
         }
     }
 
-    /// The camera.
+    /// Returns the camera.
     pub fn pinhole(&self) -> &Pinhole {
         &self.pinhole
     }
 
-    /// Pixels of a picture.
+    /// Number of pixels of an image.
     pub fn pixels(&self) -> usize {
         self.directions.len()
     }
 
-    /// Takes a picture from `pose`, row by row from the top left corner.
+    /// Renders an image from `pose`, row by row from the top left corner.
     ///
     /// # Panics
-    /// When the picture has another number of pixels, or a shape of the scene no paint.
+    /// If the image has another number of pixels, or a shape of the scene has no paint.
     pub fn render(
         &mut self,
         pose: &Isometry3<f64>,
@@ -173,11 +173,11 @@ impl Renderer {
     }
 }
 
-/// The errors of the pixels of a picture. The default is an ideal sensor, whose levels are rounded.
+/// Errors of the pixels of an image. The default is an ideal sensor, whose levels are rounded.
 ///
-/// A channel of level `l` (0 to 255) is read as `round(l + sqrt(l 255 / full_well + read_noise^2) n)` with an
-/// independent standard normal `n`: shot noise, by which the number of electrons varies as its square root,
-/// and the noise of the amplifier.
+/// A channel with level `l` (0 to 255) is read as `round(l + sqrt(l 255 / full_well + read_noise^2) n)` with
+/// an independent standard normal `n`. The first term is shot noise: the number of electrons varies with its
+/// square root. The second term is the noise of the amplifier.
 ///
 /// ```toml
 /// full_well  = 10000.0
@@ -199,26 +199,26 @@ impl PixelNoise {
     pub(crate) fn scaled(&self, factor: f64) -> Self {
         let electrons = |well: f64| (well / (factor * factor)).max(1.0);
         Self {
-            // enough electrons that there is no shot noise
+            // with enough electrons there is no shot noise
             full_well: self.full_well.filter(|_| factor > 0.0).map(|well| electrons(well).min(1e9)),
             read_noise: (factor * self.read_noise).min(255.0),
         }
     }
 }
 
-/// A sensor of pixels: its noise, drawn from a seed.
+/// An image sensor with noise sampled from a seed.
 #[derive(Clone, Debug)]
 pub struct PixelSensor {
-    /// Variance per level, and that in the dark.
+    /// Variance per level, and variance in the dark.
     variance: [f64; 2],
     draws: Noise,
 }
 
 impl PixelSensor {
-    /// The sensor of a seed.
+    /// Creates the sensor from a seed.
     ///
     /// # Errors
-    /// [`SettingError`]: a number out of its range.
+    /// [`SettingError`] if a number is out of range.
     pub fn new(noise: &PixelNoise, seed: u64) -> Result<Self, SettingError> {
         let PixelNoise { full_well, read_noise } = *noise;
         if let Some(electrons) = full_well.filter(|electrons| !(1.0..=1e9).contains(electrons)) {
@@ -231,7 +231,7 @@ impl PixelSensor {
         Ok(Self { variance, draws: Noise::new(seed, PIXELS) })
     }
 
-    /// The levels of a colour, 0 to 255.
+    /// Returns the levels of a colour, 0 to 255.
     pub fn expose(&mut self, colour: &Colour) -> [u8; 3] {
         let [per_level, dark] = self.variance;
         colour.map(|part| {
@@ -239,7 +239,7 @@ impl PixelSensor {
             if per_level + dark > 0.0 {
                 level += (level * per_level + dark).sqrt() * self.draws.normal();
             }
-            // rounds, and stops at the ends
+            // rounds, and saturates at both ends
             (level + 0.5) as u8
         })
     }

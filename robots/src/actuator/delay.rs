@@ -1,4 +1,4 @@
-//! A delay of commands and of measurements.
+//! Delay of commands and measurements.
 
 use std::collections::VecDeque;
 
@@ -51,7 +51,7 @@ impl<T: Copy> Delay<T> {
         self.queue.reserve(room.saturating_sub(self.queue.len()));
     }
 
-    /// The command that acts now, when `newest` is sent now.
+    /// Returns the command that is active now if `newest` is sent now.
     pub fn acting(&self, newest: T) -> T {
         if self.delay_ns == 0 {
             return newest;
@@ -66,13 +66,13 @@ impl<T: Copy> Delay<T> {
             return;
         }
         let due = self.now_ns + self.delay_ns;
-        // After a longer delay: commands that would arrive later are overtaken.
+        // After a longer delay, commands that would arrive later are overtaken.
         while self.queue.back().is_some_and(|(other, _)| *other > due) {
             self.queue.pop_back();
         }
         self.queue.push_back((due, newest));
         self.now_ns += nanoseconds(dt);
-        // the one that acts stays
+        // the active command stays in the queue
         while self.queue.get(1).is_some_and(|(due, _)| *due <= self.now_ns) {
             self.queue.pop_front();
         }

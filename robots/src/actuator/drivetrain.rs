@@ -5,10 +5,10 @@ use super::{Actuator, EffortLaw};
 /// A drivetrain: a motor with its own inertia that moves the joint through a spring and a damper, optionally
 /// with a gap.
 ///
-/// With `backlash = 0` it is a series-elastic actuator; with a stiff spring and a gap, a gear with backlash
-/// (the dead-zone model of Nordin and Gutman 2002): within the gap neither side moves the other, at its ends
-/// the teeth push and never pull. All values are at the joint, behind the gear: the rotor inertia times the
-/// square of the gear ratio.
+/// With `backlash = 0` it is a series-elastic actuator. With a stiff spring and a gap it is a gear with
+/// backlash (the dead-zone model of Nordin and Gutman 2002): within the gap neither side moves the other; at
+/// its ends the teeth push and never pull. All values are at the joint, after the gear: the rotor inertia
+/// times the square of the gear ratio.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drivetrain {
     /// Inertia of the motor \[kg m2 or kg\].
@@ -21,7 +21,7 @@ pub struct Drivetrain {
     pub backlash: f64,
 }
 
-/// Position and velocity of a motor, at the joint: behind the gear.
+/// Position and velocity of a motor, at the joint (after the gear).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motor {
     /// Position \[rad or m\].
@@ -30,11 +30,10 @@ pub struct Motor {
     pub velocity: f64,
 }
 
-/// The command of a drive, at its motor: the effort `kp (position - theta) + kd (velocity - theta') +
-/// effort`.
+/// Command of a drive, at its motor: the effort `kp (position - theta) + kd (velocity - theta') + effort`.
 ///
-/// Beyond `velocity_limits` the highest effort in the direction of the motion falls by `braking` per unit of
-/// velocity.
+/// Beyond `velocity_limits` the available effort in the direction of motion decreases by `braking` per unit
+/// of velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriveCommand {
     /// Position setpoint \[rad or m\].
@@ -47,27 +46,27 @@ pub struct DriveCommand {
     pub kp: f64,
     /// Velocity gain \[Nms/rad or Ns/m\].
     pub kd: f64,
-    /// Lowest and highest velocity without braking \[rad/s or m/s\].
+    /// Minimum and maximum velocity without braking \[rad/s or m/s\].
     pub velocity_limits: [f64; 2],
     /// Slope of the effort beyond them \[Nms/rad or Ns/m\]; 0 for none.
     pub braking: f64,
 }
 
 impl DriveCommand {
-    /// A command of pure effort \[Nm or N\].
+    /// Returns a command of pure effort \[Nm or N\].
     pub fn effort(effort: f64) -> Self {
         let velocity_limits = [f64::NEG_INFINITY, f64::INFINITY];
         Self { position: 0.0, velocity: 0.0, effort, kp: 0.0, kd: 0.0, velocity_limits, braking: 0.0 }
     }
 }
 
-/// The effort on a joint in one step, `clamp(effort - slope * x, low, high)`, by the velocity `x` of the
-/// joint at its end.
+/// Effort on a joint in one step, `clamp(effort - slope * x, low, high)`, as a function of the joint velocity
+/// `x` at its end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointLaw {
-    /// Effort on a joint that is at rest at the end \[Nm or N\].
+    /// Effort on a joint at rest at the end of the step \[Nm or N\].
     pub effort: f64,
-    /// Fall of the effort with the velocity \[Nms/rad or Ns/m\].
+    /// Decrease of the effort with velocity \[Nms/rad or Ns/m\].
     pub slope: f64,
     /// Lowest effort \[Nm or N\].
     pub low: f64,
@@ -78,7 +77,7 @@ pub struct JointLaw {
 impl JointLaw {
     const NOTHING: Self = Self { effort: 0.0, slope: 0.0, low: f64::NEG_INFINITY, high: f64::INFINITY };
 
-    /// The effort at the end velocity `x` of the joint \[rad/s or m/s\].
+    /// Returns the effort for the joint velocity `x` at the end of the step \[rad/s or m/s\].
     ///
     /// ```
     /// # use motorium_robots::JointLaw;
@@ -90,7 +89,7 @@ impl JointLaw {
     }
 }
 
-/// An effort of the motor `constant - slope * w` by its velocity `w` at the end of the step.
+/// Motor effort `constant - slope * w` as a function of its velocity `w` at the end of the step.
 #[derive(Clone, Copy)]
 struct Line {
     constant: f64,
@@ -99,11 +98,11 @@ struct Line {
 
 /// A step of a motor: everything that changes its velocity except the load.
 struct MotorStep {
-    /// Inertia over the length of the step.
+    /// Inertia divided by the length of the step.
     inertia: f64,
     velocity: f64,
     wanted: Line,
-    /// Highest and lowest effort, each falling with the velocity where the drive brakes.
+    /// Maximum and minimum effort, each decreasing with velocity where the drive brakes.
     high: [Line; 2],
     low: [Line; 2],
 }
@@ -137,9 +136,9 @@ impl MotorStep {
         }
     }
 
-    /// The velocity at the end under a load `constant + slope * w`, and the line that the effort is on. The
-    /// effort is a monotone function of the velocity, made of lines by lesser and greater: so is its
-    /// solution.
+    /// Returns the velocity at the end of the step under a load `constant + slope * w`, and the active line
+    /// of the effort. The effort is a monotone function of the velocity, composed of lines by minima and
+    /// maxima, and so is the solution.
     fn solve(&self, (constant, slope): (f64, f64)) -> (f64, Line) {
         let root = |line: Line| {
             let push = self.inertia * self.velocity + line.constant - constant;
@@ -155,12 +154,12 @@ impl MotorStep {
 }
 
 impl Actuator {
-    /// The drivetrain, if it is compliant.
+    /// Returns the drivetrain if it is compliant.
     pub fn drivetrain(&self) -> Option<&Drivetrain> {
         self.drivetrain.as_ref()
     }
 
-    /// The motor, if it moves separately from the joint, from the first step.
+    /// Returns the state of the motor if it moves separately from the joint; available from the first step.
     pub fn motor(&self) -> Option<Motor> {
         self.motor
     }
@@ -172,8 +171,8 @@ impl Actuator {
         }
     }
 
-    /// The effort on the joint in a step of `h` \[s\] that begins with the joint at `joint`; `None` for a
-    /// rigid drivetrain.
+    /// Returns the effort on the joint in a step of `h` \[s\] that starts with the joint at `joint`; `None`
+    /// for a rigid drivetrain.
     ///
     /// ```
     /// use motorium_robots::{Actuator, ActuatorSettings, DriveCommand, Drivetrain, Motor};
@@ -211,8 +210,8 @@ impl Actuator {
                 return Some(JointLaw::NOTHING);
             }
         }
-        // The load is `tension + give (w - x)` at the end of the step; the line of the effort is that at the
-        // velocity of now.
+        // The load is `tension + give (w - x)` at the end of the step; the line of the effort is chosen by
+        // the current velocity.
         let (tension, give) = (stiffness * twist, stiffness * h + damping);
         let (_, line) = step.solve((tension - give * joint.velocity, give));
         let yielding = 1.0 / (step.inertia + line.slope);

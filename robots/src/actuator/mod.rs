@@ -1,6 +1,6 @@
 //! Actuator models: the stages between the effort commanded to a drive and the effort it delivers.
 //!
-//! Each stage is one equation with one state at most; [`Actuator`] composes them for a joint, in this order:
+//! Each stage is one equation with at most one state; [`Actuator`] composes them for a joint, in this order:
 //!
 //! ```text
 //! delay       command(t) = asked(t - delay)
@@ -59,27 +59,27 @@ pub struct ActuatorSettings {
     pub delay: f64,
     /// Torque-speed envelope; `None` uses the effort limit only.
     pub envelope: Option<Envelope>,
-    /// Heating; with `None` the effort limit can be sustained indefinitely.
+    /// Heating; `None` means that the effort limit can be sustained indefinitely.
     pub thermal: Option<Thermal>,
     /// Time constant of the effort, a first-order lag \[s\].
     pub lag: f64,
     /// Largest rate of the effort \[Nm/s or N/s\].
     pub rate_limit: Option<f64>,
-    /// Shaft and gear between motor and joint; `None`: rigid ones.
+    /// Shaft and gear between motor and joint; `None` means a rigid drivetrain.
     pub drivetrain: Option<Drivetrain>,
     /// Network that replaces the law of the drive, if any.
     pub network: Option<Arc<NetworkSettings>>,
 }
 
-/// Settings that describe no actuator.
+/// The actuator settings are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{setting} = {value}: expected {expected}")]
 pub struct ActuatorError {
     /// The setting.
     pub setting: &'static str,
-    /// The number found.
+    /// The value found.
     pub value: f64,
-    /// The numbers expected.
+    /// The valid values.
     pub expected: &'static str,
 }
 
@@ -88,7 +88,7 @@ impl ActuatorSettings {
     ///
     /// # Errors
     ///
-    /// [`ActuatorError`] with the first invalid value.
+    /// [`ActuatorError`] for the first invalid value.
     pub fn check(&self) -> Result<(), ActuatorError> {
         let time = |setting, value: f64| {
             let expected = "a time from 0 to 10 s";
@@ -134,8 +134,8 @@ impl ActuatorSettings {
     }
 }
 
-/// The effort of one step: `clamp(share * wanted + carried, low, high)`, where `wanted` may depend on the
-/// state at its end.
+/// Effort of one step: `clamp(share * wanted + carried, low, high)`, where the desired effort `wanted` may
+/// depend on the state at its end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EffortLaw {
     /// Fraction of the desired effort, above 0, at most 1.
@@ -148,10 +148,10 @@ pub struct EffortLaw {
     pub high: f64,
 }
 
-/// Heat from which the effort limit falls.
+/// Heat above which the effort limit decreases.
 const WARM: f64 = 0.8;
 
-/// The actuator of one joint, all but its delay ([`Delay`]) and its network ([`ActuatorNetwork`]).
+/// The actuator of one joint, without its delay ([`Delay`]) and its network ([`ActuatorNetwork`]).
 ///
 /// ```
 /// use motorium_robots::{Actuator, ActuatorSettings};
@@ -178,7 +178,7 @@ pub struct Actuator {
 }
 
 impl Actuator {
-    /// An actuator at rest, for a joint with this effort limit \[Nm or N\].
+    /// Creates an actuator at rest, for a joint with this effort limit \[Nm or N\].
     ///
     /// # Errors
     ///
@@ -205,7 +205,7 @@ impl Actuator {
         self.effort
     }
 
-    /// The heat of its winding: 0 cold, 1 after the continuous effort for ever.
+    /// Heat of the winding: 0 is cold, 1 is the steady state at the continuous effort.
     pub fn heat(&self) -> f64 {
         self.heat
     }
@@ -236,13 +236,13 @@ impl Actuator {
         (self.effort, self.heat, self.motor) = (0.0, 0.0, None);
     }
 
-    /// The lowest and the highest effort that the motor can give at a velocity \[rad/s or m/s\].
+    /// Returns the minimum and maximum effort that the motor can produce at a velocity \[rad/s or m/s\].
     pub fn available(&self, velocity: f64) -> (f64, f64) {
         let mut limit = self.limit;
         if let Some(Thermal { continuous_effort, .. }) = self.thermal {
             let cold = ((1.0 - self.heat) / (1.0 - WARM)).clamp(0.0, 1.0);
             if cold < 1.0 && limit > continuous_effort {
-                // A limit without end falls from four times the continuous effort.
+                // An infinite limit decreases from four times the continuous effort.
                 let above = limit.min(4.0 * continuous_effort) - continuous_effort;
                 limit = continuous_effort + above * cold;
             }
@@ -272,11 +272,11 @@ impl Actuator {
         EffortLaw { share, carried, low, high }
     }
 
-    /// Takes in the effort \[Nm or N\] of a step of `h` \[s\].
+    /// Applies the effort \[Nm or N\] of a step of `h` \[s\].
     pub fn apply(&mut self, effort: f64, h: f64) {
         self.effort = effort;
         if let Some(Thermal { continuous_effort, time_constant }) = self.thermal {
-            // exact for an effort that is constant in the step
+            // exact for an effort that is constant during the step
             let heating = (effort / continuous_effort).powi(2);
             self.heat = heating + (self.heat - heating) * (-h / time_constant).exp();
         }

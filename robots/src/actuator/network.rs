@@ -1,4 +1,4 @@
-//! A learned actuator: a network from recent measurements of a drive to the effort of its motor.
+//! Learned actuators: networks from recent measurements of a drive to the effort of its motor.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use serde::Deserialize;
 
 use super::Delay;
 
-/// The function between the layers of a network.
+/// Activation function between the layers of a network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Activation {
@@ -35,7 +35,7 @@ impl From<Activation> for Unary {
     }
 }
 
-/// The order of a network's inputs.
+/// Order of a network's inputs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum InputOrder {
@@ -64,10 +64,10 @@ impl PartialEq for NetworkWeights {
 /// The file is not an actuator network.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NetworkError {
-    /// A file that cannot be read.
+    /// The file cannot be read.
     #[error("{0}")]
     File(#[from] SafetensorsError),
-    /// The layers do not fit.
+    /// The layers do not match.
     #[error(transparent)]
     Size(#[from] LayerSizeError),
     /// A layer has the wrong shape.
@@ -75,12 +75,12 @@ pub enum NetworkError {
     Layer {
         /// The tensor.
         tensor: String,
-        /// Shape found, or that the layer is missing.
+        /// The shape found, or "missing".
         found: String,
         /// The shape expected.
         expected: String,
     },
-    /// No layer at all.
+    /// The file has no layers.
     #[error(
         "no tensor whose name ends in `.weight`; expected the layers of a `torch.nn.Sequential`, such as `0.weight` and `0.bias`"
     )]
@@ -88,9 +88,9 @@ pub enum NetworkError {
 }
 
 impl NetworkWeights {
-    /// The layers of a safetensors file, with `inputs` numbers going in and one coming out: tensors
-    /// `NAME.weight` (outputs by inputs) and `NAME.bias`, in the order of the numbers in their names, as a
-    /// `torch.nn.Sequential` of linear layers has them.
+    /// Reads the layers of a safetensors file, with `inputs` inputs and one output. The tensors are
+    /// `NAME.weight` (outputs x inputs) and `NAME.bias`, in the order of the numbers in their names, as in a
+    /// `torch.nn.Sequential` of linear layers.
     ///
     /// # Errors
     ///
@@ -135,18 +135,18 @@ impl NetworkWeights {
     }
 }
 
-/// The first number in a name.
+/// Returns the first number in a name.
 fn number(name: &str) -> Option<u64> {
     let digits = name.split(|c: char| !c.is_ascii_digit()).rfind(|digits| !digits.is_empty())?;
     digits.parse().ok()
 }
 
-/// A network with the meaning of its inputs and its output.
+/// A network with the interpretation of its inputs and output.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NetworkSettings {
     /// The network; it has two inputs for each of `times`.
     pub weights: NetworkWeights,
-    /// Ages of the measurements that go in \[s\], in the order of the inputs.
+    /// Ages of the input measurements \[s\], in the order of the inputs.
     pub times: Vec<f64>,
     /// Order of the inputs.
     pub input_order: InputOrder,
@@ -154,7 +154,7 @@ pub struct NetworkSettings {
     pub position_scale: f64,
     /// Scale of velocities at the input \[s/rad or s/m\].
     pub velocity_scale: f64,
-    /// Effort of an output of one \[Nm or N\].
+    /// Effort that corresponds to an output of one \[Nm or N\].
     pub effort_scale: f64,
 }
 
@@ -177,7 +177,7 @@ impl ActuatorNetwork {
         Self { past, program: settings.weights.program.clone(), first: None, settings }
     }
 
-    /// The effort \[Nm or N\] for a position error \[rad or m\] and a velocity \[rad/s or m/s\] that are
+    /// Returns the effort \[Nm or N\] for a position error \[rad or m\] and a velocity \[rad/s or m/s\]
     /// measured now.
     pub fn effort(&mut self, error: f64, velocity: f64) -> f64 {
         let Self { settings, past, program, first } = self;

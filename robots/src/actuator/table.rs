@@ -12,12 +12,12 @@ use super::{
 };
 use crate::Model;
 
-/// Longest file of an actuator network, bytes: they have a few thousand weights.
+/// Maximum size of an actuator network file, bytes. Networks have a few thousand weights.
 const LONGEST_NETWORK: u64 = 256 * 1024 * 1024;
 
 /// Stages between the commanded effort and the effort on the joint. The default is an ideal actuator.
 ///
-/// `T` is the reader's type for times.
+/// `T` is the caller's type for times.
 ///
 /// ```toml
 /// delay      = "2 ms"
@@ -125,20 +125,20 @@ fn one() -> f64 {
     1.0
 }
 
-/// Ages of the measurements of Hwangbo et al. \[s\].
+/// Measurement ages of Hwangbo et al. \[s\].
 const TIMES: [f64; 3] = [0.0, 0.01, 0.02];
 /// Maximum number of measurement times of a network.
 const MOST_TIMES: usize = 64;
 
-/// A mistake in the tables of actuators.
+/// An error in the actuator tables.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{key}: {message}")]
 pub struct ActuatorTableError {
-    /// The key at fault, dotted.
+    /// The invalid key, dotted.
     pub key: String,
-    /// The value found, and the values expected.
+    /// The value found and the valid values.
     pub message: String,
-    /// Advice, where there is any.
+    /// Suggested fix, if any.
     pub advice: Option<String>,
 }
 

@@ -13,7 +13,7 @@ use crate::model::flat::{FlatModel, FramePlacement};
 use crate::{FrameId, Model};
 
 impl Dynamics {
-    /// O(n) forward dynamics of a robot without mimic joints.
+    /// Computes forward dynamics of a robot without mimic joints in O(n).
     pub(super) fn aba(
         &mut self,
         model: &Model,
@@ -49,7 +49,7 @@ impl Dynamics {
         Ok(())
     }
 
-    /// The base's own motion. Gravity is an acceleration upwards.
+    /// Initialises the motion of the base. Gravity is treated as an upward acceleration.
     #[inline(always)]
     fn start_articulated(&mut self, flat: &FlatModel, q: &[f64], v: &[f64], gravity: Vector3<f64>) {
         let base = &mut self.articulated[0];
@@ -67,7 +67,7 @@ impl Dynamics {
         base.acceleration = Spatial::new(up, V3::ZERO);
     }
 
-    /// Outward: poses, velocities, bias accelerations and the wrenches they need.
+    /// Outward pass: poses, velocities, bias accelerations and the corresponding wrenches.
     #[inline(always)]
     fn release(&mut self, flat: &FlatModel, v: &[f64]) {
         for (index, (node, position)) in flat.nodes.iter().zip(self.positions.iter()).enumerate() {
@@ -75,7 +75,7 @@ impl Dynamics {
             let (parent, body) = (&outer[node.parent], &mut inner[0]);
             let (rotation, translation) = node.pose(position);
             let (r, p) = match node.parent {
-                // The base is where the coordinates are.
+                // The base is the frame of the coordinates.
                 0 => (rotation, translation),
                 _ => (parent.rotation * rotation, parent.position + parent.rotation * translation),
             };
@@ -118,7 +118,7 @@ impl Dynamics {
         Ok(())
     }
 
-    /// Outward: the accelerations.
+    /// Outward pass: accelerations.
     #[inline(always)]
     fn respond(&mut self, flat: &FlatModel, a_out: &mut [f64]) {
         for (index, node) in flat.nodes.iter().enumerate() {
@@ -131,7 +131,7 @@ impl Dynamics {
     }
 }
 
-/// Size of the terms of `a . b`.
+/// Returns the magnitude of the terms of `a . b`.
 #[inline(always)]
 fn magnitude(a: Spatial, b: Spatial) -> f64 {
     (a.linear.x * b.linear.x).abs()

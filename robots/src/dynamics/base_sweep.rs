@@ -5,7 +5,7 @@ use crate::math::{Spatial, V3};
 use crate::model::flat::FlatModel;
 use crate::model::node::Node;
 
-/// The motion of a body whose joint axis is `z` through `p`, for one unit of joint velocity.
+/// Returns the motion of a body whose joint axis is `z` through `p`, per unit of joint velocity.
 #[inline(always)]
 pub(crate) fn joint_motion(node: &Node, z: V3, p: V3) -> Spatial {
     if node.prismatic { Spatial::new(z, V3::ZERO) } else { Spatial::new(p.cross(z), z) }
@@ -21,7 +21,7 @@ impl Dynamics {
             let (parent, body) = (&outer[node.parent], &mut inner[0]);
             let (rotation, translation) = node.pose(position);
             let (r, p) = match node.parent {
-                // The base is where the coordinates are.
+                // The base is the frame of the coordinates.
                 0 => (rotation, translation),
                 _ => (parent.rotation * rotation, parent.position + parent.rotation * translation),
             };

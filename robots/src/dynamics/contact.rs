@@ -1,17 +1,17 @@
-//! Forward dynamics of a robot whose motion is constrained, by contacts for instance.
+//! Forward dynamics of a robot under constraints, such as contacts.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::{Dynamics, SingularMassMatrix};
 use crate::Model;
 
-/// Constrained motion cannot be found.
+/// The constrained motion cannot be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ConstrainedError {
-    /// The robot itself is the reason.
+    /// The mass matrix is singular.
     #[error(transparent)]
     Mass(#[from] SingularMassMatrix),
-    /// A constraint repeats others.
+    /// A constraint depends on previous ones.
     #[error(
         "row {row} of the constraint follows from the rows before it; leave it out, or regularise with a damping above 0"
     )]
@@ -24,8 +24,8 @@ pub enum ConstrainedError {
 /// Workspace for the forward dynamics of one [`Model`] under up to a fixed number of constraints. Nothing
 /// allocates after [`new`](Self::new).
 ///
-/// Gauss's principle: of all accelerations with `J a + drift = 0`, the nearest to the free one in the metric
-/// of M:
+/// By Gauss's principle, the acceleration is the one with `J a + drift = 0` that is nearest to the free
+/// acceleration in the metric of M:
 ///
 /// ```text
 /// M a = tau - C v - g + J' lambda        (J M^-1 J' + damping 1) lambda = -(J a_free + drift)
@@ -52,7 +52,7 @@ pub struct Constraint<'a> {
 }
 
 impl ConstrainedDynamics {
-    /// A workspace for `model` with exactly `rows` constrained directions.
+    /// Creates a workspace for `model` with exactly `rows` constrained directions.
     pub fn new(model: &Model, rows: usize) -> Self {
         Self {
             dynamics: Dynamics::new(model),
@@ -107,7 +107,7 @@ impl ConstrainedDynamics {
         Ok(())
     }
 
-    /// Cholesky of the small matrix, and the forces.
+    /// Factorises the small matrix and solves for the forces.
     fn solve(&mut self, x: &mut [f64]) -> Result<(), ConstrainedError> {
         let l = &mut self.delassus;
         for j in 0..x.len() {

@@ -22,7 +22,7 @@ impl Coriolis {
         let half = 0.5 * (i.xx + i.yy + i.zz);
         let spread =
             S3 { xx: half - i.xx, yy: half - i.yy, zz: half - i.zz, xy: -i.xy, xz: -i.xz, yz: -i.yz };
-        // sum m r velocity', the velocity of a point being u + w x r
+        // sum m r velocity', where a point has the velocity u + w x r
         let arms = M3::outer(inertia.moment, u) - spread.columns() * M3::skew(w);
         let trace = arms.trace();
         let turned = arms.transpose();
@@ -47,7 +47,7 @@ impl Coriolis {
         Spatial { linear: motion.angular.cross(self.momentum), angular: self.moment * motion.angular } * 2.0
     }
 
-    /// The angular part of `2 B' motion`; the linear part is zero.
+    /// Returns the angular part of `2 B' motion`; the linear part is zero.
     #[inline(always)]
     pub(super) fn twice_transposed(&self, motion: Spatial) -> V3 {
         (self.momentum.cross(motion.linear) + self.moment.tr_mul(motion.angular)) * 2.0

@@ -25,22 +25,23 @@ impl<const BOTH: bool> Work for BodiesMass<'_, BOTH> {
 }
 
 impl Dynamics {
-    /// Joint-space mass matrix `M(q)` (nv x nv), both triangles.
+    /// Computes the joint-space mass matrix `M(q)` (nv x nv), both triangles.
     pub fn crba(&mut self, model: &Model, q: &[f64], out: &mut DMatrix<f64>) {
-        // Matrices fill entry by entry, slices at the width of memory.
+        // matrices are filled entry by entry, slices at memory bandwidth
         out.as_mut_slice().fill(0.0);
         widest(BodiesMass::<true> { dynamics: self, model, q, out });
         turn_rotors(model.flat(), out);
     }
 
-    /// Upper triangle of the mass matrix, diagonal included. Only entries of joints that carry one another
-    /// are written: pass a matrix of zeros once and the same one from then on.
+    /// Computes the upper triangle of the mass matrix, including the diagonal. Only entries of joints that
+    /// carry one another are written: initialise the matrix with zeros once and reuse it.
     pub fn crba_upper(&mut self, model: &Model, q: &[f64], out: &mut DMatrix<f64>) {
         widest(BodiesMass::<false> { dynamics: self, model, q, out });
         turn_rotors(model.flat(), out);
     }
 
-    /// The mass matrix without the rotors of the drives: the upper triangle, and its mirror image if `BOTH`.
+    /// Computes the mass matrix without the rotors of the drives: the upper triangle, and its mirror image if
+    /// `BOTH`.
     #[inline(always)]
     fn bodies_mass<const FUSED: bool, const BOTH: bool>(
         &mut self,
@@ -73,7 +74,7 @@ impl Dynamics {
         }
     }
 
-    /// Upper triangle, in base coordinates.
+    /// Computes the upper triangle in base coordinates.
     #[inline(always)]
     fn placed_mass(&mut self, flat: &FlatModel, out: &mut [f64], n: usize) {
         self.sweep(flat);
@@ -85,7 +86,7 @@ impl Dynamics {
             let (outer, inner) = self.composite.split_at_mut(index + 1);
             let body = &inner[0];
             outer[node.parent].inertia += body.inertia;
-            // Wrench for a unit acceleration of everything beyond the joint.
+            // wrench for a unit acceleration of everything beyond the joint
             let wrench = body.inertia.apply(body.joint);
             let column = &mut out[node.column * n..][..=node.column];
             column[node.column] = body.joint.dot(wrench);
@@ -104,7 +105,7 @@ impl Dynamics {
         }
     }
 
-    /// Upper triangle of the six columns of the base.
+    /// Computes the upper triangle of the six columns of the base.
     fn base_block(&self, out: &mut [f64], n: usize) {
         let inertia = &self.composite[0].inertia;
         for column in 0..6 {

@@ -1,24 +1,24 @@
 //! The composite rigid body algorithm in frames on the joints' axes.
 //!
-//! No body has to be placed, a joint's wrench is a column of its composite's inertia, and a step to the
-//! parent is two screws about coordinate axes. But each wrench has to be carried down to the base step by
-//! step. All wrenches from beyond a body go through the same steps, so they are carried side by side, in
-//! blocks that fill the registers.
+//! No body pose is needed, a joint's wrench is a column of its composite's inertia, and a step to the parent
+//! consists of two screws about coordinate axes. In return, each wrench has to be propagated to the base step
+//! by step. All wrenches from beyond a body share these steps, so they are propagated side by side, in blocks
+//! that fill the registers.
 
 use crate::math::{LANES, M3, RigidInertia, Spatial, Turn, V3, fused, sin_cos_abreast};
 use crate::model::dh_frames::{DhBody, JointZeros, LinkTransform};
 use crate::model::flat::FlatModel;
 
-/// Wrenches next to one another, by component: force x, y, z, moment x, y, z; all about the origin of the
-/// present frame of the recursion.
+/// Wrenches side by side, by component: force x, y, z, moment x, y, z, all about the origin of the current
+/// frame of the recursion.
 #[derive(Clone, Debug)]
 #[repr(align(32))]
 struct Block([[f64; LANES]; 6]);
 
-/// Index of a body's wrench in its block, and of the wrenches of the bodies it carries.
+/// Index of a body's wrench in its block, and range of the wrenches of the bodies it carries.
 #[derive(Clone, Copy, Debug)]
 struct Place {
-    /// Of the body.
+    /// Block of the body.
     block: usize,
     lane: usize,
     /// The block after the last.
@@ -65,8 +65,9 @@ impl CrbaWorkspace {
         }
     }
 
-    /// Mass matrix of a model without mimic joints whose bodies are ordered depth first, except the base's
-    /// own block: the upper triangle, and the lower one if `BOTH`. Returns the inertia of the whole robot.
+    /// Computes the mass matrix of a model without mimic joints whose bodies are ordered depth first, except
+    /// for the base's own block: the upper triangle, and the lower one if `BOTH`. Returns the inertia of the
+    /// whole robot.
     #[inline(always)]
     pub(super) fn mass<const FUSED: bool, const BOTH: bool>(
         &mut self,
@@ -94,7 +95,7 @@ impl CrbaWorkspace {
             let blocks = &mut blocks[place.block..place.end];
             let Some(own) = blocks.first_mut() else { return gathered[0] };
             own.set(place.lane, unit_wrench(body, &inertia));
-            // Without mimic joints, columns are in the order of the bodies.
+            // without mimic joints, columns have the order of the bodies
             let component = if body.prismatic { 2 } else { 5 };
             let column = first_column + index;
             let mut at = column * n + column;
@@ -153,8 +154,8 @@ impl CrbaWorkspace {
     }
 }
 
-/// Bodies in order. A branch next to another starts a new block, so that a step processes all lanes of its
-/// blocks.
+/// Assigns lanes to the bodies in order. A branch next to another starts a new block, so that a step
+/// processes all lanes of its blocks.
 fn places(flat: &FlatModel) -> Vec<Place> {
     let mut places: Vec<Place> = Vec::with_capacity(flat.ends.len());
     let mut next: usize = 0;
@@ -172,7 +173,7 @@ fn places(flat: &FlatModel) -> Vec<Place> {
 }
 
 impl Posture {
-    /// `q`: as many joints as there are, up to [`LANES`].
+    /// Loads `q`: all joints, up to [`LANES`].
     #[inline(always)]
     fn take<const FUSED: bool>(&mut self, zero: &JointZeros, q: &[f64]) {
         let mut positions = [0.0; LANES];
@@ -203,7 +204,7 @@ impl Posture {
 }
 
 impl Block {
-    /// Puts a wrench into a lane: the whole registers are written, which the steps then read.
+    /// Writes a wrench into a lane by writing whole registers, which the steps then read.
     #[inline(always)]
     fn set(&mut self, lane: usize, wrench: Spatial) {
         for (part, entry) in self.0.iter_mut().zip(wrench.array()) {
@@ -213,7 +214,7 @@ impl Block {
         }
     }
 
-    /// A turn about z and a lift along it.
+    /// Applies a rotation about z and a translation along it.
     #[inline(always)]
     fn screw_z<const FUSED: bool>(&mut self, turn: &Turn, lift: f64) {
         let [fx, fy, _, mx, my, _] = &mut self.0;
@@ -225,7 +226,7 @@ impl Block {
         }
     }
 
-    /// A turn about x and a shift along it.
+    /// Applies a rotation about x and a translation along it.
     #[inline(always)]
     fn screw_x<const FUSED: bool>(&mut self, turn: &Turn, shift: f64) {
         let [_, fy, fz, _, my, mz] = &mut self.0;
@@ -265,7 +266,7 @@ fn add<const FUSED: bool>(v: V3, scale: f64, sum: V3) -> V3 {
     )
 }
 
-/// The wrench that accelerates `inertia` by one unit of the joint's motion: about z, or along it.
+/// Returns the wrench that accelerates `inertia` by one unit of the joint's motion, about z or along it.
 #[inline(always)]
 fn unit_wrench(body: &DhBody, inertia: &RigidInertia) -> Spatial {
     let (h, i) = (inertia.moment, &inertia.rotational);

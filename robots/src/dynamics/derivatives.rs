@@ -1,8 +1,8 @@
 //! Analytical derivatives of inverse and forward dynamics.
 //!
-//! The formulas of Singh, Russell and Wensing, "Efficient Analytical Derivatives of Rigid-Body Dynamics Using
-//! Spatial Vector Algebra" (RA-L 2022), in base coordinates. Their Coriolis matrix `B` of a body turns a
-//! motion `w` into `sum m J' (w_angular x velocity)` over its points, so that twelve numbers hold it, for
+//! The formulas are from Singh, Russell and Wensing, "Efficient Analytical Derivatives of Rigid-Body Dynamics
+//! Using Spatial Vector Algebra" (RA-L 2022), in base coordinates. The Coriolis matrix `B` of a body maps a
+//! motion `w` to `sum m J' (w_angular x velocity)` over its points. Twelve numbers represent it, for
 //! composites too: the linear momentum, and the moment's part as a 3 x 3 matrix.
 
 use nalgebra::{DMatrix, Vector3};
@@ -16,12 +16,13 @@ use crate::model::flat::FlatModel;
 
 /// Derivatives of a vector of efforts or accelerations, each nv x nv.
 ///
-/// Derivatives by `q` are along the manifold: column `i` is the change for `integrate(q, e_i dt)`, per `dt`.
+/// Derivatives with respect to `q` are along the manifold: column `i` is the change for
+/// `integrate(q, e_i dt)`, per `dt`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derivatives {
-    /// By the configuration.
+    /// With respect to the configuration.
     pub q: DMatrix<f64>,
-    /// By the velocity.
+    /// With respect to the velocity.
     pub v: DMatrix<f64>,
     /// With respect to accelerations (inverse dynamics: `M`) or efforts (forward dynamics: `M^-1`).
     pub input: DMatrix<f64>,
@@ -36,7 +37,7 @@ impl Derivatives {
 }
 
 impl Dynamics {
-    /// Derivatives of [`rnea`](Self::rnea): of `tau` by `q`, `v` and `a`.
+    /// Computes the derivatives of [`rnea`](Self::rnea): of `tau` with respect to `q`, `v` and `a`.
     pub fn rnea_derivatives(
         &mut self,
         model: &Model,
@@ -135,7 +136,7 @@ impl Dynamics {
         }
     }
 
-    /// Entries that couple the joint of body `index` with itself and its carriers.
+    /// Computes the entries that couple the joint of body `index` with itself and its carriers.
     #[inline(always)]
     fn differentiate(&self, flat: &FlatModel, index: usize, out: &mut Derivatives) {
         let node = &flat.nodes[index];
@@ -143,7 +144,7 @@ impl Dynamics {
         let joint = body.joint * node.multiplier;
         let n = flat.above.len();
         let (by_q, by_v, by_a) = (out.q.as_mut_slice(), out.v.as_mut_slice(), out.input.as_mut_slice());
-        // A joint's motion does not change along itself: its rate is relative to the parent and counts twice.
+        // A joint's motion does not change along itself; its rate is relative to the parent and counts twice.
         let first = body_derivatives.first * node.multiplier;
         let weight = body.inertia.apply(joint);
         let spin = body_derivatives.coriolis.twice_transposed(joint);
@@ -219,7 +220,7 @@ struct Response<'a> {
     out: &'a mut DMatrix<f64>,
 }
 
-/// Rows computed in registers.
+/// Number of rows computed in registers.
 const ROWS: usize = 16;
 
 impl Work for Response<'_> {
@@ -248,7 +249,8 @@ impl Work for Response<'_> {
     }
 }
 
-/// `N` rows of one column. Joints that do not carry each other have zeros in `change` and are skipped.
+/// Computes `N` rows of one column. Joints that do not carry each other have zeros in `change` and are
+/// skipped.
 #[inline(always)]
 fn respond<const FUSED: bool, const N: usize>(mobility: &[f64], change: &[f64], row: usize, out: &mut [f64]) {
     let mut sum = [0.0; N];
@@ -264,7 +266,7 @@ fn respond<const FUSED: bool, const N: usize>(mobility: &[f64], change: &[f64], 
     out[row..row + N].copy_from_slice(&sum);
 }
 
-/// The vector with `result . x == wrench . (v x x)` for every motion `x`.
+/// Returns the vector with `result . x == wrench . (v x x)` for every motion `x`.
 #[inline(always)]
 fn transposed_cross(v: Spatial, wrench: Spatial) -> Spatial {
     // (v x)' = -(v x*)

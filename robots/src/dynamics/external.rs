@@ -1,4 +1,4 @@
-//! Wrenches from outside.
+//! External wrenches.
 
 use nalgebra::Vector3;
 
@@ -14,7 +14,7 @@ pub struct Wrench {
     pub moment: Vector3<f64>,
 }
 
-/// The wrench about the origin of the node the frame is mounted on, in its axes.
+/// Returns the wrench about the origin of the node on which the frame is mounted, in its axes.
 pub(super) fn at_slot(placement: &FramePlacement, wrench: &Wrench) -> Spatial {
     let force = placement.rotation * V3::from(wrench.force);
     Spatial {

@@ -1,11 +1,11 @@
-//! Factorisation of the mass matrix that keeps its sparsity (Featherstone 2005; 2008, section 6.5).
+//! Sparsity-preserving factorisation of the mass matrix (Featherstone 2005; 2008, section 6.5).
 
 use nalgebra::DMatrix;
 
 use crate::Model;
 use crate::math::{Work, fused, widest};
 
-/// The mass matrix is not positive definite: some joint moves nothing with inertia.
+/// The mass matrix is not positive definite: a joint moves nothing with inertia.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the mass matrix is not positive definite at entry {index} of v: the links beyond that joint have no inertia; \
@@ -16,8 +16,8 @@ pub struct SingularMassMatrix {
     pub index: usize,
 }
 
-/// `M = L' D L` with L unit lower triangular: column `i` and row `j` of L meet only where joint `j` carries
-/// joint `i`, as in M itself.
+/// `M = L' D L` with L unit lower triangular. Column `i` and row `j` of L have an entry only if joint `j`
+/// carries joint `i`, as in M itself.
 #[derive(Clone, Debug)]
 pub struct MassFactor {
     above: Vec<usize>,
@@ -28,17 +28,17 @@ pub struct MassFactor {
 }
 
 impl MassFactor {
-    /// Room for the factor of `model`'s mass matrix.
+    /// Allocates the factor of `model`'s mass matrix.
     pub fn new(model: &Model) -> Self {
         let n = model.nv();
         Self { above: model.flat().above.clone(), factor: DMatrix::identity(n, n), scales: vec![1.0; n] }
     }
 
-    /// Factors `mass`; its upper triangle is read.
+    /// Factorises `mass`, of which the upper triangle is read.
     ///
     /// # Errors
     ///
-    /// [`SingularMassMatrix`]; the factor is then useless.
+    /// [`SingularMassMatrix`]; the factor is then unspecified.
     pub fn factor(&mut self, mass: &DMatrix<f64>) -> Result<(), SingularMassMatrix> {
         widest(Factor { factor: self, mass })
     }
@@ -50,7 +50,7 @@ impl MassFactor {
         let above = &*self.above;
         let m = self.factor.as_mut_slice();
         for k in (0..n).rev() {
-            // Columns right of k are complete, and column k includes their updates.
+            // columns right of k are complete, and column k includes their updates
             let pivot = m[k * n + k];
             if pivot.is_nan() || pivot <= mass[(k, k)] * 1e-14 {
                 return Err(SingularMassMatrix { index: k });
@@ -72,8 +72,7 @@ impl MassFactor {
                     }
                     j = above[j];
                 }
-                // Entries closer to the base need the unscaled ones below only in products, so scale in
-                // place.
+                // entries closer to the base need the unscaled ones below only in products, so scale in place
                 column[i] = scale;
             }
         }
@@ -109,8 +108,8 @@ impl MassFactor {
         }
     }
 
-    /// Adds to `marked` (nv) the entries of v whose joints carry a marked one: the support of `M^-1` times a
-    /// vector that is nonzero on marked entries.
+    /// Extends `marked` (nv) to the entries of v whose joints carry a marked one: the support of `M^-1` times
+    /// a vector that is nonzero on the marked entries.
     pub fn mark_carriers(&self, marked: &mut [bool]) {
         assert_eq!(marked.len(), self.above.len(), "length of the marks");
         for k in (0..marked.len()).rev() {
@@ -118,11 +117,11 @@ impl MassFactor {
         }
     }
 
-    /// Half of the solution for four right-hand sides simultaneously: `y = D^-1/2 L'^-1 b`, so that `b1' M^-1
-    /// b2 = y1' y2`.
+    /// Computes half of the solution for four right-hand sides simultaneously: `y = D^-1/2 L'^-1 b`, so that
+    /// `b1' M^-1 b2 = y1' y2`.
     ///
-    /// Row k of `y` holds entry k of each side. `support` lists the rows that are not zero, ascending,
-    /// carriers [included](Self::mark_carriers): other rows are not read.
+    /// Row k of `y` contains entry k of each side. `support` lists the nonzero rows in ascending order,
+    /// carriers [included](Self::mark_carriers); other rows are not read.
     pub fn half_solve(&self, support: &[u32], y: &mut [[f64; 4]]) {
         let n = self.above.len();
         assert_eq!(y.len(), n, "length of the right-hand sides");
@@ -143,7 +142,7 @@ impl MassFactor {
         }
     }
 
-    /// The other half: `x = L^-1 D^-1/2 y` in place, so that `x = M^-1 b` for `y` of
+    /// Computes the other half, `x = L^-1 D^-1/2 y`, in place, so that `x = M^-1 b` for the `y` of
     /// [`half_solve`](Self::half_solve).
     pub fn finish_solve(&self, x: &mut [f64]) {
         let n = self.above.len();
@@ -161,7 +160,8 @@ impl MassFactor {
         }
     }
 
-    /// Solves `X M = B` in place, for any number of rows. M is symmetric: the transposed of `M X' = B'`.
+    /// Solves `X M = B` in place, for any number of rows. M is symmetric, so this is the transpose of
+    /// `M X' = B'`.
     pub fn solve_right(&self, b: &mut DMatrix<f64>) {
         widest(SolveRight { factor: self, b });
     }
@@ -195,7 +195,7 @@ impl MassFactor {
         }
     }
 
-    /// `M^-1`, both triangles.
+    /// Computes `M^-1`, both triangles.
     pub fn inverse(&self, out: &mut DMatrix<f64>) {
         widest(Inverse { factor: self, out });
     }
@@ -206,8 +206,8 @@ impl MassFactor {
         assert_eq!(out.shape(), (n, n), "shape of the inverse");
         out.fill_with_identity();
         let (l, out) = (self.factor.as_slice(), out.as_mut_slice());
-        // As in `solve_right`, from the diagonal of each column down: above it the first pass leaves zeros,
-        // and the second pass follows by symmetry.
+        // As in `solve_right`, from the diagonal of each column downwards: above it the first pass leaves
+        // zeros, and the second pass follows by symmetry.
         for k in (0..n).rev() {
             let (left, right) = out.split_at_mut(k * n);
             let mut i = k;
@@ -293,7 +293,7 @@ mod tests {
     use nalgebra::{Matrix6xX, Point3, Vector3};
 
     #[test]
-    fn two_halves_of_a_solution_are_the_whole() {
+    fn half_solves_combine_to_the_full_solution() {
         for name in ["quadruped", "panda", "humanoid"] {
             let robot = load(name, std::path::Path::new(".")).unwrap();
             let (model, profile) = (&robot.model, robot.profile.as_ref().unwrap());

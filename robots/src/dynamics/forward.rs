@@ -6,10 +6,10 @@ use super::{Dynamics, MassFactor, SingularMassMatrix, Wrench};
 use crate::{FrameId, Model};
 
 impl Dynamics {
-    /// Forward dynamics: `a_out = M(q)^-1 (tau - C(q, v) v - g(q))` \[rad/s2 or m/s2\].
+    /// Computes forward dynamics: `a_out = M(q)^-1 (tau - C(q, v) v - g(q))` \[rad/s2 or m/s2\].
     ///
-    /// The articulated body algorithm, in O(nv); with mimic joints, which form loops, the mass matrix
-    /// and its factor, in O(nv^3).
+    /// Uses the articulated body algorithm, in O(nv). With mimic joints, which form loops, it uses the mass
+    /// matrix and its factor, in O(nv^3).
     ///
     /// # Errors
     ///
@@ -26,12 +26,12 @@ impl Dynamics {
         self.forward_external(model, q, v, tau, gravity, &[], a_out)
     }
 
-    /// [`forward`](Self::forward) of a robot on which outside wrenches act: `a_out = M^-1 (tau - C v - g +
-    /// sum J' f)`. Each acts at the origin of its frame and is given in its axes.
+    /// Like [`forward`](Self::forward), with external wrenches: `a_out = M^-1 (tau - C v - g + sum J' f)`.
+    /// Each acts at the origin of its frame and is given in its axes.
     ///
     /// # Errors
     ///
-    /// As [`forward`](Self::forward).
+    /// Same as [`forward`](Self::forward).
     pub fn forward_external(
         &mut self,
         model: &Model,
@@ -57,7 +57,7 @@ impl Dynamics {
         Ok(())
     }
 
-    /// Inverse of the mass matrix (nv x nv), both triangles.
+    /// Computes the inverse of the mass matrix (nv x nv), both triangles.
     ///
     /// # Errors
     ///

@@ -36,10 +36,10 @@ pub use regressor::PARAMETERS;
 
 /// Workspace for the dynamics of one [`Model`]. Nothing allocates after [`new`](Self::new).
 ///
-/// `q` is nq long; `v`, `a` and `tau` are nv long; methods panic on any other length. `gravity` is the
-/// acceleration of free fall in the world \[m/s2\], usually `(0, 0, -9.81)`. Joint damping, friction and
-/// limits play no part; rotors of drives count as an armature on the diagonal of the mass matrix, without
-/// gyroscopic effects.
+/// `q` has nq entries; `v`, `a` and `tau` have nv entries. Methods panic on any other length. `gravity` is
+/// the gravitational acceleration in the world \[m/s2\], usually `(0, 0, -9.81)`. Joint damping, friction and
+/// limits are not included. Rotors of drives are included as an armature on the diagonal of the mass matrix,
+/// without gyroscopic effects.
 ///
 /// ```
 /// use motorium_robots::{Dynamics, load};
@@ -74,7 +74,7 @@ pub struct Dynamics {
 }
 
 impl Dynamics {
-    /// A workspace for `model`.
+    /// Creates a workspace for `model`.
     pub fn new(model: &Model) -> Self {
         let slots = model.bodies().len() + 1;
         Self {

@@ -17,8 +17,8 @@ pub struct Momentum {
 }
 
 impl Dynamics {
-    /// Centroidal momentum matrix (6 x nv, linear rows first): `out * v` is the momentum of all that moves,
-    /// about the centre of mass, in world axes.
+    /// Computes the centroidal momentum matrix (6 x nv, linear rows first): `out * v` is the momentum of all
+    /// moving parts, about the centre of mass, in world axes.
     pub fn centroidal_map<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &mut self,
         model: &Model,
@@ -49,7 +49,7 @@ impl Dynamics {
         }
     }
 
-    /// Momentum of all that moves, about the centre of mass, in world axes.
+    /// Returns the momentum of all moving parts, about the centre of mass, in world axes.
     pub fn momentum(&mut self, model: &Model, q: &[f64], v: &[f64]) -> Momentum {
         assert_eq!(v.len(), model.nv(), "length of v");
         let flat = model.flat();
@@ -57,7 +57,8 @@ impl Dynamics {
         about(&axes, centre, self.momentum_at_base(flat, v)).into()
     }
 
-    /// Momentum about the origin of the base, in its axes. The inertias have been [composed](Self::compose).
+    /// Returns the momentum about the origin of the base, in its axes. The inertias must have been
+    /// [composed](Self::compose).
     #[inline(always)]
     fn momentum_at_base(&self, flat: &FlatModel, v: &[f64]) -> Spatial {
         let mut sum = Spatial::ZERO;
@@ -93,8 +94,8 @@ impl Dynamics {
             return false;
         }
         let (axes, centre, sum) = widest(MomentumNow { dynamics: self, model, motion: (q, v) });
-        // The missing momentum, its angular part about the centre of mass. A motion of all as one rigid body
-        // adds it.
+        // The missing momentum, with the angular part about the centre of mass. A motion of the whole robot
+        // as one rigid body adds it.
         let linear = axes.tr_mul(momentum.linear.into()) - sum.linear;
         let angular = axes.tr_mul(momentum.angular.into()) - (sum.angular - centre.cross(sum.linear));
         let total = &self.composite[0].inertia;
@@ -109,8 +110,8 @@ impl Dynamics {
         true
     }
 
-    /// Rate of the momentum of all that moves, about the centre of mass, in world axes: `Ag a + Agdot v`.
-    /// With `a = 0` it is the drift `Agdot v`.
+    /// Returns the rate of the momentum of all moving parts, about the centre of mass, in world axes:
+    /// `Ag a + Agdot v`. With `a = 0` it is the drift `Agdot v`.
     pub fn momentum_rate(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64]) -> Momentum {
         // Without gravity, the wrench at the base is the rate of change of the momentum.
         self.base_wrench(model, q, v, a);
@@ -118,7 +119,7 @@ impl Dynamics {
         about(&axes, centre, self.local[0].wrench).into()
     }
 
-    /// Kinetic energy `v' M(q) v / 2` \[J\].
+    /// Returns the kinetic energy `v' M(q) v / 2` \[J\].
     pub fn kinetic_energy(&mut self, model: &Model, q: &[f64], v: &[f64]) -> f64 {
         let mut impulse = std::mem::take(&mut self.scratch);
         impulse.resize(model.nv(), 0.0);
@@ -130,7 +131,8 @@ impl Dynamics {
         energy
     }
 
-    /// Potential energy of all that moves \[J\]: zero with its centre of mass at the world's origin.
+    /// Returns the potential energy of all moving parts \[J\]; it is zero with the centre of mass at the
+    /// world's origin.
     pub fn potential_energy(&mut self, model: &Model, q: &[f64], gravity: Vector3<f64>) -> f64 {
         let (axes, _) = self.compose(model, q);
         let (_, position) = model.flat().base_pose(q);
@@ -138,8 +140,8 @@ impl Dynamics {
         -V3::from(gravity).dot(position * inertia.mass + axes * inertia.moment)
     }
 
-    /// Composite inertias of all bodies. Gives the base's axes in the world and the centre of mass in base
-    /// coordinates.
+    /// Composes the inertias of all bodies. Returns the base's axes in the world and the centre of mass in
+    /// base coordinates.
     #[inline(always)]
     fn compose(&mut self, model: &Model, q: &[f64]) -> (M3, V3) {
         self.set_positions(model, q);
@@ -172,7 +174,7 @@ impl Work for MomentumNow<'_> {
     }
 }
 
-/// A momentum or wrench about the base's origin, moved to `centre` and turned into world axes.
+/// Moves a momentum or wrench from the base's origin to `centre` and rotates it into world axes.
 #[inline(always)]
 fn about(axes: &M3, centre: V3, wrench: Spatial) -> Spatial {
     Spatial { linear: *axes * wrench.linear, angular: *axes * (wrench.angular - centre.cross(wrench.linear)) }

@@ -13,11 +13,11 @@ pub(super) struct Local {
     pub(super) angular: V3,
     /// Angular acceleration.
     pub(super) angular_rate: V3,
-    /// Classical acceleration of the origin, gravity counted as acceleration upwards.
+    /// Classical acceleration of the origin, with gravity as an upward acceleration.
     pub(super) acceleration: V3,
-    /// `[alpha]x + [omega]x^2`: times a fixed point of the body, its acceleration relative to the origin.
+    /// `[alpha]x + [omega]x^2`: maps a fixed point of the body to its acceleration relative to the origin.
     pub(super) point_acceleration: M3,
-    /// Net wrench on the body and all it carries, about the origin.
+    /// Net wrench on the body and everything it carries, about the origin.
     pub(super) wrench: Spatial,
 }
 
@@ -91,11 +91,11 @@ impl Articulated {
 pub(super) struct BodyDerivatives {
     pub(super) velocity: Spatial,
     pub(super) acceleration: Spatial,
-    /// Rate of the joint's motion with the parent, and the rate of that.
+    /// Rate of the joint's motion with the parent, and the rate of that rate.
     pub(super) first: Spatial,
     pub(super) second: Spatial,
     pub(super) coriolis: Coriolis,
-    /// Wrench on the body and all it carries.
+    /// Wrench on the body and everything it carries.
     pub(super) wrench: Spatial,
 }
 

@@ -12,8 +12,8 @@ use crate::math::{M3, Spatial, V3};
 pub const PARAMETERS: usize = 10;
 
 impl Model {
-    /// Inertial parameters, ten per body, in the order of [`bodies`](Self::bodies); a floating base comes
-    /// first.
+    /// Returns the inertial parameters, ten per body, in the order of [`bodies`](Self::bodies); a floating
+    /// base comes first.
     pub fn inertial_parameters(&self) -> DVector<f64> {
         let base = self.base().floating.then_some(&self.base().inertia);
         let all = base.into_iter().chain(self.bodies().iter().map(|body| &body.inertia));
@@ -37,15 +37,16 @@ impl Model {
         DVector::from_vec(numbers)
     }
 
-    /// Columns of the regressor: ten per body, and for a floating base.
+    /// Number of columns of the regressor: ten per body and for a floating base.
     pub fn parameter_count(&self) -> usize {
         PARAMETERS * (self.bodies().len() + usize::from(self.base().floating))
     }
 }
 
 impl Dynamics {
-    /// Regressor of inverse dynamics (nv x [`Model::parameter_count`]): `rnea(q, v, a) = out *
-    /// model.inertial_parameters()`, plus armature times acceleration for joints with a rotor inertia.
+    /// Computes the regressor of inverse dynamics (nv x [`Model::parameter_count`]):
+    /// `rnea(q, v, a) = out * model.inertial_parameters()`, plus armature times acceleration for joints with
+    /// a rotor inertia.
     pub fn regressor(
         &mut self,
         model: &Model,
@@ -56,13 +57,13 @@ impl Dynamics {
         out: &mut DMatrix<f64>,
     ) {
         assert_eq!(out.shape(), (model.nv(), model.parameter_count()), "shape of the regressor");
-        // Motions of all bodies, in their node frames; the efforts are of no interest.
+        // Computes the motions of all bodies, in their node frames; the efforts are not used.
         self.motions(model, q, v, a, gravity);
         let flat = model.flat();
         out.fill(0.0);
         let mut column = 0;
         for slot in usize::from(!flat.floating)..=flat.nodes.len() {
-            // From the node frame to the body frame; the base has one frame only.
+            // From the node frame to the body frame; the base has a single frame.
             let align = slot.checked_sub(1).map_or(M3::IDENTITY, |body| flat.align[body]);
             let (acceleration, w, dw) = self.local[slot].motion();
             let motion = (align * acceleration, align * w, align * dw);
@@ -88,8 +89,8 @@ impl Dynamics {
     }
 }
 
-/// Wrench per unit of each parameter, for a body whose origin has the (classical) acceleration and that
-/// rotates with `w`, in its axes.
+/// Returns the wrench per unit of each parameter, for a body whose origin has the (classical) acceleration
+/// and that rotates with `w`, in its axes.
 fn wrenches((acceleration, w, dw): (V3, V3, V3)) -> [Spatial; PARAMETERS] {
     let unit = [M3::IDENTITY.x, M3::IDENTITY.y, M3::IDENTITY.z];
     let moment = |h: V3| Spatial::new(dw.cross(h) + w.cross(w.cross(h)), h.cross(acceleration));

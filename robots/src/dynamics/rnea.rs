@@ -10,12 +10,13 @@ use crate::model::node::Node;
 use crate::{FrameId, Model};
 
 impl Local {
-    /// Classical acceleration of the origin against gravity, angular velocity and acceleration.
+    /// Returns the classical acceleration of the origin against gravity, the angular velocity and the angular
+    /// acceleration.
     pub(super) fn motion(&self) -> (V3, V3, V3) {
         (self.acceleration, self.angular, self.angular_rate)
     }
 
-    /// A wrench on this body about the parent's origin, in its axes.
+    /// Transforms a wrench on this body to the parent's origin and axes.
     pub(super) fn to_parent(&self, wrench: Spatial) -> Spatial {
         let force = self.rotation * wrench.linear;
         Spatial { linear: force, angular: self.rotation * wrench.angular + self.translation.cross(force) }
@@ -23,8 +24,9 @@ impl Local {
 }
 
 impl Dynamics {
-    /// Inverse dynamics: `tau_out = M(q) a + C(q, v) v + g(q)` \[Nm or N\]. On a floating base the first six
-    /// are the wrench that would have to act on the base from outside, at its origin and in its axes.
+    /// Computes inverse dynamics: `tau_out = M(q) a + C(q, v) v + g(q)` \[Nm or N\]. On a floating base the
+    /// first six entries are the external wrench that the motion would require, at the base's origin and in
+    /// its axes.
     pub fn rnea(
         &mut self,
         model: &Model,
@@ -44,7 +46,7 @@ impl Dynamics {
         turn_rotors(flat, a, tau_out);
     }
 
-    /// [`rnea`](Self::rnea) of a robot on which outside wrenches act: `tau_out = M a + C v + g - sum J' f`.
+    /// Like [`rnea`](Self::rnea), with external wrenches: `tau_out = M a + C v + g - sum J' f`.
     ///
     /// Each wrench acts at the origin of its frame and is given in its axes.
     pub fn rnea_external(
@@ -73,7 +75,7 @@ impl Dynamics {
         turn_rotors(flat, a, tau_out);
     }
 
-    /// Leaves the motions of all bodies in their slots.
+    /// Computes the motions of all bodies and leaves them in their slots.
     pub(super) fn motions(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64], gravity: Vector3<f64>) {
         assert!(v.len() == model.nv() && a.len() == model.nv(), "length of v and a");
         self.set_positions(model, q);
@@ -91,18 +93,18 @@ impl Dynamics {
         self.scratch = tau;
     }
 
-    /// Bias forces `out = C(q, v) v + g(q)` \[Nm or N\]: [`rnea`](Self::rnea) for `a = 0`.
+    /// Computes the bias forces `out = C(q, v) v + g(q)` \[Nm or N\]: [`rnea`](Self::rnea) with `a = 0`.
     pub fn bias(&mut self, model: &Model, q: &[f64], v: &[f64], gravity: Vector3<f64>, out: &mut [f64]) {
         assert_eq!(v.len(), model.nv(), "length of v");
         widest(Bias { dynamics: self, model, motion: (q, v), gravity, out });
     }
 
-    /// Gravity torques `out = g(q)` \[Nm or N\]: the efforts that hold the robot at rest at `q`.
+    /// Computes the gravity torques `out = g(q)` \[Nm or N\]: the efforts that hold the robot at rest at `q`.
     pub fn gravity(&mut self, model: &Model, q: &[f64], gravity: Vector3<f64>, out: &mut [f64]) {
         widest(Gravity { dynamics: self, model, q, gravity, out });
     }
 
-    /// Motion of the base and the wrench on it.
+    /// Initialises the motion of the base and the wrench on it.
     #[inline(always)]
     fn start(
         &mut self,
@@ -112,7 +114,7 @@ impl Dynamics {
         motion: Option<(&[f64], Option<&[f64]>)>,
     ) {
         let base = &mut self.local[0];
-        // Standing still under gravity is being accelerated upwards.
+        // Rest under gravity is equivalent to an upward acceleration.
         let up = -V3::from(gravity);
         if !flat.floating {
             *base = Local { acceleration: up, ..Local::START };
@@ -184,7 +186,7 @@ impl Dynamics {
     }
 }
 
-/// The bias forces at these positions and velocities.
+/// Bias forces at these positions and velocities.
 struct Bias<'a> {
     dynamics: &'a mut Dynamics,
     model: &'a Model,
@@ -207,7 +209,7 @@ impl Work for Bias<'_> {
     }
 }
 
-/// The gravity torques at these positions.
+/// Gravity torques at these positions.
 struct Gravity<'a> {
     dynamics: &'a mut Dynamics,
     model: &'a Model,
@@ -236,7 +238,7 @@ impl Work for Gravity<'_> {
     }
 }
 
-/// Efforts that accelerate the rotors of the drives.
+/// Adds the efforts that accelerate the rotors of the drives.
 #[inline(always)]
 fn turn_rotors(flat: &FlatModel, a: &[f64], tau: &mut [f64]) {
     if flat.geared {
@@ -246,7 +248,7 @@ fn turn_rotors(flat: &FlatModel, a: &[f64], tau: &mut [f64]) {
     }
 }
 
-/// The part of a wrench that the joint's drive has to bear.
+/// Returns the component of a wrench borne by the joint's drive.
 #[inline(always)]
 fn along(node: &Node, wrench: Spatial) -> f64 {
     if node.prismatic { wrench.linear.z } else { wrench.angular.z }
@@ -264,7 +266,7 @@ fn point_acceleration(w: V3, dw: V3) -> M3 {
     }
 }
 
-/// Wrench about the origin for the motion of a body, by the Newton-Euler equations.
+/// Returns the wrench about the origin for the motion of a body, by the Newton-Euler equations.
 #[inline(always)]
 fn net_wrench(inertia: &crate::math::RigidInertia, body: &Local) -> Spatial {
     let spin = inertia.rotational * body.angular;

@@ -1,9 +1,9 @@
 //! Formats of robot files.
 
-/// Format of a robot's file.
+/// Format of a robot file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FileFormat {
-    /// URDF, or MJCF when the root element is `<mujoco>`; a folder that has both means its URDF.
+    /// URDF, or MJCF if the root element is `<mujoco>`. In a folder with both, the URDF is used.
     #[default]
     Any,
     /// MJCF. Not used in the catalogue.
@@ -35,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_root_element_tells_the_format() {
+    fn root_element_determines_the_format() {
         for text in
             ["<mujoco/>", "<?xml version=\"1.0\"?>\n<!-- <robot> -->\n<mujoco model=\"a\">", "<mujoco>"]
         {

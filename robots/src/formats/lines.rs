@@ -1,6 +1,6 @@
-//! Lines and columns of the places in a text.
+//! Lines and columns of positions in a text.
 
-/// A place in a text file, both counted from 1.
+/// A position in a text file; line and column are counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Position {
     /// Line.
@@ -9,8 +9,7 @@ pub struct Position {
     pub column: u32,
 }
 
-/// The starts of the lines of a text: a position is found by bisection, not by reading the text from its
-/// beginning.
+/// Start offsets of the lines of a text, so that positions are found by bisection.
 pub(crate) struct Lines<'a> {
     text: &'a str,
     starts: Vec<usize>,
@@ -22,7 +21,7 @@ impl<'a> Lines<'a> {
         Self { text, starts: starts.collect() }
     }
 
-    /// Line and column of the byte at `offset`, both from 1; columns count characters.
+    /// Returns line and column of the byte at `offset`, both from 1; columns count characters.
     pub(crate) fn position(&self, offset: usize) -> Position {
         let line = self.starts.partition_point(|start| *start <= offset);
         let column = self.text[self.starts[line - 1]..offset].chars().count() + 1;

@@ -1,4 +1,4 @@
-//! Readers and writers of files, and their options.
+//! Readers and writers of robot files, and their options.
 
 pub(crate) mod colours;
 pub(crate) mod format;

@@ -4,14 +4,14 @@ use std::path::PathBuf;
 
 use crate::{FileFormat, PackagePath};
 
-/// Treatment of the root link: fixed to the world, or free.
+/// Treatment of the root link: fixed to the world or floating.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BaseMode {
     /// As in the robot's files: the root link is floating if the profile specifies it; otherwise it is fixed
     /// to the world, unless the only joint that moves it is `floating`.
     #[default]
     AsFile,
-    /// The root link moves freely.
+    /// The root link floats.
     Floating,
     /// The root link is fixed to the world, regardless of the profile.
     Fixed,
@@ -26,11 +26,11 @@ pub struct LoadOptions {
     pub mimic: MimicMode,
     /// Folders searched for packages before `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
     pub packages: PackagePath,
-    /// Source of the profile.
+    /// Choice of the profile.
     pub profile: ProfileChoice,
-    /// The shapes that the model gets.
+    /// Shapes used in the model.
     pub shapes: ShapeSource,
-    /// The format that its file must have.
+    /// Required format of the file.
     pub format: FileFormat,
 }
 
@@ -40,26 +40,26 @@ pub enum ShapeSource {
     /// Collision shapes.
     #[default]
     Collision,
-    /// Visible shapes, for pictures: the visuals of a URDF, the geoms of groups 0 to 2 of an MJCF file.
+    /// Visible shapes, for images: the visuals of a URDF, the geoms of groups 0 to 2 of an MJCF file.
     Visual,
 }
 
 /// Source of a robot's profile.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum ProfileChoice {
-    /// The catalogue's profile, or the `.toml` of the same name next to the file, if it exists.
+    /// The catalogue's profile, or the `.toml` with the same name next to the file, if it exists.
     #[default]
     Own,
-    /// A file.
+    /// The profile in a file.
     File(PathBuf),
-    /// None.
+    /// No profile.
     Without,
 }
 
 /// Treatment of mimic joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MimicMode {
-    /// They follow their master, as in the file.
+    /// Each follows its master, as in the file.
     #[default]
     Follow,
     /// Each is an independent joint with its own coordinate.

@@ -1,8 +1,8 @@
-//! Finding the files that `package://` and relative names mean.
+//! Resolution of `package://` and relative file names.
 
 use std::path::{Path, PathBuf};
 
-/// Folders that packages are searched in.
+/// Folders searched for packages.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PackagePath {
     /// Folders that are packages or contain packages (`ROS_PACKAGE_PATH`).
@@ -24,10 +24,10 @@ impl PackagePath {
         Self { folders: read("ROS_PACKAGE_PATH"), prefixes: read("AMENT_PREFIX_PATH") }
     }
 
-    /// The file `uri` means: `package://NAME/PATH`, `model://NAME/PATH`, `file://PATH` or a path relative to
-    /// `file`, the URDF that names it. Packages are looked for in the folders, the prefixes, then among
-    /// `file`'s ancestors; of a robot that was copied out of its package, in the folder above `file` that has
-    /// the name of one in `PATH`.
+    /// Resolves `uri`: `package://NAME/PATH`, `model://NAME/PATH`, `file://PATH` or a path relative to
+    /// `file`, the URDF that names it. Packages are searched in the folders, the prefixes and the ancestors
+    /// of `file`. For a robot that was copied out of its package, the folder above `file` that has the name
+    /// of a folder in `PATH` is used.
     ///
     /// # Errors
     ///
@@ -66,14 +66,14 @@ impl PackagePath {
     }
 }
 
-/// The folders above a file, the nearest first.
+/// Returns the folders above a file, the nearest first.
 fn above(file: Option<&Path>) -> Vec<PathBuf> {
-    // A relative path does not name the folders above the present one.
+    // A relative path does not name the folders above the current one.
     let file = file.map(|file| std::path::absolute(file).unwrap_or_else(|_| file.to_owned()));
     file.iter().flat_map(|file| file.ancestors().skip(1)).map(Path::to_owned).collect()
 }
 
-/// The file in the folder of a robot that was copied out of its package: one above `file` that has the name
+/// Returns the file of a robot that was copied out of its package: in a folder above `file` that has the name
 /// of a folder in `path`.
 fn copied(path: &str, file: Option<&Path>) -> Option<PathBuf> {
     let above = above(file);

@@ -117,7 +117,7 @@ fn a_fault_in_an_included_file_is_found_there() {
     assert!(read().contains("part.xml:2:") && read().contains("not well-formed XML"), "{}", read());
     write("part.xml", "<mujoco><include file=\"main.xml\"/></mujoco>");
     assert!(
-        read().contains("part.xml:1:9: <include> of \"main.xml\": a file is included once"),
+        read().contains("part.xml:1:9: <include> of \"main.xml\": each file can be included only once"),
         "{}",
         read()
     );

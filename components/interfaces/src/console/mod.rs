@@ -17,7 +17,7 @@ use motorium::state::{Decoded, Decoder, FieldValue, Number};
 
 use queue::{Receiver, Sender, queue};
 
-/// Inputs that exist without being named in `inputs`: the states found in most graphs.
+/// Inputs that exist without being listed in `inputs`: the states found in most graphs.
 const USUAL: [&str; 8] =
     ["joint_state", "joint_command", "base_state", "target", "wrench", "imu", "phase", "emergency_stop"];
 
@@ -30,7 +30,7 @@ const USUAL: [&str; 8] =
 #[derive(Debug, Clone, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ConsoleLogConfig {
-    /// Names of further inputs, each for a topic of any type except slices. Default none.
+    /// Names of additional inputs, each for a topic of any type except slices. Default: none.
     pub inputs: Vec<String>,
     /// Digits after the decimal point, 0 to 12. Default 3.
     pub digits: u8,
@@ -122,7 +122,7 @@ impl Component for ConsoleLog {
     }
 }
 
-/// The form of the lines of one input.
+/// Format of the lines of one input.
 struct Format {
     name: String,
     decoder: Decoder,
@@ -133,7 +133,7 @@ impl Format {
     fn line(&self, time: f64, bytes: &[u8]) -> String {
         let mut line = format!("{time:9.3} s  {}:", self.name);
         match self.decoder.decode(bytes) {
-            // writing to a text does not fail
+            // writing to a string does not fail
             Ok(Decoded(fields)) => fields.iter().for_each(|(name, value)| {
                 let _ = self.field(&mut line, name, value);
             }),
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn topics_of_any_type_are_printed_once_a_value() {
+    fn topics_of_any_type_are_printed_once_per_value() {
         let source =
             Source::new("gripper", "grip", |tick| Some(Grip { closed: tick.index, ..Grip::default() }));
         let state = Source::new("arm", "state", |_| Some(JointState::default()));
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn two_inputs_of_one_name_are_refused() {
+    fn duplicate_input_names_are_rejected() {
         for inputs in [vec!["a".to_string(), "a".to_string()], vec!["target".to_string()]] {
             let config = ConsoleLogConfig { inputs, ..ConsoleLogConfig::default() };
             let error = ConsoleLog::declare(&config, &mut Declare::new(None)).unwrap_err();

@@ -1,17 +1,17 @@
-//! A bounded queue of values of different sizes, as bytes, from the step to the thread that prints.
+//! A bounded byte queue for values of different sizes, from the step to the printing thread.
 
 use std::sync::Arc;
 
 use crossbeam_queue::ArrayQueue;
 
-/// Most bytes of a queue.
+/// Maximum size of a queue, bytes.
 const LONGEST: usize = 64 << 20;
 
-/// The side of the step. It never waits.
+/// The sending side, used by the step. It never blocks.
 #[derive(Debug)]
 pub(super) struct Sender(Arc<Slots>);
 
-/// The side of the printer.
+/// The receiving side, used by the printing thread.
 #[derive(Debug)]
 pub(super) struct Receiver(Arc<Slots>);
 
@@ -22,7 +22,7 @@ struct Slots {
     filled: ArrayQueue<Slot>,
 }
 
-/// Room for a value.
+/// Storage for one value.
 #[derive(Debug)]
 struct Slot {
     time: f64,
@@ -31,7 +31,7 @@ struct Slot {
     bytes: Box<[u8]>,
 }
 
-/// A value on its way.
+/// A queued value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Entry<'a> {
     /// Time of the step, s since the start of the run.
@@ -72,7 +72,7 @@ impl Receiver {
     pub(super) fn receive<T>(&mut self, read: impl FnOnce(Entry<'_>) -> T) -> Option<T> {
         let slot = self.0.filled.pop()?;
         let result = read(Entry { time: slot.time, input: slot.input, bytes: &slot.bytes[..slot.length] });
-        let _ = self.0.free.push(slot); // it came from there
+        let _ = self.0.free.push(slot); // it was popped from this queue
         Some(result)
     }
 }
@@ -89,7 +89,7 @@ mod tests {
             let time = f64::from(round);
             assert!(sender.send(time, 1, &values[0]) && sender.send(time, 2, &values[2]));
             assert!(sender.send(time, 3, &values[1]));
-            assert!(!sender.send(time, 4, &values[1]), "three wait already");
+            assert!(!sender.send(time, 4, &values[1]), "three values are queued already");
             for (input, bytes) in [(1, &values[0]), (2, &values[2]), (3, &values[1])] {
                 let seen = receiver.receive(|entry| assert_eq!(entry, Entry { time, input, bytes }));
                 assert_eq!(seen, Some(()));
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_longer_than_declared_finds_no_room_and_takes_none() {
+    fn oversized_value_is_rejected_without_using_a_slot() {
         let (mut sender, mut receiver) = queue(1, 4);
         assert!(!sender.send(0.0, 0, &[0; 5]));
         assert!(sender.send(0.0, 0, &[7; 4]));

@@ -61,7 +61,7 @@ fn loopback() -> String {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Sender {
     pub(super) address: IpAddr,
-    /// `None` for any.
+    /// `None` for any port.
     port: Option<u16>,
 }
 
@@ -73,7 +73,7 @@ impl Sender {
 }
 
 impl UdpSensorConfig {
-    /// The layout of the type.
+    /// Returns the layout of the type.
     pub(super) fn layout(&self) -> Result<TypeLayout, ConfigError> {
         let layouts = built_in();
         let Some(layout) = layouts.iter().find(|layout| layout.type_name == self.type_name) else {
@@ -92,7 +92,7 @@ impl UdpSensorConfig {
         Ok(layout.clone())
     }
 
-    /// The address to receive on.
+    /// Returns the address to receive on.
     pub(super) fn socket_address(&self) -> Result<SocketAddr, ConfigError> {
         if self.port == 0 {
             let error = ConfigError::key("port", "port 0 is not allowed, expected 1 to 65535");

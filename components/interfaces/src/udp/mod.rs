@@ -25,7 +25,7 @@ use socket::{Datagram, Socket};
 
 /// Name of the output.
 const VALUE: &str = "value";
-/// Maximum number of datagrams read in one step; the rest releases the next step.
+/// Maximum number of datagrams read in one step; remaining ones release the next step.
 const TAKEN: usize = 64;
 
 /// A component that publishes the newest datagram.
@@ -40,14 +40,14 @@ pub struct UdpSensor {
     is_emergency_stop: bool,
     output: RawOutput,
     clock: RunClock,
-    /// Payload of the datagram read last; a byte longer than a value.
+    /// Payload of the last datagram; one byte longer than a value.
     read: Box<[u8]>,
     /// The newest valid value of a step.
     newest: Box<[u8]>,
     counts: Counts,
 }
 
-/// Counts of the datagrams by outcome.
+/// Number of datagrams per outcome.
 #[derive(Debug, Default)]
 struct Counts {
     received: u64,
@@ -118,7 +118,7 @@ impl Component for UdpSensor {
         let mut newest: Option<Datagram> = None;
         for _ in 0..TAKEN {
             let received = self.socket.receive(&mut self.read);
-            let received = received.map_err(|_| StepError::failed("its socket can no longer be read"))?;
+            let received = received.map_err(|_| StepError::failed("the socket can no longer be read"))?;
             let Some(datagram) = received else { break };
             self.counts.received += 1;
             self.counts.lost = datagram.lost.unwrap_or(self.counts.lost);
@@ -165,7 +165,7 @@ impl Component for UdpSensor {
 }
 
 impl UdpSensor {
-    /// True if the datagram read last may be published.
+    /// Returns `true` if the last datagram may be published.
     fn admit(&mut self, datagram: &Datagram) -> bool {
         let known = |address| self.senders.iter().any(|sender| sender.is(address));
         if !self.senders.is_empty() && !datagram.sender.is_some_and(known) {
@@ -181,7 +181,7 @@ impl UdpSensor {
         checked.map_err(|defect| self.counts.refuse(defect)).is_ok() && self.is_owned(datagram)
     }
 
-    /// True if a sender on this machine is a program of this user or of root, and was before.
+    /// Returns `true` if a local sender is a process of this user or of root, and was so before.
     fn is_owned(&mut self, datagram: &Datagram) -> bool {
         let Some(owners) = &mut self.owners else { return true };
         let is_local = |sender: &SocketAddr| {
@@ -190,7 +190,7 @@ impl UdpSensor {
         };
         let Some(sender) = datagram.sender.filter(is_local) else { return true };
         let now_ns = realtime_ns();
-        // The list of sockets is a file of the kernel, whose length differs from one reading to the next.
+        // The list of sockets is a kernel file whose length varies between reads.
         let owned = set_apart(|| owners.check(sender, datagram.received_ns.unwrap_or(now_ns), now_ns));
         match owned {
             Ownership::Own => return true,
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn a_type_a_port_and_loopback_are_enough() {
+    fn type_and_port_suffice_on_loopback() {
         let mut declare = Declare::new(None);
         let config = config(serde_json::json!({ "type": "motorium.Wrench", "port": 7400 }));
         UdpSensor::declare(&config, &mut declare).unwrap();

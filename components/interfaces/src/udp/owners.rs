@@ -12,9 +12,9 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 
 /// The kernel's lists of the UDP sockets of this network namespace.
 const LISTS: [&str; 2] = ["/proc/net/udp", "/proc/net/udp6"];
-/// Senders that are remembered; a newer one replaces the oldest.
+/// Maximum number of remembered senders; a new one replaces the oldest.
 const REMEMBERED: usize = 64;
-/// Room for a list at first, bytes.
+/// Initial capacity for a list, bytes.
 const ROOM: usize = 64 * 1024;
 
 /// Senders on this machine, checked by the owner of their sockets.
@@ -38,13 +38,13 @@ struct Known {
 }
 
 impl Known {
-    /// True if nobody else could send from the address at this time.
+    /// Returns `true` if no other user could have sent from the address at this time.
     fn covers(&self, received_ns: u64) -> bool {
         self.since_ns < received_ns && received_ns <= self.until_ns
     }
 }
 
-/// The verdict on a datagram from this machine.
+/// Origin of a local datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ownership {
     /// Sent by a socket of this user or of root.
@@ -56,7 +56,7 @@ pub(super) enum Ownership {
 }
 
 impl Owners {
-    /// Opens the lists of the kernel.
+    /// Opens the kernel's lists.
     pub(super) fn open() -> io::Result<Self> {
         let user = rustix::process::geteuid().as_raw();
         let lists: Vec<File> = LISTS.iter().filter_map(|list| File::open(list).ok()).collect();
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn a_socket_of_this_user_is_introduced_and_then_known() {
+    fn socket_of_this_user_is_introduced_and_then_known() {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         let sender = socket.local_addr().unwrap();
         let mut owners = Owners::open().unwrap();
@@ -213,7 +213,7 @@ mod tests {
         assert_eq!(owners.check(sender, 14, 15), expected);
         owners.user -= 1;
         drop(socket);
-        assert_eq!(owners.check(sender, 16, 17), Ownership::Foreign, "it is closed");
+        assert_eq!(owners.check(sender, 16, 17), Ownership::Foreign, "the socket is closed");
     }
 
     #[test]

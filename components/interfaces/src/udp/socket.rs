@@ -1,6 +1,6 @@
 //! A UDP socket that reports the arrival time of each datagram and the number of lost ones.
 
-#![allow(unsafe_code)] // `recvmsg` with control messages has no safe wrapper that knows the times of datagrams
+#![allow(unsafe_code)] // `recvmsg` has no safe wrapper that reports the receive times of datagrams
 
 use std::io;
 use std::mem::{size_of, zeroed};
@@ -10,7 +10,7 @@ use std::os::fd::{AsFd, AsRawFd as _, BorrowedFd};
 /// Room for the control messages of a datagram: its time, and the number of those that were lost.
 const CONTROL: usize = 128;
 
-/// A UDP socket that never waits.
+/// A non-blocking UDP socket.
 #[derive(Debug)]
 pub(super) struct Socket(UdpSocket);
 
@@ -34,7 +34,7 @@ pub(super) struct Datagram {
 struct Control([u8; CONTROL]);
 
 impl Socket {
-    /// Receives on an address.
+    /// Binds a socket to an address.
     pub(super) fn bind(address: SocketAddr) -> io::Result<Self> {
         let socket = UdpSocket::bind(address)?;
         socket.set_nonblocking(true)?;
@@ -82,7 +82,7 @@ impl AsFd for Socket {
     }
 }
 
-/// The time of a datagram and the number of those lost, from its control messages.
+/// Extracts the receive time and the number of lost datagrams from the control messages.
 fn control_data(message: &libc::msghdr) -> (Option<u64>, Option<u32>) {
     let (mut received_ns, mut lost) = (None, None);
     // SAFETY: the kernel has filled the control buffer of this header, and wrote its length; the macros stay
@@ -155,14 +155,14 @@ mod tests {
                 return;
             }
         }
-        panic!("the kernel stamps no datagram when it arrives");
+        panic!("the kernel does not stamp datagrams on arrival");
     }
 
     #[test]
     fn datagrams_have_sender_order_and_arrival_time() {
         let (socket, sender, own) = pair("127.0.0.1").unwrap();
         let mut payload = [0; 4];
-        assert_eq!(socket.receive(&mut payload).unwrap(), None, "it does not wait");
+        assert_eq!(socket.receive(&mut payload).unwrap(), None, "it does not block");
         wait_for_stamps(&socket, &sender);
         let before = now_ns();
         for bytes in [&[1_u8, 2, 3, 4][..], &[5, 6], &[7; 9]] {

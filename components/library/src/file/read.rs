@@ -32,7 +32,7 @@ pub enum FileError {
     },
     /// The file is not a library.
     #[error(
-        "not a motion library: it begins with `{}`; `motorium library build` makes one from recordings",
+        "not a motion library: it begins with `{}`; `motorium library build` creates one from recordings",
         .found.escape_ascii()
     )]
     Magic {

@@ -16,7 +16,7 @@ fn library_survives_its_file() {
         file::write(&library, &path).unwrap();
         assert_eq!(file::read(&path).unwrap(), library);
     }
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left beside it");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file remains");
 }
 
 #[test]

@@ -45,7 +45,7 @@ fn eigenforces_match_a_direct_decomposition() {
 }
 
 #[test]
-fn in_the_metric_of_position_the_response_is_approximated_best() {
+fn position_metric_minimises_the_response_residual() {
     let golden = golden();
     let library = library(Metric::Position);
     assert!(off(&library.parts().singular, &numbers(&golden["singular_position"])[..library.rank()]) < 1e-12);
@@ -155,7 +155,7 @@ fn recursive_updates_match_a_direct_decomposition() {
 }
 
 #[test]
-fn forgetting_weighs_a_movement_by_its_age() {
+fn forgetting_weights_movements_by_age() {
     let golden = golden();
     let set = recordings(&golden);
     let first = Recordings { names: set.names.clone(), trajectories: set.trajectories[..1].to_vec() };
@@ -178,7 +178,7 @@ fn recursive_covariance_matches_the_batch_covariance() {
 }
 
 #[test]
-fn a_movement_is_recognised_and_a_new_one_is_novel() {
+fn known_movements_are_recognised_and_new_ones_are_novel() {
     let set = recordings(&golden());
     let library = library(Metric::Force);
     let mut recogniser = Recogniser::new(&library, 8);
@@ -236,7 +236,7 @@ fn fewer_eigenforces_are_kept_by_error_and_by_bytes() {
     let left: f64 = 1.0 - by_error.explained().iter().sum::<f64>();
     assert!(left <= 0.01 && by_error.rank() < 14);
     let one_less: f64 = 1.0 - by_error.explained()[..by_error.rank() - 1].iter().sum::<f64>();
-    assert!(one_less > 0.01, "one less would not do");
+    assert!(one_less > 0.01, "one fewer does not suffice");
     assert_eq!(build(Truncation::Bytes(5 * 8 * 142)).rank(), 5);
 }
 
@@ -266,7 +266,7 @@ fn balanced_eigenforces_resist_outliers() {
     let (plain, even) = (error(&library, &seen), error(&balanced, &seen));
     assert!(even.mean < plain.mean && even.median < plain.median, "{plain:?} {even:?}");
     let squares = |e: &motorium_library::PathError| e.mean * e.mean + e.deviation * e.deviation;
-    assert!(squares(&even) > squares(&plain), "nothing has a smaller mean square than the singular vectors");
+    assert!(squares(&even) > squares(&plain), "singular vectors have the smallest mean square");
     assert!(error(&balanced, &held).mean < 1.05 * error(&library, &held).mean);
     let gram = balanced.parts().basis.transpose() * &balanced.parts().basis;
     assert!((gram - DMatrix::<f64>::identity(balanced.rank(), balanced.rank())).norm() < 1e-9);
@@ -301,7 +301,7 @@ fn spectrum_of_recorded_letters_matches_scipy() {
 }
 
 #[test]
-fn a_part_at_rest_is_refused_by_name() {
+fn part_at_rest_is_rejected_by_name() {
     let mut resting = recordings(&golden());
     resting.trajectories.iter_mut().for_each(|movement| movement.positions.column_mut(1).fill(0.0));
     let whole = MotionLibrary::build(&resting, spring(), Metric::Force, Truncation::All).unwrap();

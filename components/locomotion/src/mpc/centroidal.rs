@@ -5,10 +5,10 @@ use nalgebra::{DMatrix, Matrix3, Rotation3, SVector, Vector3};
 
 use super::horizon::{CentroidalState, HorizonStep, MpcSettings};
 
-/// Rows of a state.
+/// Number of rows of a state.
 const STATE: usize = 12;
 
-/// A state as one column: turn, position, angular momentum, velocity.
+/// A state as a column: rotation, position, angular momentum, velocity.
 type Column = SVector<f64, STATE>;
 
 /// Model-predictive control of the centroidal motion; see the [module](super). Only construction allocates.
@@ -16,16 +16,16 @@ type Column = SVector<f64, STATE>;
 pub struct CentroidalMpc {
     settings: MpcSettings,
     points: usize,
-    /// Two tangents and the normal of the ground, as columns: the axes of the decided forces.
+    /// Axes of the force variables: two tangents and the normal of the ground, as columns.
     axes: Matrix3<f64>,
     horizon: Vec<HorizonStep>,
-    /// States that were predicted, from the beginning to the end of the horizon.
+    /// Predicted states, from the beginning to the end of the horizon.
     predicted: Vec<CentroidalState>,
     /// `true` if `predicted` is from the previous horizon.
     predicts: bool,
     problem: Problem,
     solver: ActiveSetSolver,
-    /// Effect of all forces on the state, and its rows as the cost weighs them: one column for each force.
+    /// Effect of all forces on the state, and its rows weighted by the cost: one column per force.
     effect: DMatrix<f64>,
     weighed: DMatrix<f64>,
     forces: Vec<Vector3<f64>>,
@@ -36,7 +36,7 @@ impl CentroidalMpc {
     /// Creates a controller with one contact point per coefficient of `friction`.
     ///
     /// # Panics
-    /// If the horizon has no step.
+    /// If the horizon has no steps.
     pub fn new(settings: MpcSettings, friction: &[f64]) -> Self {
         assert!(settings.steps > 0, "a horizon without a step");
         let (steps, points) = (settings.steps, friction.len());
@@ -75,18 +75,18 @@ impl CentroidalMpc {
         &self.settings
     }
 
-    /// The steps of the horizon, to be written before [`solve`](Self::solve).
+    /// Returns the steps of the horizon, to be written before [`solve`](Self::solve).
     pub fn horizon_mut(&mut self) -> &mut [HorizonStep] {
         &mut self.horizon
     }
 
-    /// Sets the axes of the ground from the next solve on, two tangents and the normal as columns: friction
-    /// is about its normal.
+    /// Sets the axes of the ground from the next solve on, two tangents and the normal as columns. The
+    /// friction cones are about this normal.
     pub fn set_ground_axes(&mut self, axes: &Matrix3<f64>) {
         self.axes = *axes;
     }
 
-    /// Discards the previous horizon: the next solve equals a new controller's.
+    /// Discards the previous horizon. The next solve equals a new controller's.
     pub fn reset(&mut self) {
         self.predicts = false;
         self.solver.reset();
@@ -97,7 +97,7 @@ impl CentroidalMpc {
     /// \[rad\].
     ///
     /// # Errors
-    /// [`SolveError`]. Zero force is always feasible, so no horizon is infeasible.
+    /// [`SolveError`]. Zero force is always feasible, so a horizon is never infeasible.
     pub fn solve(
         &mut self,
         state: &CentroidalState,
@@ -116,27 +116,27 @@ impl CentroidalMpc {
         Ok(())
     }
 
-    /// Force at a point in a step of the horizon, axes of the world \[N\], at the last solution.
+    /// Returns the force at a point in a step of the horizon, in world axes \[N\], from the last solution.
     pub fn force(&self, step: usize, point: usize) -> Vector3<f64> {
         self.forces[step * self.points + point]
     }
 
-    /// The states from the beginning to the end of the horizon at the last solution.
+    /// Returns the predicted states from the beginning to the end of the horizon, from the last solution.
     pub fn predicted(&self) -> &[CentroidalState] {
         &self.predicted
     }
 
-    /// Iterations of the solver at the last solution.
+    /// Number of iterations of the last solution.
     pub fn iterations(&self) -> u32 {
         self.iterations
     }
 
-    /// The problem of the last solve.
+    /// Returns the problem of the last solve.
     pub fn problem(&self) -> &Problem {
         &self.problem
     }
 
-    /// Writes the problem.
+    /// Assembles the quadratic program.
     fn assemble(&mut self, state: &CentroidalState, inertia: &Matrix3<f64>, heading: f64) {
         let variables = self.problem.gradient.len();
         self.problem.hessian.fill(0.0);
@@ -163,7 +163,7 @@ impl CentroidalMpc {
             let slot = variable / 3;
             let step = &self.horizon[slot / slots];
             if step.points[slot % slots].is_none() {
-                // no other term involves it, so it becomes zero
+                // no other term contains it, so it becomes zero
                 self.problem.hessian[(variable, variable)] = 1.0;
                 continue;
             }
@@ -193,7 +193,7 @@ impl CentroidalMpc {
         }
     }
 
-    /// Bounds of the forces of a step.
+    /// Sets the bounds of the forces of a step.
     fn bound(&mut self, step: usize) {
         for (point, place) in self.horizon[step].points.iter().enumerate() {
             let slot = step * self.points + point;
@@ -206,7 +206,7 @@ impl CentroidalMpc {
         }
     }
 
-    /// Moves the state without forces, and the effect of the forces, by one step.
+    /// Advances the force-free state and the effect of the forces by one step.
     fn advance(&mut self, step: usize, inverse: &Matrix3<f64>, free: &mut Column) {
         let MpcSettings { step: h, mass, gravity, .. } = self.settings;
         let horizon = &self.horizon[step];
@@ -234,7 +234,7 @@ impl CentroidalMpc {
         }
     }
 
-    /// Weighs the rows of the effect of the first `used` forces at the end of a step.
+    /// Weights the rows of the effect of the first `used` forces at the end of a step.
     fn weigh(&mut self, step: usize, inverse: &Matrix3<f64>, used: usize) {
         let scale = Scale::new(&self.settings, self.horizon[step].heading, inverse);
         for place in 0..used {
@@ -295,7 +295,7 @@ impl CentroidalMpc {
     }
 }
 
-/// Weights of a state's rows, in the axes of the heading, the angular momentum as an angular velocity.
+/// Weights of a state's rows in heading axes, with the angular momentum as an angular velocity.
 struct Scale {
     weights: [Vector3<f64>; 4],
     inverse: Matrix3<f64>,
@@ -344,14 +344,14 @@ fn column(state: &CentroidalState) -> Column {
     column
 }
 
-/// The inverse of the inertia, turned about the vertical.
+/// Returns the inverse of the inertia, rotated about the vertical.
 fn inverse_inertia(inertia: &Matrix3<f64>, yaw: f64) -> Matrix3<f64> {
     let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), yaw);
     let turned = turn * inertia * turn.transpose();
     turned.try_inverse().unwrap_or_else(Matrix3::zeros)
 }
 
-/// Motion of a state without forces and weight for `h` seconds.
+/// Advances a state without forces and weight by `h` seconds.
 fn drift(state: &mut Column, inverse: &Matrix3<f64>, h: f64) {
     let turn = inverse * state.fixed_rows::<3>(6) * h;
     for axis in 0..3 {
@@ -360,7 +360,7 @@ fn drift(state: &mut Column, inverse: &Matrix3<f64>, h: f64) {
     }
 }
 
-/// Change of a state by a force that acts for `h` seconds.
+/// Returns the change of a state by a force that acts for `h` seconds.
 fn impulse(
     arm: &Vector3<f64>,
     force: &Vector3<f64>,

@@ -4,30 +4,30 @@ use nalgebra::{Rotation3, Vector3};
 
 use super::GroundPlane;
 
-/// Motion of the body at the time at which a foot lands.
+/// Motion of the body at the touchdown of a foot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FootPlan {
-    /// Centre of mass then \[m\].
+    /// Centre of mass at touchdown \[m\].
     pub position: Vector3<f64>,
     /// Current velocity and reference velocity \[m/s\].
     pub velocity: Vector3<f64>,
     /// Velocity of the reference \[m/s\].
     pub desired: Vector3<f64>,
-    /// Heading in the middle of the stance that follows \[rad\].
+    /// Heading in the middle of the following stance \[rad\].
     pub heading: f64,
-    /// Time of the stance that follows \[s\].
+    /// Duration of the following stance \[s\].
     pub stance: f64,
     /// Height of the centre of mass above the ground \[m\].
     pub height: f64,
-    /// Acceleration of gravity \[m/s2\].
+    /// Gravitational acceleration \[m/s2\].
     pub gravity: f64,
     /// The ground.
     pub ground: GroundPlane,
 }
 
-/// The place on the ground at which a foot lands: below its place at rest, `rest` from the centre of mass in
-/// the axes of the heading, in the middle of the stance that follows, and further on by the capture point's
-/// share of a velocity error, at most `most`.
+/// Returns the foothold of a swing: below the foot's rest position in the middle of the following stance,
+/// where `rest` is its offset from the centre of mass in heading axes. The capture-point correction of a
+/// velocity error is added, limited to `most`.
 ///
 /// ```text
 /// p = c + R(heading) rest + T / 2 v* + cut(sqrt(height / g) (v - v*), most)       x and y;   z: the ground's
@@ -68,7 +68,7 @@ pub fn foothold(plan: &FootPlan, rest: &Vector3<f64>, most: f64) -> Vector3<f64>
     place
 }
 
-/// A swing of a foot from its lift-off position to a foothold that may still move.
+/// A swing of a foot from its lift-off position to a foothold that may still change.
 ///
 /// ```text
 /// p(s) = from + b(s) (to - from) + clearance 64 s^3 (1 - s)^3 z,   b = 10 s^3 - 15 s^4 + 6 s^5
@@ -84,12 +84,12 @@ pub struct Swing {
     pub to: Vector3<f64>,
     /// Height at mid-swing \[m\].
     pub clearance: f64,
-    /// Time of the whole swing \[s\].
+    /// Duration of the whole swing \[s\].
     pub time: f64,
 }
 
 impl Swing {
-    /// Position \[m\] and velocity \[m/s\] after `elapsed` seconds.
+    /// Returns position \[m\] and velocity \[m/s\] after `elapsed` seconds.
     pub fn point_at(&self, elapsed: f64) -> (Vector3<f64>, Vector3<f64>) {
         let s = (elapsed / self.time).clamp(0.0, 1.0);
         let way = s * s * s * (10.0 + s * (6.0 * s - 15.0));
@@ -131,8 +131,7 @@ mod tests {
         }
     }
 
-    /// For a linear inverted pendulum with a point foot, a mass that steps onto its capture point comes to
-    /// rest.
+    /// A linear inverted pendulum with a point foot that steps onto its capture point comes to rest.
     #[test]
     fn capture_step_brings_a_pendulum_to_rest() {
         let (height, gravity) = (0.5_f64, 9.81_f64);
@@ -150,6 +149,6 @@ mod tests {
         let left = at - foot;
         assert!(left.x.hypot(left.y) < 2e-3 && moving.norm() < 1e-2, "{left} {moving}");
         let cut = foothold(&plan, &Vector3::zeros(), 0.01);
-        assert!((cut.x.hypot(cut.y) - 0.01).abs() < 1e-12, "a large step is cut");
+        assert!((cut.x.hypot(cut.y) - 0.01).abs() < 1e-12, "a large step is limited");
     }
 }

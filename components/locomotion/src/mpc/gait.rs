@@ -1,4 +1,4 @@
-//! Gaits: which feet touch the ground when.
+//! Gaits: schedules of foot contacts.
 
 /// A periodic gait: each foot is in stance for a fraction of the period, then swings.
 ///
@@ -17,10 +17,10 @@ pub struct Gait {
     offsets: Vec<f64>,
 }
 
-/// Invalid parameters of a gait.
+/// Invalid gait parameters.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum GaitError {
-    /// A period that is not positive.
+    /// The period is not positive.
     #[error("a period of {0} s, expected more than 0")]
     Period(f64),
     /// The duty is not a fraction of the period.
@@ -50,7 +50,7 @@ impl Gait {
         }
     }
 
-    /// Time for which a foot swings \[s\].
+    /// Duration of the swing of a foot \[s\].
     pub fn swing_time(&self) -> f64 {
         (1.0 - self.duty) * self.period
     }
@@ -65,7 +65,8 @@ impl Gait {
         self.offsets.len()
     }
 
-    /// Beginning of the swing that `foot` is in at `time` \[s\], if the gait went on for ever.
+    /// Returns the start of the swing that `foot` is in at `time` \[s\] if the gait is continued
+    /// indefinitely.
     fn swing_began(&self, foot: usize, time: f64) -> Option<f64> {
         let phase = (time / self.period - self.offsets[foot]).rem_euclid(1.0);
         (phase >= self.duty).then_some(time - (phase - self.duty) * self.period)
@@ -83,16 +84,16 @@ pub struct Stepping {
     ends: Option<f64>,
 }
 
-/// Rounding of times, s.
+/// Tolerance for rounding of times, s.
 const SAME: f64 = 1e-9;
 
 impl Stepping {
-    /// On all feet.
+    /// Starts in stance on all feet.
     pub fn new(gait: Gait) -> Self {
         Self { gait, began: None, ends: None }
     }
 
-    /// The gait.
+    /// Returns the gait.
     pub fn gait(&self) -> &Gait {
         &self.gait
     }
@@ -100,7 +101,7 @@ impl Stepping {
     /// Starts or stops stepping at `time` \[s\]; no effect if already in that state.
     pub fn set(&mut self, steps: bool, time: f64) {
         match (steps, self.began, self.ends) {
-            // it starts again once all feet have landed
+            // stepping starts again once all feet have landed
             (true, None, _) => (self.began, self.ends) = (Some(time), None),
             (true, Some(_), Some(ends)) if time >= ends + self.gait.swing_time() => {
                 (self.began, self.ends) = (Some(time), None);
@@ -110,12 +111,12 @@ impl Stepping {
         }
     }
 
-    /// On all feet, at once.
+    /// Returns to stance on all feet immediately.
     pub fn reset(&mut self) {
         (self.began, self.ends) = (None, None);
     }
 
-    /// Start and end of the swing of `foot` at `time` \[s\]; `None` during stance.
+    /// Returns start and end of the swing of `foot` at `time` \[s\]; `None` during stance.
     pub fn swing(&self, foot: usize, time: f64) -> Option<(f64, f64)> {
         let start = self.began?;
         let began = start + self.gait.swing_began(foot, time - start + SAME)?;
@@ -123,7 +124,7 @@ impl Stepping {
         swings.then(|| (began, began + self.gait.swing_time()))
     }
 
-    /// Start of the next swing of a foot in stance at `time` \[s\]; infinite if there is none.
+    /// Returns the start of the next swing of a foot in stance at `time` \[s\]; infinite if there is none.
     pub fn lifts(&self, foot: usize, time: f64) -> f64 {
         let Some(start) = self.began else { return f64::INFINITY };
         let gait = &self.gait;
@@ -150,7 +151,8 @@ mod tests {
     fn trot_alternates_its_diagonals() {
         let mut stepping = trot();
         stepping.set(true, 10.0);
-        // the first swings begin at 0.6 of the period, the other diagonal's 0.5 later, at 0.1 of it
+        // the first swings start at 0.6 of the period; the other diagonal's start 0.5 later, at 0.1 of the
+        // period
         let mut share = [0; 4];
         for step in 0..4000 {
             let time = 10.0 + f64::from(step) * 1e-3;
@@ -192,14 +194,14 @@ mod tests {
         assert_eq!(swings(&stepping, 5.0), [false; 4]);
         assert_eq!(stepping.lifts(0, 5.0), f64::INFINITY);
         stepping.set(true, 5.0);
-        // the other diagonal would have swung since 4.84 until 5.0
+        // the other diagonal would have been in swing from 4.84 to 5.0
         assert_eq!(swings(&stepping, 5.0), [false; 4]);
         assert_eq!(swings(&stepping, 5.05), [false, true, true, false]);
         stepping.set(false, 5.1);
-        assert_eq!(swings(&stepping, 5.15), [false, true, true, false], "it lands as planned");
-        assert_eq!(swings(&stepping, 5.25), [false; 4], "and no other one lifts");
+        assert_eq!(swings(&stepping, 5.15), [false, true, true, false], "the feet land as planned");
+        assert_eq!(swings(&stepping, 5.25), [false; 4], "and no other foot lifts off");
         assert_eq!(stepping.lifts(0, 5.2), f64::INFINITY);
-        // not before all have landed
+        // not before all feet have landed
         stepping.set(true, 5.15);
         assert_eq!(swings(&stepping, 5.25), [false; 4]);
         stepping.set(true, 6.0);

@@ -1,8 +1,8 @@
-//! The ground under the feet: a plane.
+//! A planar model of the ground under the feet.
 
 use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 
-/// Steepest slope of a fit, the tangent of 35 degrees.
+/// Steepest slope of a fit: the tangent of 35 degrees.
 const STEEPEST: f64 = 0.7;
 
 /// Minimum spread of the feet for the estimation of a slope \[m2\].
@@ -16,9 +16,9 @@ pub enum GroundModel {
     Level,
     /// A plane with this unit normal through the mean position of the stance feet.
     Normal(Vector3<f64>),
-    /// A plane fitted to the places at which each foot stood last, smoothed by this time constant \[s\].
+    /// A plane fitted to the last stance positions of the feet, smoothed with this time constant \[s\].
     Fitted {
-        /// Time constant of its height and its slopes \[s\]; 0 disables smoothing.
+        /// Time constant of the height and the slopes \[s\]; 0 disables smoothing.
         smoothing: f64,
     },
 }
@@ -43,13 +43,13 @@ pub struct GroundPlane {
 }
 
 impl GroundPlane {
-    /// The plane of this normal through a point.
+    /// Returns the plane with this normal through a point.
     pub fn through(point: &Vector3<f64>, normal: &Vector3<f64>) -> Self {
         let slope = -normal.xy() / normal.z.max(f64::MIN_POSITIVE);
         Self { height: point.z - slope.dot(&point.xy()), slope }
     }
 
-    /// Height at a place \[m\].
+    /// Returns the height at a horizontal position \[m\].
     pub fn height(&self, place: &Vector2<f64>) -> f64 {
         self.height + self.slope.dot(place)
     }
@@ -59,15 +59,15 @@ impl GroundPlane {
         &self.slope
     }
 
-    /// Unit normal, which points up.
+    /// Returns the unit normal, which points up.
     pub fn normal(&self) -> Vector3<f64> {
         Vector3::new(-self.slope.x, -self.slope.y, 1.0).normalize()
     }
 
-    /// The shortest rotation that turns the vertical to the normal.
+    /// Returns the shortest rotation from the vertical to the normal.
     pub fn tilt(&self) -> Rotation3<f64> {
         let normal = self.normal();
-        // about the horizontal across the slope
+        // about the horizontal axis across the slope
         let across = Vector3::new(-normal.y, normal.x, 0.0);
         let sine = across.norm();
         match sine > 0.0 {
@@ -76,7 +76,7 @@ impl GroundPlane {
         }
     }
 
-    /// Two tangents and the normal, as columns.
+    /// Returns two tangents and the normal, as columns.
     pub fn axes(&self) -> Matrix3<f64> {
         self.tilt().into_inner()
     }
@@ -103,7 +103,7 @@ impl GroundPlane {
         if steep > STEEPEST {
             slope *= STEEPEST / steep;
         }
-        // smoothed at the feet, not at the distant origin
+        // smoothed at the feet instead of the distant origin
         let height = self.height(&mean.xy());
         self.slope += (slope - self.slope) * share;
         let height = height + (mean.z - height) * share;
@@ -133,7 +133,7 @@ mod tests {
             let normal = ground.normal();
             assert!((ground.tilt() * Vector3::z() - normal).norm() < 1e-12);
             assert!((ground.axes().determinant() - 1.0).abs() < 1e-12);
-            // a turn about nothing but the horizontal
+            // the rotation axis is horizontal
             assert!(ground.tilt().scaled_axis().z.abs() < 1e-12);
             let same = GroundPlane::through(&rectangle(centre, slope)[0], &normal);
             assert!((same.slope() - ground.slope()).norm() < 1e-9);
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn feet_in_a_line_change_the_height_and_leave_the_slope() {
+    fn collinear_feet_change_the_height_but_not_the_slope() {
         let mut ground = GroundPlane::through(&Vector3::zeros(), &Vector3::new(-0.1, 0.0, 1.0));
         let line = [Vector3::new(0.2, 0.15, 0.5), Vector3::new(-0.2, -0.15, 0.5)];
         ground.fit(line.into_iter(), 1.0);
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn fit_moves_by_a_share_and_rejects_a_wall() {
+    fn fit_moves_by_a_fraction_and_rejects_a_wall() {
         let mut ground = GroundPlane::default();
         let feet = rectangle([10.0, 0.0], |x, _| 0.1 * (x - 10.0) + 0.2);
         ground.fit(feet.into_iter(), 0.5);

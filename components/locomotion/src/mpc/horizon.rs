@@ -4,12 +4,11 @@ use motorium_control::with_defaults;
 use nalgebra::Vector3;
 
 with_defaults! {
-    /// Motion of a whole robot about its centre of mass, axes of the world.
+    /// Motion of a whole robot about its centre of mass, in world axes.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct CentroidalState;
 
-    /// Rotation vector by which the base is turned from the reference at the beginning of the horizon
-    /// \[rad\].
+    /// Rotation vector of the base relative to the reference at the beginning of the horizon \[rad\].
     pub turn: Vector3<f64> = Vector3::zeros();
     /// Centre of mass \[m\].
     pub position: Vector3<f64> = Vector3::zeros();
@@ -44,28 +43,28 @@ with_defaults! {
 
     /// Mass of the robot \[kg\]. Default 1.
     pub mass: f64 = 1.0;
-    /// Acceleration of gravity, axes of the world \[m/s2\]. Default 9.81 down.
+    /// Gravitational acceleration in world axes \[m/s2\]. Default: 9.81 down.
     pub gravity: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
     /// Number of steps of the horizon. Default 10.
     pub steps: usize = 10;
-    /// Time of a step \[s\]. Default 0.03.
+    /// Duration of a step \[s\]. Default 0.03.
     pub step: f64 = 0.03;
-    /// Largest normal force at a point \[N\]. Default infinite.
+    /// Largest normal force at a point \[N\]. Default: infinite.
     pub max_force: f64 = f64::INFINITY;
     /// Costs of errors.
     pub weights: MpcWeights = MpcWeights::default();
 }
 
-/// A step of the horizon: the reference at its end, and the points that touch the ground during it.
+/// A step of the horizon: the reference at its end, and the contact points during it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HorizonStep {
     /// Centre of mass \[m\].
     pub position: Vector3<f64>,
-    /// Its velocity \[m/s\].
+    /// Velocity of the centre of mass \[m/s\].
     pub velocity: Vector3<f64>,
     /// Angular velocity of the reference \[rad/s\].
     pub angular_velocity: Vector3<f64>,
-    /// Heading of the reference: its angle about the vertical \[rad\].
+    /// Heading of the reference, its angle about the vertical \[rad\].
     pub heading: f64,
     /// Position of each point in contact \[m\]; `None` for the others.
     pub points: Vec<Option<Vector3<f64>>>,

@@ -9,12 +9,12 @@ use super::{GroundPlane, Stepping, Swing};
 /// A foot of a [`LegPlanner`](super::LegPlanner).
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlannedFoot {
-    /// Its frame.
+    /// Frame of the foot.
     pub frame: FrameId,
-    /// Points at which the ground pushes, from the ground below the origin of the frame, in its axes \[m\]:
-    /// the corners of a sole, or zero alone.
+    /// Contact points relative to the ground below the frame's origin, in its axes \[m\]: the corners of a
+    /// sole, or zero alone.
     pub points: Vec<Vector3<f64>>,
-    /// Distance of the ground below the origin of the frame: the radius of a ball \[m\].
+    /// Distance from the frame's origin down to the ground: the radius of a ball \[m\].
     pub radius: f64,
     /// Coefficient of friction.
     pub friction: f64,
@@ -27,21 +27,21 @@ with_defaults! {
 
     /// Fraction of a swing after which a contact ends it, 0 to 1. Default 0.5.
     pub early_from: f64 = 0.5;
-    /// Speed at which a foot without contact at the end of its swing is moved into the ground \[m/s\].
+    /// Speed at which a foot without contact at the end of its swing is lowered to find the ground \[m/s\].
     /// Default 0.3.
     pub search_speed: f64 = 0.3;
     /// Maximum duration of this search \[s\]; then the foot counts as standing. Default 0.08.
     pub search_for: f64 = 0.08;
 }
 
-/// A swing foot.
+/// State of a leg.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leg {
-    /// Place of the ground below it in the pose at rest, from the centre of mass, axes of the heading \[m\].
+    /// Rest position of the ground below the foot, from the centre of mass, in heading axes \[m\].
     pub(super) rest: Vector3<f64>,
-    /// Index of its first point among the points of all feet.
+    /// Index of the foot's first point among the points of all feet.
     pub(super) first: usize,
-    /// Position of the ground below it \[m\], and the orientation of its frame.
+    /// Position of the ground below the foot \[m\], and the orientation of its frame.
     pub(super) place: Vector3<f64>,
     pub(super) axes: Rotation3<f64>,
     /// Last stance position \[m\].
@@ -50,27 +50,27 @@ pub(super) struct Leg {
     /// Time of touchdown \[s\].
     pub(super) landed: f64,
     pub(super) load: f64,
-    /// Target of the ground below it \[m\], and its velocity \[m/s\].
+    /// Target position of the ground below the foot \[m\], and its velocity \[m/s\].
     pub(super) target: (Vector3<f64>, Vector3<f64>),
-    /// Number of its swings.
+    /// Number of swings.
     pub(super) swings: u64,
-    /// `true` if its sensor detects a contact; `None` if unknown.
+    /// `true` if the foot's sensor detects a contact; `None` if unknown.
     pub(super) touches: Option<bool>,
-    /// End of its last swing by the gait \[s\].
+    /// End of the last swing according to the gait \[s\].
     lands: f64,
     /// Start of the swing that an early contact ended \[s\].
     early: Option<f64>,
-    /// `true` while it searches for the ground after its swing.
+    /// `true` while the foot searches for the ground after its swing.
     late: bool,
     /// Number of early and late touchdowns.
     pub(super) landings: [u64; 2],
 }
 
-/// Rounding of times, s.
+/// Tolerance for rounding of times, s.
 const SAME: f64 = 1e-6;
 
 impl Leg {
-    /// A foot at rest at this place.
+    /// Creates a foot at rest at this position.
     pub(super) fn new(rest: Vector3<f64>, first: usize, place: Vector3<f64>) -> Self {
         Self {
             rest,
@@ -96,14 +96,14 @@ impl Leg {
         *self = Self { axes: self.axes, touches: self.touches, ..Self::new(self.rest, self.first, place) };
     }
 
-    /// Start and end of its swing at `time` \[s\] according to the gait, unless a contact has ended the
-    /// swing.
+    /// Returns start and end of the swing at `time` \[s\] according to the gait, unless a contact has ended
+    /// the swing.
     pub(super) fn swing_at(&self, stepping: &Stepping, index: usize, time: f64) -> Option<(f64, f64)> {
         let early = |began: f64| self.early.is_some_and(|early| (early - began).abs() < SAME);
         stepping.swing(index, time).filter(|(began, _)| !early(*began))
     }
 
-    /// Returns `true` while it searches for the ground after its swing.
+    /// Returns `true` while the foot searches for the ground after its swing.
     pub(super) fn is_late(&self) -> bool {
         self.late
     }
@@ -119,7 +119,7 @@ impl Leg {
         match self.swing_at(stepping, index, now) {
             Some((began, lands)) => {
                 if std::mem::take(&mut self.late) {
-                    // it never touched, so it swings on from its current position
+                    // it never touched the ground, so the next swing starts at its current position
                     self.swing = None;
                 }
                 self.lands = lands;

@@ -1,10 +1,10 @@
 //! Model-predictive control of the centroidal motion of a legged robot.
 //!
 //! The state `s = (t, c, k, v)` of the whole robot consists of the rotation vector `t` of its base relative
-//! to the reference, position `c` and velocity `v` of its centre of mass, and the angular momentum `k` about
-//! it, all in world axes. The contact forces `f_i` at the points `p_i` move it, independently of the joints.
-//! With the mass `m`, the inertia `I` about the centre of mass in the current posture, and the angular
-//! velocity `w*` of the reference,
+//! to the reference, the position `c` and velocity `v` of its centre of mass, and the angular momentum `k`
+//! about it, all in world axes. It depends on the contact forces `f_i` at the points `p_i` only, not on the
+//! joints. With the mass `m`, the inertia `I` about the centre of mass in the current posture, and the
+//! angular velocity `w*` of the reference,
 //!
 //! ```text
 //! t' = I^-1 k - w*          c' = v          k' = sum (p_i - c) x f_i          v' = sum f_i / m + g
@@ -18,10 +18,10 @@
 //! subject to |f_x|, |f_y| <= friction / sqrt(2) f_z,   0 <= f_z <= max_force,   of points on the ground
 //! ```
 //!
-//! with a share `f*` of the weight for each point in contact. The states are eliminated. Forces of other
-//! points are zero.
+//! with a share `f*` of the weight for each contact point. The states are eliminated. Forces at other points
+//! are zero.
 //!
-//! - [`Gait`] and [`Stepping`] define which feet are in contact.
+//! - [`Gait`] and [`Stepping`] define the contact schedule.
 //! - [`CentroidalMpc`] solves the program.
 //! - [`LegPlanner`] combines them for a legged robot that follows a velocity.
 //! - [`Swing`] moves a foot from its lift-off position to its [foothold](foothold).

@@ -16,7 +16,7 @@ use super::{
 pub struct PlannerSettings {
     /// Settings of the horizon; the mass comes from the model.
     pub mpc: MpcSettings,
-    /// Time between two solutions \[s\]; 0: each step has one.
+    /// Time between two solutions \[s\]; 0 solves in each step.
     pub solve_every: f64,
     /// Largest acceleration of the reference \[m/s2, rad/s2\].
     pub acceleration: f64,
@@ -24,13 +24,13 @@ pub struct PlannerSettings {
     pub height: Option<f64>,
     /// Largest distance of the reference from the measured centre of mass in the plane \[m\].
     pub max_lead: f64,
-    /// Largest angle of the reference from the measured heading \[rad\].
+    /// Largest angle between the reference and the measured heading \[rad\].
     pub max_turn: f64,
     /// Height of a foot at mid-swing \[m\].
     pub clearance: f64,
-    /// Largest distance by which a step is moved against a velocity error \[m\].
+    /// Largest correction of a foothold against a velocity error \[m\].
     pub max_capture: f64,
-    /// Time within which a foot is loaded and unloaded \[s\].
+    /// Duration over which a foot is loaded or unloaded \[s\].
     pub ramp: f64,
     /// Knowledge of the ground.
     pub ground: GroundModel,
@@ -38,8 +38,8 @@ pub struct PlannerSettings {
     pub landing: Landing,
 }
 
-/// A planner of the forces of the feet, by [`CentroidalMpc`], of the contacts, by a gait, and of the swings
-/// between them. Nothing allocates after construction.
+/// A planner of foot forces (by [`CentroidalMpc`]), contacts (by a gait) and the swings between them. Nothing
+/// allocates after construction.
 #[derive(Debug)]
 pub struct LegPlanner {
     settings: PlannerSettings,
@@ -59,7 +59,7 @@ pub struct LegPlanner {
 }
 
 impl LegPlanner {
-    /// Creates a planner for these feet of `model`, a robot with a floating base that stands on them in the
+    /// Creates a planner for these feet of `model`, a floating-base robot that stands on them in the
     /// configuration `rest` (nq).
     pub fn new(
         model: &Model,
@@ -97,7 +97,7 @@ impl LegPlanner {
         }
     }
 
-    /// Begins at a state, on all feet.
+    /// Starts at a state, on all feet.
     pub fn begin(&mut self, state: &MotionState<'_>) {
         let MotionState { model, kinematics, .. } = *state;
         let centre = kinematics.centre_of_mass(model).position;
@@ -118,11 +118,11 @@ impl LegPlanner {
         self.legs[foot].touches = touches;
     }
 
-    /// Plans a step of `dt` seconds from the measured state: stepping at the target velocity `desired`, or at
-    /// rest on all feet.
+    /// Plans a step of `dt` seconds from the measured state: stepping at the target velocity `desired`, or
+    /// standing on all feet.
     ///
     /// # Errors
-    /// [`SolveError`]: the previous forces remain valid.
+    /// [`SolveError`]; the previous forces remain valid.
     pub fn step(
         &mut self,
         state: &MotionState<'_>,
@@ -133,7 +133,7 @@ impl LegPlanner {
         let MotionState { model, kinematics, q, v } = *state;
         let centre = kinematics.centre_of_mass(model);
         self.stepping.set(strides, self.time);
-        // on all feet the body does not leave them
+        // while standing, the body stays above the feet
         let desired = if strides { *desired } else { PlanarVelocity::default() };
         self.reference.follow(&desired, self.settings.acceleration, dt);
         self.place_feet(state, (&centre.position, &centre.velocity), dt);
@@ -173,7 +173,7 @@ impl LegPlanner {
         self.legs[foot].load
     }
 
-    /// Force of the ground on a foot, and its torque about the origin of the foot's frame, axes of the world
+    /// Returns the ground force on a foot and its torque about the origin of the foot's frame, in world axes
     /// \[N, Nm\].
     pub fn wrench(&self, foot: usize) -> Twist {
         let (mut wrench, leg) = (Twist::zero(), &self.legs[foot]);
@@ -189,7 +189,7 @@ impl LegPlanner {
         wrench
     }
 
-    /// Target of the frame of a foot in the world, and the velocity of its origin \[m/s\].
+    /// Returns the target pose of a foot's frame in the world, and the velocity of its origin \[m/s\].
     pub fn target(&self, foot: usize) -> (Isometry3<f64>, Vector3<f64>) {
         let (place, velocity) = self.legs[foot].target;
         let translation = place + self.reference.ground().normal() * self.feet[foot].radius;
@@ -206,22 +206,22 @@ impl LegPlanner {
         self.legs[foot].landings
     }
 
-    /// The target motion.
+    /// Returns the reference motion.
     pub fn reference(&self) -> &Reference {
         &self.reference
     }
 
-    /// The state at the last step.
+    /// Returns the state at the last step.
     pub fn state(&self) -> &CentroidalState {
         &self.state
     }
 
-    /// The horizon.
+    /// Returns the controller of the horizon.
     pub fn mpc(&self) -> &CentroidalMpc {
         &self.mpc
     }
 
-    /// Loads, places and swings of the feet.
+    /// Computes loads, positions and swings of the feet.
     fn place_feet(
         &mut self,
         state: &MotionState<'_>,
@@ -302,7 +302,7 @@ impl LegPlanner {
         self.reference.set_ground(ground);
     }
 
-    /// Writes the reference and the points that touch into the horizon.
+    /// Writes the reference and the contact points into the horizon.
     fn fill_horizon(&mut self) {
         let (now, h) = (self.time, self.settings.mpc.step);
         let gravity = self.settings.mpc.gravity.norm();
@@ -316,14 +316,14 @@ impl LegPlanner {
             let time = now + if step == 0 { 0.0 } else { begins + 0.5 * h };
             for (index, (foot, leg)) in self.feet.iter().zip(&self.legs).enumerate() {
                 let points = &mut horizon.points[leg.first..][..foot.points.len()];
-                // a late foot is expected to touch at the next step
+                // a late foot is expected to touch down at the next step
                 let late = step == 0 && leg.is_late();
                 if late || leg.swing_at(&self.stepping, index, time).is_some() {
                     points.fill(None);
                     continue;
                 }
                 let swing = leg.swing.zip(leg.swing_at(&self.stepping, index, now));
-                // it is in stance from then on, until it lifts
+                // it is in stance from then until its lift-off
                 let since = swing.map_or(now, |(_, (_, lands))| lands);
                 let lifts = self.stepping.lifts(index, since);
                 let (place, axes) = match swing {
@@ -356,13 +356,13 @@ impl LegPlanner {
     }
 }
 
-/// The orientation of a floating base.
+/// Returns the orientation of a floating base.
 fn base_rotation(q: &[f64]) -> Rotation3<f64> {
     let quaternion = Quaternion::new(q[6], q[3], q[4], q[5]);
     UnitQuaternion::from_quaternion(quaternion).to_rotation_matrix()
 }
 
-/// The heading of a base: where its x points, from above.
+/// Returns the heading of a base: the direction of its x axis seen from above.
 fn heading(base: &Rotation3<f64>) -> f64 {
     let ahead = base * Vector3::x();
     ahead.y.atan2(ahead.x)

@@ -6,7 +6,7 @@ use nalgebra::{Rotation2, Rotation3, Vector2, Vector3};
 
 use super::GroundPlane;
 
-/// A velocity in the plane, in the axes of a heading.
+/// A planar velocity, in the axes of a heading.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlanarVelocity {
     /// Forward and to the left \[m/s\].
@@ -15,7 +15,7 @@ pub struct PlanarVelocity {
     pub yaw_rate: f64,
 }
 
-/// Reference motion of a centre of mass: follows a velocity with limited acceleration at a height above the
+/// Reference motion of the centre of mass: follows a velocity with limited acceleration at a height above the
 /// ground.
 ///
 /// ```
@@ -52,7 +52,7 @@ impl Reference {
         }
     }
 
-    /// Begins at rest below `centre` with this heading \[rad\].
+    /// Starts at rest below `centre` with this heading \[rad\].
     pub fn begin(&mut self, centre: &Vector3<f64>, heading: f64) {
         (self.place, self.heading) = (centre.xy(), heading);
         self.velocity = PlanarVelocity::default();
@@ -63,7 +63,8 @@ impl Reference {
         self.ground = ground;
     }
 
-    /// Approaches a velocity within an acceleration \[m/s2, rad/s2\] for `dt` seconds, without moving.
+    /// Ramps the velocity towards `desired` for `dt` seconds, limited by `acceleration` \[m/s2, rad/s2\],
+    /// without moving.
     pub fn follow(&mut self, desired: &PlanarVelocity, acceleration: f64, dt: f64) {
         let step = acceleration * dt;
         let change = desired.linear - self.velocity.linear;
@@ -72,8 +73,8 @@ impl Reference {
         self.velocity.yaw_rate += (desired.yaw_rate - self.velocity.yaw_rate).clamp(-step, step);
     }
 
-    /// Moves by `dt` seconds, and stays near the measured centre of mass and heading: within these distances
-    /// in the plane \[m\] and about the vertical \[rad\].
+    /// Moves by `dt` seconds and limits the distance from the measured centre of mass \[m\] and heading
+    /// \[rad\].
     pub fn advance(
         &mut self,
         dt: f64,
@@ -86,14 +87,14 @@ impl Reference {
         if size > most {
             lead *= most / size;
         }
-        // of whole turns the nearest
+        // the difference is wrapped to half a turn
         let ahead = (heading - turned + PI).rem_euclid(2.0 * PI) - PI;
         let beyond = ahead - ahead.clamp(-most_turn, most_turn);
         (self.place, self.heading) = (measured + lead, heading - beyond);
     }
 
-    /// Place \[m\], velocity \[m/s\] and heading \[rad\] after `time` seconds at the present velocity: an arc
-    /// of a circle.
+    /// Returns position \[m\], velocity \[m/s\] and heading \[rad\] after `time` seconds at the current
+    /// velocity, along a circular arc.
     pub fn after(&self, time: f64) -> (Vector3<f64>, Vector3<f64>, f64) {
         let PlanarVelocity { linear, yaw_rate } = self.velocity;
         let turn = yaw_rate * time;
@@ -120,22 +121,23 @@ impl Reference {
         self.heading
     }
 
-    /// Orientation of a base that is parallel to the ground after `time` seconds: from above, its x points
-    /// along the heading.
+    /// Returns the orientation of a base parallel to the ground after `time` seconds; seen from above, its x
+    /// axis points along the heading.
     pub fn orientation(&self, time: f64) -> Rotation3<f64> {
         let (ahead, normal) = (self.ahead(time).normalize(), self.ground.normal());
         Rotation3::from_basis_unchecked(&[ahead, normal.cross(&ahead), normal])
     }
 
-    /// Angular velocity of that base after `time` seconds \[rad/s\]: about the normal of the ground, such
-    /// that the heading turns at the yaw rate.
+    /// Returns the angular velocity of that base after `time` seconds \[rad/s\]: about the normal of the
+    /// ground, such that the heading changes at the yaw rate.
     pub fn angular_velocity(&self, time: f64) -> Vector3<f64> {
-        // from above, an angle `t` of the slope is `t normal_z |ahead|^2`
+        // seen from above, a rotation by `t` about the normal changes the heading by `t normal_z |ahead|^2`
         let normal = self.ground.normal();
         normal * (self.velocity.yaw_rate / (normal.z * self.ahead(time).norm_squared()))
     }
 
-    /// Tangent of the ground along the heading after `time` seconds, of length 1 as seen from above.
+    /// Returns the tangent of the ground along the heading after `time` seconds, with unit length seen from
+    /// above.
     fn ahead(&self, time: f64) -> Vector3<f64> {
         let (y, x) = self.after(time).2.sin_cos();
         Vector3::new(x, y, self.ground.slope().dot(&Vector2::new(x, y)))
@@ -146,12 +148,12 @@ impl Reference {
         self.height
     }
 
-    /// The ground.
+    /// Returns the ground.
     pub fn ground(&self) -> &GroundPlane {
         &self.ground
     }
 
-    /// The present velocity.
+    /// Current velocity.
     pub fn velocity(&self) -> &PlanarVelocity {
         &self.velocity
     }
@@ -190,7 +192,7 @@ mod tests {
         }
         assert_eq!(reference.velocity(), &desired);
         assert!((reference.after(0.0).0.xy().norm() - 0.05).abs() < 1e-12);
-        // a heading of 7 rad is one of 7 - 2 pi rad, which it goes ahead of to the right
+        // a heading of 7 rad equals 7 - 2 pi rad; the reference stays 0.3 rad to its right
         assert!(((reference.heading() - 6.7) / (2.0 * PI)).fract().abs() < 1e-9, "{}", reference.heading());
     }
 }

@@ -1,30 +1,30 @@
-//! Position and attitude of a flying base, as thrust and torque.
+//! Control of the position and attitude of a flying base by thrust and torque.
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Vector3};
 
-/// The flying body: mass, inertia, and the weight per mass.
+/// Properties of the flying body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flight {
     /// Mass \[kg\].
     pub mass: f64,
     /// Inertia about the centre of mass, axes of the base \[kg m2\].
     pub inertia: Matrix3<f64>,
-    /// Gravity, along -z of the world \[m/s2\].
+    /// Gravitational acceleration, along -z of the world \[m/s2\].
     pub gravity: f64,
 }
 
 /// Gains and limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlightSettings {
-    /// Frequency of the position, critically damped \[rad/s\].
+    /// Bandwidth of the critically damped position control \[rad/s\].
     pub position: f64,
     /// Bandwidth of the critically damped attitude control \[rad/s\]: several times the position bandwidth.
     pub attitude: f64,
     /// Rate of integral action on a persistent position error \[1/s\].
     pub integral: f64,
-    /// Largest lean of the thrust from the vertical \[rad\].
+    /// Largest tilt of the thrust from the vertical \[rad\].
     pub max_tilt: f64,
-    /// Least and largest thrust \[N\].
+    /// Minimum and maximum thrust \[N\].
     pub thrust: [f64; 2],
 }
 
@@ -37,7 +37,7 @@ pub struct FlightTarget {
     pub velocity: Vector3<f64>,
     /// Acceleration \[m/s2\], world axes, fed forward.
     pub acceleration: Vector3<f64>,
-    /// Angle about the vertical \[rad\], and its rate \[rad/s\].
+    /// Yaw \[rad\] and yaw rate \[rad/s\].
     pub yaw: [f64; 2],
 }
 
@@ -54,18 +54,18 @@ pub struct FlightControl {
 }
 
 impl FlightControl {
-    /// Creates the controller of a flying robot with these gains.
+    /// Creates a controller for a flying robot.
     pub fn new(flight: Flight, settings: FlightSettings) -> Self {
         Self { flight, settings, lasting: Vector3::zeros() }
     }
 
-    /// Forgets the integral.
+    /// Resets the integral term.
     pub fn reset(&mut self) {
         self.lasting = Vector3::zeros();
     }
 
-    /// Thrust along z of the base \[N\] and torque in its axes \[Nm\], for a base at `pose`, with its
-    /// velocities \[m/s, rad/s\] in its own axes, after a time step \[s\].
+    /// Returns the thrust along z of the base \[N\] and the torque in its axes \[Nm\]. The base is at `pose`,
+    /// with its velocities \[m/s, rad/s\] in its own axes, after a time step \[s\].
     pub fn update(
         &mut self,
         target: &FlightTarget,
@@ -112,7 +112,7 @@ impl FlightControl {
     }
 }
 
-/// Attitude whose third axis is along a force and whose first axis is closest to `yaw`.
+/// Returns the attitude whose third axis is along a force and whose first axis is closest to `yaw`.
 fn attitude_of(force: &Vector3<f64>, yaw: f64) -> Rotation3<f64> {
     let third = force.normalize();
     let heading = Vector3::new(yaw.cos(), yaw.sin(), 0.0);
@@ -136,7 +136,7 @@ mod tests {
         FlightSettings { position: 3.0, attitude: 20.0, integral: 0.5, max_tilt: 0.6, thrust: [0.01, 0.54] }
     }
 
-    /// A rigid body under a thrust and a torque; its mass may be another than the controller believes.
+    /// A rigid body under a thrust and a torque; its mass may differ from the controller's.
     struct Body {
         pose: Isometry3<f64>,
         velocity: Vector3<f64>,
@@ -150,7 +150,7 @@ mod tests {
             Self { pose, velocity: Vector3::zeros(), angular: Vector3::zeros(), mass: flight().mass }
         }
 
-        /// The largest distance from the target in the last half of a time.
+        /// Returns the largest distance from the target in the second half of a flight.
         fn fly(
             &mut self,
             control: &mut FlightControl,
@@ -242,7 +242,7 @@ mod tests {
         let below = FlightTarget { position: Vector3::new(50.0, 0.0, -50.0), ..FlightTarget::default() };
         let (thrust, torque) = control.update(&below, &pose, &Vector3::zeros(), &Vector3::zeros(), DT);
         assert!((0.01..0.1).contains(&thrust), "{thrust}");
-        // no further than to a lean of 0.6 rad: J w^2 sin(0.6)
+        // limited to a tilt of 0.6 rad: J w^2 sin(0.6)
         let most = 1.67e-5 * 400.0 * 0.6_f64.sin();
         assert!((torque.y - most).abs() < 1e-9 * most.max(1.0), "{torque}, at most {most}");
     }

@@ -1,38 +1,38 @@
-//! Thrust and torque of a robot, shared among its rotors.
+//! Distribution of thrust and torque among the rotors.
 
 use nalgebra::{DMatrix, Matrix4, Vector3, Vector4};
 
 /// One rotor, in robot axes relative to the centre of mass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Propeller {
-    /// Place \[m\].
+    /// Position \[m\].
     pub position: Vector3<f64>,
     /// Direction of thrust, a unit vector.
     pub direction: Vector3<f64>,
     /// Largest thrust \[N\].
     pub max_thrust: f64,
-    /// Torque about its direction per thrust \[m\]; positive turns the robot counterclockwise.
+    /// Torque about the direction per thrust \[m\]; a positive one turns the robot counterclockwise.
     pub torque_per_thrust: f64,
 }
 
-/// The rotors do not determine thrust and torque.
+/// The rotors cannot produce every thrust and torque.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MixerError {
-    /// Too few.
+    /// There are too few rotors.
     #[error("{found} rotors, expected at least 4: thrust and three torques are four numbers")]
     Few {
-        /// Number found.
+        /// Number of rotors.
         found: usize,
     },
     /// Positions and spin directions leave some torque unavailable.
-    #[error("the places and senses of rotation of the rotors leave a torque that they cannot give")]
+    #[error("the positions and spin directions of the rotors leave a torque that they cannot produce")]
     Dependent,
 }
 
-/// Shares of each rotor in thrust and torque, with the least sum of squared thrusts.
+/// Distribution of thrust and torque among rotors, with the minimum sum of squared thrusts.
 #[derive(Clone, Debug)]
 pub struct Mixer {
-    /// 4 x rotors: thrust along z and torque about x, y, z of a thrust of each.
+    /// 4 x rotors: thrust along z and torque about x, y and z per unit thrust of each rotor.
     effect: DMatrix<f64>,
     /// Rotors x 4: the pseudo-inverse.
     share: DMatrix<f64>,
@@ -54,7 +54,7 @@ impl Mixer {
         };
         let columns: Vec<[f64; 4]> = rotors.iter().map(column).collect();
         let effect = DMatrix::from_fn(4, rotors.len(), |row, rotor| columns[rotor][row]);
-        // rows are compared at their own size: a torque of millimetres is no less than a thrust
+        // rows are compared relative to their norm: lever arms in millimetres must not count less than thrust
         let size: Vec<f64> = (0..4).map(|row| effect.row(row).norm()).collect();
         if size.iter().any(|size| *size < 1e-9) {
             return Err(MixerError::Dependent);
@@ -77,12 +77,12 @@ impl Mixer {
         self.most.len()
     }
 
-    /// Largest thrust of all rotors together along z \[N\].
+    /// Maximum total thrust of all rotors along z \[N\].
     pub fn max_thrust(&self) -> f64 {
         self.effect.row(0).iter().zip(&self.most).map(|(effect, most)| effect.max(0.0) * most).sum()
     }
 
-    /// Thrust along z \[N\] and torque \[Nm\] of thrusts of the rotors.
+    /// Returns the thrust along z \[N\] and the torque \[Nm\] for given rotor thrusts.
     pub fn effect(&self, thrusts: &[f64]) -> (f64, Vector3<f64>) {
         let row = |row: usize| {
             self.effect.row(row).iter().zip(thrusts).map(|(effect, thrust)| effect * thrust).sum()
@@ -104,7 +104,7 @@ impl Mixer {
         whole & self.add(thrusts, |share| share[3] * torque.z)
     }
 
-    /// Adds the largest feasible fraction of a torque. Returns `true` for all of it.
+    /// Adds the largest feasible fraction of a torque. Returns `true` if all of it was added.
     fn add(&self, thrusts: &mut [f64], of: impl Fn(&[f64; 4]) -> f64) -> bool {
         let part = |rotor: usize| of(&std::array::from_fn(|column| self.share[(rotor, column)]));
         let mut fits = 1.0_f64;
@@ -126,7 +126,7 @@ impl Mixer {
 mod tests {
     use super::*;
 
-    /// Rotors at the corners of a square, neighbours against each other.
+    /// Returns rotors at the corners of a square; neighbours spin in opposite directions.
     fn square() -> Vec<Propeller> {
         [(1.0, 1.0, -1.0), (1.0, -1.0, 1.0), (-1.0, 1.0, 1.0), (-1.0, -1.0, -1.0)]
             .map(|(x, y, spin): (f64, f64, f64)| Propeller {
@@ -141,7 +141,7 @@ mod tests {
     #[test]
     fn rotors_produce_the_requested_thrust_and_torque() {
         let mut rotors = square();
-        // neither square nor upright
+        // neither a square nor upright
         rotors[0].position.x = 0.05;
         rotors[1].direction = Vector3::new(0.1, 0.0, 1.0).normalize();
         let mixer = Mixer::new(&rotors).unwrap();

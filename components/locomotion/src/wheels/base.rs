@@ -1,4 +1,4 @@
-//! Kinematics of a base on wheels.
+//! Kinematics of a wheeled base.
 
 use motorium_control::with_defaults;
 use nalgebra::{Matrix3, Vector3};
@@ -6,15 +6,15 @@ use nalgebra::{Matrix3, Vector3};
 use super::PlanarTwist;
 
 with_defaults! {
-    /// One wheel, in the axes of the base.
+    /// A wheel, in the axes of the base.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Wheel;
 
-    /// Place of its centre \[m\].
+    /// Position of the centre \[m\].
     pub position: [f64; 2] = [0.0; 2];
     /// Radius \[m\].
     pub radius: f64 = 1.0;
-    /// True for a steered wheel.
+    /// Whether the wheel is steered.
     pub steered: bool = false;
     /// Tangent of the angle of the rollers of a mecanum wheel: 1 or -1; 0 for a plain wheel.
     pub rollers: f64 = 0.0;
@@ -29,68 +29,69 @@ pub enum BaseKind {
     Ackermann,
     /// Mecanum wheels: any planar velocity.
     Mecanum,
-    /// Joints that are the pose of the base: x, y, yaw.
+    /// Three joints that form the pose of the base: x, y, yaw.
     Planar,
 }
 
-/// Wheels that cannot carry a base of their kind.
+/// Invalid wheels for the kind of base.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WheelError {
-    /// Too few fixed wheels.
-    #[error("{found} wheels that are not steered, expected at least two, one on each side")]
+    /// There are too few fixed wheels.
+    #[error("{found} fixed wheels, expected at least two, one on each side")]
     Fixed {
-        /// Number found.
+        /// Number of fixed wheels.
         found: usize,
     },
-    /// No steered wheel.
+    /// There is no steered wheel.
     #[error("no steered wheel, expected at least one")]
     Steered,
-    /// Fixed wheels in a line behind each other.
+    /// All fixed wheels are on one line along x.
     #[error("all fixed wheels are in one line, so their speeds do not determine how the base turns")]
     OneLine,
-    /// A steered wheel on the axle of the fixed ones.
-    #[error("steered wheel {wheel} stands on the axle of the fixed wheels: it cannot steer")]
+    /// A steered wheel is on the axle of the fixed wheels.
+    #[error("steered wheel {wheel} is on the axle of the fixed wheels: it cannot steer")]
     OnAxle {
-        /// Its index.
+        /// Index of the wheel.
         wheel: usize,
     },
     /// The speeds of the Mecanum wheels do not determine the velocity.
-    #[error("mecanum wheels in places in which their speeds do not determine the velocity of the base")]
+    #[error("the positions of the mecanum wheels do not determine the velocity of the base")]
     Mecanum,
-    /// An invalid radius.
+    /// A radius is invalid.
     #[error("a radius of {found} m of wheel {wheel}, expected a positive number")]
     Radius {
-        /// Its index.
+        /// Index of the wheel.
         wheel: usize,
         /// The radius found.
         found: f64,
     },
 }
 
-/// A base on wheels that roll without slip.
+/// A wheeled base that rolls without slip.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WheelBase {
     kind: BaseKind,
     wheels: Vec<Wheel>,
-    /// The line of no sideways motion, x \[m\].
+    /// Position of the axle, where the base cannot move sideways, x \[m\].
     axle: f64,
-    /// Displacement of the base per wheel angle.
+    /// Displacement of the base per unit of each wheel angle.
     ways: Vec<Vector3<f64>>,
 }
 
 impl WheelBase {
-    /// A base on fixed wheels.
+    /// Creates a base with fixed wheels.
     ///
     /// # Errors
-    /// [`WheelError`]: fewer than two, or all in one line.
+    /// [`WheelError`] if there are fewer than two wheels, or all are on one line.
     pub fn differential(wheels: Vec<Wheel>) -> Result<Self, WheelError> {
         Self::rolling(BaseKind::Differential, wheels)
     }
 
-    /// A base on fixed wheels and steered ones, which all may be driven.
+    /// Creates a base with fixed and steered wheels, all of which may be driven.
     ///
     /// # Errors
-    /// [`WheelError`]: no steered wheel, one on the axle of the fixed ones, or too few of these.
+    /// [`WheelError`] if there is no steered wheel, one is on the axle of the fixed wheels, or there are too
+    /// few fixed wheels.
     pub fn ackermann(wheels: Vec<Wheel>) -> Result<Self, WheelError> {
         let base = Self::rolling(BaseKind::Ackermann, wheels)?;
         if !base.wheels.iter().any(|wheel| wheel.steered) {
@@ -103,10 +104,10 @@ impl WheelBase {
         }
     }
 
-    /// A base on mecanum wheels.
+    /// Creates a base with mecanum wheels.
     ///
     /// # Errors
-    /// [`WheelError`]: their speeds do not determine the velocity of the base.
+    /// [`WheelError`] if the wheel speeds do not determine the velocity of the base.
     pub fn mecanum(wheels: Vec<Wheel>) -> Result<Self, WheelError> {
         check_radii(&wheels)?;
         let row = |wheel: &Wheel| {
@@ -123,8 +124,8 @@ impl WheelBase {
         Ok(Self { kind: BaseKind::Mecanum, wheels, axle: 0.0, ways })
     }
 
-    /// A base whose pose is given by three joints, x, y and yaw; their velocities are treated like wheel
-    /// velocities.
+    /// Creates a base whose pose is given by three joints, x, y and yaw. Their velocities are treated like
+    /// wheel velocities.
     pub fn planar() -> Self {
         let ways = vec![Vector3::x(), Vector3::y(), Vector3::z()];
         Self { kind: BaseKind::Planar, wheels: vec![Wheel::default(); 3], axle: 0.0, ways }
@@ -143,8 +144,8 @@ impl WheelBase {
         if spread < 1e-12 {
             return Err(WheelError::OneLine);
         }
-        // straight line through (y, distance of the wheel): its slope is the turn, its value at y = 0 the
-        // distance ahead
+        // straight line through (y, distance rolled by the wheel): its slope is the rotation, its value at
+        // y = 0 the distance ahead
         let ways = wheels.iter().map(|wheel| {
             if wheel.steered {
                 return Vector3::zeros();
@@ -156,12 +157,12 @@ impl WheelBase {
         Ok(Self { kind, wheels, axle, ways })
     }
 
-    /// Its kind.
+    /// Kind of base.
     pub fn kind(&self) -> BaseKind {
         self.kind
     }
 
-    /// Its wheels.
+    /// Wheels of the base.
     pub fn wheels(&self) -> &[Wheel] {
         &self.wheels
     }
@@ -179,8 +180,9 @@ impl WheelBase {
         }
     }
 
-    /// Speeds of the wheels \[rad/s\] for a velocity, at their steering angles \[rad\]; `steering` may be
-    /// empty without steered wheels. For a planar base with pose joints, returns the joint speeds at yaw 0.
+    /// Writes the speeds of the wheels \[rad/s\] for a velocity, at their steering angles \[rad\]; `steering`
+    /// may be empty without steered wheels. For a planar base with pose joints, writes the joint speeds at
+    /// yaw 0.
     pub fn speeds(&self, twist: &PlanarTwist, steering: &[f64], speeds: &mut [f64]) {
         if self.kind == BaseKind::Planar {
             speeds.copy_from_slice(&[twist.x, twist.y, twist.yaw]);
@@ -197,8 +199,8 @@ impl WheelBase {
         }
     }
 
-    /// Angle of a steered wheel \[rad\] for a path curvature at the middle of the axle \[1/m\]; 0 for a fixed
-    /// wheel.
+    /// Returns the angle of a steered wheel \[rad\] for a path curvature at the middle of the axle \[1/m\]; 0
+    /// for a fixed wheel.
     pub fn steering(&self, wheel: usize, curvature: f64) -> f64 {
         let Wheel { position: [x, y], steered, .. } = self.wheels[wheel];
         if !steered {
@@ -207,14 +209,15 @@ impl WheelBase {
         (curvature * (x - self.axle)).atan2(1.0 - curvature * y)
     }
 
-    /// Curvatures \[1/m\] that a steered wheel reaches at its angles from `lower` to `upper` \[rad\].
+    /// Returns the range of curvatures \[1/m\] that a steered wheel reaches at its angles from `lower` to
+    /// `upper` \[rad\].
     pub fn curvatures(&self, wheel: usize, lower: f64, upper: f64) -> [f64; 2] {
         let Wheel { position: [x, y], steered, .. } = self.wheels[wheel];
         if !steered {
             return [f64::NEG_INFINITY, f64::INFINITY];
         }
         let curvature = |angle: f64| {
-            // at most the angle at which the centre of rotation is on the wheel's own line
+            // limited to the angle at which the centre of rotation is on the wheel's own line
             let tangent = angle.clamp(-1.5, 1.5).tan();
             tangent / (x - self.axle + y * tangent)
         };
@@ -222,14 +225,15 @@ impl WheelBase {
         [one.min(other), one.max(other)]
     }
 
-    /// Displacement of the base in its own axes, at constant velocity, for the wheel rotations \[rad\].
+    /// Returns the displacement of the base in its own axes, at constant velocity, for wheel rotations
+    /// \[rad\].
     pub fn way(&self, turned: &[f64]) -> PlanarTwist {
         let way: Vector3<f64> = self.ways.iter().zip(turned).map(|(way, angle)| way * *angle).sum();
         PlanarTwist { x: way.x, y: way.y, yaw: way.z }
     }
 
-    /// Covariance of the [`way`](Self::way) for independent variances of the distance rolled by each wheel
-    /// \[m2\].
+    /// Returns the covariance of the [displacement](Self::way) for independent variances of the distance
+    /// rolled by each wheel \[m2\].
     pub(super) fn covariance(&self, variance: impl Fn(usize) -> f64) -> Matrix3<f64> {
         let of_wheel = |(index, way): (usize, &Vector3<f64>)| {
             let per_metre = way / self.wheels[index].radius;

@@ -1,8 +1,8 @@
-//! Control of a base's wheels to a velocity within their limits.
+//! Velocity control of a base's wheels within their limits.
 
 use super::{BaseKind, PlanarTwist, WheelBase, WheelLimits};
 
-/// Speeds and steering angles that follow a velocity of the base within the limits of its wheels.
+/// Wheel speeds and steering angles that follow a velocity of the base within the limits of the wheels.
 ///
 /// A velocity beyond the limits is reduced along the same arc. The wheels of a steered base turn towards a
 /// curvature as fast as the slowest of them permits; at rest they keep their angles. A velocity with too much
@@ -11,7 +11,7 @@ use super::{BaseKind, PlanarTwist, WheelBase, WheelLimits};
 pub struct WheelDrive {
     base: WheelBase,
     limits: WheelLimits,
-    /// Angles \[rad\] and rates \[rad/s\] of the steered wheels: lowest, highest, largest rate.
+    /// Lowest angle, highest angle \[rad\] and maximum rate \[rad/s\] of the steered wheels.
     steering_limits: Vec<[f64; 3]>,
     curvatures: [f64; 2],
     curvature: f64,
@@ -19,11 +19,11 @@ pub struct WheelDrive {
     steering_rate: Vec<f64>,
     speeds: Vec<f64>,
     desired: Vec<f64>,
-    /// Velocity of a steered base ahead \[m/s\].
+    /// Forward velocity of a steered base \[m/s\].
     ahead: f64,
 }
 
-/// Number of bisections for a step of the curvature: to a billionth of the command.
+/// Number of bisections for a step of the curvature: to within a billionth of the command.
 const HALVINGS: usize = 30;
 
 impl WheelDrive {
@@ -57,7 +57,7 @@ impl WheelDrive {
         &self.base
     }
 
-    /// Speeds of the wheels \[rad/s\]; velocities of joints that are the pose \[m/s, rad/s\].
+    /// Wheel speeds \[rad/s\], or velocities of the pose joints \[m/s, rad/s\].
     pub fn speeds(&self) -> &[f64] {
         &self.speeds
     }
@@ -136,7 +136,7 @@ impl WheelDrive {
             self.steering_rate[wheel] = (angle - self.steering[wheel]) / dt;
         }
         self.steer();
-        // speeds of the wheels at 1 m/s ahead
+        // wheel speeds at 1 m/s forwards
         let unit = self.base.feasible(&PlanarTwist { x: 1.0, y: 0.0, yaw: self.curvature });
         self.base.speeds(&unit, &self.steering, &mut self.desired);
         let mut change = f64::INFINITY;
@@ -151,7 +151,7 @@ impl WheelDrive {
         share == 1.0 && self.ahead == twist.x && curvature == requested
     }
 
-    /// True if every steered wheel gets from one curvature to another in a time step.
+    /// Returns `true` if every steered wheel can change from one curvature to another in a time step.
     fn reaches(&self, from: f64, to: f64, dt: f64) -> bool {
         let limits = self.steering_limits.iter().enumerate();
         limits.filter(|(wheel, _)| self.base.wheels()[*wheel].steered).all(|(wheel, [_, _, rate])| {
@@ -166,7 +166,7 @@ impl WheelDrive {
     }
 }
 
-/// A velocity in the axes of the world, of a base at an angle.
+/// Rotates a velocity from base axes to world axes, for a base at angle `yaw`.
 fn turned(twist: &PlanarTwist, yaw: f64) -> PlanarTwist {
     let (sin, cos) = yaw.sin_cos();
     PlanarTwist { x: cos * twist.x - sin * twist.y, y: sin * twist.x + cos * twist.y, yaw: twist.yaw }

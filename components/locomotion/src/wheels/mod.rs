@@ -1,4 +1,4 @@
-//! Bases on wheels: exact planar kinematics, limits that keep the curvature, odometry.
+//! Wheeled bases: exact planar kinematics, limits that preserve the curvature, odometry.
 //!
 //! ```text
 //! speed of a wheel at (x, y), steered by d:   r w = (vx - wz y) cos d + (vy + wz x) sin d
@@ -42,7 +42,7 @@ pub use odometry::Odometry;
 /// A planar velocity in base axes, or a displacement at constant velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlanarTwist {
-    /// Ahead \[m/s, or m\].
+    /// Forwards \[m/s, or m\].
     pub x: f64,
     /// To the left \[m/s, or m\].
     pub y: f64,
@@ -51,14 +51,14 @@ pub struct PlanarTwist {
 }
 
 impl PlanarTwist {
-    /// The same motion `factor` times as fast, along the same arc.
+    /// Returns the same motion `factor` times as fast, along the same arc.
     #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
         Self { x: factor * self.x, y: factor * self.y, yaw: factor * self.yaw }
     }
 }
 
-/// A pose in the plane. The angle counts whole turns.
+/// A planar pose. The angle counts whole turns.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlanarPose {
     /// Along x \[m\].

@@ -26,12 +26,12 @@ impl Default for Odometry {
 }
 
 impl Odometry {
-    /// Starts at a pose that is known exactly.
+    /// Starts at an exactly known pose.
     pub fn new(pose: PlanarPose, slip: f64) -> Self {
         Self { pose, covariance: Matrix3::zeros(), distance: 0.0, slip }
     }
 
-    /// Adds the displacement for wheel rotations \[rad\], and returns it.
+    /// Adds the displacement for wheel rotations \[rad\] and returns it.
     pub fn advance(&mut self, base: &WheelBase, turned: &[f64]) -> PlanarTwist {
         let way = base.way(turned);
         let slip = self.slip * self.slip;
@@ -55,7 +55,8 @@ impl Odometry {
         Self { pose, covariance, distance, slip }
     }
 
-    /// Sets a pose measured by joints, which has no wheel error. `moved` is `true` if the base moved there.
+    /// Sets a pose measured by joints, which has no wheel error. `moved` is `true` if the base moved since
+    /// the previous pose.
     pub fn set_pose(&mut self, pose: PlanarPose, moved: bool) {
         if moved {
             self.distance += (pose.x - self.pose.x).hypot(pose.y - self.pose.y);
@@ -73,7 +74,7 @@ impl Odometry {
         &self.covariance
     }
 
-    /// Distance travelled by the base's origin so far \[m\].
+    /// Total distance travelled by the base's origin \[m\].
     pub fn distance(&self) -> f64 {
         self.distance
     }

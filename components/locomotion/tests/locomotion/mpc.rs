@@ -1,5 +1,5 @@
-//! Model-predictive control of the centroidal motion, against closed forms, Riccati's recursion and finite
-//! differences.
+//! Model-predictive control of the centroidal motion, compared with closed forms, the Riccati recursion and
+//! finite differences.
 
 use motorium_locomotion::mpc::{CentroidalMpc, CentroidalState, MpcSettings, MpcWeights};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -14,7 +14,7 @@ fn inertia() -> Matrix3<f64> {
     Matrix3::new(0.11, 0.01, 0.02, 0.01, 0.26, -0.01, 0.02, -0.01, 0.24)
 }
 
-/// Feet of a quadruped about the origin, and a reference above them.
+/// Puts the feet of a quadruped around the origin and a reference above them.
 fn standing(mpc: &mut CentroidalMpc) {
     for step in mpc.horizon_mut() {
         step.position = Vector3::new(0.0, 0.0, 0.3);
@@ -41,7 +41,7 @@ fn four_feet(settings: MpcSettings) -> CentroidalMpc {
 }
 
 #[test]
-fn equal_shares_of_the_weight_carry_a_robot_at_rest() {
+fn robot_at_rest_shares_its_weight_equally() {
     let mut mpc = four_feet(settings());
     let state = CentroidalState { position: Vector3::new(0.0, 0.0, 0.3), ..CentroidalState::default() };
     mpc.solve(&state, (&inertia(), 0.0), 0.0).unwrap();
@@ -58,13 +58,13 @@ fn equal_shares_of_the_weight_carry_a_robot_at_rest() {
     assert!((mpc.predicted()[10].position - state.position).norm() < 1e-9);
 }
 
-/// A mass above one point that may push and pull: the first force equals the finite-horizon regulator's.
+/// A mass above one point that may push and pull. The first force equals the finite-horizon regulator's.
 #[test]
-fn the_unlimited_first_force_matches_the_riccati_recursion() {
+fn unlimited_first_force_matches_the_riccati_recursion() {
     let weights = MpcWeights { force: 0.3, ..MpcWeights::default() };
     let settings = MpcSettings { weights, ..settings() };
     let (mass, h) = (settings.mass, settings.step);
-    // the friction is so large, and the motion so near to the vertical, that no limit is reached
+    // the friction is so large, and the motion so close to the vertical, that no limit is reached
     let mut mpc = CentroidalMpc::new(settings, &[1e6]);
     for step in mpc.horizon_mut() {
         step.position = Vector3::new(0.0, 0.0, 0.5);
@@ -99,8 +99,8 @@ fn the_unlimited_first_force_matches_the_riccati_recursion() {
     assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
 }
 
-/// The cost of a sequence of forces, by a roll-out that shares nothing with the program: many small steps of
-/// the equations of motion.
+/// Returns the cost of a sequence of forces, from an independent roll-out: many small steps of the equations
+/// of motion.
 fn rolled_out(mpc: &mut CentroidalMpc, state: &CentroidalState, heading: f64, forces: &[f64]) -> f64 {
     let settings = *mpc.settings();
     let weights = settings.weights;
@@ -151,7 +151,7 @@ fn rolled_out(mpc: &mut CentroidalMpc, state: &CentroidalState, heading: f64, fo
     cost
 }
 
-/// A horizon with lift-offs and touch-downs while the reference moves and turns.
+/// A horizon with lift-offs and touchdowns while the reference moves and turns.
 fn trotting(mpc: &mut CentroidalMpc) {
     standing(mpc);
     for (index, step) in mpc.horizon_mut().iter_mut().enumerate() {
@@ -186,7 +186,7 @@ fn gradient_and_curvature_match_the_rolled_out_cost() {
             moved[i] = place[i] + delta;
             rolled_out(&mut mpc, &state, 0.4, moved.as_slice())
         };
-        // a quadratic: differences are exact but for rounding
+        // the cost is quadratic, so differences are exact up to rounding
         let slope = (cost(1.0) - cost(-1.0)) / 2.0;
         let (step, foot) = (i / 12, (i % 12) / 3);
         let swings = if step < 5 { foot == 0 || foot == 3 } else { foot == 1 || foot == 2 };
@@ -201,10 +201,10 @@ fn gradient_and_curvature_match_the_rolled_out_cost() {
 }
 
 #[test]
-fn the_prediction_matches_a_rigid_body_under_the_forces() {
+fn prediction_matches_a_rigid_body_under_the_forces() {
     let mut mpc = four_feet(settings());
     let state = pushed();
-    // arms of the last prediction: a few solutions at one state settle
+    // lever arms come from the last prediction: repeated solutions at one state converge
     for _ in 0..8 {
         mpc.solve(&state, (&inertia(), 0.0), 0.0).unwrap();
     }
@@ -233,7 +233,7 @@ fn the_prediction_matches_a_rigid_body_under_the_forces() {
 }
 
 #[test]
-fn a_hard_push_is_met_within_friction_and_force_limits() {
+fn hard_push_respects_friction_and_force_limits() {
     let settings = MpcSettings { max_force: 60.0, ..settings() };
     let mut mpc = four_feet(settings);
     let state = CentroidalState { velocity: Vector3::new(1.5, -2.0, -0.8), ..pushed() };
@@ -253,7 +253,7 @@ fn a_hard_push_is_met_within_friction_and_force_limits() {
 }
 
 #[test]
-fn a_horizon_is_solved_repeatably_without_an_allocation() {
+fn solve_is_repeatable_and_does_not_allocate() {
     let mut mpc = four_feet(settings());
     let state = pushed();
     mpc.solve(&state, (&inertia(), 0.0), 0.0).unwrap();

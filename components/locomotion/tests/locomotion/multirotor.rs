@@ -1,4 +1,4 @@
-//! `control.multirotor` in a graph, with a rigid body under the rotors of the catalogue's quadrotor.
+//! `control.multirotor` in a graph, with a rigid body driven by the rotors of the catalogue's quadrotor.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use motorium_locomotion::MultirotorController;
 use motorium_robots::Spin;
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// The quadrotor of the profile and the model, with another mass; `None` keeps its own.
+/// The quadrotor of the profile and the model, with mass `mass`; `None` keeps its own mass.
 fn plant(mass: Option<f64>, height: f64) -> Function {
     let robot = motorium_robots::load("quadrotor", Path::new(".")).unwrap();
     let inertia = robot.model.base().inertia;
@@ -64,7 +64,7 @@ fn graph(robot: &str, plant: Function, controller: Instance) -> Graph {
     Graph::new("flight-test").robot("quadrotor", robot).with(plant).with(controller)
 }
 
-/// Half a metre up and sideways in 2 s, with the least jerk, then at rest.
+/// A target that moves half a metre up and sideways in 2 s with minimum jerk and then rests.
 fn climb() -> Source {
     Source::new("targets", "target", |tick| {
         let s = (0.5 * tick.time()).min(1.0);
@@ -85,7 +85,7 @@ fn number(report: &Report, key: &str) -> f64 {
 }
 
 #[test]
-fn it_flies_to_its_goal_and_a_step_allocates_nothing() {
+fn flies_to_its_goal_without_allocating() {
     let led = controller("{}").subscribe("target", "target");
     let report = graph("quadrotor", plant(None, 1.0), led).with(climb()).run("5 s").unwrap();
     assert_eq!(report.results["controller"]["goals_reached"], 1, "{}", report.results["controller"]);
@@ -95,18 +95,18 @@ fn it_flies_to_its_goal_and_a_step_allocates_nothing() {
 }
 
 #[test]
-fn a_multirotor_without_a_target_holds_its_place() {
+fn multirotor_without_a_target_holds_its_position() {
     let base = Probe::<BaseState>::for_topic("base");
     let report =
         graph("quadrotor", plant(Some(0.031), 1.0), controller("{}")).with(&base).run("12 s").unwrap();
     let last = base.values().last().unwrap().position;
     assert!((last[2] - 1.0).abs() < 2e-3 && last[0].hypot(last[1]) < 1e-6, "{last:?}");
-    assert_eq!(report.results["controller"]["goals_reached"], 0, "it had no goal");
+    assert_eq!(report.results["controller"]["goals_reached"], 0, "there was no goal");
 }
 
 #[test]
-fn a_goal_that_it_is_beside_is_missed() {
-    // a quarter heavier than its model, and no integral
+fn goal_outside_the_tolerance_is_not_reached() {
+    // a quarter heavier than its model, and no integral term
     let led = controller("{ integral_rate = 0.0 }").subscribe("target", "target");
     let report = graph("quadrotor", plant(Some(0.035), 1.0), led).with(climb()).run("5 s").unwrap();
     assert_eq!(report.results["controller"]["goals_missed"], 1, "{}", report.results["controller"]);
@@ -114,14 +114,14 @@ fn a_goal_that_it_is_beside_is_missed() {
 }
 
 #[test]
-fn what_cannot_fly_is_refused_and_says_why() {
+fn unflyable_robots_are_rejected_with_a_reason() {
     for (robot, config, words) in [
         ("panda", "{}", "has no rotors"),
         ("quadrotor", "{ attitude_frequency = 5.0 }", "at least three times `position_frequency`"),
         ("quadrotor", "{ max_thrust_share = 0.4 }", "pull with 0.240 N at most"),
         ("quadrotor", "{ integral_rate = 9.0 }", "expected from 0 to 4"),
     ] {
-        let error = graph(robot, plant(None, 1.0), controller(config)).check().expect_err("it is refused");
+        let error = graph(robot, plant(None, 1.0), controller(config)).check().expect_err("it is rejected");
         assert!(error.render(false).contains(words), "{}", error.render(false));
     }
 }

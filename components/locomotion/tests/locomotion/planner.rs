@@ -1,5 +1,5 @@
-//! The planner of `control.mpc` in the library: footholds independent of the heading, forces of the starting
-//! step, slopes, early and late landings.
+//! The planner of `control.mpc` as a library: footholds independent of the heading, forces of the first step,
+//! slopes, early and late touchdown.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ fn quadruped() -> Loaded {
     load("quadruped", Path::new(".")).unwrap()
 }
 
-/// The quadruped at home, turned about the vertical.
+/// Returns the configuration of the quadruped at home, rotated about the vertical.
 fn turned(robot: &Loaded, heading: f64) -> Vec<f64> {
     let home = robot.profile.as_ref().unwrap().configuration(&robot.model, "standing").unwrap();
     let mut q = home.as_slice().to_vec();
@@ -27,7 +27,7 @@ fn turned(robot: &Loaded, heading: f64) -> Vec<f64> {
     q
 }
 
-/// A planner of a trot, which was made for the robot at `rest`.
+/// Creates a planner of a trot for the robot at `rest`.
 fn planner(robot: &Loaded, rest: &[f64], step: f64) -> LegPlanner {
     planner_on(robot, rest, step, GroundModel::Level)
 }
@@ -91,11 +91,11 @@ fn footholds_do_not_depend_on_the_initial_heading() {
 }
 
 #[test]
-fn a_step_as_long_as_one_of_the_horizon_has_its_first_force() {
+fn step_as_long_as_the_horizon_step_uses_its_first_force() {
     let robot = quadruped();
     let q = turned(&robot, 0.0);
     let mut planner = planner(&robot, &q, 0.03);
-    // Now the contacts change in the second step of the horizon.
+    // the contacts now change in the second step of the horizon
     plan(&robot, &mut planner, &q, (0.03, 7));
     let standing: Vec<usize> = (0..4).filter(|foot| planner.load(*foot) > 0.0).collect();
     assert_eq!(standing.len(), 2);
@@ -104,13 +104,13 @@ fn a_step_as_long_as_one_of_the_horizon_has_its_first_force() {
         assert!(first.z > 1.0 && (planner.wrench(foot).linear - first).norm() < 1e-12, "{first}");
         assert!(
             (planner.mpc().force(1, foot) - first).norm() > 1.0,
-            "the steps differ, or this tests nothing"
+            "the steps must differ for this test to be valid"
         );
     }
 }
 
 #[test]
-fn forces_on_a_slope_keep_friction_about_its_normal() {
+fn forces_on_a_slope_respect_friction_about_its_normal() {
     let tilt = 0.3_f64;
     let axes = Rotation3::from_axis_angle(&Vector3::y_axis(), -tilt);
     let settings = MpcSettings { mass: 10.0, steps: 6, ..MpcSettings::default() };
@@ -130,7 +130,7 @@ fn forces_on_a_slope_keep_friction_about_its_normal() {
     // tan 0.3 = 0.309, within 0.6 / sqrt(2)
     let [one, other] = solve(0.6);
     assert!((one + other - Vector3::new(0.0, 0.0, 98.1)).norm() < 1e-6, "{one} {other}");
-    // and beyond 0.3 / sqrt(2): it slides along that face
+    // beyond 0.3 / sqrt(2): the force is at that face of the cone
     for force in solve(0.3) {
         let seen = axes.inverse() * force;
         assert!(
@@ -140,7 +140,8 @@ fn forces_on_a_slope_keep_friction_about_its_normal() {
     }
 }
 
-/// The quadruped at home on a slope that rises by `tilt` along x, its base parallel to it.
+/// Returns the quadruped at home on a slope that rises by `tilt` along x, with its base parallel to the
+/// slope.
 fn on_a_slope(robot: &Loaded, tilt: f64) -> Vec<f64> {
     let mut q = turned(robot, 0.0);
     let rotation = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -tilt);
@@ -151,7 +152,7 @@ fn on_a_slope(robot: &Loaded, tilt: f64) -> Vec<f64> {
 }
 
 #[test]
-fn a_planner_finds_the_slope_under_its_feet_and_steps_along_it() {
+fn planner_estimates_the_slope_and_steps_along_it() {
     let robot = quadruped();
     let tilt = 0.15_f64;
     let (level, slope) = (turned(&robot, 0.0), on_a_slope(&robot, tilt));
@@ -159,23 +160,23 @@ fn a_planner_finds_the_slope_under_its_feet_and_steps_along_it() {
     plan(&robot, &mut planner, &slope, (0.005, 70));
     let ground = *planner.reference().ground();
     assert!((ground.slope() - Vector2::new(tilt.tan(), 0.0)).norm() < 1e-3, "{}", ground.slope());
-    // the base is parallel to it, as it is to be
+    // the base is parallel to the slope, as desired
     assert!(planner.state().turn.norm() < 1e-3, "{}", planner.state().turn);
     let (height, feet) = (ground.height(&Vector2::zeros()), 4);
     for foot in 0..feet {
         let place = planner.target(foot).0.translation.vector;
         let above = place.z - ground.height(&place.xy());
-        // one in the air is above it by up to its clearance
+        // a swing foot is above it by up to its clearance
         assert!((-1e-3..0.06).contains(&above), "foot {foot}: {above} m above {height}");
     }
     // the reference climbs
     let (_, velocity, _) = planner.reference().after(0.0);
     assert!((velocity.z - tilt.tan() * velocity.x).abs() < 1e-3 && velocity.x > 0.3, "{velocity}");
-    // on level ground the same robot is seen to be turned
+    // with level ground, the same robot appears rotated
     let mut unaware = planner_on(&robot, &level, 0.03, GroundModel::Level);
     plan(&robot, &mut unaware, &slope, (0.005, 70));
     assert!((unaware.state().turn.norm() - tilt).abs() < 1e-3);
-    // a given normal
+    // a configured normal
     let normal = Vector3::new(-tilt.sin(), 0.0, tilt.cos());
     let mut told = planner_on(&robot, &level, 0.03, GroundModel::Normal(normal));
     plan(&robot, &mut told, &slope, (0.005, 70));
@@ -184,7 +185,7 @@ fn a_planner_finds_the_slope_under_its_feet_and_steps_along_it() {
 }
 
 #[test]
-fn a_base_crossing_a_slope_aslant_keeps_its_direction() {
+fn base_crossing_a_slope_diagonally_keeps_its_direction() {
     let robot = quadruped();
     let (tilt, heading) = (20.0_f64.to_radians(), 45.0_f64.to_radians());
     let slope = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -tilt);
@@ -196,15 +197,15 @@ fn a_base_crossing_a_slope_aslant_keeps_its_direction() {
     let ground = GroundModel::Normal(slope * Vector3::z());
     let mut planner = planner_on(&robot, &turned(&robot, 0.0), 0.03, ground);
     plan(&robot, &mut planner, &q, (0.005, 70));
-    // a robot that stands as it is to stand is not seen turned, at the start and in strides
+    // a robot in its desired pose has no orientation error, at the start and while stepping
     assert!(planner.state().turn.norm() < 1e-9, "{}", planner.state().turn);
-    // it goes where it points
+    // it moves in its forward direction
     let (ahead, velocity) = (base * Vector3::x(), planner.reference().after(0.0).1);
     assert!((ahead - velocity.normalize()).norm() < 1e-9, "{ahead} {velocity}");
 }
 
 #[test]
-fn a_base_on_a_slope_stays_parallel_to_it_as_it_turns() {
+fn turning_base_stays_parallel_to_the_slope() {
     let normal = Vector3::new(-0.3, 0.2, 1.0).normalize();
     for heading in [0.0, 0.8, 2.0, -2.5] {
         let mut reference = Reference::new(0.3);
@@ -227,8 +228,8 @@ fn a_base_on_a_slope_stays_parallel_to_it_as_it_turns() {
     }
 }
 
-/// Steps of 5 ms of a trot whose first swing moves the feet 1 and 2; `touches` is the contact sensor of foot
-/// 1 over time.
+/// Runs 5 ms steps of a trot whose first swing moves the feet 1 and 2; `touches` is the contact sensor of
+/// foot 1 over time.
 fn strides(touches: impl Fn(f64) -> bool) -> (LegPlanner, Vec<(f64, Vector3<f64>)>) {
     let robot = quadruped();
     let q = turned(&robot, 0.0);
@@ -250,29 +251,29 @@ fn strides(touches: impl Fn(f64) -> bool) -> (LegPlanner, Vec<(f64, Vector3<f64>
     (planner, seen)
 }
 
-/// First step from `from` on in which the foot carries something.
+/// Returns the first step from `from` on in which the foot carries load.
 fn carries(seen: &[(f64, Vector3<f64>)], from: usize) -> usize {
-    from + seen[from..].iter().position(|(load, _)| *load > 0.0).expect("it lands")
+    from + seen[from..].iter().position(|(load, _)| *load > 0.0).expect("the foot lands")
 }
 
 #[test]
-fn a_foot_that_touches_early_stands_unless_much_too_early() {
+fn early_touchdown_ends_the_swing_unless_much_too_early() {
     let (_, as_planned) = strides(|_| true);
-    let lifted = as_planned.iter().position(|(load, _)| *load == 0.0).expect("it swings");
+    let lifted = as_planned.iter().position(|(load, _)| *load == 0.0).expect("the foot swings");
     let lifted_at = 0.005 * lifted as f64;
-    // it leaves the ground at once, and meets it again at 0.7 of the 0.2 s of its swing
+    // it lifts off immediately, and touches down again at 0.7 of its swing of 0.2 s
     let (planner, seen) = strides(|time| time < lifted_at || time >= lifted_at + 0.14);
     assert_eq!(carries(&seen, lifted), lifted + 28);
     assert_eq!(planner.early_and_late(1), [1, 0]);
-    // a contact in the first half belongs to the lift-off: with a constant contact the swing ends at half of
-    // its duration
+    // a contact in the first half of the swing belongs to the lift-off: with a constant contact, the swing
+    // ends at half of its duration
     assert_eq!(carries(&as_planned, lifted), lifted + 20);
 }
 
 #[test]
-fn a_foot_without_contact_at_its_time_moves_on() {
+fn late_foot_is_lowered_until_contact() {
     let (_, as_planned) = strides(|_| true);
-    let lifted = as_planned.iter().position(|(load, _)| *load == 0.0).expect("it swings");
+    let lifted = as_planned.iter().position(|(load, _)| *load == 0.0).expect("the foot swings");
     let lifted_at = 0.005 * lifted as f64;
     let (planner, seen) = strides(|time| time < lifted_at || time >= lifted_at + 0.23);
     assert_eq!(carries(&seen, lifted), lifted + 46);
@@ -280,7 +281,7 @@ fn a_foot_without_contact_at_its_time_moves_on() {
     // 25 ms after the end of its swing, at 0.3 m/s
     let (end, later) = (seen[lifted + 40].1.z, seen[lifted + 45].1.z);
     assert!((end - later - 0.3 * 0.025).abs() < 1e-6, "{end} {later}");
-    // one that never touches counts as standing 80 ms after it
+    // a foot that never touches counts as standing 80 ms later
     let (_, never) = strides(|time| time < lifted_at);
     assert_eq!(carries(&never, lifted), lifted + 56);
 }

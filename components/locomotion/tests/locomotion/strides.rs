@@ -1,4 +1,4 @@
-//! `control.mpc` in a graph, on a quadruped whose state the test sets.
+//! `control.mpc` in a graph, with a quadruped whose state is set by the test.
 
 use std::path::Path;
 
@@ -11,12 +11,12 @@ use motorium_robots::{Loaded, load};
 use nalgebra::Vector3;
 
 fn number(value: &serde_json::Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+    value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
 }
 
 #[track_caller]
 fn refused(graph: Graph, words: &[&str]) {
-    let error = graph.check().expect_err("it must be refused").render(false);
+    let error = graph.check().expect_err("it must be rejected").render(false);
     for word in words {
         assert!(error.contains(word), "no `{word}` in\n{error}");
     }
@@ -26,7 +26,7 @@ fn quadruped() -> Loaded {
     load("quadruped", Path::new(".")).unwrap()
 }
 
-/// A quadruped standing at home, with this reported base velocity.
+/// A quadruped standing at home that reports this base velocity.
 fn standing(velocity: [f64; 3]) -> Graph {
     let robot = quadruped();
     let home = robot.profile.unwrap().configuration(&robot.model, "standing").unwrap();
@@ -79,7 +79,7 @@ const TROT: &str = "{ velocity = [0.4, 0.0, 0.0], gait = { period = \"400 ms\", 
                     offsets = { front_left = 0.0, front_right = 0.5, hind_left = 0.5, hind_right = 0.0 } } }";
 
 #[test]
-fn a_planner_without_a_gait_stands_on_all_feet() {
+fn planner_without_a_gait_stands_on_all_feet() {
     let (forces, schedule) =
         (Probe::<Wrench>::for_topic("front_left_wrench"), Probe::<ContactSchedule>::for_topic("schedule"));
     let report = standing([0.0; 3]).with(planner("{}")).with(&forces).with(&schedule).run("500 ms").unwrap();
@@ -88,7 +88,7 @@ fn a_planner_without_a_gait_stands_on_all_feet() {
     let weight = robot.model.mass() * 9.81;
     let last = forces.values().pop().unwrap();
     assert!((last.force[2] / (0.25 * weight) - 1.0).abs() < 0.05, "{:?} of {weight} N", last.force);
-    // about the centre of the ball, the force acts below it
+    // the torque is about the centre of the ball; the force acts below it
     let torque = Vector3::new(0.0, 0.0, -0.0165).cross(&Vector3::from(last.force));
     assert!((Vector3::from(last.torque) - torque).norm() < 1e-12);
     assert!(schedule.values().iter().all(|schedule| schedule.load() == [1.0; 4]));
@@ -99,7 +99,7 @@ fn a_planner_without_a_gait_stands_on_all_feet() {
 }
 
 #[test]
-fn a_moving_base_is_braked_and_a_wanted_velocity_reached() {
+fn moving_base_is_braked_and_target_velocity_reached() {
     let force = |velocity: [f64; 3], table: &str| {
         let forces = Probe::<Wrench>::for_topic("front_left_wrench");
         standing(velocity).with(planner(table)).with(&forces).run("100 ms").unwrap();
@@ -118,7 +118,7 @@ fn a_moving_base_is_braked_and_a_wanted_velocity_reached() {
 }
 
 #[test]
-fn a_trot_swings_its_diagonals_in_turn() {
+fn trot_swings_its_diagonals_alternately() {
     let (forces, targets) = (
         Probe::<Wrench>::for_topic("front_left_wrench"),
         Probe::<PoseTarget>::for_topic("front_left_target"),
@@ -129,26 +129,26 @@ fn a_trot_swings_its_diagonals_in_turn() {
     no_allocations(&report, "planner");
     let loads: Vec<[f64; 4]> =
         schedule.values().iter().map(|schedule| schedule.load().try_into().unwrap()).collect();
-    assert!(loads[..60].iter().all(|load| *load == [1.0; 4]), "it stands at first");
+    assert!(loads[..60].iter().all(|load| *load == [1.0; 4]), "it stands initially");
     let swings = |foot: usize| loads.iter().filter(|load| load[foot] == 0.0).count();
     for load in &loads {
         assert_eq!((load[0], load[1]), (load[3], load[2]), "diagonals are alike");
         assert!(load[0] > 0.0 || load[1] > 0.0, "some stand");
     }
     assert!(swings(0) > 120 && swings(1) > 120, "{} {}", swings(0), swings(1));
-    // while it swings, it has no force, and is led up and ahead
+    // a swing foot has no force and moves up and ahead
     assert!(forces.values().iter().any(|wrench| wrench.force == [0.0; 3]));
     let start = targets.values()[0].position;
     let highest = targets.values().iter().map(|target| target.position[2] - start[2]).fold(0.0, f64::max);
     assert!((highest - 0.05).abs() < 5e-3, "{highest}");
     let farthest = targets.values().iter().map(|target| target.position[0] - start[0]).fold(0.0, f64::max);
-    // half of the way of a stance ahead of where the body is when it lands
+    // half of the distance travelled in a stance, ahead of the body's position at touchdown
     assert!(farthest > 0.02 && farthest < 0.1, "{farthest}");
     assert_eq!(report.results["planner"]["swings"][0], targets.values().last().unwrap().goal);
 }
 
 #[test]
-fn planners_that_cannot_work_are_refused_by_their_key() {
+fn invalid_planners_are_rejected_with_their_key() {
     let with = |table: &str| standing([0.0; 3]).with(planner(table));
     refused(with("{ horizon = { steps = 0 } }"), &["horizon.steps", "from 1 to 40"]);
     refused(with("{ horizon = { step = \"2 s\" } }"), &["horizon.step"]);
@@ -188,7 +188,7 @@ fn steps_with_unknown_contacts_are_reported_and_ignored() {
         no_allocations(&report, "planner");
         number(&report.results["planner"]["steps_without_fresh_contacts"])
     };
-    // 100 steps, of which those after 0.27 s have none
+    // of 100 steps, those after 0.27 s have no contacts
     let (all, of_two) = (without(4), without(2));
     assert!((44.0..=48.0).contains(&all) && of_two > 98.0, "{all} {of_two}");
     let unwired = standing([0.0; 3]).with(planner("{}")).run("100 ms").unwrap();

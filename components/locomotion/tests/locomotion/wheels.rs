@@ -1,4 +1,4 @@
-//! Bases on wheels: kinematics against closed forms and finite differences, limits, odometry,
+//! Wheeled bases: kinematics compared with closed forms and finite differences, limits, odometry,
 //! `control.wheels` in a graph.
 
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -41,10 +41,10 @@ fn speeds(base: &WheelBase, twist: &PlanarTwist, steering: &[f64]) -> Vec<f64> {
 }
 
 #[test]
-fn speeds_of_wheels_are_those_of_the_textbook() {
+fn wheel_speeds_match_the_textbook() {
     let found = speeds(&differential(), &twist(0.3, 0.0, 2.0), &[]);
     assert!((found[0] - (0.3 - 0.16) / 0.05).abs() < 1e-12 && (found[1] - (0.3 + 0.16) / 0.05).abs() < 1e-12);
-    // ahead, sideways and turning: sums and differences of all four
+    // forwards, sideways and turning: sums and differences of all four
     for (motion, signs) in [
         (twist(1.0, 0.0, 0.0), [1.0, 1.0, 1.0, 1.0]),
         (twist(0.0, 1.0, 0.0), [-1.0, 1.0, 1.0, -1.0]),
@@ -57,14 +57,14 @@ fn speeds_of_wheels_are_those_of_the_textbook() {
 }
 
 #[test]
-fn steered_wheels_stand_across_the_line_to_one_centre() {
+fn steered_wheels_share_one_centre_of_rotation() {
     let base = car();
     for curvature in [-1.2, -0.3, 0.4, 1.1] {
         let radius = 1.0 / curvature;
         for wheel in 0..2 {
             let angle = base.steering(wheel, curvature);
             let [x, y] = base.wheels()[wheel].position;
-            // from the centre of the turn, on the line of the rear axle, to the wheel
+            // from the centre of rotation, on the line of the rear axle, to the wheel
             let along = x * angle.cos() + (y - radius) * angle.sin();
             assert!(along.abs() < 1e-12, "{curvature}: {along}");
             let [low, high] = base.curvatures(wheel, angle, angle);
@@ -75,9 +75,9 @@ fn steered_wheels_stand_across_the_line_to_one_centre() {
 }
 
 #[test]
-fn wheels_that_roll_do_not_slip() {
-    // each wheel's contact stands still: what the base moves there is what the wheel rolls, by finite
-    // differences
+fn rolling_wheels_do_not_slip() {
+    // each wheel's contact point is at rest: the motion of the base there equals the rolled distance, by
+    // finite differences
     let cases = [
         (differential(), twist(0.4, 0.0, 1.3), vec![0.0; 2]),
         (car(), twist(0.7, 0.0, 0.5), (0..4).map(|wheel| car().steering(wheel, 0.5 / 0.7)).collect()),
@@ -103,7 +103,7 @@ fn wheels_that_roll_do_not_slip() {
 }
 
 #[test]
-fn the_way_of_the_base_is_that_of_its_wheels_and_back() {
+fn displacement_survives_conversion_to_wheels_and_back() {
     for (base, motion) in [
         (differential(), twist(0.3, 0.0, -2.0)),
         (mecanum(), twist(0.3, -0.5, 1.1)),
@@ -120,7 +120,7 @@ fn the_way_of_the_base_is_that_of_its_wheels_and_back() {
 }
 
 #[test]
-fn a_base_frame_off_its_axle_swings_round_and_returns() {
+fn base_frame_off_its_axle_swings_and_returns() {
     let base = WheelBase::differential(vec![wheel(-0.2, 0.1), wheel(-0.2, -0.1)]).unwrap();
     let motion = base.feasible(&twist(0.2, 0.7, 1.5));
     assert!((motion.y - 1.5 * 0.2).abs() < 1e-12, "{motion:?}");
@@ -129,7 +129,7 @@ fn a_base_frame_off_its_axle_swings_round_and_returns() {
 }
 
 #[test]
-fn odometry_of_an_arc_is_exact_whatever_the_period() {
+fn odometry_of_an_arc_is_exact_for_any_period() {
     for steps in [1, 7, 1000] {
         let mut odometry = Reckoning::default();
         let base = differential();
@@ -139,14 +139,14 @@ fn odometry_of_an_arc_is_exact_whatever_the_period() {
             odometry.advance(&base, &turned);
         });
         let pose = odometry.pose();
-        // three quarters of a circle of 1 m radius
+        // three quarters of a circle with 1 m radius
         assert!((pose.x + 1.0).abs() < 1e-9 && (pose.y - 1.0).abs() < 1e-9, "{steps}: {pose:?}");
         assert!((pose.yaw - 1.5 * PI).abs() < 1e-9 && (odometry.distance() - 1.5 * PI).abs() < 1e-9);
     }
 }
 
 #[test]
-fn the_covariance_of_odometry_is_that_of_many_bases_that_slip() {
+fn odometry_covariance_matches_simulated_slip() {
     let (base, slip, steps) = (differential(), 0.004, 200);
     let mut state = 7_u64;
     let mut normal = move || {
@@ -186,14 +186,14 @@ fn limits(count: usize) -> WheelLimits {
     WheelLimits { speed: vec![10.0; count], acceleration: vec![40.0; count] }
 }
 
-/// Curvature of the motion of a base's wheels.
+/// Returns the curvature of the motion given by a base's wheels.
 fn curvature(base: &WheelBase, speeds: &[f64]) -> f64 {
     let way = base.way(speeds);
     way.yaw / way.x
 }
 
 #[test]
-fn a_velocity_beyond_the_limits_keeps_its_arc() {
+fn velocity_beyond_the_limits_keeps_its_arc() {
     let mut drive = WheelDrive::new(differential(), limits(2), vec![[0.0; 3]; 2]);
     drive.begin(&[0.0; 2]);
     let (wanted, dt) = (twist(2.0, 0.0, 3.0), 1e-3);
@@ -207,7 +207,7 @@ fn a_velocity_beyond_the_limits_keeps_its_arc() {
         before = drive.speeds().to_vec();
     }
     assert!((before[1] - 10.0).abs() < 1e-9, "the fastest wheel is at its limit: {before:?}");
-    // to another arc, and to rest: accelerations hold
+    // to another arc, and to rest: acceleration limits hold
     for wanted in [twist(0.2, 0.0, -1.0), twist(0.0, 0.0, 0.0)] {
         for _ in 0..600 {
             drive.follow(&wanted, 0.0, dt);
@@ -222,7 +222,7 @@ fn a_velocity_beyond_the_limits_keeps_its_arc() {
 }
 
 #[test]
-fn a_car_steers_at_its_limit_and_rolls_without_slip() {
+fn car_steers_at_its_limit_and_rolls_without_slip() {
     let steering = vec![[-0.42, 0.42, 3.2], [-0.42, 0.42, 3.2], [0.0; 3], [0.0; 3]];
     let mut drive = WheelDrive::new(car(), limits(4), steering);
     drive.begin(&[0.0; 4]);
@@ -239,7 +239,7 @@ fn a_car_steers_at_its_limit_and_rolls_without_slip() {
                 assert!(angle.abs() <= 0.42 + 1e-9);
                 *before = angle;
             }
-            // all wheels on one motion
+            // all wheels move consistently
             let way = drive.base().way(drive.speeds());
             let again = speeds(drive.base(), &way, drive.steering());
             assert!(again.iter().zip(drive.speeds()).all(|(a, b)| (a - b).abs() < 1e-9));
@@ -251,7 +251,7 @@ fn a_car_steers_at_its_limit_and_rolls_without_slip() {
 }
 
 #[test]
-fn wheels_that_say_nothing_about_the_base_are_refused() {
+fn wheels_that_do_not_determine_the_motion_are_rejected() {
     let refused = |base: Result<WheelBase, WheelError>| base.unwrap_err();
     assert_eq!(refused(WheelBase::differential(vec![wheel(0.0, 0.1)])), WheelError::Fixed { found: 1 });
     let one_line = vec![wheel(0.0, 0.1), wheel(0.5, 0.1)];
@@ -268,7 +268,7 @@ fn wheels_that_say_nothing_about_the_base_are_refused() {
     );
 }
 
-/// A robot with ideal joints under a wheel controller that follows a velocity.
+/// A robot with ideal joints and a wheel controller that follows a velocity.
 fn graph(
     robot: &str,
     config: &str,
@@ -320,14 +320,14 @@ fn number(report: &Report, key: &str) -> f64 {
 }
 
 #[test]
-fn a_base_in_a_graph_drives_its_arc_without_allocating() {
+fn base_in_a_graph_drives_its_arc_without_allocating() {
     let (odometry, command) =
         (Probe::<Odometry>::for_topic("odometry"), Probe::<JointCommand>::for_topic("command"));
     let graph = graph("differential-drive", "{}", 2, steady(0.1, 0.0, 0.5)).with(&odometry).with(&command);
     let report = graph.run("4 s").unwrap();
     let last = *odometry.values().last().unwrap();
     assert!((last.velocity[0] - 0.1).abs() < 1e-9 && (last.yaw_rate - 0.5).abs() < 1e-9, "{last:?}");
-    // it began at rest, and all of its way lies on the circle of 0.2 m radius
+    // it started at rest, and its whole path is on the circle with 0.2 m radius
     for odometry in odometry.values() {
         let [x, y] = odometry.position;
         assert!((x.hypot(y - 0.2) - 0.2).abs() < 1e-9, "{odometry:?}");
@@ -337,11 +337,15 @@ fn a_base_in_a_graph_drives_its_arc_without_allocating() {
     let controller = report.components.iter().find(|component| component.name == "controller").unwrap();
     assert_eq!((controller.allocations, controller.allocations_apart), (Some(0), Some(0)));
     let gains = *command.values().last().unwrap();
-    assert_eq!((gains.kd()[0], gains.kp()[0]), (0.05, 1.0), "the wheels hold by 20/s times their damping");
+    assert_eq!(
+        (gains.kd()[0], gains.kp()[0]),
+        (0.05, 1.0),
+        "the position gain of the wheels is 20/s times their damping"
+    );
 }
 
 #[test]
-fn without_a_fresh_target_the_base_brakes_within_its_limits() {
+fn base_without_a_fresh_target_brakes_within_limits() {
     let (odometry, config) = (Probe::<Odometry>::for_topic("odometry"), "{ acceleration = 0.5 }");
     let mut target = steady(0.15, 0.0, 0.0);
     let silent = move |tick: &Tick| if tick.time() < 1.0 { target(tick) } else { None };
@@ -350,7 +354,7 @@ fn without_a_fresh_target_the_base_brakes_within_its_limits() {
         let samples = odometry.samples();
         samples.iter().rev().find(|sample| sample.tick.time() <= time).unwrap().value.velocity[0]
     };
-    assert!((speed(1.09) - 0.15).abs() < 1e-9, "a target counts for 100 ms");
+    assert!((speed(1.09) - 0.15).abs() < 1e-9, "a target is valid for 100 ms");
     // 0.15 m/s at 0.5 m/s2: 0.3 s
     assert!((speed(1.25) - 0.075).abs() < 0.01, "{}", speed(1.25));
     assert_eq!(speed(1.9), 0.0);
@@ -359,7 +363,7 @@ fn without_a_fresh_target_the_base_brakes_within_its_limits() {
 }
 
 #[test]
-fn an_omnidirectional_base_moves_sideways_while_turning() {
+fn omnidirectional_base_moves_sideways_while_turning() {
     let (odometry, command) =
         (Probe::<Odometry>::for_topic("odometry"), Probe::<JointCommand>::for_topic("command"));
     let graph = graph("mobile-manipulator", "{}", 9, steady(0.0, 0.2, 0.4)).with(&odometry).with(&command);
@@ -377,7 +381,7 @@ fn an_omnidirectional_base_moves_sideways_while_turning() {
 }
 
 #[test]
-fn a_car_in_a_graph_follows_its_curvature() {
+fn car_in_a_graph_follows_its_curvature() {
     let odometry = Probe::<Odometry>::for_topic("odometry");
     let report = graph("ackermann", "{}", 6, steady(0.5, 0.0, 0.4)).with(&odometry).run("3 s").unwrap();
     let last = *odometry.values().last().unwrap();
@@ -386,7 +390,7 @@ fn a_car_in_a_graph_follows_its_curvature() {
 }
 
 #[test]
-fn what_cannot_be_driven_is_refused_and_says_why() {
+fn undrivable_robots_are_rejected_with_a_reason() {
     for (robot, config, joints, words) in [
         ("panda", "{}", 8, "has no wheels"),
         ("differential-drive", "{ acceleration = 0.0 }", 2, "expected from 0.001"),
@@ -394,7 +398,7 @@ fn what_cannot_be_driven_is_refused_and_says_why() {
         ("differential-drive", "{ wheel_kd = -0.1 }", 2, "expected from 0"),
     ] {
         let error =
-            graph(robot, config, joints, steady(0.0, 0.0, FRAC_PI_2)).check().expect_err("it is refused");
+            graph(robot, config, joints, steady(0.0, 0.0, FRAC_PI_2)).check().expect_err("it is rejected");
         assert!(error.render(false).contains(words), "{}", error.render(false));
     }
 }

@@ -229,7 +229,7 @@ impl<T: Lanes> Program<T> {
         self.outputs.push(output);
     }
 
-    /// Returns the `length` numbers of an operation on the present content of the buffers, without adding it.
+    /// Returns the `length` numbers of an operation on the current content of the buffers, without adding it.
     pub fn evaluate(&mut self, mut operation: Operation<T>, length: usize) -> Vec<T> {
         let mut output = vec![T::default(); length];
         operation.run(self.arch, &mut self.buffers, &mut output);

@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_in_a_batch_keeps_its_bits() {
+    fn row_in_a_batch_is_bitwise_equal() {
         let packed = Packed::new((70, 48), |o, i| number(64 * o + i), number);
         let mut alone = vec![0.0; 70];
         packed.apply(&(0..48).map(number).collect::<Vec<_>>(), &mut alone);

@@ -44,15 +44,15 @@ pub enum Gates<T = f32> {
     },
 }
 
-/// One direction of a recurrent layer, with the numbers it works in.
+/// One direction of a recurrent layer, with its workspace.
 #[derive(Clone, Debug)]
 pub struct Direction<T = f32> {
     gates: Gates<T>,
-    /// True to run from the last step to the first.
+    /// `true` to run from the last step to the first.
     reversed: bool,
-    /// Gates of all steps from the inputs.
+    /// Input contributions to the gates of all steps.
     from_input: Vec<T>,
-    /// Gates of one step from the state.
+    /// State contributions to the gates of one step.
     from_state: Vec<T>,
     /// The scaled state, and its candidate.
     scaled: Vec<T>,

@@ -107,7 +107,7 @@ impl Cycle {
         TAU * ((after - 1) as f64 + part) / SAMPLES as f64
     }
 
-    /// The state at a phase.
+    /// Returns the states of both neurons at a phase.
     pub(super) fn state(&self, phase: f64) -> [(f64, f64); 2] {
         let at = phase.rem_euclid(TAU) / TAU * SAMPLES as f64;
         let before = at as usize % SAMPLES;

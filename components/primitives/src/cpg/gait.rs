@@ -1,4 +1,4 @@
-//! In which order legs move.
+//! Gaits: the order in which legs move.
 
 use core::fmt;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, PI};

@@ -104,8 +104,8 @@ impl HopfNetwork {
         Ok(network)
     }
 
-    /// Commands the phase of every oscillator in the pattern, rad. The state does not jump; it converges to
-    /// the new pattern.
+    /// Commands the phase of every oscillator in the pattern, rad. The state stays continuous and converges
+    /// to the new pattern.
     ///
     /// # Errors
     /// The length is wrong, or a number is not finite.
@@ -136,7 +136,7 @@ impl HopfNetwork {
         Ok(())
     }
 
-    /// Sets the state `(x, y)` of an oscillator. The output jumps.
+    /// Sets the state `(x, y)` of an oscillator. The output is discontinuous.
     ///
     /// # Errors
     /// The oscillator does not exist, or a number is not finite.

@@ -19,9 +19,9 @@ pub enum LagError {
     /// An index is out of range.
     #[error("lag of oscillator {found}: out of range, expected an index below {oscillators}")]
     NoSuchOscillator {
-        /// Index named.
+        /// Index given.
         found: usize,
-        /// Number that exists.
+        /// Number of oscillators.
         oscillators: usize,
     },
     /// A lag is not finite.
@@ -29,7 +29,7 @@ pub enum LagError {
     NotFinite {
         /// The lagging oscillator.
         follower: usize,
-        /// The one that leads.
+        /// The leading oscillator.
         leader: usize,
         /// The lag.
         ahead: f64,
@@ -41,7 +41,7 @@ pub enum LagError {
     Inconsistent {
         /// The lagging oscillator.
         follower: usize,
-        /// The one that leads.
+        /// The leading oscillator.
         leader: usize,
         /// The lag given.
         ahead: f64,
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn lags_there_and_back_must_be_opposite() {
+    fn reverse_lags_must_be_opposite() {
         assert!(consistent_phases(2, &[lag(0, 1, 1.0), lag(1, 0, 1.0)]).is_err());
         assert!(consistent_phases(2, &[lag(0, 1, 1.0), lag(1, 0, -1.0)]).is_ok());
         assert!(

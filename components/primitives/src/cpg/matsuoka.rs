@@ -93,7 +93,7 @@ impl MatsuokaOscillator {
         Self::new(settings, DMatrix::from_row_slice(2, 2, &[0.0, w, w, 0.0]))
     }
 
-    /// Sets potential and fatigue of every neuron. The output jumps.
+    /// Sets potential and fatigue of every neuron. The output is discontinuous.
     ///
     /// # Errors
     /// The length is wrong, or a number is not finite.

@@ -209,7 +209,7 @@ impl PhaseNetwork {
         self.set_pattern(gait.phases(self.nodes())?)
     }
 
-    /// Sets the phases directly, rad. The output jumps.
+    /// Sets the phases directly, rad. The output is discontinuous.
     ///
     /// # Errors
     /// The length is wrong, or a number is not finite.
@@ -220,7 +220,8 @@ impl PhaseNetwork {
         Ok(())
     }
 
-    /// Sets amplitudes, offsets, frequency and pattern to their commands immediately. The output jumps.
+    /// Sets amplitudes, offsets, frequency and pattern to their commands immediately. The output is
+    /// discontinuous.
     pub fn settle(&mut self) {
         self.commands.settle();
         self.observe();

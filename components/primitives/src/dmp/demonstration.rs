@@ -14,13 +14,13 @@ pub struct Demonstration {
 /// An invalid demonstration.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DemonstrationError {
-    /// Too little to differentiate twice.
+    /// Too few samples to differentiate twice.
     #[error("{found} samples, expected at least 4, because they are differentiated twice")]
     TooShort {
         /// Number of samples found.
         found: usize,
     },
-    /// No dimension at all.
+    /// The samples have no dimension.
     #[error("the samples have no dimension, expected at least one")]
     NoDimension,
     /// The duration is not a positive time.
@@ -109,8 +109,7 @@ impl Demonstration {
 
     /// Returns the same movement with zero acceleration at both ends.
     ///
-    /// End accelerations of a recording are mostly noise, which a fit of the forcing term would take for
-    /// shape.
+    /// End accelerations of a recording are mostly noise, which a fit would treat as part of the shape.
     #[must_use]
     pub fn unaccelerated_at_its_ends(mut self) -> Self {
         let last = self.samples() - 1;

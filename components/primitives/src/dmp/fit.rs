@@ -39,10 +39,10 @@ impl Default for Regression {
 /// An error of fitting a primitive.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FitError {
-    /// Nothing to learn from.
+    /// No demonstration was given.
     #[error("no demonstration given, expected at least one")]
     NoDemonstration,
-    /// Demonstrations of different kinds.
+    /// Demonstrations differ in their number of dimensions.
     #[error("demonstration {index} has {found} dimensions, expected {expected} as in the first")]
     Dimensions {
         /// Index, counted from 0.

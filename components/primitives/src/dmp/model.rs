@@ -168,7 +168,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_model_survives_json() {
+    fn model_survives_json() {
         let mut model = DmpModel::new(2, Settings { kernels: 3, ..Settings::default() }).unwrap();
         model.weights_mut().copy_from_slice(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
         let text = serde_json::to_string(&model).unwrap();
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_out_of_range_are_refused_by_name() {
+    fn settings_out_of_range_are_rejected_by_name() {
         let refuse = |settings: Settings| DmpModel::new(1, settings).unwrap_err().to_string();
         assert_eq!(
             refuse(Settings { kernels: 1, ..Settings::default() }),

@@ -49,7 +49,7 @@ impl Quintic {
         Self { start, length, per_length: length.recip(), goal, final_rate, coefficients }
     }
 
-    /// Rests at a point.
+    /// Returns a quintic that rests at a point.
     pub fn at_rest(goal: f64) -> Self {
         let coefficients = [goal, 0.0, 0.0, 0.0, 0.0, 0.0];
         Self { start: 0.0, length: 0.0, per_length: 0.0, goal, final_rate: 0.0, coefficients }

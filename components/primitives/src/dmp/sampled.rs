@@ -37,16 +37,16 @@ pub enum SampledError {
     /// A setting out of range.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// Steps too wide for the spring.
+    /// The steps are too wide for the spring.
     #[error(
         "{steps} steps are too few for a damping of {damping}, the spring would be unstable: use at least {least} samples"
     )]
     TooCoarse {
         /// Steps found.
         steps: usize,
-        /// The damping.
+        /// Damping of the spring.
         damping: f64,
-        /// Samples that would do.
+        /// Smallest sufficient number of samples.
         least: usize,
     },
 }
@@ -113,7 +113,7 @@ impl SampledModel {
         &self.forces
     }
 
-    /// Start of the demonstration, one number a dimension.
+    /// Start of the demonstration, one entry per dimension.
     pub fn shown_start(&self) -> &[f64] {
         &self.start
     }

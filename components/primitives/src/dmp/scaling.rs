@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn the_limit_bounds_the_factor() {
+    fn limit_bounds_the_factor() {
         let displacement = Scaling::Displacement { limit: 3.0 };
         assert_close(&scaled(displacement, &[1e-3, 1.0], &[1.0, -9.0], &[1.0, 1.0]), &[3.0, -3.0]);
         assert_close(

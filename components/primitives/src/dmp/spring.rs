@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     /// The textbook solution `x(t) = g + (x0 - g + (v0 + w (x0 - g)) t) exp(-w t)`, evaluated once for the
-    /// whole time.
+    /// whole duration.
     #[test]
     fn constant_input_gives_the_textbook_solution() {
         let spring = CriticalSpring::new(25.0);
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_of_no_time_changes_nothing() {
+    fn zero_length_step_changes_nothing() {
         assert_eq!(CriticalSpring::new(25.0).stride(0.0).advance((5.0, 1.0), 2.0, 2.5), (5.0, 1.0));
     }
 }

@@ -1,4 +1,4 @@
-//! A mixture from samples.
+//! Fits of mixtures to samples.
 
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt as _, SeedableRng as _};
@@ -36,7 +36,7 @@ pub struct GmmFitted {
     pub gmm: Gmm,
     /// Log-likelihood of the data, summed.
     pub log_likelihood: f64,
-    /// Iterations made.
+    /// Number of iterations.
     pub iterations: usize,
     /// Returns `true` if the fit reached the tolerance.
     pub converged: bool,

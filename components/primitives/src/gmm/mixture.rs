@@ -14,13 +14,13 @@ pub struct Gmm {
     pub(super) covariances: Vec<DMatrix<f64>>,
 }
 
-/// An error of making a mixture.
+/// An error of creating a mixture.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GmmError {
     /// A number, vector or matrix is invalid.
     #[error(transparent)]
     Value(#[from] ValueError),
-    /// Too little to learn from.
+    /// Too few samples for the number of components.
     #[error("{samples} samples cannot fill {components} components")]
     TooFew {
         /// Samples found.

@@ -91,7 +91,8 @@ impl Gmr {
         self.inputs
     }
 
-    /// Mean and covariance of the outputs at an input. Far from all components, the nearest one dominates.
+    /// Returns the mean and covariance of the outputs at an input. Far from all components, the nearest one
+    /// dominates.
     ///
     /// # Errors
     /// The input has the wrong length or is not finite.

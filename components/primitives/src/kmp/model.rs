@@ -1,4 +1,4 @@
-//! A kernelised primitive, ready to be asked.
+//! A kernelised primitive, prepared for evaluation.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 

@@ -28,7 +28,7 @@ pub enum KmpError {
     /// A number, vector or matrix is invalid.
     #[error(transparent)]
     Value(#[from] ValueError),
-    /// No point at all.
+    /// The reference is empty.
     #[error("the reference has no point, expected at least one")]
     Empty,
     /// A matrix is not a covariance, or a value is not finite.
@@ -43,7 +43,7 @@ pub enum KmpError {
         /// Index, counted from 0.
         point: usize,
     },
-    /// The regression refused an input.
+    /// The regression rejected an input.
     #[error(transparent)]
     Regression(#[from] crate::gmm::GmmError),
 }

@@ -2,16 +2,16 @@
 
 use super::MotionLimits;
 
-/// Fraction of the acceleration that brakes towards a target. The rest is kept for the target's own motion:
-/// with the whole of it, a joint overshoots targets that accelerate.
+/// Fraction of the acceleration used for braking towards a target. The rest is kept for the target's own
+/// motion: with the full acceleration, a joint overshoots targets that accelerate.
 const APPROACH: f64 = 0.5;
 
-/// Setpoints of several joints that follow targets, however these jump: velocity, acceleration and position
+/// Setpoints of several joints that follow targets with step changes. Velocity, acceleration and position
 /// stay within limits at every step.
 ///
-/// Each joint approaches its target at the velocity of the target plus the largest from which it can brake in
-/// the distance that is left, `v^2 / 2a + v dt / 2 <= d` with half of its acceleration, as steps of constant
-/// velocity do. The jerk is not limited. Only [`new`](Self::new) allocates.
+/// Each joint moves at the velocity of its target plus the largest velocity from which it can brake within
+/// the remaining distance: `v^2 / 2a + v dt / 2 <= d`, with half of its acceleration and in steps of constant
+/// velocity. The jerk is not limited. Only [`new`](Self::new) allocates.
 ///
 /// ```
 /// use motorium_primitives::profile::{Follower, MotionLimits};
@@ -35,40 +35,40 @@ pub struct Follower {
 }
 
 impl Follower {
-    /// Creates a follower at rest at 0, with limits and a range of positions for each joint. Limits may be
+    /// Creates a follower at rest at 0 with limits and a position range for each joint. Limits may be
     /// infinite.
     pub fn new(limits: Vec<MotionLimits>, ranges: Vec<[f64; 2]>) -> Self {
         let zeros = vec![0.0; limits.len()];
         Self { limits, ranges, position: zeros.clone(), velocity: zeros }
     }
 
-    /// At rest at positions.
+    /// Starts at rest at the given positions.
     ///
     /// # Panics
     ///
-    /// If there is not one for each joint.
+    /// If the number of positions differs from the number of joints.
     pub fn start(&mut self, position: &[f64]) {
         self.position.copy_from_slice(position);
         self.velocity.fill(0.0);
     }
 
-    /// The setpoints.
+    /// Position setpoints.
     pub fn position(&self) -> &[f64] {
         &self.position
     }
 
-    /// Their velocities in the last step, per second.
+    /// Velocities of the setpoints in the last step, per second.
     pub fn velocity(&self) -> &[f64] {
         &self.velocity
     }
 
-    /// Moves for `dt` \[s\] towards targets that move themselves with `rate` \[1/s\].
+    /// Advances by `dt` \[s\] towards targets that move with the velocities `rate` \[1/s\].
     pub fn step(&mut self, dt: f64, target: &[f64], rate: &[f64]) {
         let targets = target.iter().zip(rate);
         let joints = self.position.iter_mut().zip(&mut self.velocity).zip(&self.limits).zip(&self.ranges);
         for ((((position, velocity), limits), [low, high]), (target, rate)) in joints.zip(targets) {
             let MotionLimits { velocity: fastest, acceleration, .. } = *limits;
-            // the velocity from which a joint comes to rest within a distance
+            // the velocity from which a joint stops within a distance
             let stoppable = |distance: f64, acceleration: f64| {
                 let half = 0.5 * acceleration * dt;
                 if half.is_finite() {
@@ -100,7 +100,7 @@ mod tests {
     const DT: f64 = 1e-3;
 
     #[test]
-    fn limits_hold_however_targets_jump() {
+    fn limits_hold_for_targets_with_step_changes() {
         let limits = MotionLimits { velocity: 2.0, acceleration: 7.5, jerk: f64::INFINITY };
         let mut follower =
             Follower::new(vec![limits; 2], vec![[-0.7, 0.8], [f64::NEG_INFINITY, f64::INFINITY]]);
@@ -129,14 +129,14 @@ mod tests {
     }
 
     #[test]
-    fn a_moving_target_is_followed_without_lag() {
+    fn moving_target_is_followed_without_lag() {
         let limits = MotionLimits { velocity: 2.0, acceleration: 20.0, jerk: f64::INFINITY };
         let mut follower = Follower::new(vec![limits], vec![[-9.0, 9.0]]);
         follower.start(&[0.3]);
         let mut worst = 0.0_f64;
         for step in 0..5000 {
             let (sin, cos) = (f64::from(step) * DT * 3.0).sin_cos();
-            // the velocity over this step, which ends at the target of the next
+            // the velocity over this step, which ends at the target of the next step
             follower.step(DT, &[0.5 * sin], &[1.5 * cos]);
             if step > 1000 {
                 let next = (f64::from(step + 1) * DT * 3.0).sin();

@@ -25,7 +25,7 @@ pub use straight::{Shape, StraightMove};
 
 use crate::dmp::Jet;
 
-/// Largest velocity, acceleration and jerk, positive. The jerk may be infinite.
+/// Maximum velocity, acceleration and jerk, all positive. The jerk may be infinite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionLimits {
     /// Velocity, per second.
@@ -48,7 +48,7 @@ pub struct Profile {
 enum Kind {
     /// Seven phases of constant jerk, stretched in time by `stretch`.
     Jerk { jerk: f64, rise: f64, hold: f64, cruise: f64, stretch: f64 },
-    /// The quintic of least jerk.
+    /// Minimum-jerk quintic.
     Quintic,
 }
 
@@ -56,7 +56,7 @@ enum Kind {
 const QUINTIC: [f64; 3] = [1.875, 5.773_502_691_896_258, 60.0];
 
 impl Profile {
-    /// Returns the fastest motion within limits: jerk, acceleration or velocity is always at its limit.
+    /// Returns the fastest motion within limits: at any time jerk, acceleration or velocity is at its limit.
     pub fn time_optimal(distance: f64, limits: &MotionLimits) -> Self {
         let MotionLimits { velocity: v, acceleration: a, jerk: j } = *limits;
         let d = distance.abs();
@@ -100,7 +100,7 @@ impl Profile {
         velocity.max(acceleration).max((j * d / limits.jerk).cbrt())
     }
 
-    /// No motion.
+    /// Returns a profile without motion.
     pub fn rest() -> Self {
         Self { distance: 0.0, duration: 0.0, kind: Kind::Quintic }
     }
@@ -168,7 +168,7 @@ impl Profile {
         }
     }
 
-    /// The motion up to its middle, unstretched.
+    /// Returns the motion up to its middle, unstretched.
     fn first_half(&self, time: f64) -> Jet {
         let Kind::Jerk { jerk, rise, hold, cruise, .. } = self.kind else { return Jet::default() };
         let d = self.distance.abs();
@@ -266,7 +266,7 @@ mod tests {
                 assert_eq!(end, Jet { value: distance, ..Jet::default() });
                 let before = profile.sample(profile.duration() * (1.0 - 1e-9));
                 assert!((before.value - distance).abs() < 1e-7 * distance.abs(), "{distance} {limits:?}");
-                // remaining velocity change by the acceleration
+                // the remaining velocity change is bounded by the acceleration
                 let left = 1.001e-9 * profile.duration();
                 assert!(before.rate.abs() <= limits.acceleration * left, "{distance} {limits:?}: {before:?}");
                 let h = 1e-6 * profile.duration();
@@ -297,7 +297,7 @@ mod tests {
         assert!((time(10.0, limits(5.0, 10.0, f64::INFINITY)) - 2.5).abs() < 1e-12);
         // velocity before acceleration: d / v + 2 sqrt(v / j)
         assert!((time(2.0, limits(0.5, 100.0, 50.0)) - (4.0 + 0.2)).abs() < 1e-12);
-        // least jerk: velocity 15/8 d/T
+        // minimum jerk: velocity 15/8 d/T
         assert!((Profile::minimum_jerk_duration(1.0, &limits(1.0, 1e9, 1e9)) - 1.875).abs() < 1e-12);
         assert!((Profile::minimum_jerk_duration(1.0, &limits(1e9, 1e9, 60.0)) - 1.0).abs() < 1e-12);
     }

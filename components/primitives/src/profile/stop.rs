@@ -58,7 +58,7 @@ impl Stop {
             let brake = Phase { duration: rate / most, jerk: 0.0 };
             return Self::from_phases(start, [brake, Phase::default(), Phase::default()]);
         }
-        // The whole stop from zero acceleration begins at this velocity; part of its first ramp may be over.
+        // The stop from zero acceleration would start at this velocity; part of its first ramp may be over.
         let from = rate + 0.5 * acceleration * acceleration / jerk;
         let rise = (most / jerk).min((from / jerk).sqrt());
         let hold = (from / (rise * jerk) - rise).max(0.0);

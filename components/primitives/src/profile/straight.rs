@@ -76,7 +76,7 @@ impl StraightMove {
         along
     }
 
-    /// The shortest time between two points \[s\].
+    /// Returns the shortest duration of a motion between two points \[s\].
     pub fn least_duration(&self, from: &[f64], to: &[f64], shape: Shape) -> f64 {
         if from == to {
             return 0.0;
@@ -88,8 +88,8 @@ impl StraightMove {
         }
     }
 
-    /// Plans the motion between two points. It lasts the given time, or the shortest within the limits if
-    /// that is longer.
+    /// Plans the motion between two points. It lasts `duration`, or the shortest duration within the limits
+    /// if that is longer.
     pub fn plan(&mut self, from: &[f64], to: &[f64], shape: Shape, duration: Option<f64>) {
         self.from.copy_from_slice(from);
         self.way.iter_mut().zip(from.iter().zip(to)).for_each(|(way, (from, to))| *way = to - from);
@@ -107,8 +107,8 @@ impl StraightMove {
         });
     }
 
-    /// Replaces the rest of the motion after a time \[s\] by the fastest stop on its line. Times of the stop
-    /// count from there. It ends before the end of the motion would have been reached.
+    /// Replaces the motion after a time \[s\] by the fastest stop on its line, which ends before the motion
+    /// would have ended. Times of the stop count from there.
     pub fn brake(&mut self, time: f64) {
         let jet = self.along.sample(time);
         let limits = self.limits_on(self.way.iter().copied());
@@ -121,7 +121,7 @@ impl StraightMove {
         self.along.duration()
     }
 
-    /// Positions and velocities at a time \[s\].
+    /// Writes positions and velocities at a time \[s\].
     pub fn sample(&self, time: f64, position: &mut [f64], velocity: &mut [f64]) {
         let along = self.along.sample(time);
         for (index, way) in self.way.iter().enumerate() {

@@ -127,14 +127,13 @@ impl PoseReach {
         Ok(())
     }
 
-    /// Leaves the movement under way and waits for another [`start`](Self::start). The pose stays where it
-    /// is.
+    /// Abandons the movement and waits for another [`start`](Self::start). The pose stays unchanged.
     pub fn halt(&mut self) {
         self.phase = ReachPhase::Waiting;
     }
 
-    /// Replaces the goal of a segment from its next start. See [`redirect`](Self::redirect) for the one
-    /// that is under way.
+    /// Replaces the goal of a segment from its next start. For the segment in progress, see
+    /// [`redirect`](Self::redirect).
     ///
     /// # Errors
     /// The segment does not exist, or the pose is not finite.
@@ -198,10 +197,9 @@ impl PoseReach {
         Ok(())
     }
 
-    /// Pushes the position off its path by an acceleration \[m/s2\] in the following steps, until it is
-    /// replaced. The acceleration may come from an obstacle or a force
-    /// ([`Coupling::acceleration`](crate::dmp::Coupling)). The effect decays with the spring of the
-    /// primitive. A value that is not finite is ignored.
+    /// Pushes the position off its path by an acceleration \[m/s2\] until the next call. The acceleration may
+    /// come from an obstacle or a force ([`Coupling::acceleration`](crate::dmp::Coupling)). The effect decays
+    /// with the spring of the primitive. A non-finite value is ignored.
     pub fn push(&mut self, acceleration: Vector3<f64>) {
         let is_finite = acceleration.iter().all(|part| part.is_finite());
         self.push = if is_finite { acceleration } else { Vector3::zeros() };

@@ -16,7 +16,7 @@ pub struct Segment {
     pub goal: Isometry3<f64>,
     /// Time to reach the goal, at least 1 ms.
     pub duration: Duration,
-    /// Time to stay there.
+    /// Dwell time at the goal.
     pub dwell: Duration,
     /// Shape of the position's path.
     pub shape: PathShape,
@@ -36,7 +36,7 @@ pub enum Repeat {
 /// An invalid sequence of segments.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ReachError {
-    /// Nowhere to go.
+    /// There is no goal.
     #[error("no goal given, expected at least one")]
     NoSegments,
     /// The goal is not a finite pose.
@@ -45,7 +45,7 @@ pub enum ReachError {
         /// Index, counted from 0.
         segment: usize,
     },
-    /// Too little time.
+    /// The duration is too short.
     #[error("goal {segment} has a duration of {} s, expected at least 0.001 s", .found.as_secs_f64())]
     Duration {
         /// Index, counted from 0.
@@ -74,7 +74,7 @@ pub enum SteerError {
     NoSuchSegment {
         /// Requested index.
         segment: usize,
-        /// Number that exists.
+        /// Number of segments.
         segments: usize,
     },
     /// The speed factor is invalid.

@@ -67,7 +67,7 @@ impl PathShape {
 /// Three dimensions without a forcing term.
 pub(super) fn unshaped() -> DmpModel {
     DmpModel::new(3, Settings::default())
-        .expect("the default settings are in range and three dimensions are some")
+        .expect("the default settings are in range and there are three dimensions")
 }
 
 /// Fits the deviation `apex * 64 p^3 (1 - p)^3`, which starts and ends at rest without acceleration.
@@ -84,7 +84,7 @@ fn arc(apex: Vector3<f64>) -> DmpModel {
     )
     .expect("the profile is finite, of one shape and long enough");
     DmpModel::fit(Settings::default(), &[demonstration], Regression::default())
-        .expect("one demonstration with ten samples a kernel determines the weights")
+        .expect("one demonstration with ten samples per kernel determines the weights")
 }
 
 #[cfg(test)]

@@ -21,7 +21,7 @@ pub struct Route {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
-    /// Before the first step, or about to start to the next stop.
+    /// Before the first step, or before the start to the next stop.
     Setting,
     /// Turning on the spot to face the stop.
     Facing,
@@ -101,7 +101,7 @@ impl Route {
         self.elapsed >= length && (here || late)
     }
 
-    /// Position of a place in the axes of the base: ahead and to the left.
+    /// Returns the position of a place in base axes: ahead and to the left.
     fn off(&self, at: Place, place: Place) -> (f64, f64) {
         let (dx, dy) = (place.x - at.x, place.y - at.y);
         let (sin, cos) = at.yaw.sin_cos();
@@ -167,7 +167,7 @@ impl Route {
         };
     }
 
-    /// Velocity in the axes of the base, and the distance of the base from its line.
+    /// Returns the velocity in base axes and the distance of the base from its line.
     fn command(&self, at: Place) -> (Place, Option<f64>) {
         let (settings, time) = (&self.settings, self.elapsed);
         match self.stage {

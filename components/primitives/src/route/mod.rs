@@ -108,7 +108,7 @@ impl Default for RouteSettings {
 pub struct RouteStep {
     /// Velocity in the axes of the base.
     pub command: Place,
-    /// Desired pose when the base is about to leave a stop or stays at the last one.
+    /// Desired pose, if the base is about to leave a stop or stays at the last one.
     pub stopped: Option<Place>,
     /// Distance of the base from its straight line \[m\].
     pub beside: Option<f64>,

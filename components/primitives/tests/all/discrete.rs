@@ -102,7 +102,7 @@ fn similarity_rotates_and_scales_the_whole_path() {
         let settings = Settings { scaling: Scaling::Similarity { limit: 100.0 }, ..variant(form) };
         let mut once = DiscreteDmp::new(bent(2, settings.clone()));
         let mut other = DiscreteDmp::new(bent(2, settings));
-        // the displacement (1, 1), turned by a quarter and three times as long
+        // the displacement (1, 1), rotated by a quarter turn and three times as long
         once.start(&[0.0, 0.0], &[1.0, 1.0], 1.0).unwrap();
         other.start(&[2.0, 2.0], &[-1.0, 5.0], 1.0).unwrap();
         for (a, b) in run(&mut once, 1e-3, 1200).iter().zip(run(&mut other, 1e-3, 1200)) {
@@ -214,7 +214,7 @@ fn moving_goal_is_reached_after_it_stops() {
 fn goal_filter_follows_the_published_rate() {
     let settings = Settings { goal_rate: Some(10.0), ..variant(Variant::GoalSafe) };
     let mut dmp = DiscreteDmp::new(DmpModel::new(1, settings).unwrap());
-    // long after the start the spring rests, and its acceleration shows where it is drawn to
+    // long after the start the spring is at rest, and its acceleration shows its equilibrium
     dmp.start(&[0.0], &[0.0], 1.0).unwrap();
     run(&mut dmp, 1e-3, 20_000);
     dmp.set_goal(&[1.0]).unwrap();
@@ -240,7 +240,7 @@ fn new_duration_keeps_position_and_velocity_continuous() {
             dmp.step(1e-3);
             !dmp.is_over()
         });
-        assert!((steps.count() as i64 - 2400).abs() <= 1, "0.6 of 4 s are left");
+        assert!((steps.count() as i64 - 2400).abs() <= 1, "0.6 of 4 s remain");
         run(&mut dmp, 1e-3, 8000);
         assert_close(dmp.position(), &[1.0, 0.0], 1e-3);
     }

@@ -103,7 +103,7 @@ fn fitted_quintic_goal_arrives_on_time_and_settles() {
     assert!(off(&dmp) < 1e-6, "{} half a duration later", off(&dmp));
 }
 
-/// It begins and ends accelerated: at `pi^2 / 2` per duration squared, and at its negative.
+/// Starts and ends accelerated: at `pi^2 / 2` per duration squared, and at its negative.
 fn half_cosine(p: f64) -> f64 {
     0.5 * (1.0 - (std::f64::consts::PI * p).cos())
 }
@@ -154,7 +154,7 @@ fn scaled_demonstrations_share_one_shape() {
     for scaling in [Scaling::Displacement { limit: 10.0 }, Scaling::Similarity { limit: 10.0 }] {
         let settings = Settings { scaling, ..settings(Variant::Classic) };
         let model = DmpModel::fit(settings, &[scale(0.5), scale(1.5), scale(2.5)], RIDGE).unwrap();
-        // a reach that was not among them
+        // a reach that was not demonstrated
         let error = reproduction_error(model, &scale(1.0));
         assert!(error < 1e-3, "{scaling:?}: {error}");
     }

@@ -1,4 +1,4 @@
-//! Integration tests of the crate, one module a subject.
+//! Integration tests of the crate, one module per subject.
 
 mod allocations;
 mod discrete;

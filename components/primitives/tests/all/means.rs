@@ -7,7 +7,7 @@ use motorium_primitives::regression::PolynomialMovement;
 use motorium_primitives::rollout::{Override, RolloutError, ViaPoint, roll_out};
 use nalgebra::{DMatrix, DVector};
 
-/// Five waves in a plane whose amplitudes differ.
+/// Returns five waves in a plane with different amplitudes.
 fn shown() -> Vec<DMatrix<f64>> {
     let wave = |amplitude: f64| {
         DMatrix::from_fn(100, 2, |k, d| {
@@ -29,7 +29,7 @@ fn kernelised_mean_matches_the_demonstrations() {
         let error = (mean[0] - expected[0]).abs().max((mean[1] - expected[1]).abs());
         assert!(error < 0.03, "{error} at phase {p}");
     }
-    // Where the waves differ it is less sure than where they meet.
+    // The covariance is larger where the waves differ.
     let sure = |p: f64| kmp.covariance(&[p]).unwrap()[(0, 0)];
     assert!(sure(std::f64::consts::FRAC_PI_2 / 6.0) > 1.5 * sure(std::f64::consts::PI / 6.0));
 }

@@ -35,7 +35,7 @@ fn full(n: usize, weight: f64) -> DMatrix<f64> {
     DMatrix::from_fn(n, n, |i, j| if i == j { 0.0 } else { weight })
 }
 
-/// Calls back at each of the golden times, after as many milliseconds as they say.
+/// Calls `step` once per millisecond up to each of the golden times, and `look` there.
 fn at_ends(golden: &Json, mut step: impl FnMut(usize), mut look: impl FnMut(usize)) {
     let mut steps = 0;
     for (index, end) in numbers(&golden["ends"]).into_iter().enumerate() {
@@ -112,7 +112,7 @@ fn matsuoka_neurons_with_feedback_solve_their_equation() {
     at_ends(
         &golden,
         |k| {
-            // the feedback at the middle of the step stands for all of it
+            // the feedback at the middle of the step is used for the whole step
             let feedback = [0.1 * (3.0 * (k as f64 + 0.5) * 1e-3).sin(), 0.0];
             pair.borrow_mut().step_with_feedback(1e-3, &feedback);
         },
@@ -185,7 +185,7 @@ fn entrainment_locks_within_adlers_range_only() {
         let mut measured = 1.0;
         let mut slips = 0.0_f64;
         for k in 0..20_000 {
-            // half a millisecond ahead stands for the whole step
+            // the phase half a millisecond ahead is used for the whole step
             let at = measured + 0.5e-3 * measured_speed;
             let [a, b] = [0, 1].map(|i| network.phases()[i]);
             let half = 0.5e-3 * TAU;

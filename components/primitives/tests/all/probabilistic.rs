@@ -71,7 +71,7 @@ fn mixture_finds_three_clusters_and_bic_chooses_three() {
 }
 
 #[test]
-fn the_floor_keeps_a_component_from_collapsing_onto_a_sample() {
+fn floor_prevents_collapse_onto_a_sample() {
     let mut samples = DMatrix::from_element(30, 2, 1.0);
     samples[(7, 0)] = 5.0;
     let fitted = Gmm::fit(&samples, 2, &GmmFit::default()).unwrap();
@@ -98,7 +98,7 @@ fn regression_matches_the_formula() {
         assert!((covariance - matrix(&expected["covariance"])).amax() < 1e-10);
     }
     let (mean, _) = gmr.predict(&[1e3]).unwrap();
-    assert!(mean.iter().all(|value| value.is_finite()), "far from everything it still answers");
+    assert!(mean.iter().all(|value| value.is_finite()), "far from all components the result is finite");
     assert!(Gmr::new(&gmm, 3).is_err() && Gmr::new(&gmm, 0).is_err());
 }
 
@@ -146,7 +146,7 @@ fn smaller_variance_passes_via_points_more_closely() {
     let mut replaced = reference.clone();
     let point = ReferencePoint { input: DVector::from_element(1, 1e-4), ..reference.points()[0].clone() };
     replaced.insert(point, 1e-3).unwrap();
-    assert_eq!(replaced.points().len(), 12, "next to a point of the reference it takes its place");
+    assert_eq!(replaced.points().len(), 12, "it replaces a nearby point of the reference");
 }
 
 /// The product of two Gaussians of one dimension: precisions add up.
@@ -191,7 +191,7 @@ fn via_point_matches_movement_primitives() {
     let place = DVector::from_vec(vec![0.4, -0.7]);
     let noise = DMatrix::from_diagonal(&DVector::from_vec(vec![1e-3, 2e-3]));
     let bent = promp.conditioned(0.35, &place, &noise).unwrap();
-    // but for the jitter of 1e-8 of the variance there
+    // up to the jitter of 1e-8 of the variance
     assert!((bent.weight_mean() - vector(&golden["bent_mean"])).amax() < 1e-5);
     assert!((bent.weight_covariance() - matrix(&golden["bent_covariance"])).amax() < 1e-5);
 }
@@ -225,14 +225,10 @@ fn expectation_maximisation_matches_numpy() {
     assert!((promp.weight_covariance() - matrix(&golden["em_covariance"])).amax() < 1e-5);
     assert!((promp.noise() / number(&golden["em_noise"]) - 1.0).abs() < 1e-5);
     assert!(reported.windows(2).all(|pair| pair[0] <= pair[1]) && reported.last() == Some(&1.0));
-    // scipy judges the reference: the likelihood never falls
+    // the reference is evaluated by scipy: the likelihood never decreases
     let likelihood = numbers(&golden["em_likelihood"]);
     assert!(likelihood.windows(2).all(|pair| pair[1] > pair[0] - 1e-2), "{likelihood:?}");
-    assert!(
-        (promp.noise().sqrt() - 0.05).abs() < 0.01,
-        "the noise that was put in: {}",
-        promp.noise().sqrt()
-    );
+    assert!((promp.noise().sqrt() - 0.05).abs() < 0.01, "the noise of the data: {}", promp.noise().sqrt());
 }
 
 #[test]
@@ -251,7 +247,7 @@ fn shrinkage_matches_numpy() {
     assert_eq!((name, value), ("shrinkage", -1.0));
 }
 
-/// Strokes of three dimensions from starts that nearly lie in a plane, to one goal.
+/// Returns a stroke with three dimensions. The starts nearly lie in a plane; all strokes share one goal.
 fn stroke(start: [f64; 3]) -> DMatrix<f64> {
     DMatrix::from_fn(100, 3, |k, d| {
         let p = k as f64 / 99.0;
@@ -298,7 +294,8 @@ fn both_estimators_reproduce_the_demonstrated_mean() {
         for k in 0..=10 {
             let p = f64::from(k) / 10.0;
             assert!((promp.mean_at(p)[0] - curve(p, 2)).abs() < 0.03, "{learning:?} at {p}");
-            // of the five, the sample variance is 0.04 * 2.5 (p (1 - p))^2, that of the population 2
+            // the sample variance of five is 0.04 * 2.5 (p (1 - p))^2, the population variance has a factor
+            // of 2
             let spread = 0.04 * (p * (1.0 - p)).powi(2);
             let variance = promp.covariance_at(p)[(0, 0)];
             assert!(
@@ -320,7 +317,7 @@ fn product_and_blend_combine_primitives() {
     let b = promp.conditioned(0.9, &late, &exact).unwrap();
     let both = ProMp::product(&[(&a, 1.0), (&b, 1.0)]).unwrap();
     assert!((both.mean_at(0.1) - &early).amax() < 0.02 && (both.mean_at(0.9) - &late).amax() < 0.02);
-    // a primitive times itself is twice as sure of the same
+    // the product of a primitive with itself has half its variance
     let twice = ProMp::product(&[(&promp, 1.0), (&promp, 1.0)]).unwrap();
     assert!((twice.weight_mean() - promp.weight_mean()).amax() < 1e-7);
     assert!((twice.weight_covariance() * 2.0 - promp.weight_covariance()).amax() < 1e-7);

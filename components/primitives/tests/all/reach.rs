@@ -22,7 +22,7 @@ fn segment(goal: Isometry3<f64>, duration_ms: u64, dwell_ms: u64, shape: PathSha
     Segment { goal, duration, dwell, shape }
 }
 
-/// Three segments: straight, over an arc, and as a demonstration has it.
+/// Returns three segments: straight, over an arc, and with a demonstrated shape.
 fn tour() -> Vec<Segment> {
     let curve = DMatrix::from_fn(200, 3, |k, d| {
         let p = k as f64 / 199.0;
@@ -100,7 +100,7 @@ fn motion_is_smooth_with_consistent_derivatives() {
         assert!((velocity - here.1.linear).norm() < 2e-3, "at {k} ms: {velocity} {}", here.1.linear);
         let angular = so3::log(&(after.0.rotation * before.0.rotation.inverse())) / h;
         assert!((angular - here.1.angular).norm() < 2e-3, "at {k} ms");
-        // where the speed begins or ends to change, its slope jumps
+        // where the speed starts or ends to change, its slope is discontinuous
         if (2999..3200).contains(&k) || (5999..6300).contains(&k) {
             continue;
         }
@@ -112,7 +112,7 @@ fn motion_is_smooth_with_consistent_derivatives() {
 }
 
 #[test]
-fn a_straight_reach_has_the_peak_speed_of_minimum_jerk() {
+fn straight_reach_has_minimum_jerk_peak_speed() {
     let goal = pose([0.3, 0.4, 0.5], [3.1, 0.0, 0.2]);
     let mut reach = PoseReach::new(vec![segment(goal, 2000, 0, PathShape::Straight)], Repeat::Once).unwrap();
     reach.start(home()).unwrap();
@@ -139,7 +139,7 @@ fn step_width_does_not_change_the_schedule() {
             (end.segment(), end.phase(), end.goals_set()),
             (ends[0].segment(), ends[0].phase(), ends[0].goals_set())
         );
-        // what is left is the error of the wide steps in the forcing terms
+        // only the error of the wide steps in the forcing terms remains
         let distance = (end.pose().translation.vector - ends[0].pose().translation.vector).norm();
         assert!(distance < 5e-3, "{distance} m");
     }
@@ -188,7 +188,7 @@ fn redirected_goal_is_reached_without_a_jump() {
         });
         assert!(steps.count() <= 1500);
         assert!(position_error(&reach) < 1e-9 && orientation_error(&reach) < 1e-9);
-        // and the sequence goes on
+        // the sequence continues
         (0..201).for_each(|_| reach.step(TICK));
         assert_eq!((reach.segment(), reach.phase()), (1, ReachPhase::Moving));
     }

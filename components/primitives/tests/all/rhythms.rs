@@ -44,10 +44,10 @@ fn gaits_settle_and_change_without_jumps() {
                 for _ in 0..3000 {
                     rhythm.step(1e-3);
                     for i in 0..n {
-                        // the mean of the velocities at both ends carries the position over
+                        // the mean of the velocities at both ends predicts the change of position
                         let step = 5e-4 * (v[i] + rhythm.velocity()[i]);
                         assert!((rhythm.output()[i] - q[i] - step).abs() < 2e-5, "{what}: leg {i}");
-                        assert!((rhythm.velocity()[i] - v[i]).abs() < 0.15, "{what}: leg {i} jolts");
+                        assert!((rhythm.velocity()[i] - v[i]).abs() < 0.15, "{what}: leg {i} jumps");
                     }
                     q.copy_from_slice(rhythm.output());
                     v.copy_from_slice(rhythm.velocity());
@@ -82,14 +82,14 @@ fn strides_have_the_given_period_and_amplitude() {
             assert_eq!(f64::from(turns), 8.0 * frequency, "{model:?}");
             assert!(apart(before, start) < 2e-2, "{model:?}: {before} {start}");
             assert!((high + 0.5 - amplitude).abs() < 0.01 * amplitude, "{model:?}: {low} to {high}");
-            // the cycle of a pair of neurons is symmetric: one is the other, half a period later
+            // the cycle of a pair of neurons is symmetric: both have the same cycle, half a period apart
             assert!((low + 0.5 + amplitude).abs() < 0.01 * amplitude, "{model:?}: {low} to {high}");
         }
     }
 }
 
-/// With a duty factor of 0.7 and legs half a stride apart: both stand 0.4 of the time, and never do both
-/// swing.
+/// With a duty factor of 0.7 and legs half a stride apart, both legs stand 0.4 of the time and never swing
+/// simultaneously.
 #[test]
 fn duty_factor_and_leg_timing_are_kept() {
     let settings = HopfSettings { sharpness: 500.0, ..HopfSettings::default() };
@@ -108,10 +108,7 @@ fn duty_factor_and_leg_timing_are_kept() {
     }
     assert!((f64::from(one) / 1e4 - 0.7).abs() < 0.01, "{one}");
     assert!((f64::from(both) / 1e4 - 0.4).abs() < 0.01 && none < 50, "{both} {none}");
-    assert!(
-        (f64::from(backwards) / 1e4 - 0.7).abs() < 0.01,
-        "a leg that stands moves backwards: {backwards}"
-    );
+    assert!((f64::from(backwards) / 1e4 - 0.7).abs() < 0.01, "a leg in stance moves backwards: {backwards}");
     rhythm.set_duty_factor(0.5).unwrap();
     (0..5000).for_each(|_| rhythm.step(1e-3));
     let backwards = (0..10_000).filter(|_| {
@@ -121,7 +118,7 @@ fn duty_factor_and_leg_timing_are_kept() {
     assert!((backwards.count() as f64 / 1e4 - 0.5).abs() < 0.01);
 }
 
-/// Against the model itself, integrated by another method.
+/// Compares with the model itself, integrated by another method.
 #[test]
 fn phases_match_the_kuramoto_model() {
     let settings = OscillatorNetworkSettings { coupling: 3.0, ..OscillatorNetworkSettings::default() };
@@ -141,8 +138,7 @@ fn phases_match_the_kuramoto_model() {
     }
 }
 
-/// A joint that is driven at another frequency draws the rhythm along, when the gain is larger than the
-/// difference.
+/// A joint driven at another frequency entrains the rhythm if the gain exceeds the difference.
 #[test]
 fn rhythm_locks_to_a_measured_joint() {
     for model in models() {

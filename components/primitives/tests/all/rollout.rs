@@ -74,7 +74,7 @@ fn stroke_is_reproduced_and_generalised() {
     };
     let moved = roll_out(&discrete(Variant::QuinticGoal), &there, 0.01).unwrap();
     for k in 0..=100 {
-        // with fixed scaling the shape as shown is kept, and the rest of the way is minimum jerk as well
+        // with fixed scaling the demonstrated shape is kept, and the rest of the movement is minimum-jerk
         let p = stroke(k as f64 / 100.0);
         assert!((moved.position[k][0] - (1.0 + 2.0 * p)).abs() < 5e-3, "{k}: {:?}", moved.position[k]);
         assert!((moved.position[k][1] - (1.0 - 4.0 * p)).abs() < 5e-3, "{k}: {:?}", moved.position[k]);
@@ -104,7 +104,7 @@ fn rhythm_lasts_the_given_periods_and_amplitude() {
     };
     let moved = roll_out(&rhythm(), &overrides, 0.005).unwrap();
     assert_eq!(moved.time.len(), 301);
-    // the last period, after the spring has forgotten the start
+    // the last period, after the transient of the start
     for k in 200..=300 {
         let expected = 1.0 + 2.0 * (TAU * k as f64 / 100.0).sin();
         assert!((moved.position[k][0] - expected).abs() < 0.05, "{k}: {}", moved.position[k][0]);

@@ -1,4 +1,5 @@
-//! The further primitives against independent code (`golden/generate_movements.py`), and what they promise.
+//! Further primitives, against independent code (`golden/generate_movements.py`) and their documented
+//! properties.
 
 use motorium_primitives::dmp::{
     Coupling, Demonstration, DiscreteDmp, DmpModel, MoveError, ObstacleAvoidance, PhaseStop, Regression,
@@ -79,7 +80,7 @@ fn fitted_rhythm_repeats_at_any_speed_and_amplitude() {
         let mut dmp = RhythmicDmp::new(model.clone());
         dmp.set_period(period).unwrap();
         dmp.set_amplitude(amplitude).unwrap();
-        // a few periods to fall in, then one to compare
+        // a few periods to settle, then one to compare
         let dt = period / 2000.0;
         (0..10_000).for_each(|_| dmp.step(dt));
         for k in 0..200 {
@@ -117,13 +118,13 @@ fn rhythm_parameters_change_without_a_jump() {
 }
 
 #[test]
-fn a_rhythm_survives_json() {
+fn rhythm_survives_json() {
     let positions = matrix(&golden("rhythmic")["fit"]["positions"]);
     let model = RhythmicModel::fit(RhythmicSettings::default(), &[positions], 1e-12).unwrap();
     let text = serde_json::to_string(&model).unwrap();
     let back = serde_json::from_str::<RhythmicModel>(&text).unwrap();
     assert_eq!(back.settings(), model.settings());
-    assert!((back.weights() - model.weights()).amax() < 1e-12, "to the last digits of the text");
+    assert!((back.weights() - model.weights()).amax() < 1e-12, "up to the precision of the text");
     let torn = text.replacen(r#""kernels":30"#, r#""kernels":31"#, 1);
     let error = serde_json::from_str::<RhythmicModel>(&torn).unwrap_err().to_string();
     assert!(error.contains("a dimension of weights has 30 entries, expected 31"), "{error}");
@@ -145,7 +146,7 @@ fn stroke_solves_its_equation_and_passes_its_goal() {
         assert!(difference(dmp.position(), &numbers(&sample["y"])) < 1e-6);
         assert!(difference(dmp.velocity(), &numbers(&sample["v"])) < 1e-5);
     }
-    // without forcing it is there exactly
+    // without forcing it arrives exactly
     let mut plain = DiscreteDmp::new(model(Variant::FinalVelocity, DMatrix::zeros(8, 2)));
     plain.start_striking(from, to, 1.0).unwrap();
     (0..1000).for_each(|_| plain.step(1e-3));
@@ -198,7 +199,7 @@ fn obstacle_and_phase_stop_match_the_equation() {
                 dmp.step_coupled(1e-4, &Coupling { acceleration: c.as_slice(), phase_rate }).unwrap();
             }
             steps = until;
-            // the coupling is held over a step: first order in its width
+            // the coupling is constant over a step: first order in the step width
             assert!(difference(dmp.position(), &numbers(&sample["y"])) < 2e-4, "{name}");
         }
     }
@@ -297,7 +298,7 @@ fn closed_movement_with_a_new_goal_stays_bounded() {
     }
 }
 
-/// A letter-like curve that begins and ends in motion.
+/// A letter-like curve that starts and ends in motion.
 fn curve(samples: usize) -> DMatrix<f64> {
     DMatrix::from_fn(samples, 3, |k, d| {
         let p = k as f64 / (samples - 1) as f64;

@@ -51,7 +51,7 @@ def rhythmic():
 
     ends = [0.05, 0.2, 0.5, 0.8, 1.3, 2.4]
     samples = [{"t": t, "y": x[:dims].tolist(), "v": x[dims:].tolist()} for t, x in zip(ends, solve(rates, np.concatenate([y0, v0]), ends))]
-    # one period to be fitted, and what numpy makes of it
+    # one period to be fitted, and the numpy result
     m, k = 200, 20
     phi = 2 * np.pi * np.arange(m) / m
     y = np.stack([np.sin(phi) + 0.3 * np.cos(3 * phi), 0.5 + 0.2 * np.cos(phi) ** 3], axis=1)

@@ -1,4 +1,4 @@
-//! Certificates of infeasibility: a combination of members that contradicts a constraint.
+//! Certificates of infeasibility: a combination of working-set members that contradicts a constraint.
 
 use super::constraints::name;
 use super::kernels::{Arithmetic, largest};
@@ -7,8 +7,8 @@ use super::tolerances::TOLERANCES;
 use crate::{Conflict, Problem, SolveError};
 
 impl Run<'_> {
-    /// Conflict between the last examined constraint and the members on which it depends. `sign` is the
-    /// violated side, 0 for an equality.
+    /// Describes the conflict between the last examined constraint and the members on which it depends.
+    /// `sign` is the violated side, 0 for an equality.
     #[inline(always)]
     pub(super) fn infeasible<F: Arithmetic>(
         &mut self,
@@ -46,10 +46,11 @@ impl Run<'_> {
     /// Returns `true` if the problem data prove the contradiction, independently of the condition of the
     /// Hessian.
     ///
-    /// With the normal `a = N r + e` and shares `r` of the members whose signs press against the constraint,
-    /// every `x` that satisfies the members has `a x` beyond `r b + e x`: that is beyond the value by the gap
-    /// between both, but for `|e x|`. Farkas' lemma, for all `x` within their bounds, and without bounds not
-    /// farther away than `far` times what is known of them.
+    /// The normal is `a = N r + e`, where the shares `r` belong to members whose signs press against the
+    /// constraint. Every `x` that satisfies the members then has `a x` beyond `r b + e x`. That exceeds the
+    /// value by the gap between the two, reduced by at most `|e x|`. By Farkas' lemma the constraints
+    /// contradict each other for all `x` within their bounds. Unbounded variables count only up to `far`
+    /// times the known magnitude of the solution.
     #[inline(always)]
     fn is_proven<F: Arithmetic>(&mut self, sign: f64, value: f64) -> bool {
         let problem = self.problem;
@@ -57,7 +58,7 @@ impl Run<'_> {
         let working = &mut self.work.working;
         let (mut implied, mut size) = (0.0, value.abs());
         for (member, r) in working.members.iter().zip(&mut working.projection) {
-            // a member of the opposite sign contributes rounding only
+            // the share of a member with the opposite sign is rounding only
             if member.sign != 0.0 && (sign == 0.0 || sign * *r * member.sign > 0.0) {
                 *r = 0.0;
             }
@@ -74,11 +75,12 @@ impl Run<'_> {
         gap > TOLERANCES.conflict * (1.0 + size) && gap > unexplained
     }
 
-    /// True if the constraint examined last is so nearly a combination of members that all of them hold
-    /// together only far beyond the first minimum. Members that contradict each other up to rounding would
-    /// drive `x` and the multipliers there, where neither has a significant digit left, and constraints would
-    /// join and leave forever. The constraint then counts as a combination of members: one of them leaves, or
-    /// the problem is infeasible, which a second attempt decides if the condition of the Hessian is poor.
+    /// Returns `true` if the last examined constraint is so nearly a combination of members that all of them
+    /// hold together only far beyond the first minimum. Members that contradict each other up to rounding
+    /// would drive `x` and the multipliers there. Neither would have a significant digit left, and
+    /// constraints would join and leave forever. The constraint therefore counts as a combination of members:
+    /// one of them leaves, or the problem is infeasible. If the condition of the Hessian is poor, a second
+    /// attempt decides about infeasibility.
     #[inline(always)]
     pub(super) fn is_out_of_reach<F: Arithmetic>(&mut self, excess: f64) -> bool {
         let work = &mut *self.work;

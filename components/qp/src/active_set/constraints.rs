@@ -5,7 +5,7 @@ use super::run::Run;
 use super::tolerances::TOLERANCES;
 use crate::{Accuracy, Constraint, Problem, Side};
 
-/// The constraint that is violated most.
+/// The most violated constraint.
 pub(super) struct Violated {
     pub(super) constraint: usize,
     pub(super) sign: f64,
@@ -14,7 +14,8 @@ pub(super) struct Violated {
     pub(super) excess: f64,
 }
 
-/// The constraint of a number, of a problem with `m` equalities and `p` rows, at the side of a sign.
+/// Returns the constraint with number `constraint` of a problem with `m` equalities and `p` rows, on the side
+/// given by `sign`.
 pub(super) fn name(m: usize, p: usize, constraint: usize, sign: f64) -> Constraint {
     let side = if sign > 0.0 { Side::Upper } else { Side::Lower };
     if constraint < m {
@@ -26,7 +27,7 @@ pub(super) fn name(m: usize, p: usize, constraint: usize, sign: f64) -> Constrai
     }
 }
 
-/// Calls `visit` with the entries of the normal of a constraint; others are zero.
+/// Calls `visit` with the nonzero entries of the normal of a constraint.
 #[inline(always)]
 fn visit_normal(problem: &Problem, constraint: usize, mut visit: impl FnMut(usize, f64)) {
     let (m, p) = (problem.equality_value.len(), problem.row_lower.len());
@@ -46,7 +47,7 @@ impl Run<'_> {
         self.problem.equality_value.len()
     }
 
-    /// Value at which a constraint is held on one of its sides.
+    /// Returns the value at which a constraint is held on one of its sides.
     #[inline(always)]
     pub(super) fn value(&self, constraint: usize, sign: f64) -> f64 {
         let (m, p) = (self.equalities(), self.problem.row_lower.len());
@@ -62,27 +63,27 @@ impl Run<'_> {
         }
     }
 
-    /// Returns `true` if both sides of a row or bound are equal; its multiplier may have either sign, as for
-    /// an equality.
+    /// Returns `true` if both sides of a row or bound are equal. Its multiplier may then have either sign, as
+    /// for an equality.
     #[inline(always)]
     pub(super) fn is_fixed(&self, constraint: usize) -> bool {
         self.value(constraint, -1.0) == self.value(constraint, 1.0)
     }
 
-    /// True if an equality has no entry.
+    /// Returns `true` if all entries of an equality are zero.
     #[inline(always)]
     pub(super) fn is_empty(&self, equality: usize) -> bool {
         self.problem.equality_matrix.row(equality).iter().all(|entry| *entry == 0.0)
     }
 
-    /// Writes the normal of a member to be adopted.
+    /// Writes the normal of a constraint that is to be adopted as a member.
     #[inline(always)]
     pub(super) fn write_normal(&mut self, member: usize, constraint: usize) {
         let working = &mut self.work.working;
         visit_normal(self.problem, constraint, |variable, entry| working.set_normal(variable, member, entry));
     }
 
-    /// Writes the normal of a constraint to be examined.
+    /// Writes the normal of a constraint that is to be examined.
     #[inline(always)]
     pub(super) fn take_normal(&mut self, constraint: usize) {
         let normal = &mut self.work.working.normal;
@@ -90,7 +91,7 @@ impl Run<'_> {
         visit_normal(self.problem, constraint, |variable, entry| normal[variable] = entry);
     }
 
-    /// Returns the row or bound that `x` violates most, or the first violated one.
+    /// Returns the row or bound that `x` violates most, or the first violated one if `by_number` is set.
     #[inline(always)]
     pub(super) fn violated<F: Arithmetic>(&mut self, by_number: bool) -> Option<Violated> {
         let problem = self.problem;

@@ -80,7 +80,7 @@ impl Run<'_> {
         Some(lower.factorize::<F>(n, TOLERANCES.singular)).filter(|rows| *rows < n)
     }
 
-    /// Computes `g = L^-1 q`, and starts with the previous working set, or with the equalities alone.
+    /// Computes `g = L^-1 q` and starts with the previous working set, or with the equalities alone.
     #[inline(always)]
     fn start<F: Arithmetic>(&mut self) -> Result<(), SolveError> {
         let m = self.equalities();
@@ -122,7 +122,7 @@ impl Run<'_> {
         for member in &work.working.members {
             work.is_member[member.constraint] = true;
         }
-        // Equalities that are (nearly) combinations of others.
+        // equalities that are (nearly) combinations of others
         for constraint in 0..m {
             let holds = self.work.is_member[constraint]
                 || self.is_empty(constraint) && self.problem.equality_value[constraint] == 0.0;
@@ -148,11 +148,11 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Returns a member of the previous solve if it is not an equality and has a value to hold.
+    /// Returns a member of the previous solve unless it is an equality or its side is infinite.
     #[inline(always)]
     fn kept(&self, i: usize) -> Option<Member> {
         let before = self.work.previous[i];
-        // a former equality is held on the side on which it pressed
+        // a former equality is held on the side against which it pressed
         let sign = if before.sign == 0.0 { before.multiplier.signum() } else { before.sign };
         let value = self.value(before.constraint, sign);
         let has_room = self.work.working.len() < self.problem.gradient.len();
@@ -164,7 +164,7 @@ impl Run<'_> {
         })
     }
 
-    /// Adds an equality that may depend on the members: it must agree with them, or members must leave.
+    /// Adds an equality that may depend on the members: it must agree with them, or some of them must leave.
     #[inline(always)]
     fn add_equality<F: Arithmetic>(&mut self, constraint: usize) -> Result<(), SolveError> {
         loop {
@@ -179,7 +179,7 @@ impl Run<'_> {
                 work.is_member[constraint] = true;
                 return Ok(());
             }
-            // Inequalities on which it depends leave; they return if violated.
+            // inequalities on which it depends leave; they return if violated
             let members = &work.working.members;
             let projection = &work.working.projection;
             let blocking = (0..members.len())
@@ -233,7 +233,7 @@ impl Run<'_> {
                 violated = self.violated::<F>(by_number);
             }
             self.work.progress.size = largest(&self.work.x);
-            // A small violation may be an error of an unrefined x: the constraint would join and leave
+            // A small violation may be an error of an unrefined `x`: the constraint would join and leave
             // forever.
             if violated
                 .as_ref()
@@ -308,7 +308,7 @@ impl Run<'_> {
         for (member, solved) in working.members.iter_mut().zip(&working.solved) {
             member.multiplier += step * (solved - member.multiplier);
         }
-        // A constraint that joins and leaves without a step is violated by rounding only and counts as
+        // A constraint that joins and leaves without a step is violated by rounding only; it counts as
         // implied.
         if step == 0.0 && self.work.progress.last_added_in_doubt == Some(constraint) {
             working.remove::<F>(which);
@@ -347,7 +347,7 @@ impl Run<'_> {
                 work.is_member[violated.constraint] = true;
                 return Ok(());
             }
-            // As its multiplier grows by s, only the multipliers of the members change, by -r s.
+            // When its multiplier grows by s, only the members' multipliers change, by -r s.
             let working = &mut work.working;
             let largest =
                 working.projection[..working.members.len()].iter().fold(0.0_f64, |l, r| l.max(r.abs()));
@@ -374,7 +374,7 @@ impl Run<'_> {
         }
     }
 
-    /// Removes a member, and with it the implied constraints.
+    /// Removes a member and clears the set of implied constraints.
     #[inline(always)]
     fn remove<F: Arithmetic>(&mut self, which: usize) {
         let work = &mut *self.work;

@@ -3,10 +3,10 @@
 //! All of them are inlined into one function compiled for the widest available instructions ([`pulp::Arch`]).
 //! Closures are not, so they contain no expensive code.
 
-/// Numbers in one vector: the leading dimensions are multiples of it.
+/// Numbers per vector. Leading dimensions are multiples of it.
 pub(super) const LANES: usize = 4;
 
-/// Rounds up to whole vectors.
+/// Rounds a count up to whole vectors.
 #[inline(always)]
 pub(super) fn padded(count: usize) -> usize {
     count.next_multiple_of(LANES)
@@ -100,8 +100,8 @@ pub(super) fn add_scaled<F: Arithmetic>(factor: f64, x: &[f64], y: &mut [f64]) {
     }
 }
 
-/// A lower triangular matrix by rows: entries below the diagonal, the diagonal and its reciprocals. Beyond
-/// the diagonal the rows are zero, padded to whole vectors.
+/// A lower triangular matrix stored by rows: entries below the diagonal, the diagonal and its reciprocals. To
+/// the right of the diagonal the rows are zero and padded to whole vectors.
 #[derive(Clone, Debug)]
 pub(super) struct Lower {
     pub(super) size: usize,
@@ -139,7 +139,7 @@ impl Lower {
         self.reciprocal[i] = 1.0 / value;
     }
 
-    /// Ratio of the smallest entry of the diagonal to the largest.
+    /// Returns the ratio of the smallest diagonal entry to the largest.
     pub(super) fn weakest(&self) -> f64 {
         let diagonal = &self.diagonal[..self.size];
         let (smallest, largest) =
@@ -147,7 +147,7 @@ impl Lower {
         smallest / largest
     }
 
-    /// Appends a row: `below` left of the diagonal.
+    /// Appends a row with the entries `below` to the left of the diagonal.
     #[inline(always)]
     pub(super) fn push(&mut self, below: &[f64], diagonal: f64) {
         let i = self.size;
@@ -158,9 +158,9 @@ impl Lower {
         self.size = i + 1;
     }
 
-    /// Overwrites the matrix, whose rows and diagonal hold a symmetric matrix, by its Cholesky factor, four
-    /// rows at a time. Stops at a pivot that is not above `smallest` times its diagonal; returns the number
-    /// of rows before it.
+    /// Overwrites the matrix, whose rows and diagonal hold a symmetric matrix, with its Cholesky factor, four
+    /// rows at a time. Stops at a pivot that is not above `smallest` times its diagonal entry, and returns
+    /// the number of rows factored before it.
     #[inline(always)]
     pub(super) fn factorize<F: Arithmetic>(&mut self, size: usize, smallest: f64) -> usize {
         self.size = size;
@@ -191,7 +191,7 @@ impl Lower {
         size
     }
 
-    /// Columns before `first` of the four rows from `first` on.
+    /// Solves for the columns before `first` of the four rows that start at `first`.
     #[inline(always)]
     fn solve_rows<F: Arithmetic>(&mut self, first: usize) {
         let stride = self.stride;
@@ -222,7 +222,7 @@ impl Lower {
         }
     }
 
-    /// Solves `L x = b` in place, from row `first` on, with the previous rows solved. Entries of `b` beyond
+    /// Solves `L x = b` in place from row `first` on; previous rows are already solved. Entries of `b` beyond
     /// the size must be finite.
     #[inline(always)]
     pub(super) fn solve<F: Arithmetic>(&self, b: &mut [f64], first: usize) {
@@ -246,7 +246,7 @@ impl Lower {
     pub(super) fn remove(&mut self, j: usize) {
         let stride = self.stride;
         for i in j + 1..self.size {
-            // Row i moves up; its entry at column i - 1 is rotated away with the diagonal.
+            // row i moves up; its entry in column i - 1 is rotated into the diagonal
             let (above, below) = self.rows.split_at_mut(i * stride);
             let target = &mut above[(i - 1) * stride..];
             target[..i].copy_from_slice(&below[..i]);
@@ -265,8 +265,8 @@ impl Lower {
         self.size -= 1;
     }
 
-    /// Solves `L B = N` for many right-hand sides in place: row i of `b` holds component i of all of them,
-    /// `width` padded numbers apart.
+    /// Solves `L B = N` in place for many right-hand sides. Row i of `b` holds component i of all of them;
+    /// rows are `width` padded numbers apart.
     #[inline(always)]
     pub(super) fn solve_many<F: Arithmetic>(&self, b: &mut [f64], stride: usize, width: usize) {
         for i in 0..self.size {
@@ -293,7 +293,7 @@ impl Lower {
     }
 }
 
-/// `row = (row - factors solved) reciprocal`, over `V` vectors from `column` on.
+/// Computes `row = (row - factors solved) reciprocal` over `V` vectors from `column` on.
 #[inline(always)]
 fn block<F: Arithmetic, const V: usize>(
     factors: &[f64],
@@ -322,8 +322,8 @@ fn block<F: Arithmetic, const V: usize>(
     }
 }
 
-/// Writes `B' B` into the rows and the diagonal of `gram`; `b` holds `rows` rows, `stride` apart, with
-/// `width` columns.
+/// Writes `B' B` into the rows and the diagonal of `gram`. `b` has `rows` rows, `stride` apart, and `width`
+/// columns.
 #[inline(always)]
 pub(super) fn gram<F: Arithmetic>(b: &[f64], stride: usize, width: usize, gram: &mut Lower) {
     let mut first = 0;
@@ -364,7 +364,7 @@ pub(super) fn gram<F: Arithmetic>(b: &[f64], stride: usize, width: usize, gram: 
     }
 }
 
-/// The largest magnitude.
+/// Returns the largest magnitude.
 #[inline(always)]
 pub(super) fn largest(numbers: &[f64]) -> f64 {
     numbers.iter().fold(0.0, |largest, number| if number.abs() > largest { number.abs() } else { largest })

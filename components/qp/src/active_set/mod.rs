@@ -1,13 +1,14 @@
 //! A dense dual active-set [`QpSolver`], the default for control loops.
 //!
-//! The solver keeps a working set of constraints held as equalities, with multipliers of the right sign.
-//! While the minimum on the working set violates a constraint, that constraint joins; a member whose
-//! multiplier would change its sign leaves. Every change raises the dual cost, so no working set recurs. If
-//! rounding breaks this, ties are broken by constraint index (Bland's rule) until the iterations are used up.
-//! A constraint that repeatedly joins and leaves is violated within rounding, with a multiplier within
-//! rounding: it stays.
+//! The solver keeps a working set: constraints held as equalities, with multipliers of the right sign. While
+//! the minimum on the working set violates a constraint, that constraint joins. A member whose multiplier
+//! would change its sign leaves. Every change raises the dual cost, so no working set recurs. If rounding
+//! breaks this, ties are broken by constraint index (Bland's rule) until the iteration limit. A constraint
+//! that repeatedly joins and leaves is violated within rounding, with a multiplier within rounding; it stays
+//! in the set.
 //!
-//! With `P = L L'` and the normals `N` of the members, `B = L^-1 N`, the minimum on the working set is
+//! Let `P = L L'`, let `N` hold the normals of the members, and let `B = L^-1 N`. The minimum on the working
+//! set is
 //!
 //! ```text
 //! B'B mu = -(b + B'g),   g = L^-1 q,   L'x = -(g + B mu)
@@ -16,13 +17,12 @@
 //! The Cholesky factor of `B'B` is updated one row at a time. A row is computed by repeated projection, as
 //! accurately as by an orthogonal factorisation. A solve starts with the previous working set and
 //! multipliers; along a smooth motion most solves change nothing. The result is refined with the residuals of
-//! the original problem. Rows and bounds whose two sides are one are equalities, and a zero equality is
-//! ignored. When a contact is lifted, its motion becomes free and its force zero, and the rest of the working
+//! the original problem. Rows and bounds with equal sides are treated as equalities, and a zero equality is
+//! ignored. When a contact lifts off, its motion becomes free and its force zero, and the rest of the working
 //! set is kept.
 //!
-//! A problem with a singular Hessian, or one too badly conditioned for a solution, is solved as a sequence of
-//! well-conditioned problems (proximal point method), whose certificates distinguish *infeasible* from
-//! *unbounded*.
+//! A problem with a singular or very badly conditioned Hessian is solved as a sequence of well-conditioned
+//! problems (proximal point method). Their certificates distinguish *infeasible* from *unbounded*.
 //!
 //! Goldfarb and Idnani, *A numerically stable dual method for solving strictly convex quadratic programs*,
 //! 1983; Arnström, Bemporad and Axehill, *A dual active-set solver for embedded quadratic programming using
@@ -50,7 +50,7 @@ pub use settings::ActiveSetSettings;
 use work::Work;
 use working_set::Member;
 
-/// A [`QpSolver`] that keeps its working set between solves.
+/// A [`QpSolver`] with a dual active-set method that keeps its working set between solves.
 #[derive(Debug)]
 pub struct ActiveSetSolver {
     structure: Structure,
@@ -86,14 +86,13 @@ impl ActiveSetSolver {
         &self.solution
     }
 
-    /// Sets the largest number of iterations from the next solve on, see
-    /// [`ActiveSetSettings::max_iterations`].
+    /// Sets the iteration limit from the next solve on, see [`ActiveSetSettings::max_iterations`].
     pub fn set_max_iterations(&mut self, most: Option<u32>) {
         self.settings.max_iterations = most;
     }
 
-    /// The rows and bounds of the working set with their multipliers, as the last solve left them, with or
-    /// without a solution.
+    /// Returns the rows and bounds of the working set with their multipliers, as left by the last solve, even
+    /// if it failed.
     pub fn working_set(&self) -> impl Iterator<Item = (Constraint, f64)> {
         let (m, p) = (self.problem.equality_value.len(), self.problem.row_lower.len());
         self.work.working.members.iter().filter(move |member| member.constraint >= m).map(move |member| {
@@ -103,8 +102,8 @@ impl ActiveSetSolver {
         })
     }
 
-    /// Warm-starts the next solve with these rows and bounds and their multipliers, instead of the previous
-    /// ones. They affect the number of iterations but not the solution; use values of a similar problem.
+    /// Warm-starts the next solve with these rows and bounds and their multipliers instead of the previous
+    /// ones. They affect the number of iterations but not the solution; use values from a similar problem.
     ///
     /// ```
     /// use motorium_qp::{ActiveSetSettings, ActiveSetSolver, Problem};

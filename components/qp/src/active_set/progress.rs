@@ -1,9 +1,9 @@
-//! The progress of one solve, and the marks by which it recognises rounding.
+//! The progress of one solve, and the flags by which it detects rounding errors.
 
-/// Counters and marks of one solve; see the [tolerances](super::tolerances) that act on them.
+/// Counters and flags of one solve; see the [tolerances](super::tolerances) that act on them.
 #[derive(Debug, Default)]
 pub(super) struct Progress {
-    /// Iterations so far: changes of the working set, and factorisations after the first.
+    /// Iterations so far: changes of the working set plus factorisations after the first.
     pub(super) iterations: u32,
     /// Number of iterations at which this attempt ends.
     pub(super) limit: u32,
@@ -12,16 +12,16 @@ pub(super) struct Progress {
     pub(super) last_added_in_doubt: Option<usize>,
     /// Constraint added last, if no member has left since.
     pub(super) last_added: Option<usize>,
-    /// Constraint dropped last, if it had just been added. Dropped twice in this way, it is pinned.
+    /// Constraint dropped last, if it had just been added. If this happens twice in a row, it is pinned.
     pub(super) last_dropped: Option<usize>,
     /// Number of violated constraints that were added and dropped without a step.
     pub(super) degenerate_steps: u32,
-    /// `true` if a constraint was left out as satisfied that `x` violates by more than the tolerance, within
+    /// `true` if a constraint counts as satisfied although `x` violates it by more than the tolerance, within
     /// rounding. The accuracy is then reduced.
     pub(super) within_rounding: bool,
     /// `true` if the last refinement converged.
     pub(super) refined: bool,
-    /// Largest number of the last minimum.
+    /// Largest magnitude in the last minimum.
     pub(super) size: f64,
     /// One plus the magnitude of the first minimum of this solve; 0 before it.
     pub(super) first_size: f64,

@@ -5,7 +5,7 @@ use super::run::Run;
 use super::tolerances::TOLERANCES;
 
 impl Run<'_> {
-    /// Corrects the minimum and the multipliers by their residuals in the numbers of the problem.
+    /// Corrects the minimum and the multipliers by their residuals in the original, unscaled problem.
     #[inline(always)]
     pub(super) fn refine<F: Arithmetic>(&mut self) {
         let n = self.problem.gradient.len();
@@ -17,7 +17,7 @@ impl Run<'_> {
             work.working.correct::<F>(&mut work.residual, &work.gaps);
             work.hessian.solve_transposed::<F>(&mut work.residual);
             add_scaled::<F>(1.0, &work.residual, &mut work.x);
-            // The next correction would be smaller by the same factor once more.
+            // the next correction would be smaller by the same factor again
             let (step, size) = (largest(&work.residual), largest(&work.x));
             if step <= TOLERANCES.converged * size {
                 work.progress.refined = true;
@@ -26,8 +26,8 @@ impl Run<'_> {
         }
     }
 
-    /// Residuals of the minimum and the multipliers in the numbers of the problem: of stationarity into
-    /// `residual`, of the members into `gaps`.
+    /// Computes the residuals of the minimum and the multipliers in the original problem: of stationarity
+    /// into `residual`, of the members into `gaps`.
     #[inline(always)]
     fn residuals<F: Arithmetic>(&mut self, n: usize) {
         let hessian = self.problem.hessian.as_slice();
@@ -49,8 +49,9 @@ impl Run<'_> {
         work.working.residuals::<F>(&work.x, &mut work.residual, &mut work.gaps);
     }
 
-    /// True if the refined minimum and multipliers satisfy the members and the conditions of the optimum.
-    /// They do not if the Hessian is singular up to rounding: each correction then leaves new errors.
+    /// Returns `true` if the refined minimum and multipliers satisfy the members and the optimality
+    /// conditions. They do not if the Hessian is singular up to rounding: each correction then introduces new
+    /// errors.
     #[inline(never)]
     pub(super) fn is_stationary<F: Arithmetic>(&mut self) -> bool {
         let n = self.problem.gradient.len();

@@ -8,11 +8,11 @@ use crate::{Accuracy, Problem, SolveError};
 
 /// Next action after a round of the proximal point method.
 pub(super) enum Next {
-    /// It was the last.
+    /// Stop: this round was the last.
     Done(Accuracy),
-    /// Another one.
+    /// Solve another round.
     Solve {
-        /// With another shift.
+        /// Whether the shift changed and the Hessian must be factored again.
         factorize: bool,
     },
 }
@@ -48,8 +48,8 @@ impl Run<'_> {
         }
         self.work.centre[..n].copy_from_slice(&self.work.x[..n]);
         let (step, size) = (largest(&self.work.residual[..n]), largest(&self.work.centre[..n]));
-        // On a nearly flat cost, x may drift in small steps forever, so the optimality conditions decide as
-        // well.
+        // On a nearly flat cost, `x` may drift in small steps forever, so the optimality conditions are
+        // checked too.
         let force = self.work.shift * step;
         let slope = self.problem.gradient.amax() + self.largest_curvature() * size;
         if step <= TOLERANCES.close * (1.0 + size) || force <= TOLERANCES.no_force * slope {
@@ -81,11 +81,11 @@ impl Run<'_> {
             && self.work.hessian.weakest() <= TOLERANCES.poor
     }
 
-    /// Shifts a singular Hessian.
+    /// Shifts a singular Hessian so that it can be factored.
     ///
     /// # Errors
-    /// Negative curvature beyond rounding: with [`ROUNDING`] of its largest entry on its diagonal it has no
-    /// Cholesky factor.
+    /// Fails on negative curvature beyond rounding, that is if there is no Cholesky factor after adding
+    /// [`ROUNDING`] times the largest entry to the diagonal.
     #[inline(never)]
     pub(super) fn shift_singular<F: Arithmetic>(&mut self, variable: usize) -> Result<(), SolveError> {
         let before = self.work.shift;
@@ -97,7 +97,7 @@ impl Run<'_> {
             }
         }
         self.shift();
-        // identical to the previous round: no round would change it
+        // an unchanged shift would repeat the previous round
         if self.work.shift <= before { Err(SolveError::NotConvex { variable }) } else { Ok(()) }
     }
 
@@ -106,7 +106,7 @@ impl Run<'_> {
         (0..hessian.nrows()).fold(0.0_f64, |largest, i| largest.max(hessian[(i, i)].abs()))
     }
 
-    /// Sets the share of the largest numbers of the problem that is added to the diagonal of the Hessian.
+    /// Sets the shift of the Hessian's diagonal, a fraction of the largest numbers of the problem.
     pub(super) fn shift(&mut self) {
         let largest = self.largest_curvature().max(self.problem.gradient.amax());
         self.work.shift =
@@ -114,7 +114,7 @@ impl Run<'_> {
     }
 
     /// Tests for an unbounded cost along `residual`, the last step. Returns the variable that moves most if
-    /// the cost decreases forever and no constraint blocks it.
+    /// the cost decreases forever in that direction and no constraint blocks it.
     pub(super) fn recession(&self) -> Option<usize> {
         let problem = self.problem;
         let n = problem.gradient.len();
@@ -160,7 +160,8 @@ impl Run<'_> {
         (0..n).max_by(|a, b| d[*a].abs().total_cmp(&d[*b].abs()))
     }
 
-    /// True if `x`, whose rows `G x` were computed last, satisfies all rows and bounds within `gross`.
+    /// Returns `true` if `x`, whose rows `G x` were computed last, satisfies all rows and bounds within
+    /// `gross`.
     pub(super) fn is_feasible(&self) -> bool {
         let problem = self.problem;
         let within = |value: f64, lower: f64, upper: f64| {

@@ -5,12 +5,12 @@ use nalgebra::{DMatrix, DVector};
 use super::working_set::WorkingSet;
 use crate::{Problem, Solution};
 
-/// Range of the largest entry of a row that needs no scaling. Within it a problem is solved in its original
-/// values, bit for bit.
+/// Range of a row's largest entry that needs no scaling. A problem whose rows are all within it is solved in
+/// its original values, bit for bit.
 const BAND: std::ops::RangeInclusive<f64> = 0.03125..=32.0;
 
-/// A factor for each equality and each row, in this order: 1 within [`BAND`], else the power of two that
-/// brings the largest entry to a number from 1 to 2. Powers of two add no rounding.
+/// A factor for each equality and each row, in this order. It is 1 within [`BAND`]; otherwise it is the power
+/// of two that brings the largest entry between 1 and 2. Powers of two add no rounding.
 #[derive(Debug)]
 pub(super) struct RowScales {
     scales: Vec<f64>,
@@ -25,12 +25,12 @@ impl RowScales {
         Self { scales: ones.clone(), previous: ones, any: false }
     }
 
-    /// The scale of a constraint by its number; 1 for a bound.
+    /// Returns the scale of a constraint by its number; 1 for a bound.
     pub(super) fn get(&self, constraint: usize) -> f64 {
         self.scales.get(constraint).copied().unwrap_or(1.0)
     }
 
-    /// Chooses the scales of `problem`, and applies them to it and to the multipliers of the previous working
+    /// Chooses the scales for `problem` and applies them to it and to the multipliers of the previous working
     /// set.
     pub(super) fn apply(&mut self, problem: &mut Problem, working: &mut WorkingSet) {
         let had_any = self.any;
@@ -54,7 +54,7 @@ impl RowScales {
         }
     }
 
-    /// Turns the multipliers of a solution of the scaled problem into multipliers of the original problem.
+    /// Converts the multipliers of the scaled problem into multipliers of the original problem.
     pub(super) fn restore(&self, solution: &mut Solution) {
         if self.any {
             let duals = solution.equality_dual.iter_mut().chain(solution.row_dual.iter_mut());
@@ -63,7 +63,7 @@ impl RowScales {
     }
 }
 
-/// Writes the scale of each row of a matrix. True if one is not 1.
+/// Writes the scale of each row of a matrix. Returns `true` if one differs from 1.
 fn choose(matrix: &DMatrix<f64>, scales: &mut [f64]) -> bool {
     scales.fill(0.0);
     if scales.is_empty() {
@@ -95,7 +95,7 @@ fn scale(matrix: &mut DMatrix<f64>, scales: &[f64]) {
     }
 }
 
-/// Scales sides of rows; an absent one stays absent.
+/// Scales the sides of rows; an absent side stays absent.
 fn limits(sides: &mut DVector<f64>, scales: &[f64]) {
     for (side, scale) in sides.iter_mut().zip(scales) {
         if side.abs() < Problem::INFINITE {

@@ -1,4 +1,4 @@
-//! The parts of one solve.
+//! The data of one solve.
 
 use super::settings::ActiveSetSettings;
 use super::work::Work;

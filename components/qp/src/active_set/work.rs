@@ -5,10 +5,10 @@ use super::progress::Progress;
 use super::working_set::{Member, WorkingSet};
 use crate::Structure;
 
-/// Working memory of a solve, without the problem.
+/// Working memory of a solve, except for the problem.
 #[derive(Debug)]
 pub(super) struct Work {
-    /// The Cholesky factor of the Hessian.
+    /// Cholesky factor of the Hessian.
     pub(super) hessian: Lower,
     pub(super) working: WorkingSet,
     /// Number added to each diagonal entry of the Hessian; 0 if the Hessian is well conditioned.
@@ -24,11 +24,11 @@ pub(super) struct Work {
     pub(super) gaps: Vec<f64>,
     /// `G x`.
     pub(super) rows: Vec<f64>,
-    /// Flag of each constraint: true if it is a member of the working set, or implied by the members.
+    /// For each constraint, `true` if it is a member of the working set or implied by the members.
     pub(super) is_member: Vec<bool>,
     /// Constraints that the members imply.
     pub(super) implied: Vec<usize>,
-    /// The members of the solve before.
+    /// Members of the previous solve.
     pub(super) previous: Vec<Member>,
     pub(super) progress: Progress,
 }

@@ -3,22 +3,22 @@
 use super::kernels::{Arithmetic, Lower, add_scaled, dot, gram, padded};
 use super::tolerances::TOLERANCES;
 
-/// A constraint of the working set: its number among all, and its side.
+/// A constraint of the working set: its number and its side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Member {
-    /// Equalities first, then rows, then bounds.
+    /// Number of the constraint: equalities first, then rows, then bounds.
     pub(super) constraint: usize,
-    /// 1 at the upper side, -1 at the lower, 0 for an equality: the sign that its multiplier must have.
+    /// Required sign of the multiplier: 1 on the upper side, -1 on the lower, 0 for an equality.
     pub(super) sign: f64,
     /// Value at which the constraint is held.
     pub(super) value: f64,
-    /// Its multiplier.
+    /// Multiplier of the constraint.
     pub(super) multiplier: f64,
-    /// True if it stays although its multiplier has the wrong sign, by rounding.
+    /// Whether the member stays although rounding gives its multiplier the wrong sign.
     pub(super) pinned: bool,
 }
 
-/// The members with their normals `N`, with `B = L^-1 N`, where `P = L L'`, and with the Cholesky factor of
+/// The members with their normals `N`, with `B = L^-1 N` where `P = L L'`, and with the Cholesky factor of
 /// `B' B`.
 #[derive(Clone, Debug)]
 pub(super) struct WorkingSet {
@@ -26,7 +26,7 @@ pub(super) struct WorkingSet {
     pub(super) factor: Lower,
     capacity: usize,
     stride: usize,
-    /// `N`, a row for each variable, a column for each member.
+    /// `N`, with a row per variable and a column per member.
     normals: Vec<f64>,
     /// `B` in the same layout.
     scaled: Vec<f64>,
@@ -35,7 +35,7 @@ pub(super) struct WorkingSet {
     /// Right-hand side of the equations of the multipliers, and its forward substitution.
     right: Vec<f64>,
     forward: Vec<f64>,
-    /// The candidate: `a`, `L^-1 a`, its projection on the members and the remainder.
+    /// The candidate: its normal `a`, `L^-1 a`, the projection on the members and the remainder.
     pub(super) normal: Vec<f64>,
     candidate: Vec<f64>,
     pub(super) projection: Vec<f64>,
@@ -99,14 +99,14 @@ impl WorkingSet {
         self.factor.size = 0;
     }
 
-    /// Writes one entry of the normal of a member for [`adopt`](Self::adopt).
+    /// Writes one entry of a member's normal for [`adopt`](Self::adopt).
     #[inline(always)]
     pub(super) fn set_normal(&mut self, variable: usize, member: usize, value: f64) {
         self.normals[variable * self.stride + member] = value;
     }
 
-    /// Adopts the members with written normals. Returns the number of leading independent members; later ones
-    /// are not adopted.
+    /// Adopts the members whose normals have been written. Returns the number of leading independent members;
+    /// later ones are not adopted.
     #[inline(always)]
     pub(super) fn adopt<F: Arithmetic>(&mut self, hessian: &Lower, g: &[f64]) -> usize {
         let (count, width) = (self.members.len(), self.width());
@@ -139,7 +139,7 @@ impl WorkingSet {
         taken
     }
 
-    /// Forward substitution from a member on.
+    /// Performs forward substitution from member `first` on.
     #[inline(always)]
     fn substitute<F: Arithmetic>(&mut self, first: usize) {
         let (count, width) = (self.len(), self.width());
@@ -164,7 +164,7 @@ impl WorkingSet {
         }
     }
 
-    /// `y -= B v`, for numbers `v` of the members.
+    /// Computes `y -= B v`, where `v` has one number per member.
     #[inline(always)]
     fn subtract<F: Arithmetic>(&self, v: &[f64], y: &mut [f64]) {
         let width = self.width();
@@ -173,7 +173,7 @@ impl WorkingSet {
         }
     }
 
-    /// `t = -g - B multipliers`: the scaled minimum.
+    /// Writes the scaled minimum `t = -g - B multipliers`.
     #[inline(always)]
     pub(super) fn scaled_minimum<F: Arithmetic>(&self, g: &[f64], t: &mut [f64]) {
         let width = self.width();
@@ -182,7 +182,7 @@ impl WorkingSet {
         }
     }
 
-    /// `B' v` into `out`.
+    /// Writes `B' v` into `out`.
     #[inline(always)]
     fn project<F: Arithmetic>(matrix: &[f64], stride: usize, width: usize, v: &[f64], out: &mut [f64]) {
         out[..width].fill(0.0);
@@ -202,7 +202,7 @@ impl WorkingSet {
         self.left.copy_from_slice(&self.candidate);
         self.projection[..width].fill(0.0);
         self.below[..width].fill(0.0);
-        // Projected again if little remains, since the first projection lost as many digits.
+        // Projected again if little remains, because the first projection has lost the corresponding digits.
         for _ in 0..3 {
             let mut part = std::mem::take(&mut self.solved);
             Self::project::<F>(&self.scaled, self.stride, width, &self.left, &mut part);
@@ -225,7 +225,7 @@ impl WorkingSet {
         left > TOLERANCES.dependent * TOLERANCES.dependent * size && left > 0.0 && count < self.capacity
     }
 
-    /// Returns an entry of `a - N r`, the remainder of the last examined normal.
+    /// Returns an entry of `a - N r`, the remainder of the normal examined last.
     #[inline(always)]
     pub(super) fn left_of_normal<F: Arithmetic>(&self, variable: usize) -> f64 {
         let width = self.width();
@@ -233,7 +233,7 @@ impl WorkingSet {
         self.normal[variable] - dot::<F>(row, &self.projection[..width])
     }
 
-    /// Returns `true` if the members contradict the last examined constraint, which is their combination:
+    /// Returns `true` if the members contradict the last examined constraint, which is a combination of them:
     /// they keep it above `value` (`sign` 1) or below it.
     #[inline(always)]
     pub(super) fn contradicts(&self, sign: f64, value: f64) -> bool {
@@ -245,7 +245,7 @@ impl WorkingSet {
         sign * (implied - value) > TOLERANCES.conflict * (1.0 + size)
     }
 
-    /// Adds the last examined constraint, which must be independent.
+    /// Adds the constraint examined last, which must be independent of the members.
     #[inline(always)]
     pub(super) fn push<F: Arithmetic>(&mut self, member: Member, g: &[f64]) {
         let i = self.members.len();
@@ -262,7 +262,7 @@ impl WorkingSet {
         self.substitute::<F>(i);
     }
 
-    /// Lets a member go.
+    /// Removes a member.
     #[inline(always)]
     pub(super) fn remove<F: Arithmetic>(&mut self, j: usize) {
         let count = self.members.len();
@@ -280,8 +280,8 @@ impl WorkingSet {
         self.substitute::<F>(j);
     }
 
-    /// Residuals of stationarity and of the members at `x` and the multipliers of `solved`: subtracts `N
-    /// multipliers` from `r` and writes `value - N' x` into `gaps`.
+    /// Computes the residuals of stationarity and of the members at `x` and the multipliers `solved`:
+    /// subtracts `N multipliers` from `r` and writes `value - N' x` into `gaps`.
     #[inline(always)]
     pub(super) fn residuals<F: Arithmetic>(&self, x: &[f64], r: &mut [f64], gaps: &mut [f64]) {
         let width = self.width();
@@ -296,8 +296,8 @@ impl WorkingSet {
         }
     }
 
-    /// Corrects the multipliers and gives the scaled correction of the minimum, from the scaled residual `g1
-    /// = L^-1 r`, which becomes it, and the gaps of the members.
+    /// Corrects the multipliers, from the scaled residual `g1 = L^-1 r` and the gaps of the members.
+    /// Overwrites `g1` with the scaled correction of the minimum.
     #[inline(always)]
     pub(super) fn correct<F: Arithmetic>(&mut self, g1: &mut [f64], gaps: &[f64]) {
         let width = self.width();

@@ -1,9 +1,9 @@
-//! The place of each number of a [`Problem`] in Clarabel's form `A x + s = b`, `s` in a cone.
+//! Positions of the numbers of a [`Problem`] in Clarabel's form `A x + s = b`, `s` in a cone.
 //!
-//! Rows in order: equalities (zero cone), then one row per declared side (non-negative cone), sides of `G`
-//! before bounds, then three rows per friction cone (second-order cone): `mu n`, then the two tangents. A
-//! side that is infinite at this tick keeps its place as the row `0 x + s = 1`, which never matters, and so
-//! does a cone that is off as `0 x + s = (1, 0, 0)`: the pattern is the same at every tick.
+//! Rows in order: equalities (zero cone), one row per declared side (non-negative cone; sides of `G` before
+//! bounds), three rows per friction cone (second-order cone; `mu n`, then the two tangents). A side that is
+//! infinite at this tick keeps its position as the row `0 x + s = 1`, which has no effect. A disabled cone
+//! keeps its position as `0 x + s = (1, 0, 0)`. The sparsity pattern is therefore the same at every tick.
 
 use clarabel::{
     algebra::CscMatrix,
@@ -12,7 +12,7 @@ use clarabel::{
 
 use crate::{Constraint, Problem, Side, Sides, Solution, Structure};
 
-/// Three variables of a problem that are a contact force within its friction cone: `|(x_t, x_u)| <= mu x_n`.
+/// Three variables of a problem that form a contact force within its friction cone: `|(x_t, x_u)| <= mu x_n`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrictionCone {
     /// The variables `t` and `u` of the tangential force.
@@ -30,7 +30,7 @@ pub(super) struct Scaling {
     pub(super) constraint: Vec<f64>,
     /// Coefficient of each friction cone; zero if disabled.
     pub(super) friction: Vec<f64>,
-    /// Factor of the cost; `D` suffices wherever there is curvature.
+    /// Factor of the cost; `D` suffices if all variables have curvature.
     pub(super) cost: f64,
     /// Typical size of `D^-1 x`.
     pub(super) length: f64,
@@ -41,14 +41,14 @@ pub(super) struct Scaling {
 pub(super) struct Layout {
     variables: usize,
     equalities: usize,
-    /// The inequality in each row after the equalities.
+    /// The inequality of each row after the equalities.
     inequalities: Vec<Constraint>,
     /// For each variable, the rows of its bounds, ascending.
     bounds_of: Vec<[Option<usize>; 2]>,
     /// Number of inequalities that are sides of `G`, which come first.
     row_sides: usize,
     cones: Vec<FrictionCone>,
-    /// For each variable, its row in a cone, and `true` for the normal.
+    /// For each variable, its row in a cone, and `true` if it is the normal force.
     cone_row: Vec<Option<(usize, bool)>>,
 }
 
@@ -82,7 +82,7 @@ impl Layout {
             let first = equalities + inequalities.len() + 3 * index;
             for (place, variable) in [cone.normal, cone.tangents[0], cone.tangents[1]].into_iter().enumerate()
             {
-                assert!(cone_row[variable].is_none(), "variable {variable} stands in two cones");
+                assert!(cone_row[variable].is_none(), "variable {variable} is in two cones");
                 cone_row[variable] = Some((first + place, place == 0));
             }
         }
@@ -93,7 +93,7 @@ impl Layout {
         self.variables
     }
 
-    /// Number of rows of equalities and inequalities, before the rows of the cones.
+    /// Returns the number of rows of equalities and inequalities, which precede the rows of the cones.
     pub(super) fn linear_count(&self) -> usize {
         self.equalities + self.inequalities.len()
     }
@@ -102,12 +102,12 @@ impl Layout {
         self.linear_count() + 3 * self.cones.len()
     }
 
-    /// The friction cones.
+    /// Returns the friction cones.
     pub(super) fn friction_cones(&self) -> &[FrictionCone] {
         &self.cones
     }
 
-    /// The constraint in one of Clarabel's rows.
+    /// Returns the constraint in one of Clarabel's rows.
     pub(super) fn name(&self, row: usize) -> Constraint {
         match row.checked_sub(self.equalities) {
             None => Constraint::Equality(row),
@@ -125,7 +125,7 @@ impl Layout {
         cones
     }
 
-    /// Upper triangle of a dense matrix, with the identity for numbers.
+    /// Returns the upper triangle of a dense matrix, with the values of the identity.
     pub(super) fn hessian_pattern(&self) -> CscMatrix<f64> {
         let n = self.variables;
         let mut pattern = CscMatrix { m: n, n, colptr: vec![0], rowval: Vec::new(), nzval: Vec::new() };
@@ -137,7 +137,8 @@ impl Layout {
         pattern
     }
 
-    /// Dense equalities and rows, one entry per bound and per variable of a cone, with zeros for numbers.
+    /// Returns the pattern with dense equalities and rows, one entry per bound and one per variable of a
+    /// cone. All values are zero.
     pub(super) fn constraint_pattern(&self) -> CscMatrix<f64> {
         let mut pattern = CscMatrix {
             m: self.constraint_count(),
@@ -232,7 +233,7 @@ impl Layout {
     }
 }
 
-/// The right-hand side of the constraint written as `a x <= limit` (or `a x = limit`).
+/// Returns the right-hand side of the constraint written as `a x <= limit` (or `a x = limit`).
 pub(super) fn signed_limit(problem: &Problem, constraint: Constraint) -> f64 {
     match constraint {
         Constraint::Equality(row) => problem.equality_value[row],

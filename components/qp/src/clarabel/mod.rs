@@ -1,11 +1,13 @@
-//! Clarabel, an interior-point solver, behind [`QpSolver`].
+//! A [`QpSolver`] based on Clarabel, an interior-point solver.
 //!
 //! Goulart and Chen, *Clarabel: An interior-point solver for conic programs with quadratic objectives*, 2024.
-//! It needs about the same time whatever the active set, finds certificates of infeasibility, and cannot be
-//! warm-started. The solver object is built once; each update overwrites its numbers. Three things make that
-//! safe: its presolve and zero-dropping stay off, the sparsity pattern comes from the [`Structure`] alone
-//! (never from values, where an exact zero would shift every later entry), and scaling is done here afresh
-//! for each problem, because Clarabel's own is fixed by the first one.
+//! Clarabel needs about the same time for every active set, finds certificates of infeasibility and cannot be
+//! warm-started. The solver object is built once; each update overwrites its numbers. This is safe for three
+//! reasons:
+//! - Presolve and zero-dropping are off.
+//! - The sparsity pattern comes from the [`Structure`] alone, never from values, where an exact zero would
+//!   shift every later entry.
+//! - Scaling is done here for each problem, because Clarabel's own scaling is fixed by the first one.
 
 mod layout;
 mod scaling;
@@ -18,7 +20,7 @@ use super::{
 pub use layout::FrictionCone;
 use layout::{Layout, Scaling};
 
-/// Stopping criteria of Clarabel, on the problem scaled to numbers around one.
+/// Stopping criteria of Clarabel, which apply to the problem scaled to numbers around one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClarabelSettings {
     /// Largest duality gap, absolute or relative. Default 1e-11.
@@ -27,9 +29,9 @@ pub struct ClarabelSettings {
     pub feasibility: f64,
     /// Largest number of iterations. Default 50.
     pub max_iterations: u32,
-    /// Iterative refinement of each linear solve, default true. It uses a third of the time of a small
-    /// problem, for residuals up to a thousand times smaller and robustness if the Hessian is nearly
-    /// singular.
+    /// Iterative refinement of each linear solve. Default true. It costs a third of the time of a small
+    /// problem. In return residuals are up to a thousand times smaller, and nearly singular Hessians are
+    /// handled robustly.
     pub refinement: bool,
 }
 
@@ -40,7 +42,7 @@ impl Default for ClarabelSettings {
 }
 
 impl ClarabelSettings {
-    /// Factor of the tolerances where rounding ends progress ([`Accuracy::Reduced`]).
+    /// Factor by which the tolerances are relaxed if rounding ends progress ([`Accuracy::Reduced`]).
     const REDUCED: f64 = 1e3;
 
     fn build(&self) -> DefaultSettings<f64> {
@@ -67,10 +69,10 @@ impl ClarabelSettings {
 /// Relative distance to the surface of a cone at which a point counts as being on it.
 const ON_CONE: f64 = 1e-4;
 
-/// A [`QpSolver`] based on Clarabel. The only solver with friction cones.
+/// A [`QpSolver`] based on Clarabel, the only solver with friction cones.
 ///
 /// An update overwrites the problem data in place. A solve makes one allocation: the timer table that
-/// Clarabel 0.11 recreates for each solve, without an option to keep it.
+/// Clarabel 0.11 creates for each solve unconditionally.
 ///
 /// ```
 /// use motorium_qp::{ClarabelSettings, ClarabelSolver, FrictionCone, Problem, QpSolver, Structure};
@@ -107,15 +109,15 @@ pub struct ClarabelSolver {
 }
 
 impl ClarabelSolver {
-    /// Builds the solver for `structure`; everything it needs is allocated and its pattern is factored here.
+    /// Builds the solver for `structure`, allocates all memory and factors the sparsity pattern.
     pub fn new(structure: Structure, settings: ClarabelSettings) -> Self {
         Self::with_cones(structure, Vec::new(), settings)
     }
 
-    /// Like [`new`](Self::new), with friction cones, which are disabled until they get a coefficient.
+    /// Like [`new`](Self::new), with friction cones. They are disabled until they get a coefficient.
     ///
     /// # Panics
-    /// If a variable is in two cones or does not exist.
+    /// If a variable does not exist or is in two cones.
     pub fn with_cones(structure: Structure, cones: Vec<FrictionCone>, settings: ClarabelSettings) -> Self {
         let friction = vec![None; cones.len()];
         let layout = Layout::new(&structure, cones);
@@ -147,11 +149,10 @@ impl ClarabelSolver {
         }
     }
 
-    /// Sets the coefficient of a friction cone from the next update on, at least 0; `None` turns the cone
-    /// off.
+    /// Sets the coefficient of a friction cone from the next update on, at least 0; `None` disables the cone.
     ///
     /// # Panics
-    /// If there is no such cone.
+    /// If the cone does not exist.
     pub fn set_friction(&mut self, cone: usize, friction: Option<f64>) {
         self.friction[cone] = friction.map(|friction| friction.max(0.0));
     }
@@ -161,8 +162,8 @@ impl ClarabelSolver {
         &self.solution
     }
 
-    /// Calls `visit` with each active inequality and cone: its multiplier exceeds the distance to its
-    /// surface, both scaled. An interior-point method leaves neither at zero.
+    /// Calls `visit` with each active inequality and cone. A constraint is active if its multiplier exceeds
+    /// the distance to its surface, both scaled; an interior-point method leaves neither at zero.
     pub fn visit_active(&self, visit: &mut dyn FnMut(Constraint)) {
         let found = &self.solver.solution;
         let (first, linear) = (self.structure.equality_count(), self.layout.linear_count());
@@ -232,7 +233,7 @@ impl QpSolver for ClarabelSolver {
         self.solution.iterations
     }
 
-    // Each solve starts without the previous solution.
+    // No effect: no solve uses the previous solution.
     fn reset(&mut self) {}
 
     fn solve(&mut self) -> Result<&Solution, SolveError> {

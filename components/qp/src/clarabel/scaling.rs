@@ -1,14 +1,15 @@
-//! Scaling of a problem to numbers around one, for which Clarabel's absolute tolerances are meant.
+//! Scaling of a problem to numbers around one, because Clarabel's tolerances are absolute.
 //!
-//! `x = length D x'` with `D` from the diagonal of `P` (Jacobi), `length` from the farthest limit, and each
-//! constraint row brought to unit size. Without it a tolerance of 1e-8 means nothing: the same control
-//! problem posed in radians per tick or in radians per second would stop at errors a hundred times apart.
+//! `x = length D x'`: `D` comes from the diagonal of `P` (Jacobi), `length` from the most distant limit, and
+//! each constraint row is scaled to unit size. Without scaling, a tolerance of 1e-8 has no fixed meaning: the
+//! same control problem posed in radians per tick or in radians per second would stop at errors that differ
+//! by a factor of a hundred.
 
 use super::layout::{Layout, Scaling, signed_limit};
 use crate::{Constraint, Problem};
 
 impl Scaling {
-    /// Smallest diagonal entry of `P` believed, relative to the largest.
+    /// Smallest diagonal entry of `P` used for scaling, relative to the largest.
     const SMALLEST_CURVATURE: f64 = 1e-8;
 
     pub(super) fn new(layout: &Layout) -> Self {
@@ -21,14 +22,14 @@ impl Scaling {
         }
     }
 
-    /// Chooses the factors for `problem`, with these coefficients of friction; `None` for a cone that is off.
+    /// Chooses the factors for `problem` and these friction coefficients; `None` for a disabled cone.
     pub(super) fn fit(&mut self, layout: &Layout, problem: &Problem, friction: &[Option<f64>]) {
         let curvature = (0..self.variable.len()).fold(0.0, |most: f64, i| most.max(problem.hessian[(i, i)]));
         for (i, d) in self.variable.iter_mut().enumerate() {
             let p = problem.hessian[(i, i)].max(Self::SMALLEST_CURVATURE * curvature);
             *d = if p > 0.0 { p.sqrt().recip() } else { 1.0 };
         }
-        // the largest limit, as a distance in x'
+        // largest limit, as a distance in `x'`
         let mut reach: f64 = 0.0;
         for (row, e) in self.constraint.iter_mut().enumerate().take(layout.linear_count()) {
             let name = layout.name(row);

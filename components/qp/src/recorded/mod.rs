@@ -1,7 +1,7 @@
-//! Recorded quadratic programs, for bug reports and for the comparison of solvers.
+//! Recorded quadratic programs, for bug reports and solver comparisons.
 //!
-//! A file contains one problem, or a list of consecutive problems, as JSON objects. Problems of the same size
-//! that follow each other are a [`Stream`], as of one controller:
+//! A file contains one problem, or a list of consecutive problems, as JSON objects. Consecutive problems of
+//! the same size form a [`Stream`], as one controller produces them:
 //!
 //! ```text
 //! { "P": [[...], ...], "q": [...],                      1/2 x'Px + q'x
@@ -11,12 +11,12 @@
 //! ```
 //!
 //! Matrices are lists of rows; `P` is symmetric, or given by its upper triangle. Missing entries are empty or
-//! unbounded; numbers of at least 1e20 mean infinity.
+//! unbounded. Magnitudes of 1e20 and more mean infinity.
 //!
-//! A matrix all of whose numbers are of single precision was recorded in it. Its rounding is then no reason
-//! to refuse it: `P` may curve downwards, and differ from its transpose, by n times the spacing of single
-//! precision (1.2e-7) of its largest number, in double precision by 1e-9, and rows of `A` that depend on each
-//! other within it do so exactly.
+//! A matrix whose numbers are all single-precision values counts as recorded in single precision, and its
+//! rounding is tolerated. `P` may have negative curvature and may differ from its transpose by n times the
+//! spacing of single precision (1.2e-7) relative to its largest number; in double precision by 1e-9. Rows of
+//! `A` that are dependent within this tolerance are treated as exactly dependent.
 
 mod precision;
 mod replay;
@@ -28,26 +28,24 @@ use serde::Deserialize;
 
 use super::{Problem, Sides, Structure};
 
-/// Error of reading recorded problems.
+/// Errors of reading recorded problems.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordedError {
     /// The file is not JSON of the expected form.
     #[error("expected one problem or a list of them, each with P and q: {0}")]
     Syntax(#[from] serde_json::Error),
-    /// A word is not a JSON number.
-    #[error(
-        "`{word}` at line {line} column {column}, expected a number: no solver can use what is not one, and 1e20 and more stand for infinity"
-    )]
+    /// A token is not a JSON number.
+    #[error("`{word}` at line {line} column {column}, expected a finite number; write infinity as 1e20")]
     NoNumber {
-        /// The word.
+        /// The token.
         word: &'static str,
-        /// Its line, from 1.
+        /// Line of the token, from 1.
         line: usize,
-        /// Its column, from 1.
+        /// Column of the token, from 1.
         column: usize,
     },
     /// The list is empty.
-    #[error("it holds no problem")]
+    #[error("the list is empty, expected at least one problem")]
     Empty,
     /// A problem without variables.
     #[error("problem {problem}: `q` is empty, expected one number per variable")]
@@ -65,11 +63,11 @@ pub enum RecordedError {
         problem: usize,
         /// Row above the diagonal.
         row: usize,
-        /// Its column.
+        /// Column right of the diagonal.
         column: usize,
-        /// The number there.
+        /// Number above the diagonal.
         upper: f64,
-        /// The number on the other side.
+        /// Number below the diagonal.
         lower: f64,
     },
     /// A matrix or vector has an inconsistent size.
@@ -79,9 +77,9 @@ pub enum RecordedError {
         problem: usize,
         /// The key.
         key: &'static str,
-        /// The size found.
+        /// The size in the file.
         found: String,
-        /// The size expected.
+        /// The expected size.
         expected: String,
     },
 }
@@ -104,17 +102,17 @@ struct Numbers {
     ub: Option<Vec<f64>>,
 }
 
-/// Consecutive problems of one size.
+/// Consecutive problems of the same size.
 #[derive(Clone, Debug)]
 pub struct Stream {
-    /// The structure that all of them fit.
+    /// The structure common to all problems.
     pub structure: Structure,
     /// The problems, at least one.
     pub problems: Vec<Problem>,
 }
 
-/// Reads the problems of a file, whose sizes may differ: one stream for each stretch of equal sizes, in
-/// order.
+/// Reads the problems of a file, whose sizes may differ. Returns one stream for each run of problems with
+/// equal sizes, in order.
 ///
 /// ```
 /// use motorium_qp::recorded;
@@ -144,7 +142,7 @@ pub fn read_streams(text: &str) -> Result<Vec<Stream>, RecordedError> {
     Ok(streams.into_iter().map(|(_, problems)| stream(problems)).collect())
 }
 
-/// Reads the problems of a file, all of one size, and the structure that all of them fit.
+/// Reads the problems of a file, all of one size, and returns them with their common structure.
 ///
 /// ```
 /// use motorium_qp::recorded;
@@ -168,7 +166,7 @@ pub fn read(text: &str) -> Result<(Structure, Vec<Problem>), RecordedError> {
     Ok((structure(&problems), problems))
 }
 
-/// The entries of a file, at least one.
+/// Parses the entries of a file, at least one.
 fn parse(text: &str) -> Result<Vec<Numbers>, RecordedError> {
     let all: Result<Vec<Numbers>, _> = match text.trim_start().starts_with('[') {
         true => serde_json::from_str(text),
@@ -179,7 +177,8 @@ fn parse(text: &str) -> Result<Vec<Numbers>, RecordedError> {
 }
 
 impl Numbers {
-    /// Numbers of variables, equalities and rows, by the vectors `q` and `b` and the matrix `G`.
+    /// Returns the numbers of variables, equalities and rows, from the vectors `q` and `b` and the matrix
+    /// `G`.
     fn sizes(&self, problem: usize) -> Result<(usize, usize, usize), RecordedError> {
         match self.q.len() {
             0 => Err(RecordedError::NoVariables { problem }),
@@ -223,14 +222,14 @@ impl Numbers {
     }
 }
 
-/// Words that other writers use where JSON has no number.
+/// Tokens that other programs write for numbers that JSON cannot represent.
 const NO_NUMBERS: [&str; 6] = ["NaN", "nan", "Infinity", "-Infinity", "inf", "-inf"];
 
-/// Returns the error for a word such as `NaN` at the position of a syntax error; `None` for another text.
+/// Returns the error for a token such as `NaN` at the position of a syntax error; `None` for any other text.
 fn no_number(text: &str, error: &serde_json::Error) -> Option<RecordedError> {
     let (line, column) = (error.line(), error.column());
     let before = text.lines().nth(line.checked_sub(1)?)?;
-    // the error position may be the first or second character of the word
+    // the error position may be the first or second character of the token
     (column.saturating_sub(2)..=column.saturating_sub(1)).find_map(|start| {
         let rest = before.get(start..)?;
         let word = *NO_NUMBERS.iter().find(|word| rest.starts_with(**word))?;
@@ -238,7 +237,7 @@ fn no_number(text: &str, error: &serde_json::Error) -> Option<RecordedError> {
     })
 }
 
-/// The matrix, if both sides of its diagonal agree, within rounding, or the lower one is empty.
+/// Returns the symmetric matrix. Its triangles must agree within rounding, or the lower one must be empty.
 fn symmetric(problem: usize, matrix: DMatrix<f64>) -> Result<DMatrix<f64>, RecordedError> {
     let rounding = precision::rounding(&matrix) * matrix.amax();
     let above = || (0..matrix.ncols()).flat_map(|column| (0..column).map(move |row| (row, column)));
@@ -256,7 +255,7 @@ fn symmetric(problem: usize, matrix: DMatrix<f64>) -> Result<DMatrix<f64>, Recor
     }
 }
 
-/// The structure with the sides that are finite in any of the problems.
+/// Returns the structure whose declared sides are finite in at least one of the problems.
 fn structure(problems: &[Problem]) -> Structure {
     let first = &problems[0];
     let sides = |lower: fn(&Problem) -> &DVector<f64>, upper: fn(&Problem) -> &DVector<f64>, i: usize| {

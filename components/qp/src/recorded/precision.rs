@@ -15,8 +15,8 @@ pub(super) fn is_single(numbers: &[f64]) -> bool {
     })
 }
 
-/// Relative rounding error of a matrix: of its recording, and of the sum of products from which it was
-/// computed.
+/// Returns the relative rounding error of a matrix: from its recording and from the sums of products by which
+/// it was computed.
 pub(super) fn rounding(matrix: &DMatrix<f64>) -> f64 {
     let size = matrix.nrows().max(matrix.ncols()) as f64;
     if is_single(matrix.as_slice()) { size * f64::from(f32::EPSILON) } else { ROUNDING }
@@ -24,10 +24,10 @@ pub(super) fn rounding(matrix: &DMatrix<f64>) -> f64 {
 
 /// Removes single-precision rounding from matrices that would otherwise be rejected or misinterpreted.
 ///
-/// A Hessian that curves downwards within rounding becomes the nearest positive semidefinite one; along its
-/// flat directions a slope of the cost that is within rounding becomes zero. Equalities that depend on each
-/// other within rounding become exactly dependent, and their values agree if they did within rounding.
-/// Numbers in double precision stay as they are.
+/// A Hessian with negative curvature within rounding becomes the nearest positive semi-definite one. Along
+/// its flat directions, a cost gradient within rounding becomes zero. Equalities that are dependent within
+/// rounding become exactly dependent; their values agree if they did within rounding. Double-precision
+/// numbers stay unchanged.
 pub(super) fn clean(problem: &mut Problem) {
     let of_hessian = rounding(&problem.hessian);
     if of_hessian > ROUNDING {
@@ -74,7 +74,7 @@ fn reconcile(matrix: &mut DMatrix<f64>, value: &mut DVector<f64>, share: f64) {
     if matrix.is_empty() {
         return;
     }
-    // rows of different units count alike
+    // rows with different units get equal weight
     let lengths: Vec<f64> = matrix.row_iter().map(|row| row.norm()).collect();
     let length = |row: usize| if lengths[row] > 0.0 { lengths[row] } else { 1.0 };
     let scaled =

@@ -18,28 +18,28 @@ use crate::{
 pub enum Status {
     /// A solution was found.
     Solved,
-    /// Nothing satisfies the constraints.
+    /// No `x` satisfies the constraints.
     Infeasible,
-    /// The cost falls for ever.
+    /// The cost decreases forever.
     Unbounded,
     /// The Hessian is not positive semi-definite.
     NotConvex,
-    /// The iteration limit came first.
+    /// The iteration limit was reached.
     MaxIterations,
     /// The arithmetic broke down.
     Numerical,
-    /// The numbers cannot be used.
+    /// The problem data are invalid.
     Refused,
 }
 
-/// One problem of a replay.
+/// Result of one problem of a replay.
 #[derive(Clone, Debug, Serialize)]
 pub struct Each {
     /// The outcome.
     pub status: Status,
     /// The solution; empty if there is none.
     pub x: Vec<f64>,
-    /// The error, in words.
+    /// The error message.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
 }
@@ -51,7 +51,7 @@ pub struct Record {
     pub p50: f64,
     /// The 99th percentile.
     pub p99: f64,
-    /// The largest.
+    /// The maximum.
     pub max: f64,
 }
 
@@ -66,23 +66,23 @@ impl Record {
     }
 }
 
-/// The account of a replay.
+/// Summary of a replay.
 #[derive(Clone, Debug, Serialize)]
 pub struct Replay {
     /// Number of problems.
     pub problems: usize,
-    /// Number of problems that were solved.
+    /// Number of solved problems.
     pub solved: usize,
-    /// Largest violation of a constraint by a solution, in its own unit.
+    /// Largest constraint violation of a solution, in the constraint's own unit.
     pub worst_violation: f64,
     /// Largest difference of a solution's entry from the reference: Clarabel's solution, polished on its
     /// active constraints.
     pub worst_distance: f64,
-    /// Iterations of a solve.
+    /// Iterations per solve.
     pub iterations: Record,
-    /// Time of handing over the numbers and solving, us.
+    /// Time to update and solve a problem [us].
     pub time_us: Record,
-    /// The problems one by one.
+    /// Results of the individual problems.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub each: Option<Vec<Each>>,
 }
@@ -103,8 +103,8 @@ pub fn replay(
     account.finish()
 }
 
-/// The same for streams of different sizes, each with a separate solver. In each round, the first problem
-/// of a stream is solved cold.
+/// Like [`replay`], for streams of different sizes, each with a separate solver. In each round, the first
+/// problem of a stream is solved cold.
 pub fn replay_streams(
     streams: &[Stream],
     build: impl Fn(&Structure) -> Box<dyn QpSolver>,
@@ -130,11 +130,11 @@ pub fn replay_streams(
     account.finish()
 }
 
-/// The use of a round.
+/// Purpose of a round.
 #[derive(Clone, Copy)]
 struct Phase {
     is_timed: bool,
-    /// `true` for the last round, whose solutions are judged.
+    /// `true` for the last round, whose solutions are evaluated.
     is_last: bool,
 }
 
@@ -143,7 +143,7 @@ fn phases(rounds: usize) -> impl Iterator<Item = Phase> {
     (0..rounds).map(move |round| Phase { is_timed: round > 0 || rounds == 1, is_last: round + 1 == rounds })
 }
 
-/// Figures of the problems solved so far.
+/// Statistics of the problems solved so far.
 #[derive(Default)]
 struct Account {
     times: Vec<f64>,
@@ -184,7 +184,7 @@ impl Account {
         reference: &mut ClarabelSolver,
     ) {
         self.each.push(match outcome {
-            // an interior-point method may end at a saddle point unnoticed
+            // an interior-point method may end at a saddle point without an error
             Ok(_) | Err((Status::Numerical | Status::MaxIterations | Status::Unbounded, _))
                 if !is_convex(problem) =>
             {
@@ -217,7 +217,7 @@ impl Account {
     }
 }
 
-/// True if the Hessian curves nowhere downwards, but by rounding.
+/// Returns `true` if the Hessian has no negative curvature beyond rounding.
 fn is_convex(problem: &Problem) -> bool {
     let mut hessian = problem.hessian.clone();
     hessian.fill_lower_triangle_with_upper_triangle();
@@ -238,12 +238,13 @@ fn status(error: &SolveError) -> Status {
     }
 }
 
-/// Ratios of multiplier to distance above which a side counts as active.
+/// Ratios of multiplier to distance above which a side counts as active, in the order in which they are
+/// tried.
 const PRESSED: [f64; 7] = [1.0, 1e-2, 1e2, 1e-4, 1e4, 1e-6, 1e6];
 
-/// Polishes the reference: an interior-point solution stops close to the optimum. For a given active set the
-/// optimality conditions are linear; of several candidates, the one that satisfies all conditions best is
-/// used.
+/// Polishes the reference, because an interior-point solution stops close to the optimum. For a given active
+/// set the optimality conditions are linear. Of several candidate sets, the one that satisfies all conditions
+/// best is used.
 fn exact(reference: &mut ClarabelSolver, problem: &Problem) -> Option<DVector<f64>> {
     reference.update(problem).ok()?;
     let near = reference.solve().ok()?.clone();
@@ -258,7 +259,7 @@ fn exact(reference: &mut ClarabelSolver, problem: &Problem) -> Option<DVector<f6
     Some(best.1)
 }
 
-/// The sides of the constraints that `near` presses on: the constraint and its value.
+/// Returns the sides that are active at `near`, each with its constraint and value.
 fn pressed(problem: &Problem, near: &Solution, share: f64) -> Vec<(Constraint, f64)> {
     let largest = near.row_dual.amax().max(near.bound_dual.amax());
     let rows = &problem.row_matrix * &near.x;
@@ -285,7 +286,7 @@ fn pressed(problem: &Problem, near: &Solution, share: f64) -> Vec<(Constraint, f
     all
 }
 
-/// Solves the optimality conditions with the sides held that are active in `near`.
+/// Solves the optimality conditions with the sides held that are active at `near`.
 fn on_pressed(problem: &Problem, near: &Solution, share: f64) -> Option<Solution> {
     let n = problem.gradient.len();
     let held = pressed(problem, near, share);

@@ -1,4 +1,4 @@
-//! Small quadratic programs whose solutions are published or follow by hand.
+//! Small quadratic programs with published or hand-computed solutions.
 
 use approx::assert_abs_diff_eq;
 use motorium_qp::{
@@ -8,7 +8,7 @@ use motorium_qp::{
 };
 use nalgebra::{DMatrix, DVector, dmatrix, dvector};
 
-/// Every solver of the crate.
+/// Returns one solver of each kind.
 fn solvers(structure: &Structure) -> [Box<dyn QpSolver>; 2] {
     [
         Box::new(ClarabelSolver::new(structure.clone(), ClarabelSettings::default())),
@@ -35,7 +35,7 @@ fn assert_solution(structure: &Structure, problem: &Problem, expected: &[f64]) -
 
 /// Nocedal and Wright, Numerical Optimization, 2nd ed., example 16.2.
 #[test]
-fn an_equality_problem_has_its_published_solution() {
+fn equality_problem_matches_published_solution() {
     let structure = Structure::new(3).equalities(2);
     let mut problem = Problem::new(&structure);
     problem.hessian = dmatrix![6.0, 2.0, 1.0; 2.0, 5.0, 2.0; 1.0, 2.0, 4.0];
@@ -50,7 +50,7 @@ fn an_equality_problem_has_its_published_solution() {
 
 /// Nocedal and Wright, example 16.4.
 #[test]
-fn rows_and_bounds_together_have_their_published_solution() {
+fn rows_and_bounds_match_published_solution() {
     let structure = Structure::new(2).rows(3, Sides::Lower).bounds(Sides::Lower);
     let mut problem = Problem::new(&structure);
     problem.hessian = dmatrix![2.0, 0.0; 0.0, 2.0];
@@ -92,7 +92,7 @@ fn hock_schittkowski_76_is_solved() {
 }
 
 #[test]
-fn a_problem_without_constraints_is_a_linear_system() {
+fn unconstrained_problem_is_a_linear_system() {
     let structure = Structure::new(2);
     let mut problem = Problem::new(&structure);
     problem.hessian = dmatrix![2.0, 1.0; 1.0, 3.0];
@@ -111,7 +111,7 @@ fn separable(curvature: f64) -> (Structure, Problem) {
 }
 
 #[test]
-fn a_separable_problem_is_solved_by_clipping() {
+fn separable_problem_is_solved_by_clipping() {
     let (structure, problem) = separable(1.0);
     for solution in assert_solution(&structure, &problem, &[-1.0, 0.5, 2.0, -0.25]) {
         assert_abs_diff_eq!(solution.bound_dual.as_slice(), [-2.0, 0.0, 1.0, 0.0].as_slice(), epsilon = 1e-6);
@@ -119,7 +119,7 @@ fn a_separable_problem_is_solved_by_clipping() {
 }
 
 #[test]
-fn a_side_may_become_infinite_and_finite_again_between_updates() {
+fn sides_may_become_infinite_and_finite_between_updates() {
     let (structure, mut problem) = separable(1.0);
     for mut solver in solvers(&structure) {
         for (upper, third) in [(2.0, 2.0), (f64::INFINITY, 3.0), (1e30, 3.0), (1.0, 1.0)] {
@@ -132,7 +132,7 @@ fn a_side_may_become_infinite_and_finite_again_between_updates() {
 }
 
 #[test]
-fn exact_zeros_that_come_and_go_do_not_shift_other_entries() {
+fn exact_zeros_do_not_shift_other_entries() {
     let structure = Structure::new(3).equalities(1).bounds(Sides::Both);
     for mut solver in solvers(&structure) {
         let mut problem = Problem::new(&structure);
@@ -155,7 +155,7 @@ fn exact_zeros_that_come_and_go_do_not_shift_other_entries() {
 }
 
 #[test]
-fn the_units_of_the_problem_do_not_change_the_answer() {
+fn solution_is_independent_of_units() {
     for curvature in [1e-6, 1.0, 1e6] {
         let (structure, mut problem) = separable(curvature);
         for length in [1e-4, 1.0, 1e4] {
@@ -171,7 +171,7 @@ fn the_units_of_the_problem_do_not_change_the_answer() {
 }
 
 #[test]
-fn a_linear_cost_ends_in_a_corner() {
+fn linear_cost_is_minimised_at_a_vertex() {
     let structure = Structure::new(2).bounds(Sides::Both);
     let mut problem = Problem::new(&structure);
     problem.gradient = dvector![1e-6, -2e-6];
@@ -183,7 +183,7 @@ fn a_linear_cost_ends_in_a_corner() {
 }
 
 #[test]
-fn an_infeasible_problem_names_the_constraints_in_conflict() {
+fn infeasible_problem_names_conflicting_constraints() {
     let structure = Structure::new(3).equalities(1).rows(1, Sides::Both).bounds(Sides::Both);
     let mut problem = Problem::new(&structure);
     problem.hessian = DMatrix::identity(3, 3);
@@ -205,7 +205,7 @@ fn an_infeasible_problem_names_the_constraints_in_conflict() {
 }
 
 #[test]
-fn a_cost_without_end_names_its_variable() {
+fn unbounded_cost_names_its_variable() {
     let structure = Structure::new(2).bounds(Sides::Lower);
     let mut problem = Problem::new(&structure);
     problem.hessian[(0, 0)] = 1.0;
@@ -217,7 +217,7 @@ fn a_cost_without_end_names_its_variable() {
 }
 
 #[test]
-fn too_few_iterations_are_reported_and_the_solver_stays_usable() {
+fn solver_stays_usable_after_reaching_iteration_limit() {
     let (structure, problem) = separable(1.0);
     let settings = ClarabelSettings { max_iterations: 2, ..ClarabelSettings::default() };
     let mut solver = ClarabelSolver::new(structure, settings);
@@ -235,7 +235,7 @@ fn too_few_iterations_are_reported_and_the_solver_stays_usable() {
 }
 
 #[test]
-fn an_infeasible_tick_does_not_spoil_the_next() {
+fn solver_recovers_after_an_infeasible_tick() {
     let structure = Structure::new(1).rows(1, Sides::Lower).bounds(Sides::Both);
     let mut problem = Problem::new(&structure);
     problem.hessian[(0, 0)] = 1.0;
@@ -255,7 +255,7 @@ fn an_infeasible_tick_does_not_spoil_the_next() {
 }
 
 #[test]
-fn numbers_no_solver_could_use_are_refused_by_name() {
+fn invalid_problem_data_are_rejected_by_name() {
     let structure = Structure::new(2).bounds(Sides::Upper);
     for mut solver in solvers(&structure) {
         let good = Problem::new(&structure);
@@ -288,7 +288,7 @@ fn numbers_no_solver_could_use_are_refused_by_name() {
 }
 
 #[test]
-fn the_optimality_check_sees_a_wrong_solution() {
+fn kkt_residual_detects_wrong_solutions() {
     let (structure, problem) = separable(1.0);
     let [Ok(good), _] = solve(&structure, &problem) else { panic!("it has a solution") };
     let mut moved = good.clone();
@@ -297,7 +297,7 @@ fn the_optimality_check_sees_a_wrong_solution() {
     let mut outside = good.clone();
     outside.x[2] += 0.01;
     assert!(KktResidual::from_solution(&problem, &outside).feasibility > 9e-3);
-    // a multiplier that presses on a side the solution does not touch
+    // a multiplier on a side that the solution does not touch
     let mut pressing = good.clone();
     pressing.bound_dual[1] = 0.1;
     assert!(KktResidual::from_solution(&problem, &pressing).complementarity > 0.1);
@@ -306,9 +306,10 @@ fn the_optimality_check_sees_a_wrong_solution() {
     assert!(KktResidual::from_solution(&problem, &nan).worst().is_nan());
 }
 
-/// Rows of the first from 2e0 to 3e6, of the second from 7e-5 to 2e7; quadprog and Clarabel solve both.
+/// The rows of the first problem range from 2e0 to 3e6, of the second from 7e-5 to 2e7. quadprog and Clarabel
+/// solve both.
 #[test]
-fn rows_of_very_different_sizes_are_solved() {
+fn badly_scaled_rows_are_solved() {
     for text in [ROWS_OF_SIX_DECADES, ROWS_OF_ELEVEN_DECADES] {
         let (structure, problems) = recorded::read(text).unwrap();
         let [interior, active] = solve(&structure, &problems[0]).map(Result::unwrap);
@@ -320,9 +321,9 @@ fn rows_of_very_different_sizes_are_solved() {
 const ROWS_OF_SIX_DECADES: &str = r#"{"P":[[0.4718064759462406,0.5001114701011853,-0.13290595797598082],[0.5001114701011853,0.9852160829753535,0.2190977960661532],[-0.13290595797598082,0.2190977960661532,1.2877917195040247]],"q":[-0.44213397384627257,-13.411146104149555,-6.416099322877649],"A":[],"b":[],"G":[[-39.84135959720176,1335.626841168837,-1117.5316747312957],[3201924.1649763924,-2408781.7275868948,1736720.0786818722],[-2.347943236575612,-34.5152679417033,3.028021892494017],[-1.7925466288227226e-07,-5.1304593623961084e-08,9.033117300980689e-08]],"lg":[1847.4190211261173,-5387300.0315543655,-38.92367157877605,-3.187991712884967e-07],"ug":[2405.154617690701,-2116747.349566604,-19.990461505433082,-1.7744096606349567e-07],"lb":[-1.9586220036462882,-1.5671998522080797,-3.636413285117689],"ub":[2.0413779963537118,2.4328001477919203,0.36358671488231087]}"#;
 const ROWS_OF_ELEVEN_DECADES: &str = r#"{"P":[[8.861492928633167,-6.145832090528106],[-6.145832090528106,4.706933184510699]],"q":[-6.657063242785543,-0.9427747759445124],"A":[],"b":[],"G":[[-0.027153289250896703,-0.03262395904656775],[-69.00097287192303,-82.24510326634781],[6.951989438215588e-05,6.267203282752492e-05],[-270755.8754818927,16858973.435054787]],"lg":[-0.04436704179661714,-73.73784401409151,3.831231009937935e-05,13810890.771194734],"ug":[-0.02229602162712683,-56.06580220005159,3.831231009937935e-05,16680763.225929283],"lb":[-2.2603700619905696,-1.099866291803718],"ub":[1.7396299380094304,2.900133708196282]}"#;
 
-/// The same problem with its rows in other units has the same solution, and multipliers in these units.
+/// With rows in other units, a problem has the same solution, and multipliers in these units.
 #[test]
-fn units_of_rows_change_multipliers_and_not_the_solution() {
+fn row_units_change_multipliers_but_not_the_solution() {
     let structure = Structure::new(2).equalities(1).rows(2, Sides::Both);
     let mut problem = Problem::new(&structure);
     problem.hessian = dmatrix![2.0, 0.5; 0.5, 1.0];
@@ -340,7 +341,7 @@ fn units_of_rows_change_multipliers_and_not_the_solution() {
         scaled.equality_value *= equality;
         scaled.row_matrix.row_mut(0).scale_mut(row);
         scaled.row_upper[0] *= row;
-        // the first solve and one that begins with the working set of other units
+        // a cold solve and one that starts with the working set of other units
         for solver in
             [&mut ActiveSetSolver::new(structure.clone(), ActiveSetSettings::default()), &mut solver]
         {
@@ -359,7 +360,7 @@ fn units_of_rows_change_multipliers_and_not_the_solution() {
 }
 
 #[test]
-fn rows_of_any_size_that_contradict_are_infeasible() {
+fn contradicting_rows_of_any_scale_are_infeasible() {
     let structure = Structure::new(2).rows(2, Sides::Both);
     for (one, other) in [(1.0, 1.0), (1e-8, 1e8), (1e7, 1e-5)] {
         let mut problem = Problem::new(&structure);
@@ -374,7 +375,7 @@ fn rows_of_any_size_that_contradict_are_infeasible() {
 }
 
 #[test]
-fn problem_without_variables_is_refused() {
+fn problem_without_variables_is_rejected() {
     let error = recorded::read(r#"[{"P": [], "q": []}]"#).unwrap_err();
     assert!(matches!(error, RecordedError::NoVariables { problem: 0 }), "{error}");
 }

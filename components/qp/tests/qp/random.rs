@@ -1,4 +1,4 @@
-//! Random numbers that are the same at every run.
+//! Random numbers that are the same in every run.
 
 /// Uniform numbers in [0, 1): Knuth's linear congruential generator.
 pub(crate) struct Random(pub(crate) u64);

@@ -1,5 +1,5 @@
-//! Random quadratic programs, many of them degenerate, singular, redundant or infeasible: every answer is
-//! checked from the numbers of the problem, every refusal by another solver.
+//! Random quadratic programs, many of them degenerate, singular, redundant or infeasible. Every solution is
+//! checked against the numbers of the problem, every failure against another solver.
 
 use motorium_qp::{
     ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, KktResidual, Problem, QpSolver,
@@ -7,10 +7,11 @@ use motorium_qp::{
 };
 use nalgebra::{DMatrix, DVector};
 
-/// Problems that are tried; more with `MOTORIUM_QP_PROBLEMS`, from another one on with `MOTORIUM_QP_FIRST`.
+/// Number of problems; the environment variables `MOTORIUM_QP_PROBLEMS` and `MOTORIUM_QP_FIRST` override it
+/// and the first seed.
 const PROBLEMS: u64 = 5_000;
 
-/// The number that a variable of the environment holds.
+/// Reads a number from an environment variable.
 fn number(variable: &str) -> Option<u64> {
     std::env::var(variable).ok().map(|number| number.parse().unwrap())
 }
@@ -35,7 +36,7 @@ impl Random {
         self.below(n) == 0
     }
 
-    /// In [-1, 1), or a whole number of -2 to 2.
+    /// Returns a number in [-1, 1), or an integer from -2 to 2 if `whole` is set.
     fn entry(&mut self, whole: bool) -> f64 {
         if whole {
             self.below(5) as f64 - 2.0
@@ -48,12 +49,12 @@ impl Random {
 pub(crate) struct Trial {
     pub(crate) structure: Structure,
     pub(crate) problem: Problem,
-    /// A point that satisfies all constraints is known.
+    /// Whether a point that satisfies all constraints is known.
     feasible: bool,
 }
 
-/// A problem with up to 12 variables, whose Hessian may have any rank, whose rows may repeat one another, and
-/// whose constraints may meet in one point. Whole numbers make ties and exact dependencies frequent.
+/// Generates a problem with up to 12 variables. Its Hessian may have any rank, its rows may repeat, and its
+/// constraints may meet in one point. Integers make ties and exact dependencies frequent.
 pub(crate) fn trial(seed: u64) -> Trial {
     let r = &mut Random(seed);
     let n = 1 + r.below(12);
@@ -110,8 +111,8 @@ pub(crate) fn trial(seed: u64) -> Trial {
     Trial { structure, problem, feasible }
 }
 
-/// The same with nearly dependent constraints: each equality after the first, and every other row, becomes
-/// an equality before it and a small share of itself. Feasible points stay feasible.
+/// Like [`trial`], with nearly dependent constraints: each equality after the first, and every other row,
+/// becomes an earlier equality plus a small fraction of itself. Feasible points stay feasible.
 pub(crate) fn nearly_dependent(seed: u64) -> Trial {
     let mut trial = trial(seed);
     let problem = &mut trial.problem;
@@ -137,15 +138,15 @@ pub(crate) fn nearly_dependent(seed: u64) -> Trial {
     trial
 }
 
-/// The largest residual of the optimality conditions, as a share of the numbers in them.
+/// Returns the largest residual of the optimality conditions, relative to the numbers in them.
 fn residual(problem: &Problem, solution: &Solution) -> f64 {
     let multipliers = [&solution.equality_dual, &solution.row_dual, &solution.bound_dual];
     let size = multipliers.iter().fold(1.0 + solution.x.amax(), |size, dual| size + dual.amax());
     KktResidual::from_solution(problem, solution).worst() / size
 }
 
-/// Answer of the reference to the problem; with `nearest`, of the point nearest to the origin instead, which
-/// exists if and only if the constraints can be satisfied.
+/// Returns the reference solver's optimal cost. With `nearest`, the cost is the distance to the origin
+/// instead, whose minimum exists if and only if the constraints can be satisfied.
 fn reference(trial: &Trial, nearest: bool) -> Result<f64, SolveError> {
     let mut problem = trial.problem.clone();
     if nearest {
@@ -157,7 +158,7 @@ fn reference(trial: &Trial, nearest: bool) -> Result<f64, SolveError> {
     solver.solve().map(|solution| residual(&problem, solution))
 }
 
-/// Describes the error of an answer; `None` if it is right.
+/// Describes the error of a solver's result; `None` if the result is right.
 pub(crate) fn wrong(trial: &Trial, answer: Result<&Solution, SolveError>) -> Option<String> {
     match answer {
         Ok(solution) => {
@@ -174,7 +175,7 @@ pub(crate) fn wrong(trial: &Trial, answer: Result<&Solution, SolveError>) -> Opt
             let possible = trial.feasible || reference(trial, true).is_ok();
             possible.then(|| "called infeasible, but a point is known".to_owned())
         }
-        // An optimum of the reference is one only if its numbers are: some end at 10^10 and still move.
+        // The reference's optimum is trusted only if its numbers are small: some end at 10^10 and still move.
         Err(SolveError::Unbounded { .. }) => {
             let bounded = matches!(reference(trial, false), Ok(residual) if residual < 1e-8);
             bounded.then(|| "called unbounded, but an optimum is known".to_owned())
@@ -184,7 +185,7 @@ pub(crate) fn wrong(trial: &Trial, answer: Result<&Solution, SolveError>) -> Opt
 }
 
 #[test]
-fn random_problems_are_solved_or_refused_rightly_cold_and_warm() {
+fn random_problems_are_solved_or_rejected_cold_and_warm() {
     let count = number("MOTORIUM_QP_PROBLEMS").unwrap_or(PROBLEMS);
     let first = number("MOTORIUM_QP_FIRST").unwrap_or(0);
     let (mut solved, mut refused, mut given_up) = (0, 0, Vec::new());
@@ -206,21 +207,21 @@ fn random_problems_are_solved_or_refused_rightly_cold_and_warm() {
             let gave_up =
                 matches!(answer, Err(SolveError::MaxIterations { .. } | SolveError::Numerical { .. }));
             if let Some(words) = wrong(&trial, answer) {
-                // An honest "no solution found" is no wrong answer, but must stay rare.
+                // "No solution found" is not a wrong result, but must stay rare.
                 assert!(gave_up, "problem {seed}, {pass}: {words}");
                 given_up.push((seed, pass, words));
             }
         }
     }
-    println!("{solved} solved, {refused} refused rightly or given up: {given_up:?}");
+    println!("{solved} solved, {refused} rejected or given up: {given_up:?}");
     assert!(given_up.len() as u64 <= 2 + count / 20_000, "{given_up:?}");
-    assert!(solved > count && refused > count / 10, "{solved} solved, {refused} refused: no fair sample");
+    assert!(solved > count && refused > count / 10, "{solved} solved, {refused} rejected: unbalanced sample");
 }
 
 #[test]
-fn a_hessian_definite_only_by_rounding_is_solved_as_singular() {
-    // of rank 8 of 9; its factor has a smallest pivot of 4e-12 of the largest, and corrections by it bring
-    // errors of their own
+fn hessian_definite_only_by_rounding_is_treated_as_singular() {
+    // rank 8 of 9; the smallest pivot of its factor is 4e-12 of the largest, and corrections computed with it
+    // introduce errors
     let trial = trial(1_928_778);
     let mut solver = ActiveSetSolver::new(trial.structure.clone(), ActiveSetSettings::default());
     solver.update(&trial.problem).unwrap();
@@ -231,7 +232,7 @@ fn a_hessian_definite_only_by_rounding_is_solved_as_singular() {
 }
 
 #[test]
-fn a_warm_start_from_another_problem_reaches_the_optimum() {
+fn warm_start_from_another_problem_reaches_the_optimum() {
     for seed in 0..200 {
         let first = trial(seed);
         let mut solver = ActiveSetSolver::new(first.structure.clone(), ActiveSetSettings::default());
@@ -249,7 +250,7 @@ fn a_warm_start_from_another_problem_reaches_the_optimum() {
 }
 
 #[test]
-fn solving_random_problems_allocates_nothing() {
+fn solving_random_problems_does_not_allocate() {
     for seed in 0..300 {
         let trial = trial(seed);
         let mut solver = ActiveSetSolver::new(trial.structure.clone(), ActiveSetSettings::default());

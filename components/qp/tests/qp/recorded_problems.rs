@@ -1,4 +1,4 @@
-//! Consecutive problems of real controllers, from `../shared/qps` where that folder is present.
+//! Consecutive problems of real controllers, from `../shared/qps` if that folder is present.
 
 use motorium_qp::{
     Accuracy, ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, KktResidual, Problem,
@@ -9,14 +9,15 @@ use motorium_qp::{
 fn load(file: &str) -> Option<(Structure, Vec<Problem>)> {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/qps").join(file);
     let Ok(text) = std::fs::read_to_string(path) else {
-        eprintln!("skipped: no recorded problems here");
+        eprintln!("skipped: no recorded problems found");
         return None;
     };
     Some(recorded::read(&text).unwrap())
 }
 
-/// Residuals of the whole sequence are within `stationarity`, `feasibility` and `complementarity` (each in
-/// the problem's own units), with one solver kept and its numbers updated in place.
+/// Asserts that the residuals of a whole sequence are within `stationarity`, `feasibility` and
+/// `complementarity`, each in the problem's own units. One solver is kept and its numbers are updated in
+/// place.
 fn assert_sequence_is_optimal(file: &str, stationarity: f64, feasibility: f64, complementarity: f64) {
     let Some((structure, problems)) = load(file) else { return };
     let solvers: [Box<dyn QpSolver>; 2] = [
@@ -56,7 +57,7 @@ fn talos_inverse_dynamics_is_solved_to_optimality() {
 }
 
 #[test]
-fn a_kept_solver_returns_what_a_new_one_returns() {
+fn reused_solver_matches_a_new_one() {
     let Some((structure, problems)) = load("panda_ik.json") else { return };
     let mut kept = ClarabelSolver::new(structure.clone(), ClarabelSettings::default());
     for problem in &problems {
@@ -79,14 +80,14 @@ fn the_active_set_solver_matches_the_exact_reference() {
             assert_eq!(replay.solved, problems.len(), "{file}");
             let (violation, distance) = (replay.worst_violation, replay.worst_distance);
             assert!(violation < 1e-9 && distance < 1e-6, "{file}: {violation} and {distance}");
-            // Where it begins with the constraints of the problem before, it seldom changes any.
+            // A warm-started solve seldom changes a constraint.
             assert!(!warm_start || replay.iterations.p50 <= 2.0, "{file}: {:?}", replay.iterations);
         }
     }
 }
 
 #[test]
-fn a_reset_solver_computes_exactly_like_a_new_one() {
+fn reset_solver_is_bitwise_equal_to_a_new_one() {
     let Some((structure, problems)) = load("talos_ik.json") else { return };
     let mut used = ActiveSetSolver::new(structure.clone(), ActiveSetSettings::default());
     for problem in &problems {
@@ -102,7 +103,7 @@ fn a_reset_solver_computes_exactly_like_a_new_one() {
     }
 }
 
-/// Consecutive problems of `n` variables, all of which press on their bounds.
+/// Returns consecutive problems with `n` variables, all of which are at their bounds.
 fn moving(n: usize) -> Vec<String> {
     let list = |entry: &dyn Fn(usize) -> String| (0..n).map(entry).collect::<Vec<_>>().join(", ");
     let row = |i: usize| list(&|j| if i == j { "1" } else { "0" }.to_owned());
@@ -116,12 +117,12 @@ fn moving(n: usize) -> Vec<String> {
 }
 
 #[test]
-fn equal_sizes_start_warm_and_a_change_of_size_cold() {
+fn streams_of_equal_size_start_warm_and_others_cold() {
     let text = format!("[{}]", [moving(3), moving(5), moving(3)].concat().join(", "));
     let streams = recorded::read_streams(&text).unwrap();
     let sizes: Vec<_> = streams.iter().map(|s| (s.structure.variables(), s.problems.len())).collect();
     assert_eq!(sizes, [(3, 4), (5, 4), (3, 4)]);
-    assert!(recorded::read(&text).is_err(), "one size is required here");
+    assert!(recorded::read(&text).is_err(), "a single size is required");
     let solve = |warm_start: bool, rounds: usize| {
         let settings = ActiveSetSettings { warm_start, ..ActiveSetSettings::default() };
         let build = |structure: &Structure| -> Box<dyn QpSolver> {
@@ -133,15 +134,16 @@ fn equal_sizes_start_warm_and_a_change_of_size_cold() {
         let (warm, cold) = (solve(true, rounds), solve(false, rounds));
         assert_eq!((warm.problems, warm.solved, cold.solved), (12, 12, 12));
         assert!(warm.worst_distance < 1e-12 && warm.worst_violation < 1e-12, "{warm:?}");
-        // every bound is active: one iteration each, and none more where the problem before knew them
+        // every bound is active: one iteration each when cold, and no more when the previous problem's set is
+        // known
         let (warm_most, cold_most) = (warm.iterations.max, cold.iterations.max);
-        assert_eq!(warm_most, cold_most, "the first problem of each size is cold");
+        assert_eq!(warm_most, cold_most, "the first problem of each size is solved cold");
         assert!(warm.iterations.p50 < cold.iterations.p50, "{warm:?} {cold:?}");
     }
 }
 
 #[test]
-fn a_recorded_problem_of_a_wrong_size_is_refused_by_name() {
+fn recorded_problem_of_wrong_size_names_the_key() {
     let read = |text: &str| recorded::read(text).unwrap_err();
     let square = r#"[{ "P": [[1, 0], [0, 1]], "q": [0, 0] }, { "P": [[1, 0]], "q": [0, 0] }]"#;
     let ragged = r#"{ "P": [[1, 0], [0]], "q": [0, 0] }"#;
@@ -158,7 +160,7 @@ fn a_recorded_problem_of_a_wrong_size_is_refused_by_name() {
 }
 
 #[test]
-fn non_finite_entries_and_asymmetry_are_refused_by_place() {
+fn non_finite_entries_and_asymmetry_report_their_position() {
     let read = |text: &str| recorded::read(text).unwrap_err();
     for entry in ["NaN", "Infinity", "-Infinity", "nan", "inf", "-inf"] {
         let error = read(&format!("{{ \"P\": [[1]],\n \"q\": [{entry}] }}"));
@@ -177,7 +179,7 @@ fn non_finite_entries_and_asymmetry_are_refused_by_place() {
 }
 
 #[test]
-fn only_a_cost_that_truly_curves_downwards_is_refused() {
+fn only_negative_curvature_beyond_rounding_is_rejected() {
     let solve = |text: &str, warm_start: bool| {
         let (structure, problems) = recorded::read(text).unwrap();
         let settings = ActiveSetSettings { warm_start, ..ActiveSetSettings::default() };
@@ -190,7 +192,7 @@ fn only_a_cost_that_truly_curves_downwards_is_refused() {
     let bounded = |hessian: &str| {
         format!("{{ \"P\": {hessian}, \"q\": [0.5, 0.0], \"lb\": [-1, -1], \"ub\": [1, 1] }}")
     };
-    // negative, of both signs, hidden off the diagonal, small beside the rest
+    // negative, of both signs, hidden off the diagonal, small compared with the rest
     for hessian in [
         "[[-1, 0], [0, -1]]",
         "[[1, 0], [0, -1]]",

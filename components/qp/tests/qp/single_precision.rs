@@ -1,4 +1,4 @@
-//! Problems recorded in single precision: errors within rounding are accepted, larger ones refused.
+//! Problems recorded in single precision: errors within rounding are accepted, larger ones rejected.
 
 use motorium_qp::{
     ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, QpSolver,
@@ -8,12 +8,12 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::random::Random;
 
-/// Numbers as a program writes them that has them in single precision.
+/// Formats in which programs write single-precision numbers.
 #[derive(Clone, Copy, Debug)]
 enum Written {
-    /// With as few digits as single precision needs.
+    /// As few digits as single precision needs.
     Short,
-    /// Widened to double precision before.
+    /// All digits after conversion to double precision.
     Wide,
 }
 
@@ -34,7 +34,7 @@ impl Written {
 
 const BOTH: [Written; 2] = [Written::Short, Written::Wide];
 
-/// The outcomes of the one problem of a file: of our solver warm and cold, and of the reference.
+/// Solves the single problem of a file with our solver, warm and cold, and with the reference.
 fn solve(text: &str) -> Vec<recorded::Each> {
     let (structure, problems) = recorded::read(text).unwrap();
     let settings = |warm_start| ActiveSetSettings { warm_start, ..ActiveSetSettings::default() };
@@ -53,14 +53,15 @@ fn random(rows: usize, columns: usize, random: &mut Random) -> DMatrix<f64> {
     DMatrix::from_fn(rows, columns, |_, _| random.within(3.0))
 }
 
-/// Smallest eigenvalue of a matrix as single precision has it, as a share of its largest entry.
+/// Returns the smallest eigenvalue of a matrix after rounding to single precision, relative to its largest
+/// entry.
 fn lowest(matrix: &DMatrix<f64>) -> f64 {
     let single = matrix.map(|number| f64::from(number as f32));
     single.symmetric_eigenvalues().min() / matrix.amax()
 }
 
 #[test]
-fn least_squares_tolerate_single_precision_curvature() {
+fn least_squares_tolerate_single_precision_rounding() {
     let mut downwards = 0;
     for seed in 0..20 {
         let mut numbers = Random(seed);
@@ -78,17 +79,17 @@ fn least_squares_tolerate_single_precision_curvature() {
             let (p, q) = (written.matrix(&hessian), written.list(gradient.iter().copied()));
             for each in solve(&format!("{{ \"P\": {p}, \"q\": {q}{bounds} }}")) {
                 assert_eq!(each.status, recorded::Status::Solved, "{seed} {written:?}: {each:?}");
-                // more columns than rows: what is wanted is reached, but for the rounding
+                // more columns than rows: the target is reached within rounding
                 let missed = (&a * DVector::from_vec(each.x) - &wanted).amax();
                 assert!(missed < 1e-4, "{seed} {written:?}: {missed}");
             }
         }
     }
-    assert!(downwards > 10, "rounding made {downwards} of 20 curve downwards");
+    assert!(downwards > 10, "rounding made {downwards} of 20 problems non-convex");
 }
 
 #[test]
-fn negative_curvature_beyond_rounding_is_refused() {
+fn negative_curvature_beyond_rounding_is_rejected() {
     for seed in 0..10 {
         let mut numbers = Random(seed);
         let a = random(3, 6, &mut numbers);
@@ -111,8 +112,8 @@ fn negative_curvature_beyond_rounding_is_refused() {
 }
 
 #[test]
-fn numbers_of_double_precision_are_refused_as_before() {
-    // the same small curvature downwards, beside a number that single precision does not have
+fn double_precision_tolerance_is_unchanged() {
+    // the same small negative curvature, next to a number that single precision cannot represent
     let with = |corner: &str| {
         format!("{{ \"P\": [[1, 0], [0, -1e-7]], \"q\": [{corner}, 0], \"lb\": [-1, -1], \"ub\": [1, 1] }}")
     };
@@ -135,7 +136,7 @@ fn numbers_of_double_precision_are_refused_as_before() {
 }
 
 #[test]
-fn a_cost_that_falls_for_ever_is_no_rounding() {
+fn unbounded_cost_is_not_treated_as_rounding() {
     let a = DMatrix::from_row_slice(1, 3, &[1.0, 0.7, 0.3]);
     for written in BOTH {
         let p = written.matrix(&a.tr_mul(&a));
@@ -146,7 +147,7 @@ fn a_cost_that_falls_for_ever_is_no_rounding() {
 }
 
 #[test]
-fn dependent_equalities_are_kept_or_contradict_by_value() {
+fn dependent_equalities_agree_or_contradict_by_value() {
     for seed in 0..10 {
         let mut numbers = Random(seed);
         let two = random(2, 5, &mut numbers);
@@ -154,7 +155,7 @@ fn dependent_equalities_are_kept_or_contradict_by_value() {
         rows.rows_mut(0, 2).copy_from(&two);
         rows.set_row(2, &(two.row(0) * 0.37 - two.row(1) * 1.9));
         let mut value = &rows * DVector::from_fn(5, |_, _| numbers.within(1.0));
-        // the smallest x that keeps two of them keeps all
+        // the smallest x that satisfies two of them satisfies all
         let expected = two.clone().svd(true, true).solve(&value.rows(0, 2), 1e-12).unwrap();
         let text = |value: &DVector<f64>, written: Written| {
             let (a, b) = (written.matrix(&rows), written.list(value.iter().copied()));

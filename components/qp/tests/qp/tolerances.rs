@@ -1,5 +1,5 @@
-//! Problems that each need one tolerance of the active-set method: without it they are refused, or their
-//! answer is wrong. Each test is named after the failure that the tolerance guards against.
+//! Problems that each need one tolerance of the active-set method: without it they fail or their solution is
+//! wrong. Each test is named after the failure that the tolerance prevents.
 
 use motorium_qp::{
     Accuracy, ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Solution, SolveError, Structure,
@@ -7,13 +7,13 @@ use motorium_qp::{
 
 use crate::random_problems::{Trial, nearly_dependent, trial, wrong};
 
-/// Asserts that these problems are solved or refused rightly, from an empty working set and from their own.
+/// Asserts that these problems are solved or rejected correctly, cold and from their own working set.
 #[track_caller]
 fn assert_decided(seeds: &[u64]) {
     assert_all_decided(trial, seeds);
 }
 
-/// The same for problems with [nearly dependent](nearly_dependent) constraints.
+/// Like [`assert_decided`], for problems with [nearly dependent](nearly_dependent) constraints.
 #[track_caller]
 fn assert_dependent_decided(seeds: &[u64]) {
     assert_all_decided(nearly_dependent, seeds);
@@ -32,8 +32,8 @@ fn assert_all_decided(trial: impl Fn(u64) -> Trial, seeds: &[u64]) {
     }
 }
 
-/// Solution of the minimum of `1/2 x^2 - x + 1/2 curvature y^2 + slope y`, with six more variables that cost
-/// nothing, so that the Hessian is singular.
+/// Minimises `1/2 x^2 - x + 1/2 curvature y^2 + slope y` with six more variables without cost, which make the
+/// Hessian singular.
 #[track_caller]
 fn flat(curvature: f64, slope: f64) -> Solution {
     let structure = Structure::new(8);
@@ -65,19 +65,19 @@ fn flat_costs_converge_within_the_rounds() {
 
 /// Guarded by `close`: with 0 these fail.
 #[test]
-fn rounds_end_when_the_solution_rests() {
+fn rounds_end_when_the_solution_converges() {
     assert_decided(&[2500]);
 }
 
 /// Guarded by `no_force`: with 0.01 these fail.
 #[test]
-fn moving_solutions_do_not_end_the_rounds() {
+fn rounds_continue_while_the_solution_moves() {
     assert_decided(&[18, 35, 46]);
 }
 
 /// Guarded by `recession`: with 0 these fail.
 #[test]
-fn costs_that_fall_for_ever_are_detected() {
+fn unbounded_costs_are_detected() {
     assert_decided(&[718, 724, 1434]);
 }
 
@@ -101,7 +101,7 @@ fn agreeing_dependent_constraints_do_not_contradict() {
 
 /// Guarded by `no_rate`: with 0.01 these fail.
 #[test]
-fn members_with_a_share_make_room() {
+fn members_with_a_share_leave() {
     assert_decided(&[2729]);
 }
 
@@ -132,9 +132,9 @@ fn lower_shifts_reach_minima_along_flat_costs() {
     assert!((solution.x[1] + 1.0).abs() < 1e-5, "{}", solution.x[1]);
 }
 
-/// Guarded by `little_force`: with 0 this is refused after the last round.
+/// Guarded by `little_force`: with 0 this fails after the last round.
 #[test]
-fn drifts_along_nearly_flat_costs_end_with_reduced_accuracy() {
+fn drift_along_a_flat_cost_ends_with_reduced_accuracy() {
     let solution = flat(1e-11, 5e-11);
     assert_eq!(solution.accuracy, Accuracy::Reduced);
     assert!((solution.x[0] - 1.0).abs() < 1e-9, "{}", solution.x[0]);
@@ -142,14 +142,14 @@ fn drifts_along_nearly_flat_costs_end_with_reduced_accuracy() {
 
 /// Guarded by `poor`: with 0 these fail.
 #[test]
-fn poorly_conditioned_problems_get_a_second_attempt() {
+fn ill_conditioned_problems_get_a_second_attempt() {
     assert_decided(&[1_928_778]);
     assert_dependent_decided(&[248, 330]);
 }
 
 /// Guarded by `repeat`: with 0 these fail.
 #[test]
-fn remainders_of_projections_keep_their_digits() {
+fn projection_remainders_keep_their_digits() {
     assert_dependent_decided(&[12, 36, 43]);
 }
 
@@ -167,7 +167,7 @@ fn small_violations_of_unrefined_minima_are_ignored() {
 
 /// Guarded by `degenerate_steps`: with a million this fails.
 #[test]
-fn degenerate_steps_end_an_attempt_that_broke_down() {
+fn degenerate_steps_end_a_failed_attempt() {
     assert_dependent_decided(&[214]);
 }
 
@@ -179,7 +179,7 @@ fn minima_on_dependent_constraints_are_refined() {
 
 /// Guarded by `converged`: with a million, which is one refinement, this fails.
 #[test]
-fn refinements_are_repeated_until_they_converge() {
+fn refinement_repeats_until_it_converges() {
     assert_dependent_decided(&[142]);
 }
 
@@ -202,7 +202,7 @@ fn minima_without_converged_refinement_are_rejected() {
 
 /// Guarded by `far`: with 0 these fail.
 #[test]
-fn leftovers_of_a_certificate_are_not_proof_far_away() {
+fn certificate_remainders_are_no_proof_at_large_distance() {
     assert_dependent_decided(&[248, 972, 3481]);
 }
 

@@ -1,4 +1,4 @@
-//! The working set from one solve to the next: a solve only has to find the changes of the problem.
+//! Working sets carried from one solve to the next: a solve only has to find the changes.
 
 use motorium_qp::{
     ActiveSetSettings, ActiveSetSolver, Constraint, KktResidual, Problem, QpSolver, Sides, SolveError,
@@ -7,7 +7,7 @@ use motorium_qp::{
 
 use crate::random::Random;
 
-/// Iterations of a solve that is optimal.
+/// Solves to the optimum and returns the number of iterations.
 fn solve(solver: &mut ActiveSetSolver, problem: &Problem) -> u32 {
     solver.update(problem).unwrap();
     let solution = solver.solve().unwrap();
@@ -16,7 +16,7 @@ fn solve(solver: &mut ActiveSetSolver, problem: &Problem) -> u32 {
     solution.iterations
 }
 
-/// Forty unknowns, most of them pressed on a bound, and eight equalities.
+/// Returns a problem with forty unknowns, most of them at a bound, and eight equalities.
 fn pressed() -> (Structure, Problem) {
     let structure = Structure::new(40).equalities(8).bounds(Sides::Both);
     let (mut problem, mut random) = (Problem::new(&structure), Random(3));
@@ -29,25 +29,25 @@ fn pressed() -> (Structure, Problem) {
 }
 
 #[test]
-fn an_emptied_equality_does_not_remove_other_constraints() {
+fn emptied_equality_keeps_other_constraints() {
     let (structure, mut problem) = pressed();
     let mut solver = ActiveSetSolver::new(structure, ActiveSetSettings::default());
     let cold = solve(&mut solver, &problem);
-    assert!(cold > 10, "from nothing: {cold}");
-    assert_eq!(solve(&mut solver, &problem), 0, "the same once more");
+    assert!(cold > 10, "cold: {cold}");
+    assert_eq!(solve(&mut solver, &problem), 0, "the same problem again");
     problem.equality_matrix.row_mut(2).fill(0.0);
     let changed = solve(&mut solver, &problem);
-    assert!(changed < 8, "one equality less: {changed}");
-    assert_eq!(solve(&mut solver, &problem), 0, "the same once more");
-    // a combination of others, which agrees with them
+    assert!(changed < 8, "one equality fewer: {changed}");
+    assert_eq!(solve(&mut solver, &problem), 0, "the same problem again");
+    // a combination of others that agrees with them
     let other = problem.equality_matrix.row(0) - problem.equality_matrix.row(1);
     problem.equality_matrix.set_row(2, &other);
-    assert!(solve(&mut solver, &problem) <= 1, "it asks for nothing new");
-    assert_eq!(solve(&mut solver, &problem), 0, "the same once more");
+    assert!(solve(&mut solver, &problem) <= 1, "it adds no condition");
+    assert_eq!(solve(&mut solver, &problem), 0, "the same problem again");
 }
 
 #[test]
-fn an_empty_equality_with_a_target_is_infeasible() {
+fn empty_equality_with_a_target_is_infeasible() {
     let (structure, mut problem) = pressed();
     problem.equality_matrix.row_mut(2).fill(0.0);
     problem.equality_value[2] = 1e-3;
@@ -59,7 +59,7 @@ fn an_empty_equality_with_a_target_is_infeasible() {
 }
 
 #[test]
-fn equal_bounds_are_held_and_released_when_they_open() {
+fn equal_bounds_are_held_and_released() {
     let (structure, open) = pressed();
     let mut closed = open.clone();
     closed.lower.rows_mut(0, 20).fill(0.02);
@@ -71,7 +71,7 @@ fn equal_bounds_are_held_and_released_when_they_open() {
     let free = solve(&mut one, &open);
     let held = solve(&mut two, &closed);
     assert!(held < free, "{held} of {free}");
-    // and open again: as from nothing
+    // bounds open again: like a cold solve
     solve(&mut two, &open);
     let (x, expected) = (&two.solution().x, &one.solution().x);
     assert!((x - expected).amax() < 1e-9);

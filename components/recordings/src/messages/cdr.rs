@@ -1,12 +1,12 @@
-//! Messages in the common data representation of OMG (CDR, version 1), as ROS 2 and DDS send them.
+//! Messages in the OMG common data representation (CDR, version 1), as used by ROS 2 and DDS.
 
 use super::definition::{Scalar, Type};
 use super::value::{Number, Value};
 
-/// Decodes a message with its encapsulation header of four bytes.
+/// Decodes a message with its four-byte encapsulation header.
 ///
 /// # Errors
-/// The reason, and the place in the message.
+/// The reason and the position in the message.
 pub(crate) fn decoded(message: &[u8], kind: &Type) -> Result<Value, String> {
     let (header, body) = message
         .split_first_chunk::<4>()
@@ -26,7 +26,7 @@ pub(crate) fn decoded(message: &[u8], kind: &Type) -> Result<Value, String> {
     // The end is padded to a multiple of four bytes.
     let rest = body.len() - reader.position;
     if rest > 8 {
-        return Err(format!("{rest} bytes follow the last field: the schema is of another message"));
+        return Err(format!("{rest} bytes follow the last field: the schema describes another message"));
     }
     Ok(value)
 }
@@ -49,7 +49,7 @@ impl<'m> Reader<'m> {
         Ok(found)
     }
 
-    /// Numbers begin at multiples of their size, counted from the end of the header.
+    /// Numbers are aligned to their size, counted from the end of the header.
     fn number<const N: usize>(&mut self) -> Result<[u8; N], String> {
         self.position = self.position.next_multiple_of(N);
         let mut bytes: [u8; N] = self.bytes(N)?.try_into().map_err(|_| self.ended())?;

@@ -1,4 +1,4 @@
-//! The records in a chunk of an MCAP file, checked, and read around damage.
+//! Records in a chunk of an MCAP file, verified and read despite damage.
 
 use std::borrow::Cow;
 use std::io::Read;
@@ -8,22 +8,22 @@ use mcap::records::{ChunkHeader, ChunkIndex, Record, op};
 use super::framing::Frame;
 use super::lengths;
 
-/// Longest chunk that is decompressed \[bytes\]. Writers make chunks of a few megabytes; a few kilobytes can
-/// expand to gigabytes.
+/// Maximum size of a decompressed chunk \[bytes\]. Writers create chunks of a few megabytes; a few kilobytes
+/// can expand to gigabytes.
 const LONGEST: usize = 128 << 20;
-/// Names of the compressions that writers use.
+/// Names of the compressions used by writers.
 const COMPRESSIONS: [&str; 3] = ["", "lz4", "zstd"];
-/// Bytes before the content of a record: its kind and its length.
+/// Number of bytes before the content of a record: its kind and its length.
 const HEAD: usize = 9;
 
-/// A chunk, decompressed and checked.
+/// A decompressed and verified chunk.
 #[derive(Debug, Clone)]
 pub(crate) struct Chunk<'a> {
-    /// Times of the first and the last message, as stated by the header, ns.
+    /// Times of the first and last message according to the header, ns.
     pub(crate) times: (u64, u64),
     content: Cow<'a, [u8]>,
     position: usize,
-    /// Starts of the messages that the index of the chunk lists, in ascending order.
+    /// Start offsets of the messages listed by the chunk's index, ascending.
     messages: Vec<usize>,
     /// Bytes of the chunk are corrupted.
     pub(crate) is_damaged: bool,
@@ -57,7 +57,7 @@ impl<'a> Chunk<'a> {
             return chunk;
         };
         chunk.times = (header.message_start_time, header.message_end_time);
-        // The writer fills in the sizes when it ends the chunk.
+        // The writer sets the sizes when it closes the chunk.
         let is_unfinished = header.compressed_size == u64::MAX && header.uncompressed_size == u64::MAX;
         let is_short = (stored.len() as u64) < header.compressed_size;
         chunk.is_open = is_unfinished || (frame.is_cut && frame.is_last && is_short);
@@ -77,7 +77,7 @@ impl<'a> Chunk<'a> {
         chunk
     }
 
-    /// The end of the record at a place, if its kind and its length are plausible.
+    /// Returns the end of the record at a position if its kind and length are plausible.
     fn framed(&self, start: usize) -> Option<usize> {
         let kind = *self.content.get(start)?;
         let length = u64::from_le_bytes(*self.content.get(start + 1..)?.first_chunk()?);
@@ -91,7 +91,8 @@ impl<'a> Chunk<'a> {
         self.messages.get(self.messages.partition_point(|message| *message <= start)).copied()
     }
 
-    /// The end of the record at a place, if all records from there to the next listed message fit between.
+    /// Returns the end of the record at a position if all records from there fit before the next listed
+    /// message.
     fn end(&self, start: usize) -> Option<usize> {
         let end = self.framed(start)?;
         let Some(next) = self.next_message(start) else { return Some(end) };
@@ -103,7 +104,7 @@ impl<'a> Chunk<'a> {
         (place == next).then_some(end)
     }
 
-    /// The next record.
+    /// Returns the next record.
     pub(crate) fn next(&mut self) -> Option<Record<'a>> {
         while self.position < self.content.len() {
             let start = self.position;
@@ -132,8 +133,8 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// Returns the header of a chunk, its stored bytes, and whether the lengths in the header add up to the
-/// length of the record. If not, the name of the compression is derived from the lengths that would add up.
+/// Returns the header of a chunk, its stored bytes, and whether the lengths in the header match the length of
+/// the record. If they do not, the compression is derived from the lengths that would match.
 fn split(body: &[u8]) -> Option<(ChunkHeader, &[u8], bool)> {
     let number = |start: usize| Some(u64::from_le_bytes(*body.get(start..)?.first_chunk()?));
     let short = |start: usize| Some(u32::from_le_bytes(*body.get(start..)?.first_chunk()?));
@@ -160,8 +161,8 @@ fn split(body: &[u8]) -> Option<(ChunkHeader, &[u8], bool)> {
     Some((header, body.get(40 + name..)?, is_consistent))
 }
 
-/// The header of a chunk as the index of the file has it, its stored bytes, and whether the chunk itself has
-/// the same header. The index has everything but the sum of the content.
+/// Returns the chunk header according to the file's index, the stored bytes, and whether the chunk has the
+/// same header. The index contains everything except the checksum of the content.
 fn repaired<'a>(body: &'a [u8], index: &ChunkIndex) -> Option<(ChunkHeader, &'a [u8], bool)> {
     let header = ChunkHeader {
         message_start_time: index.message_start_time,
@@ -185,7 +186,7 @@ fn repaired<'a>(body: &'a [u8], index: &ChunkIndex) -> Option<(ChunkHeader, &'a 
     Some((header, stored, is_same))
 }
 
-/// The content of a chunk, and whether it has the stated size.
+/// Returns the content of a chunk and whether it has the stated size.
 fn decompress<'a>(header: &ChunkHeader, stored: &'a [u8]) -> Result<(Cow<'a, [u8]>, bool), String> {
     let size = usize::try_from(header.uncompressed_size).unwrap_or(usize::MAX);
     if header.compression.is_empty() {
@@ -211,7 +212,7 @@ fn decompress<'a>(header: &ChunkHeader, stored: &'a [u8]) -> Result<(Cow<'a, [u8
     Ok((Cow::Owned(content), is_whole))
 }
 
-/// The starts of the messages that the indexes of a chunk list, below the length of the chunk.
+/// Returns the start offsets of the messages listed by a chunk's indexes, up to the length of the chunk.
 fn listed(mut records: &[u8], length: usize) -> Vec<usize> {
     let mut starts = Vec::new();
     while let Some((&kind, rest)) = records.split_first()

@@ -1,4 +1,4 @@
-//! Decoders of messages, chosen by the encodings of a channel.
+//! Decoders of messages, selected by the encodings of a channel.
 
 use super::definition::{SEPARATOR, Type, linked};
 use super::protobuf::Descriptors;
@@ -12,7 +12,7 @@ pub struct Schema {
     pub name: String,
     /// Encoding of the schema, such as `ros2msg`.
     pub encoding: String,
-    /// The schema.
+    /// Content of the schema.
     pub data: Vec<u8>,
 }
 
@@ -23,7 +23,7 @@ impl Schema {
     }
 }
 
-/// The reason why the messages of a channel cannot be decoded.
+/// Reason why the messages of a channel cannot be decoded.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unsupported {
     /// The encoding of the messages is unknown.
@@ -39,7 +39,7 @@ pub enum Unsupported {
         messages: String,
         /// Encoding of the schema.
         schema: String,
-        /// The known encodings of schemas.
+        /// The supported encodings of schemas.
         expected: &'static str,
     },
     /// The schema does not parse.
@@ -64,7 +64,7 @@ enum Kind {
 }
 
 impl Decoder {
-    /// The decoder of messages in an encoding, with their schema.
+    /// Creates a decoder for messages in an encoding, with their schema.
     ///
     /// # Errors
     /// The encodings are unknown, or the schema does not parse.
@@ -106,7 +106,7 @@ impl Decoder {
     /// Decodes a message.
     ///
     /// # Errors
-    /// The message is damaged, or of another type than its schema.
+    /// The message is damaged, or its type differs from the schema.
     pub fn decode(&self, message: &[u8]) -> Result<Value, Damaged> {
         match &self.0 {
             Kind::Json => {
@@ -119,7 +119,7 @@ impl Decoder {
     }
 }
 
-/// The value of a JSON document. `None` is `null`, which fields and entries leave out.
+/// Converts a JSON document. `None` stands for `null`, which is omitted from fields and lists.
 fn of_json(json: serde_json::Value) -> Option<Value> {
     Some(match json {
         serde_json::Value::Null => return None,

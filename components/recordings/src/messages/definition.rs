@@ -1,4 +1,4 @@
-//! Types of messages that a schema defines, linked from their names.
+//! Message types defined by a schema, with resolved names.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -6,7 +6,7 @@ use std::sync::Arc;
 /// Separator of the parts of a full name.
 pub(crate) const SEPARATOR: &str = "::";
 
-/// A number of a fixed size.
+/// A fixed-size number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Scalar {
     Bool,
@@ -22,12 +22,12 @@ pub(crate) enum Scalar {
     Float64,
 }
 
-/// A type as a schema names it.
+/// A type as it is named in a schema.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Named {
     Scalar(Scalar),
     Text,
-    /// A type with a name, and the scope in which the name is looked up.
+    /// A named type, and the scope in which the name is resolved.
     Name(String, Vec<String>),
     Array(Box<Named>, usize),
     Sequence(Box<Named>),
@@ -43,7 +43,7 @@ pub(crate) enum Item {
 /// The definitions of a schema, by their full names.
 pub(crate) type Items = BTreeMap<String, Item>;
 
-/// A type with its parts.
+/// A type with resolved parts.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Type {
     Scalar(Scalar),
@@ -53,10 +53,10 @@ pub(crate) enum Type {
     Sequence(Box<Type>),
 }
 
-/// Most fields and arrays of a message, counted through all nested types. The largest messages of ROS have a
-/// few hundred.
+/// Maximum number of fields and arrays of a message, counted through all nested types. The largest ROS
+/// messages have a few hundred.
 const LARGEST: usize = 10_000;
-/// Most types within one another.
+/// Maximum nesting depth of types.
 const DEEPEST: usize = 64;
 
 /// Resolves the names in the definition of `root`.
@@ -74,7 +74,7 @@ pub(crate) fn linked(items: &Items, root: &str) -> Result<Type, String> {
 
 struct Linker<'s> {
     items: &'s Items,
-    /// The types that are being resolved, outermost first.
+    /// Types that are being resolved, outermost first.
     active: Vec<String>,
     done: BTreeMap<String, Type>,
     parts: usize,
@@ -129,7 +129,8 @@ impl Linker<'_> {
         format!("`{user}` uses the type `{name}`, which the schema does not define")
     }
 
-    /// The full name of a type: in the innermost scope that defines it, else the only one that ends so.
+    /// Returns the full name of a type: in the innermost scope that defines it, otherwise the only type whose
+    /// name ends with it.
     fn full_name(&self, name: &str, scope: &[String]) -> Option<String> {
         let inner = (0..=scope.len()).rev().map(|length| {
             let parts = scope[..length].iter().map(String::as_str).chain([name]);
@@ -145,7 +146,7 @@ impl Linker<'_> {
     }
 }
 
-/// The types of times, which some writers leave out.
+/// Time types, which some writers omit.
 fn builtin(name: &str) -> Option<Type> {
     let last = name.rsplit(SEPARATOR).next().unwrap_or(name);
     let is_time = ["Time", "Duration", "time", "duration"].contains(&last);

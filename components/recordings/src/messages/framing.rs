@@ -9,12 +9,12 @@ use mcap::records::{ChunkIndex, Record, op};
 
 use super::lengths;
 
-/// Bytes before the content of a record: its kind and its length.
+/// Number of bytes before the content of a record: its kind and its length.
 const HEAD: usize = 9;
-/// Bytes of the header of a chunk without the name of its compression.
+/// Size of a chunk header without the compression name, bytes.
 const CHUNK_HEADER: usize = 40;
 
-/// A record at the top level: its kind and its content.
+/// A top-level record: its kind and its content.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Frame<'a> {
     pub(crate) kind: u8,
@@ -23,35 +23,35 @@ pub(crate) struct Frame<'a> {
     pub(crate) start: usize,
     /// End of the record in the file.
     pub(crate) end: usize,
-    /// The file ends with the record.
+    /// `true` if the file ends with the record.
     pub(crate) is_last: bool,
-    /// The length of the record is damaged or was never written; the content ends where the index, the next
-    /// record or the file does.
+    /// `true` if the length of the record is damaged or was never written. The content then ends at the
+    /// position in the index, at the next record or at the end of the file.
     pub(crate) is_cut: bool,
-    /// The chunk as the index lists it.
+    /// The chunk according to the index.
     pub(crate) listed: Option<&'a ChunkIndex>,
 }
 
-/// Walks through the records at the top level.
+/// An iterator over the top-level records.
 #[derive(Debug, Clone)]
 pub(crate) struct Frames<'a> {
     file: &'a [u8],
     position: usize,
-    /// The chunks that the index lists, in ascending order.
+    /// Chunks listed by the index, ascending.
     chunks: &'a [ListedChunk],
     /// Bytes that belong to no record.
     pub(crate) skipped: u64,
-    /// The footer was reached.
+    /// `true` once the footer has been reached.
     pub(crate) has_footer: bool,
 }
 
 impl<'a> Frames<'a> {
-    /// The records of a file whose index, if there is one, lists these chunks.
+    /// Creates an iterator over a file whose index, if present, lists these chunks.
     pub(crate) fn new(file: &'a [u8], chunks: &'a [ListedChunk]) -> Self {
         Self { file, position: MAGIC.len().min(file.len()), chunks, skipped: 0, has_footer: false }
     }
 
-    /// The end of a record that starts at `start`, if its kind and its length are plausible.
+    /// Returns the end of a record that starts at `start` if its kind and length are plausible.
     fn framed(&self, start: usize) -> Option<usize> {
         let (kind, length) = head(self.file, start)?;
         let end = (start + HEAD).checked_add(length).filter(|end| *end <= self.file.len())?;
@@ -73,19 +73,19 @@ impl<'a> Frames<'a> {
         Frame { kind, body, start, end, is_last: end == self.file.len(), is_cut, listed: None }
     }
 
-    /// The chunk that starts here, if the index lists it.
+    /// Returns the chunk that starts here if the index lists it.
     fn listed(&self, start: usize) -> Option<&'a ListedChunk> {
         let place = self.chunks.binary_search_by_key(&start, |chunk| chunk.start).ok()?;
         Some(&self.chunks[place])
     }
 
-    /// Start of the next chunk behind a place that the index lists.
+    /// Returns the start of the next listed chunk after a position.
     fn next_chunk(&self, start: usize) -> Option<usize> {
         let next = self.chunks.partition_point(|chunk| chunk.start <= start);
         self.chunks.get(next).map(|chunk| chunk.start)
     }
 
-    /// The start of the next record behind damage at `start`.
+    /// Returns the start of the next record after damage at `start`.
     fn resume(&self, start: usize) -> Option<usize> {
         if let Some(chunk) = self.next_chunk(start) {
             return Some(chunk);
@@ -124,7 +124,7 @@ impl<'a> Iterator for Frames<'a> {
                 self.has_footer = kind == op::FOOTER;
                 return Some(self.frame(kind, start, end, false));
             }
-            // A chunk states its length twice: in its record and in its header.
+            // A chunk contains its length twice: in its record and in its header.
             let body = self.file.get(start + HEAD..).unwrap_or_default();
             let is_chunk = self.file[start] == op::CHUNK;
             let stated = chunk_length(body).filter(|length| is_chunk && *length <= body.len());
@@ -144,7 +144,7 @@ impl<'a> Iterator for Frames<'a> {
     }
 }
 
-/// Kind and length of the record at a place.
+/// Returns kind and length of the record at a position.
 fn head(file: &[u8], start: usize) -> Option<(u8, usize)> {
     let kind = *file.get(start)?;
     let length = u64::from_le_bytes(*file.get(start + 1..)?.first_chunk()?);
@@ -169,18 +169,18 @@ fn is_open_chunk(file: &[u8], start: usize) -> bool {
     head(file, start).is_some_and(|(kind, length)| kind == op::CHUNK && length == usize::MAX)
 }
 
-/// A chunk that the index at the end of the file lists.
+/// A chunk listed by the index at the end of the file.
 #[derive(Debug, Clone)]
 pub(crate) struct ListedChunk {
-    /// Start of its record in the file.
+    /// Start of the chunk's record in the file.
     pub(crate) start: usize,
-    /// End of its record.
+    /// End of the chunk's record.
     pub(crate) end: usize,
     index: ChunkIndex,
 }
 
 impl ListedChunk {
-    /// A chunk whose lengths agree and that is within a file of `size` bytes.
+    /// Returns a chunk whose lengths are consistent and within a file of `size` bytes.
     fn new(index: ChunkIndex, size: usize) -> Option<Self> {
         let start = usize::try_from(index.chunk_start_offset).ok()?;
         let length = usize::try_from(index.chunk_length).ok()?;
@@ -191,23 +191,23 @@ impl ListedChunk {
     }
 }
 
-/// The end of a file: definitions, counts and index, as far as they are there and undamaged.
+/// The end of a file: definitions, counts and index, as far as they are present and undamaged.
 #[derive(Debug, Default)]
 pub struct Summary {
     /// Schemas and channels, as records.
     pub definitions: Vec<Record<'static>>,
-    /// The counts of messages, if the file states them.
+    /// Message counts, if the file contains them.
     pub statistics: Option<mcap::records::Statistics>,
-    /// The chunks, in ascending order.
+    /// Chunks, ascending.
     pub(crate) chunks: Vec<ListedChunk>,
-    /// The footer is there.
+    /// `true` if the footer is present.
     pub has_footer: bool,
-    /// Bytes of the summary are corrupted.
+    /// `true` if bytes of the summary are corrupted.
     pub is_damaged: bool,
 }
 
 impl Summary {
-    /// Reads it from the end of a file.
+    /// Reads the summary from the end of a file.
     pub fn read(file: &[u8]) -> Self {
         const FOOTER: usize = HEAD + 20;
         let mut summary = Self::default();
@@ -229,7 +229,7 @@ impl Summary {
             summary.is_damaged = true;
             return summary;
         }
-        // The sum covers the summary and the footer up to the sum.
+        // The checksum covers the summary and the footer up to the checksum.
         let covered = &file[start..footer + FOOTER - 4];
         if facts.summary_crc != 0 && crc32fast::hash(covered) != facts.summary_crc {
             summary.is_damaged = true;
@@ -252,7 +252,7 @@ impl Summary {
             place = end;
         }
         summary.chunks.sort_unstable_by_key(|chunk| chunk.start);
-        // No writer makes chunks that overlap.
+        // Writers do not create overlapping chunks.
         let mut end = MAGIC.len();
         summary.chunks.retain(|chunk| {
             let is_behind = chunk.start >= end;

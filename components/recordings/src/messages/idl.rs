@@ -1,13 +1,13 @@
-//! Schemas in the interface definition language of OMG, as ROS 2 and DDS write them.
+//! Schemas in the OMG interface definition language, as used by ROS 2 and DDS.
 
 use std::collections::BTreeMap;
 
 use super::definition::{Item, Items, Named, SEPARATOR, Scalar};
 
-/// The definitions of a schema. Files of ROS 2 are divided by lines of `=` and `IDL: NAME`.
+/// Parses the definitions of a schema. ROS 2 files are divided by lines of `=` and `IDL: NAME`.
 ///
 /// # Errors
-/// A construct that is not supported or does not parse, with its line.
+/// The line of an unsupported or invalid construct.
 pub(crate) fn items(text: &str) -> Result<Items, String> {
     let tokens = tokens(text)?;
     let mut parser = Parser {
@@ -25,7 +25,7 @@ pub(crate) fn items(text: &str) -> Result<Items, String> {
     Ok(parser.items)
 }
 
-/// A word, a number, a text or a sign, and its line.
+/// A word, a number, a string or a symbol, with its line.
 type Token = (String, usize);
 
 fn tokens(text: &str) -> Result<Vec<Token>, String> {
@@ -68,7 +68,7 @@ fn tokens(text: &str) -> Result<Vec<Token>, String> {
     Ok(tokens)
 }
 
-/// The length of a text with its quotes; `None` without the last one.
+/// Returns the length of a string literal with its quotes; `None` if the closing quote is missing.
 fn text_length(text: &str, quote: char) -> Option<usize> {
     let mut is_escaped = false;
     for (place, letter) in text.char_indices().skip(1) {
@@ -86,11 +86,11 @@ struct Parser<'t> {
     scope: Vec<String>,
     items: Items,
     constants: BTreeMap<String, usize>,
-    /// Structures with the name and the scope of the one that they extend.
+    /// Structures with the name and scope of their base structure.
     bases: Vec<(String, Named)>,
 }
 
-/// Nesting from which on a schema is refused.
+/// Maximum nesting depth of a schema.
 const DEEPEST: usize = 64;
 
 impl Parser<'_> {
@@ -134,7 +134,7 @@ impl Parser<'_> {
         self.scope.iter().map(String::as_str).chain([name]).collect::<Vec<_>>().join(SEPARATOR)
     }
 
-    /// Skips annotations. Those that change the encoding are refused.
+    /// Skips annotations. Annotations that change the encoding are rejected.
     fn annotations(&mut self) -> Result<(), String> {
         while self.takes("@") {
             let name = self.identifier()?;
@@ -240,7 +240,7 @@ impl Parser<'_> {
         Ok(())
     }
 
-    /// Names with the lengths of arrays, divided by commas.
+    /// Parses names with their array lengths, separated by commas.
     fn declarators(&mut self, kind: &Named) -> Result<Vec<(String, Named)>, String> {
         let mut declared = Vec::new();
         loop {
@@ -330,7 +330,7 @@ impl Parser<'_> {
         Ok(Named::Scalar(scalar))
     }
 
-    /// Puts the fields of a base first in the structures that extend it.
+    /// Inserts the fields of a base structure at the front of the structures that extend it.
     fn inherit(&mut self) -> Result<(), String> {
         for (name, base) in std::mem::take(&mut self.bases) {
             let Named::Name(wanted, scope) = &base else { continue };

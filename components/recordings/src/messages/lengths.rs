@@ -1,7 +1,7 @@
-//! Lengths inside records, checked before a record is parsed.
+//! Checks of the lengths inside a record before it is parsed.
 //!
-//! The parser of the format reserves memory for a text of the stated length before it reads it: four damaged
-//! bytes would end the program for want of 4 GB.
+//! The MCAP parser allocates memory for a string of the stated length before reading it: four damaged bytes
+//! could request 4 GB and end the program.
 
 use mcap::read::parse_record;
 use mcap::records::{Record, op};
@@ -11,18 +11,18 @@ use mcap::records::{Record, op};
 enum Part {
     /// This number of bytes.
     Fixed(usize),
-    /// A length of four bytes, and that many bytes.
+    /// A four-byte length followed by that number of bytes.
     Block,
     /// A block of blocks.
     Blocks,
-    /// A length of eight bytes, and that many bytes.
+    /// An eight-byte length followed by that number of bytes.
     Long,
 }
 
 use Part::{Block, Blocks, Fixed, Long};
 
-/// The parts of a record of this kind. Bytes may follow them, but for an attachment, whose parser relies on
-/// its end.
+/// Returns the parts of a record of this kind. Bytes may follow them, except in an attachment, whose parser
+/// relies on its end.
 fn parts(kind: u8) -> &'static [Part] {
     match kind {
         op::HEADER => &[Block, Block],
@@ -44,19 +44,19 @@ fn parts(kind: u8) -> &'static [Part] {
     }
 }
 
-/// Splits off the bytes counted by a leading length of four bytes.
+/// Splits off the bytes counted by a leading four-byte length.
 fn block(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let (length, rest) = bytes.split_first_chunk::<4>()?;
     rest.split_at_checked(u32::from_le_bytes(*length) as usize)
 }
 
-/// Splits off the bytes counted by a leading length of eight bytes.
+/// Splits off the bytes counted by a leading eight-byte length.
 fn long(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let (length, rest) = bytes.split_first_chunk::<8>()?;
     rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)
 }
 
-/// True if all lengths in a record stay within it.
+/// Returns `true` if all lengths in a record stay within it.
 pub(crate) fn fit(kind: u8, body: &[u8]) -> bool {
     let mut rest = body;
     for part in parts(kind) {
@@ -77,7 +77,7 @@ pub(crate) fn fit(kind: u8, body: &[u8]) -> bool {
     kind != op::ATTACHMENT || rest.is_empty()
 }
 
-/// The record, if its lengths fit and its parts are valid.
+/// Returns the record if its lengths fit and its parts are valid.
 pub(crate) fn parsed(kind: u8, body: &[u8]) -> Option<Record<'_>> {
     fit(kind, body).then(|| parse_record(kind, body).ok()).flatten()
 }
@@ -88,7 +88,7 @@ mod tests {
 
     use super::*;
 
-    /// A file with a record of each kind that writers make.
+    /// Returns a file with a record of each kind that writers create.
     fn file() -> Vec<u8> {
         let mut bytes = std::io::Cursor::new(Vec::new());
         let options = mcap::WriteOptions::new().compression(None).profile("profile").library("library");
@@ -107,7 +107,7 @@ mod tests {
         bytes.into_inner()
     }
 
-    /// The records at the top level and, in chunks, their kinds and contents.
+    /// Returns the kinds and contents of all records, at the top level and in chunks.
     fn records(bytes: &[u8]) -> Vec<(u8, Vec<u8>)> {
         let mut found = Vec::new();
         let mut rest = bytes;
@@ -132,14 +132,14 @@ mod tests {
         for (kind, body) in &found {
             assert!(fit(*kind, body) && parsed(*kind, body).is_some(), "kind {kind}");
             for end in 0..body.len() {
-                // Never a panic, and never more than what is there.
+                // neither panics nor reads beyond the end
                 drop(parsed(*kind, &body[..end]));
             }
         }
     }
 
     #[test]
-    fn lengths_beyond_the_record_are_refused() {
+    fn lengths_beyond_the_record_are_rejected() {
         for (kind, body) in records(&file()[mcap::MAGIC.len()..]) {
             for start in 0..body.len().saturating_sub(3) {
                 let mut body = body.clone();

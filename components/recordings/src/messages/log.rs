@@ -1,4 +1,4 @@
-//! The channels and messages of an MCAP file.
+//! Channels and messages of an MCAP file.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -14,17 +14,17 @@ use super::records::{Damage, Records};
 /// A channel of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// Its name, such as `/joint_states`.
+    /// Name of the channel, such as `/joint_states`.
     pub topic: String,
-    /// Encoding of its messages, such as `cdr`.
+    /// Encoding of the messages, such as `cdr`.
     pub encoding: String,
-    /// Its schema.
+    /// Schema of the messages.
     pub schema: Option<Schema>,
-    /// Names and values that its writer added.
+    /// Metadata that the writer added.
     pub metadata: BTreeMap<String, String>,
-    /// Number of its messages.
+    /// Number of messages.
     pub messages: u64,
-    /// The decoder of its messages, or the reason why there is none.
+    /// The decoder of the messages, or the reason why there is none.
     pub decoder: Result<Decoder, Unsupported>,
 }
 
@@ -41,13 +41,13 @@ impl fmt::Display for Channel {
 /// An error of reading a file of messages.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LogError {
-    /// The file is no MCAP file.
+    /// The file is not an MCAP file.
     #[error("the file is not a recording (MCAP)")]
     Format,
     /// The file has no channel.
     #[error("the file has no channels{}", if *.is_whole { "" } else { ": it is incomplete" })]
     Empty {
-        /// True if the file has its end.
+        /// `true` if the end of the file is present.
         is_whole: bool,
     },
     /// No channel has this name.
@@ -61,7 +61,7 @@ pub enum LogError {
     /// The messages of a channel cannot be decoded.
     #[error("channel {channel}: {reason}")]
     Unsupported {
-        /// The channel, with its encoding and its schema.
+        /// The channel, with its encoding and schema.
         channel: String,
         /// The reason.
         reason: Unsupported,
@@ -76,17 +76,17 @@ pub enum LogError {
         /// The reason.
         reason: String,
     },
-    /// No channel has the numbers of a movement, or several have them.
+    /// No channel, or more than one, has the numbers of a movement.
     #[error("{}", choice(.field, .found, .known))]
     Choice {
-        /// The field of the numbers.
+        /// Name of the field.
         field: String,
         /// The channels with such numbers.
         found: Vec<String>,
         /// All channels of the file.
         known: String,
     },
-    /// A message without the channels of the recording.
+    /// A message lacks channels of the recording.
     #[error("channel `{topic}`, message {number}: found {found}, expected {expected}")]
     Uneven {
         /// The channel.
@@ -114,21 +114,21 @@ fn choice(field: &str, found: &[String], known: &str) -> String {
 /// A message of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message<'l> {
-    /// Index among [`MessageLog::channels`].
+    /// Index in [`MessageLog::channels`].
     pub channel: usize,
-    /// Time at which it was logged, ns.
+    /// Log time, ns.
     pub time_ns: u64,
-    /// Its bytes.
+    /// Encoded content.
     pub data: Cow<'l, [u8]>,
 }
 
-/// An MCAP file of any program.
+/// An MCAP file of any writer.
 #[derive(Debug)]
 pub struct MessageLog<B> {
     bytes: B,
     summary: Summary,
     channels: Vec<Channel>,
-    /// Index among the channels, by the number in the file.
+    /// Channel index by the channel number in the file.
     of_number: BTreeMap<u16, usize>,
     writer: String,
     times: Option<(u64, u64)>,
@@ -138,10 +138,10 @@ pub struct MessageLog<B> {
 
 impl<B: AsRef<[u8]>> MessageLog<B> {
     /// Opens the content of a file and reads everything except the messages. Channels with the same name and
-    /// schema are one.
+    /// schema are merged.
     ///
     /// # Errors
-    /// The content is no MCAP file, or has no channels.
+    /// The content is not an MCAP file, or it has no channels.
     pub fn new(bytes: B) -> Result<Self, LogError> {
         if !bytes.as_ref().starts_with(MAGIC) {
             return Err(LogError::Format);
@@ -158,7 +158,7 @@ impl<B: AsRef<[u8]>> MessageLog<B> {
             is_whole: false,
         };
         let mut schemas = BTreeMap::new();
-        // The end of a file repeats definitions that may be damaged elsewhere.
+        // The end of a file repeats definitions, which may be damaged elsewhere.
         for record in &summary.definitions {
             define(&mut log.channels, &mut log.of_number, &mut schemas, record);
         }
@@ -188,13 +188,13 @@ impl<B: AsRef<[u8]>> MessageLog<B> {
         &self.channels
     }
 
-    /// The channels with their encodings and schemas, for a message.
+    /// Describes the channels with their encodings and schemas, for error messages.
     pub fn described(&self) -> String {
         let known: Vec<String> = self.channels.iter().map(ToString::to_string).collect();
         known.join(", ")
     }
 
-    /// The channel of a name.
+    /// Returns the channel with this name.
     ///
     /// # Errors
     /// No channel has this name, or its messages cannot be decoded.
@@ -205,10 +205,10 @@ impl<B: AsRef<[u8]>> MessageLog<B> {
         Ok((index, self.decoder(index)?))
     }
 
-    /// The decoder of a channel.
+    /// Returns the decoder of a channel.
     ///
     /// # Errors
-    /// Its messages cannot be decoded.
+    /// The messages cannot be decoded.
     pub fn decoder(&self, index: usize) -> Result<&Decoder, LogError> {
         let channel = &self.channels[index];
         channel
@@ -226,17 +226,17 @@ impl<B: AsRef<[u8]>> MessageLog<B> {
         })
     }
 
-    /// The program that wrote the file; empty if the file does not say.
+    /// Name of the program that wrote the file; empty if unknown.
     pub fn writer(&self) -> &str {
         &self.writer
     }
 
-    /// Times of the first and the last message, ns; `None` without messages.
+    /// Times of the first and last message, ns; `None` without messages.
     pub fn times(&self) -> Option<(u64, u64)> {
         self.times
     }
 
-    /// The faults of the file: a missing end, or damage.
+    /// Describes the faults of the file: a missing end or damage.
     pub fn faults(&self) -> Vec<String> {
         self.damage.faults(self.is_whole, self.times.map_or(0, |(first, _)| first))
     }
@@ -256,7 +256,7 @@ fn define(
         Record::Channel(found) if !of_number.contains_key(&found.id) => {
             let schema = schemas.get(&found.schema_id).cloned();
             let encoding = match found.message_encoding.as_str() {
-                // Some writers leave out the encoding of messages that are text.
+                // Some writers omit the encoding of messages that are text.
                 "" if schema.as_ref().is_some_and(|schema| schema.encoding == "jsonschema") => "json",
                 encoding => encoding,
             };

@@ -1,7 +1,7 @@
-//! MCAP files of any program: their records, channels and decoded messages.
+//! MCAP files of any writer: records, channels and decoded messages.
 //!
-//! [`MessageLog`] lists the channels of a file and decodes their messages into [`Value`]s by the schemas that
-//! the file contains:
+//! [`MessageLog`] lists the channels of a file and decodes their messages into [`Value`]s, using the schemas
+//! in the file:
 //!
 //! | message encoding | schema encoding |
 //! |---|---|
@@ -9,9 +9,8 @@
 //! | `json` | any, or none |
 //! | `protobuf` | `protobuf` |
 //!
-//! A channel with another encoding, or a schema outside of these formats, states the [reason](Unsupported).
-//! Chunks may be uncompressed or compressed by lz4 or zstd. Damaged files are read around their damage
-//! ([`Records`]).
+//! A channel with another encoding or schema format reports the [reason](Unsupported). Chunks may be
+//! uncompressed or compressed with lz4 or zstd. Damaged files are read as far as possible ([`Records`]).
 
 mod cdr;
 mod chunks;

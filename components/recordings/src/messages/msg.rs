@@ -1,15 +1,15 @@
-//! Schemas in the message format of ROS 2: the definition of a message, and after lines of `=` and
-//! `MSG: NAME` the definitions of the types that it uses.
+//! Schemas in the ROS 2 message format: the definition of a message, followed by the definitions of the types
+//! it uses, after lines of `=` and `MSG: NAME`.
 
 use super::definition::{Item, Items, Named, SEPARATOR, Scalar};
 
-/// Fewest `=` of a line between two definitions.
+/// Minimum number of `=` in a line between two definitions.
 const DIVIDER: usize = 3;
 
-/// The definitions of a schema.
+/// Parses the definitions of a schema.
 ///
 /// # Errors
-/// A line that is no field, with its number.
+/// The number of an invalid line.
 pub(crate) fn items(root: &str, text: &str) -> Result<Items, String> {
     let mut items = Items::new();
     let mut name = root.to_string();
@@ -43,7 +43,7 @@ fn insert(items: &mut Items, name: &str, mut fields: Vec<(String, Named)>) {
     items.entry(full_name(name)).or_insert(Item::Struct(fields));
 }
 
-/// The full name of `pkg/msg/Name` or `pkg/Name`.
+/// Returns the full name of `pkg/msg/Name` or `pkg/Name`.
 pub(crate) fn full_name(name: &str) -> String {
     let parts: Vec<&str> = name.split('/').collect();
     match parts[..] {
@@ -59,7 +59,7 @@ fn scope(name: &str) -> Vec<String> {
     parts
 }
 
-/// The field that a line defines; `None` for empty lines, comments and constants.
+/// Parses the field defined by a line; `None` for empty lines, comments and constants.
 fn field(line: &str, scope: &[String]) -> Result<Option<(String, Named)>, String> {
     if line.is_empty() || line.starts_with('#') {
         return Ok(None);

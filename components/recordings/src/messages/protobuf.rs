@@ -1,4 +1,4 @@
-//! Messages in the protobuf encoding, decoded by the descriptors in their schema.
+//! Messages in the protobuf encoding, decoded with the descriptors in their schema.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::value::{Number, Value};
 use super::wire::{Read, take, take_varint, unzigzag};
 
-/// Messages within one another from which on a message is refused.
+/// Maximum nesting depth of messages.
 const DEEPEST: usize = 64;
 
 /// The types of a schema.
@@ -20,16 +20,16 @@ pub(crate) struct Descriptors {
 struct Field {
     name: Arc<str>,
     number: u32,
-    /// The number of the type in `google.protobuf.FieldDescriptorProto.Type`.
+    /// Number of the type in `google.protobuf.FieldDescriptorProto.Type`.
     kind: u64,
-    /// Full name of the type of a message.
+    /// Full name of a message type.
     message: String,
     is_repeated: bool,
-    /// An absent field is zero or empty.
+    /// Whether an absent field is zero or empty.
     is_implicit: bool,
 }
 
-/// Numbers of types in `google.protobuf.FieldDescriptorProto.Type`.
+/// Type numbers in `google.protobuf.FieldDescriptorProto.Type`.
 mod kind {
     pub(super) const DOUBLE: u64 = 1;
     pub(super) const FLOAT: u64 = 2;
@@ -50,7 +50,7 @@ mod kind {
 
 const REPEATED: u64 = 3;
 
-/// Calls `each` with the number and the content of every field.
+/// Calls `each` with the number and content of every field.
 fn fields<'m>(
     mut message: &'m [u8],
     mut each: impl FnMut(u32, Read<'m>) -> Result<(), String>,
@@ -67,7 +67,7 @@ fn text(bytes: &[u8]) -> String {
 }
 
 impl Descriptors {
-    /// The types of a `google.protobuf.FileDescriptorSet`.
+    /// Reads the types of a `google.protobuf.FileDescriptorSet`.
     pub(crate) fn new(set: &[u8], root: &str) -> Result<Self, String> {
         let mut this = Self { messages: BTreeMap::new(), root: root.to_string() };
         fields(set, |number, content| match (number, content) {
@@ -233,7 +233,7 @@ impl Field {
         Some(Value::Number(number))
     }
 
-    /// The value of a field that a message leaves out; `None` if it has none.
+    /// Returns the value of a field that a message omits; `None` if it has none.
     fn absent(&self) -> Option<Value> {
         if !self.is_implicit {
             return None;

@@ -1,4 +1,4 @@
-//! All records of an MCAP file, at the top level and in chunks, with their damage.
+//! All records of an MCAP file, at the top level and in chunks, and their damage.
 
 use mcap::MAGIC;
 use mcap::records::{Record, op};
@@ -7,23 +7,23 @@ use super::chunks::Chunk;
 use super::framing::{Frame, Frames, Summary};
 use super::lengths;
 
-/// Damage that was found while the records of a file were read.
+/// Damage found while the records of a file were read.
 #[derive(Debug, Clone, Default)]
 pub struct Damage {
-    /// Times of the first and the last message of each corrupted chunk, ns.
+    /// Times of the first and last message of each corrupted chunk, ns.
     pub chunks: Vec<(u64, u64)>,
     /// Names of corrupted attachments.
     pub attachments: Vec<String>,
-    /// Chunks that cannot be read, and the reasons.
+    /// Reasons why chunks cannot be read.
     pub unreadable: Vec<String>,
     /// Number of bytes that belong to no record.
     pub skipped: u64,
-    /// Bytes outside chunks and attachments are corrupted.
+    /// `true` if bytes outside chunks and attachments are corrupted.
     pub has_other: bool,
 }
 
 impl Damage {
-    /// The faults of a file that begins at a time \[ns\], each as what is wrong with it.
+    /// Describes the faults of a file that begins at a time \[ns\], each as a predicate of the file.
     pub fn faults(&self, is_whole: bool, begin_ns: u64) -> Vec<String> {
         let mut faults = Vec::new();
         if !is_whole {
@@ -49,7 +49,7 @@ impl Damage {
         faults
     }
 
-    /// True if something other than the end of the file is damaged.
+    /// Returns `true` if something other than the end of the file is damaged.
     pub fn is_any(&self) -> bool {
         let Self { chunks, attachments, unreadable, has_other, .. } = self;
         !chunks.is_empty() || !attachments.is_empty() || !unreadable.is_empty() || *has_other
@@ -69,7 +69,7 @@ fn damaged(chunks: &[(u64, u64)], begin: u64) -> Option<String> {
     ))
 }
 
-/// Walks through all records in the order of the file, around damage.
+/// An iterator over all records in file order that skips damage.
 #[derive(Debug)]
 pub struct Records<'a> {
     file: &'a [u8],
@@ -81,14 +81,14 @@ pub struct Records<'a> {
     pub chunks: usize,
     /// The damage so far.
     pub damage: Damage,
-    /// The end of the data was reached.
+    /// `true` once the end of the data has been reached.
     pub is_whole: bool,
-    /// The sum of all data is compared with the one in the file.
+    /// Whether the checksum of all data is compared with the one in the file.
     checks_all: bool,
 }
 
 impl<'a> Records<'a> {
-    /// The records of a file. With `checks_all` also the sum of all data is compared.
+    /// Creates an iterator over the records of a file. `checks_all` also verifies the checksum of all data.
     pub fn new(file: &'a [u8], summary: &'a Summary, checks_all: bool) -> Self {
         Self {
             file,
@@ -102,7 +102,7 @@ impl<'a> Records<'a> {
         }
     }
 
-    /// True if the newest record comes from a damaged chunk.
+    /// Returns `true` if the latest record comes from a damaged chunk.
     pub fn is_damaged(&self) -> bool {
         self.chunk.as_ref().is_some_and(|chunk| chunk.is_damaged)
     }
@@ -215,7 +215,7 @@ mod tests {
 
     use super::*;
 
-    /// A file of 300 messages in several chunks, and the starts of its chunks.
+    /// Returns a file with 300 messages in several chunks, and the start offsets of its chunks.
     fn file(compression: Option<Compression>) -> (Vec<u8>, Vec<usize>) {
         let mut bytes = std::io::Cursor::new(Vec::new());
         let options = WriteOptions::new().compression(compression).chunk_size(Some(2000));
@@ -247,7 +247,7 @@ mod tests {
         (found, records.damage)
     }
 
-    /// Lengths and contents of records in chunks, with the index of the file and without.
+    /// Flips bits of lengths and contents of records in chunks, with and without the index.
     #[test]
     fn one_flipped_bit_loses_at_most_one_message() {
         let (whole, chunks) = file(None);
@@ -258,13 +258,13 @@ mod tests {
                 bytes[at] ^= bit;
                 let (found, damage) = messages(&bytes);
                 assert!(found.len() >= 299, "{} messages, bit {bit} of byte {at}", found.len());
-                assert!(damage.is_any() || damage.skipped > 0, "bit {bit} of byte {at} is not noticed");
+                assert!(damage.is_any() || damage.skipped > 0, "bit {bit} of byte {at} is not detected");
             }
         }
     }
 
     #[test]
-    fn flips_anywhere_are_noticed() {
+    fn bit_flips_anywhere_are_detected() {
         let (whole, _) = file(None);
         let clean = messages(&whole);
         assert!(!clean.1.is_any() && clean.1.skipped == 0);
@@ -281,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn without_an_index_reading_continues_at_the_next_chunk() {
+    fn reading_without_index_continues_at_the_next_chunk() {
         let (whole, chunks) = file(None);
         let per_chunk = 300 / chunks.len();
         // The footer is cut off, and the length of a chunk is damaged in both places.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 /// A number of a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Number {
-    /// Unsigned, or a truth value (0 or 1).
+    /// Unsigned, or a boolean (0 or 1).
     Natural(u64),
     /// Signed.
     Integer(i64),
@@ -17,7 +17,7 @@ pub enum Number {
 }
 
 impl Number {
-    /// The number in double precision; integers beyond 2^53 are rounded.
+    /// Returns the number in double precision; integers beyond 2^53 are rounded.
     pub fn as_f64(self) -> f64 {
         match self {
             Self::Natural(number) => number as f64,
@@ -44,9 +44,9 @@ impl fmt::Display for Number {
 pub enum Value {
     /// A number.
     Number(Number),
-    /// A text.
+    /// A string.
     Text(String),
-    /// An array of bytes, such as the pixels of a picture.
+    /// An array of bytes, such as the pixels of an image.
     Bytes(Vec<u8>),
     /// An array.
     List(Vec<Value>),
@@ -54,17 +54,18 @@ pub enum Value {
     Record(Vec<(Arc<str>, Value)>),
 }
 
-/// A number or a text at the end of a path.
+/// A number or a string at the end of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Leaf<'v> {
     /// A number.
     Number(Number),
-    /// A text.
+    /// A string.
     Text(&'v str),
 }
 
 impl Value {
-    /// The part at a path such as `pose.position.x` or `joints[2].position`; the value itself at the path "".
+    /// Returns the part at a path such as `pose.position.x` or `joints[2].position`; the value itself at the
+    /// path "".
     ///
     /// ```
     /// use motorium_recordings::messages::{Number, Value};
@@ -96,7 +97,7 @@ impl Value {
         Some(value)
     }
 
-    /// The entries of an array of numbers; a number alone is one entry.
+    /// Returns the entries of an array of numbers; a single number is one entry.
     pub fn numbers(&self) -> Option<Vec<f64>> {
         match self {
             Self::Number(number) => Some(vec![number.as_f64()]),
@@ -112,7 +113,7 @@ impl Value {
         }
     }
 
-    /// The entries of an array of texts.
+    /// Returns the entries of an array of strings.
     pub fn texts(&self) -> Option<Vec<&str>> {
         let Self::List(entries) = self else { return None };
         entries
@@ -124,7 +125,7 @@ impl Value {
             .collect()
     }
 
-    /// Visits all numbers and texts with their paths, in order. Arrays of bytes are skipped.
+    /// Visits all numbers and strings with their paths, in order. Arrays of bytes are skipped.
     pub fn visit<'v>(&'v self, visit: &mut impl FnMut(&str, Leaf<'v>)) {
         self.visit_at(&mut String::new(), visit);
     }
@@ -155,8 +156,9 @@ impl Value {
         }
     }
 
-    /// The names of the entries of the array of numbers at a path: a list of as many texts next to it that is
-    /// called `name`, `names` or `joint_names`, as in `sensor_msgs/msg/JointState`.
+    /// Returns the names of the entries of the array of numbers at a path. They are an adjacent list of
+    /// strings with the same length, called `name`, `names` or `joint_names`, as in
+    /// `sensor_msgs/msg/JointState`.
     pub fn names_of(&self, path: &str) -> Option<Vec<&str>> {
         let entries = self.get(path)?.numbers()?.len();
         let parent = path.rsplit_once('.').map_or("", |(parent, _)| parent);

@@ -9,7 +9,7 @@ pub const BYTES: u32 = 2;
 /// Wire type of four bytes.
 pub const FIXED_32: u32 = 5;
 
-/// Appends a number in groups of seven bits.
+/// Appends a varint: groups of seven bits.
 pub fn varint(mut number: u64, out: &mut Vec<u8>) {
     while number >= 0x80 {
         out.push(number as u8 | 0x80);
@@ -23,19 +23,19 @@ pub fn key(field: u32, wire: u32, out: &mut Vec<u8>) {
     varint(u64::from(field) << 3 | u64::from(wire), out);
 }
 
-/// Appends a field of bytes: a text, a message or packed numbers.
+/// Appends a field of bytes: a string, a message or packed numbers.
 pub fn bytes(field: u32, content: &[u8], out: &mut Vec<u8>) {
     key(field, BYTES, out);
     varint(content.len() as u64, out);
     out.extend_from_slice(content);
 }
 
-/// A signed number in a form in which small ones are short.
+/// Returns the zigzag encoding of a signed number, which keeps small magnitudes short.
 pub fn zigzag(number: i64) -> u64 {
     (number << 1 ^ number >> 63) as u64
 }
 
-/// The number whose form this is.
+/// Decodes a zigzag number.
 pub fn unzigzag(form: u64) -> i64 {
     (form >> 1) as i64 ^ -((form & 1) as i64)
 }

@@ -13,8 +13,8 @@ use crate::channel::ErrorModel;
 use crate::contact::ContactModel;
 use crate::randomise::SensorDraw;
 
-/// `other` of a contact with a link of the same robot is at least this, and that with the ground is the
-/// greatest number.
+/// Minimum `other` of a contact with a link of the same robot. The largest number is a contact with the
+/// ground.
 const FIRST_LINK: u32 = 65_536;
 
 sensor_config! {
@@ -45,8 +45,8 @@ impl ContactConfig {
 
 /// A component that publishes the readings of the contact sensors of a robot's feet.
 ///
-/// The force on a foot is the size of the sum of all contact forces on the links that are fixed to its frame,
-/// without the forces between links of the robot.
+/// The force on a foot is the magnitude of the sum of all contact forces on the links fixed to its frame.
+/// Forces between links of the robot are excluded.
 pub struct FootContactSensor {
     contacts: Input<Contacts>,
     feet: Output<FootContacts>,
@@ -59,7 +59,7 @@ pub struct FootContactSensor {
     values: Vec<f64>,
     seen: (u32, u32, u64),
     since: Option<u64>,
-    /// Samples whose contacts are incomplete.
+    /// Number of samples with incomplete contacts.
     cut: u64,
 }
 
@@ -161,7 +161,7 @@ impl Component for FootContactSensor {
     }
 }
 
-/// The bodies of the feet, in the order of their names.
+/// Returns the foot of each body, with feet in the order of their names.
 fn feet(robot: &Loaded) -> Result<Vec<Option<usize>>, ConfigError> {
     let feet = robot.profile.iter().flat_map(|profile| profile.feet.values());
     let frames = feet.map(|foot| robot.model.frame(&foot.frame));

@@ -1,4 +1,4 @@
-//! The readings of a sensor from sampling to output, with the parameters that every episode draws.
+//! Readings of a sensor from sampling to output, with the parameters sampled for every episode.
 
 use std::time::Duration;
 
@@ -11,8 +11,8 @@ use crate::channel::Timing;
 use crate::randomise::SensorDraw;
 
 impl Common<'_> {
-    /// Checks the ranges of `randomise`, and declares the topic of what is drawn. Returns a draw for checks
-    /// of the sensor.
+    /// Checks the ranges of `randomise` and declares the topic of the sampled values. Returns a draw for
+    /// checks of the sensor.
     pub(super) fn declare_draws(&self, declare: &mut Declare) -> Result<SensorDraw, ConfigError> {
         Draws::declare(self.randomise, declare)?;
         Ok(self.randomise.draw(0, self.timing.latency))
@@ -23,7 +23,7 @@ impl Common<'_> {
         Readings::declare(&self.timing.late(self.randomise.longest(self.timing.latency)), width, declare)
     }
 
-    /// Draws for the first episode.
+    /// Samples the parameters of the first episode.
     pub(super) fn open(&self, setup: &mut Setup) -> Result<Opened, ConfigureError> {
         let first = self.seed.unwrap_or(setup.seed());
         let draws = Draws::open(self.randomise, self.timing.latency, first, setup)?;
@@ -31,7 +31,7 @@ impl Common<'_> {
     }
 }
 
-/// The draws of a sensor whose width is not known yet.
+/// The sampled parameters of a sensor whose width is not known yet.
 pub(super) struct Opened {
     draws: Draws,
     timing: Timing,
@@ -55,12 +55,12 @@ impl Opened {
     }
 }
 
-/// Readings in flight, and the draws of the episode.
+/// Readings in flight, and the sampled parameters of the episode.
 #[derive(Debug)]
 pub(super) struct Delivery {
     readings: Readings,
     draws: Draws,
-    /// Latency and drop-outs before anything is drawn.
+    /// Latency and drop-outs before randomisation.
     timing: Timing,
     seed: Option<u64>,
     width: usize,
@@ -68,7 +68,7 @@ pub(super) struct Delivery {
 }
 
 impl Delivery {
-    /// Publishes the draw of an episode, once.
+    /// Publishes the sampled parameters of an episode, once.
     pub(super) fn publish_draws(&mut self) -> Result<(), StepError> {
         self.draws.publish()
     }
@@ -83,7 +83,8 @@ impl Delivery {
         self.readings.due(now_ns)
     }
 
-    /// Forgets the readings in flight, and draws for an episode. Returns the seed and the draw.
+    /// Discards the readings in flight and samples the parameters of an episode. Returns the seed and the
+    /// draw.
     pub(super) fn reset(&mut self, episode: &Episode) -> Result<(u64, SensorDraw), StepError> {
         let seed = self.seed.unwrap_or(episode.seed);
         let draw = self.draws.reset(episode.index, seed);
@@ -92,7 +93,7 @@ impl Delivery {
         Ok((seed, draw))
     }
 
-    /// The part of a result that all sensors have.
+    /// Returns the part of a result that all sensors have.
     pub(super) fn result(&self) -> serde_json::Value {
         let mut result = self.readings.result();
         self.draws.report(&mut result);

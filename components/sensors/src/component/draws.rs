@@ -1,4 +1,4 @@
-//! The parameters that a sensor draws for an episode, and their topic.
+//! Sensor parameters sampled for an episode, and their topic.
 
 use motorium::prelude::*;
 use motorium::state::Randomisation;
@@ -6,7 +6,7 @@ use motorium::state::Randomisation;
 use super::readings::refused;
 use crate::randomise::{SensorDraw, SensorRanges};
 
-/// The draws of a sensor component.
+/// Sampled parameters of a sensor component.
 #[derive(Debug)]
 pub(super) struct Draws {
     ranges: SensorRanges,
@@ -15,12 +15,12 @@ pub(super) struct Draws {
     now: SensorDraw,
     episode: u64,
     seed: u64,
-    /// The present draw has not been published.
+    /// Whether the current draw has not been published yet.
     is_new: bool,
 }
 
 impl Draws {
-    /// Checks the ranges, and declares the output where something is drawn.
+    /// Checks the ranges and declares the output if any parameter is sampled.
     pub(super) fn declare(ranges: &SensorRanges, declare: &mut Declare) -> Result<(), ConfigError> {
         ranges.check().map_err(refused)?;
         if !ranges.is_empty() {
@@ -41,12 +41,12 @@ impl Draws {
         Ok(Self { ranges: *ranges, latency, output, now, episode: 0, seed, is_new: true })
     }
 
-    /// The present draw.
+    /// Returns the current draw.
     pub(super) fn now(&self) -> SensorDraw {
         self.now
     }
 
-    /// Draws for an episode of this index, by the seed of the sensor in it.
+    /// Samples the parameters of the episode with this index from the sensor's seed in it.
     pub(super) fn reset(&mut self, episode: u64, seed: u64) -> SensorDraw {
         self.now = self.ranges.draw(seed, self.latency);
         (self.episode, self.seed, self.is_new) = (episode, seed, true);
@@ -76,7 +76,7 @@ impl Draws {
         message.publish()
     }
 
-    /// Adds the present draw to the result of the sensor.
+    /// Adds the current draw to the result of the sensor.
     pub(super) fn report(&self, result: &mut serde_json::Value) {
         if self.output.is_some() {
             let SensorDraw { noise, bias, latency } = self.now;

@@ -13,8 +13,8 @@ use super::readings::refused;
 use crate::channel::{Channel, ErrorModel, SettingError};
 use crate::randomise::{SensorDraw, SensorRanges};
 
-/// Configuration of `sensor.force_torque`. All but `link` has a default: an ideal sensor at the origin of the
-/// link.
+/// Configuration of `sensor.force_torque`. Everything except `link` has a default: an ideal sensor at the
+/// origin of the link.
 ///
 /// ```toml
 /// link    = "panda_hand"
@@ -64,7 +64,7 @@ sensor_config!(impl ForceTorqueConfig);
 /// Number of values in a reading: force and torque.
 const WIDTH: usize = 6;
 
-/// The earth's acceleration of free fall \[m/s2\].
+/// Standard gravity \[m/s2\].
 pub(super) fn earth() -> [f64; 3] {
     [0.0, 0.0, -9.81]
 }
@@ -112,7 +112,7 @@ pub struct ForceTorque {
     delivery: Delivery,
     link: FrameId,
     last: Option<u64>,
-    /// Mass that it carries \[kg\].
+    /// Mass carried by the sensor \[kg\].
     carried: f64,
 }
 

@@ -54,7 +54,8 @@ impl ImuConfig {
 
 /// A component that publishes the readings of an inertial measurement unit on a robot.
 ///
-/// It samples the true motion at its own rate or on its trigger. A reading is the mean since the last sample.
+/// It samples the true motion at its own rate or on its trigger. A reading is the mean since the previous
+/// sample.
 pub struct Imu {
     motion: TrueMotion,
     drawn: Drawn,

@@ -35,15 +35,15 @@ impl JointTorqueConfig {
 
 /// A component that publishes the readings of torque sensors on the output side of a robot's joints.
 ///
-/// A reading is the mean torque about (or force along) the axis since the last sample with which a joint
-/// moves and holds its load. Friction, damping and inertia of the drive are on the other side of the sensor.
+/// A reading is the mean transmitted torque about the joint axis (or force along it) since the previous
+/// sample. Friction, damping and inertia of the drive are on the other side of the sensor.
 pub struct JointTorque {
     loads: TrueLoads,
     measured: Output<JointState>,
     config: JointTorqueConfig,
     channel: Channel,
     delivery: Delivery,
-    /// The link that each joint carries.
+    /// Link carried by each joint.
     links: Vec<FrameId>,
     /// Torques, then positions and velocities.
     values: Vec<f64>,
@@ -136,8 +136,8 @@ impl Component for JointTorque {
     }
 }
 
-/// The torque about the axis of a joint, or the force along it, of the mean wrench through it, with the axis
-/// in the middle of the interval.
+/// Returns the component of a joint's mean wrench about its axis, or along it for a prismatic joint. The axis
+/// is taken in the middle of the interval.
 fn along_axis(loads: &TrueLoads, joint: usize, link: FrameId) -> f64 {
     let model = loads.model();
     let (force, torque) = loads.through(link).seen_from(&loads.middle(joint));

@@ -1,4 +1,4 @@
-//! The wrenches between the links of a robot, from the truth that a simulation publishes.
+//! Wrenches between the links of a robot, computed from the true state that a simulation publishes.
 
 use motorium::prelude::*;
 use motorium::state::{ContactImpulses, Contacts, Randomisation};
@@ -9,7 +9,7 @@ use super::robot::{Mount, Needs, TrueMotion, name};
 use crate::encoder::StateTimes;
 use crate::loads::{Loads, OutsideForce, OutsideWrench, WorldWrench};
 
-/// The draws of a simulation for the present episode, where their topic is wired.
+/// Parameters sampled by a simulation for the current episode, if their topic is wired.
 pub(super) struct Drawn {
     input: Input<Randomisation>,
     seen: (u32, u32, u64),
@@ -29,7 +29,7 @@ impl Drawn {
         Ok(Self { input: setup.input("randomisation")?, seen: (0, 0, 0) })
     }
 
-    /// The draws of the episode of this step, when they are new.
+    /// Returns the parameters sampled for the episode of this step, if they are new.
     pub(super) fn newest(&mut self, tick: &Tick) -> Option<Reading<'_, Randomisation>> {
         let drawn = self.input.latest()?;
         let seen = name(&drawn.stamp());
@@ -39,18 +39,18 @@ impl Drawn {
         Some(drawn)
     }
 
-    /// Goes back to the start.
+    /// Resets to the initial state.
     pub(super) fn reset(&mut self) {
         self.seen = (0, 0, 0);
     }
 }
 
-/// The mean wrenches of contacts between two samples, from the impulses that a simulation adds up.
+/// Mean contact wrenches between two samples, from impulses accumulated by a simulation.
 struct MeanContacts {
     input: Input<ContactImpulses>,
-    /// Sums at the last sample, one for each link.
+    /// Sums at the last sample, one per link.
     before: Vec<WorldWrench>,
-    /// Publisher and restart of these.
+    /// Publisher and restart count of these sums.
     source: Option<(u32, u32)>,
     means: Vec<OutsideWrench>,
 }
@@ -109,7 +109,7 @@ impl MeanContacts {
 pub(super) enum Axes {
     /// Fixed to a link, with its pose there.
     Link(FrameId, Isometry3<f64>),
-    /// A body that a joint moves.
+    /// A body that is moved by a joint.
     Body(usize),
 }
 
@@ -132,12 +132,12 @@ pub(super) struct TrueLoads {
     gravity: Vector3<f64>,
     /// Frames, and their poses at the last sample and at the newest.
     axes: Vec<(Axes, [Isometry3<f64>; 2])>,
-    /// Samples whose contacts are incomplete.
+    /// Number of samples with incomplete contacts.
     cut: u64,
 }
 
 impl TrueLoads {
-    /// Declares the inputs. Returns the model of the robot.
+    /// Declares the inputs and returns the model of the robot.
     pub(super) fn declare(gravity: [f64; 3], declare: &mut Declare) -> Result<Model, ConfigError> {
         if !gravity.iter().all(|number| number.is_finite()) {
             return Err(ConfigError::key("gravity", "expected finite numbers"));
@@ -165,19 +165,18 @@ impl TrueLoads {
         })
     }
 
-    /// The model of the robot.
+    /// Returns the model of the robot.
     pub(super) fn model(&self) -> &Model {
         self.motion.model()
     }
 
-    /// Follows the poses of these frames.
+    /// Tracks the poses of these frames.
     pub(super) fn follow(&mut self, axes: impl IntoIterator<Item = Axes>) {
         self.axes = axes.into_iter().map(|axes| (axes, [Isometry3::identity(); 2])).collect();
     }
 
-    /// Pose of the followed frame of this index in the middle of the interval that the newest truth closed. A
-    /// mean wrench in these axes is
-    /// of second order in the length of the interval.
+    /// Returns the pose of the tracked frame with this index in the middle of the interval that the newest
+    /// truth closed. A mean wrench in these axes has a second-order error in the length of the interval.
     pub(super) fn middle(&self, index: usize) -> Isometry3<f64> {
         let [before, now] = &self.axes[index].1;
         Isometry3::from_parts(
@@ -187,12 +186,12 @@ impl TrueLoads {
         )
     }
 
-    /// Position and velocity of the joints, as of the newest sample.
+    /// Returns joint positions and velocities of the newest sample.
     pub(super) fn joints(&self) -> (&[f64], &[f64]) {
         self.motion.joints()
     }
 
-    /// The wrench through the joint above a link, in the interval that the newest truth closed.
+    /// Returns the wrench through the joint above a link, in the interval that the newest truth closed.
     pub(super) fn through(&self, link: FrameId) -> WorldWrench {
         self.loads.through(link)
     }
@@ -241,12 +240,12 @@ impl TrueLoads {
         Ok(closed.then_some(times))
     }
 
-    /// Samples of this episode whose `contacts` were incomplete.
+    /// Number of samples of this episode whose `contacts` were incomplete.
     pub(super) fn incomplete(&self) -> u64 {
         self.cut
     }
 
-    /// Goes back to the start.
+    /// Resets to the initial state.
     pub(super) fn reset(&mut self) {
         self.cut = 0;
         self.motion.reset();

@@ -1,4 +1,4 @@
-//! `joint.merge`: the joint state of a robot from several writers.
+//! `joint.merge`: the joint state of a robot from several publishers.
 
 use std::collections::BTreeMap;
 
@@ -59,16 +59,16 @@ pub struct JointMerge {
     withheld: u64,
 }
 
-/// One writer.
+/// One publisher.
 struct Part {
     name: String,
     input: Input<JointState>,
-    /// Index in the robot of each of its joints.
+    /// Robot index of each of its joints.
     joints: Vec<usize>,
     stale_after_ns: u64,
     /// Number of steps in which the part was stale or missing.
     stale: u64,
-    /// Largest time from its measurement to the publication of a merged state, ns.
+    /// Maximum age of its state at the publication of a merged state, ns.
     oldest_ns: u64,
 }
 
@@ -118,7 +118,7 @@ impl Component for JointMerge {
         let mut merged = self.merged.loan()?;
         merged.set_count(self.joints);
         for part in &mut self.parts {
-            // the value that was found fresh above
+            // the state that was fresh in the check above
             let Some(state) = part.input.current() else { continue };
             part.oldest_ns = part.oldest_ns.max(now_ns.saturating_sub(state.stamp().source_time));
             if state.count() != part.joints.len() {
@@ -155,7 +155,7 @@ impl Component for JointMerge {
     }
 }
 
-/// Names of the robot's joints, in their order.
+/// Returns the names of the robot's joints, in order.
 fn names(robot: &RobotReference) -> Result<Vec<String>, ConfigError> {
     let source = RobotSource {
         profile: robot.profile.as_deref(),

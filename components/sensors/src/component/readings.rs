@@ -66,7 +66,7 @@ impl Readings {
         })
     }
 
-    /// Takes in a reading that was sampled at a time (ns) from a state of a source time; some are lost.
+    /// Adds a reading sampled at a time (ns) from a state with a source time; some are dropped.
     pub(super) fn push(&mut self, time_ns: u64, source: u64, values: &[f64]) {
         debug_assert_eq!(values.len(), self.width);
         // one draw per reading, so that other draws do not change with the fraction
@@ -88,7 +88,7 @@ impl Readings {
         Some((source, values))
     }
 
-    /// The part of a result that all sensors have.
+    /// Returns the part of a result that all sensors have.
     pub(super) fn result(&self) -> serde_json::Value {
         serde_json::json!({
             "readings": self.published,
@@ -111,7 +111,7 @@ fn frames(timing: &Timing, width: usize, period: Duration) -> Result<u64, Config
     Ok(period_ns)
 }
 
-/// The error of a setting at its key.
+/// Converts the error of a setting to an error at its key.
 pub(super) fn refused(error: SettingError) -> ConfigError {
     ConfigError::key(error.setting.clone(), error.to_string())
 }

@@ -1,4 +1,4 @@
-//! The robot of a component, and the motion of a mount on it.
+//! The robot of a component, and the motion of a sensor mount on it.
 
 use motorium::prelude::*;
 use motorium_robots::{BaseMode, BasePose, FrameId, Kinematics, LoadOptions, Loaded, Model, RobotSource};
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::encoder::StateTimes;
 
-/// The robot that a component names.
+/// Returns the robot that the component names.
 pub(super) fn named<'a>(declare: &'a Declare, needs: &str) -> Result<&'a RobotReference, ConfigError> {
     declare.robot().ok_or_else(|| {
         ConfigError::new(format!("the component needs {needs}, but names no robot"))
@@ -16,7 +16,7 @@ pub(super) fn named<'a>(declare: &'a Declare, needs: &str) -> Result<&'a RobotRe
     })
 }
 
-/// The failure of a step that reads a joint state with fewer joints than the robot's model.
+/// Returns the error for a joint state with fewer joints than the robot's model.
 #[cold]
 pub(super) fn too_few_joints(expected: usize, found: usize) -> StepError {
     StepError::failed(format!("joint state: expected at least {expected} joints, found {found}"))
@@ -60,7 +60,7 @@ pub struct Mount {
 }
 
 impl Mount {
-    /// The pose of the sensor in the frame of its link.
+    /// Returns the pose of the sensor in the frame of its link.
     pub(super) fn pose(&self) -> Result<Isometry3<f64>, ConfigError> {
         if !self.position.iter().chain(&self.rpy).all(|number| number.is_finite()) {
             return Err(ConfigError::key("mount", "expected finite numbers"));
@@ -79,19 +79,19 @@ impl Mount {
         self.frame(model).map(Some)
     }
 
-    /// The link that carries the sensor.
+    /// Returns the link that carries the sensor.
     pub(super) fn frame(&self, model: &Model) -> Result<FrameId, ConfigError> {
         let name = self.frame.as_deref().unwrap_or(&model.frames()[0].name);
         model.frame(name).map_err(|error| ConfigError::key("mount.frame", error.to_string()))
     }
 }
 
-/// A place on a robot, in motion.
+/// Motion of a point on a robot.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motion {
-    /// Its pose in the world.
+    /// Pose in the world.
     pub(super) pose: Isometry3<f64>,
-    /// Velocity of its origin, axes of the world \[m/s\].
+    /// Velocity of the origin in world axes \[m/s\].
     pub(super) linear: Vector3<f64>,
     /// Times of the state.
     pub(super) times: StateTimes,
@@ -110,13 +110,13 @@ pub(super) enum Needs {
     AllLinks,
 }
 
-/// The true motion of a place on a robot, from its base state and its joint state.
+/// True motion of a point on a robot, from the base state and the joint state.
 pub(super) struct TrueMotion {
     base: Option<Input<BaseState>>,
     joints: Option<Input<JointState>>,
     model: Model,
     kinematics: Kinematics,
-    /// `None`: the world.
+    /// `None` for the world.
     frame: Option<FrameId>,
     mount: Isometry3<f64>,
     q: Vec<f64>,
@@ -199,7 +199,7 @@ impl TrueMotion {
         }
     }
 
-    /// The motion, if there is a newer one.
+    /// Returns the motion if there is a newer one.
     pub(super) fn newest(&mut self) -> Result<Option<Motion>, StepError> {
         let Self { base, joints, model, q, v, seen, .. } = self;
         let offset = (q.len() - model.joint_count(), v.len() - model.joint_count());
@@ -240,19 +240,19 @@ impl TrueMotion {
         Ok(Some(Motion { pose: frame * self.mount, linear: twist.linear + twist.angular.cross(&arm), times }))
     }
 
-    /// Goes back to the start.
+    /// Resets to the initial state.
     pub(super) fn reset(&mut self) {
         self.seen = [(0, 0, 0); 2];
     }
 }
 
-/// True if the joints must be known.
+/// Returns `true` if the joint state is required.
 fn by_joints(model: &Model, frame: Option<FrameId>, needs: Needs) -> bool {
     let all = needs == Needs::AllLinks && model.joint_count() > 0;
     all || frame.is_some_and(|frame| model.frames()[frame.index()].body.is_some())
 }
 
-/// True if the base must be known.
+/// Returns `true` if the base state is required.
 fn by_base(model: &Model, frame: Option<FrameId>, needs: Needs) -> bool {
     model.base().floating && (frame.is_some() || needs == Needs::AllLinks)
 }

@@ -1,4 +1,4 @@
-//! Joint sensors: errors, latency and lost readings between the true joint state and the measured one.
+//! Joint sensors: errors, latency and drop-outs between the true and the measured joint state.
 
 mod model;
 mod settings;

@@ -10,9 +10,9 @@ use crate::randomise::SensorDraw;
 
 /// The joint sensors of a robot.
 ///
-/// At every [`sample`](Self::sample) each joint is read: position, velocity and effort, each with the errors
-/// of a [`Channel`], or the velocity differentiated from the readings of the position. Some readings are
-/// lost; the [`reading`](Self::reading) becomes available when the latency is over. All memory is taken by
+/// Every [`sample`](Self::sample) reads each joint's position, velocity and effort with the errors of a
+/// [`Channel`]. Alternatively, the velocity is differentiated from the position readings. Some readings are
+/// dropped; the [`reading`](Self::reading) becomes available after the latency. All memory is allocated by
 /// [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub struct EncoderModel {
@@ -23,7 +23,7 @@ pub struct EncoderModel {
     drop_out: f64,
     draws: Noise,
     dropped: u64,
-    /// Time of the state that was sampled last, ns.
+    /// Time of the last sampled state, ns.
     since: Option<u64>,
     /// Measured positions, velocities and efforts.
     values: Vec<f64>,
@@ -94,10 +94,10 @@ impl EncoderModel {
         Self::drawn(joints, settings, &SensorDraw::none(settings.latency), seed, shortest_period)
     }
 
-    /// Creates the encoder with the noise, biases and latency sampled for an episode.
+    /// Creates the encoder with noise, biases and latency sampled for an episode.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
+    /// Same as [`new`](Self::new).
     pub fn drawn(
         joints: usize,
         settings: &EncoderSettings,
@@ -150,17 +150,17 @@ impl EncoderModel {
         })
     }
 
-    /// Samples the true joint state at a time (ns): `q` (rad or m), `v` (per second), `tau` (N m or N), one
-    /// number per joint each.
+    /// Samples the true joint state at a time (ns): `q` (rad or m), `v` (per second) and `tau` (N m or N),
+    /// one number per joint each.
     ///
     /// # Errors
-    /// Slices of another length than the encoder has joints; nothing is sampled then.
+    /// A slice's length differs from the number of joints; nothing is sampled then.
     pub fn sample(&mut self, time_ns: u64, q: &[f64], v: &[f64], tau: &[f64]) -> Result<(), SampleError> {
         self.sample_state(time_ns, StateTimes { state: time_ns, source: time_ns }, q, v, tau)
     }
 
-    /// Like [`sample`](Self::sample), with the times of the state: its run time, over which velocities are
-    /// differentiated (it does not jitter like the time of sampling), and its source time.
+    /// Like [`sample`](Self::sample), with the times of the state: its run time and its source time.
+    /// Velocities are differentiated over the run time, which does not jitter like the time of sampling.
     ///
     /// # Errors
     /// Same as [`sample`](Self::sample).
@@ -231,7 +231,7 @@ impl EncoderModel {
         self.line.lost()
     }
 
-    /// Readings lost by `drop_out`.
+    /// Number of readings dropped by `drop_out`.
     pub fn dropped(&self) -> u64 {
         self.dropped
     }

@@ -27,11 +27,11 @@ pub struct JointErrors {
     pub bias: PerJoint,
     /// Standard deviation of the change of the bias in one second. Default 0.
     pub bias_walk: PerJoint,
-    /// Standard deviation of the scale's error, as a share of the reading. Default 0.
+    /// Standard deviation of the scale error, as a fraction of the reading. Default 0.
     pub scale_error: PerJoint,
     /// Step of the readings; 0 for continuous ones, the default. A count of `n` bits a turn is `2 pi / 2^n`.
     pub resolution: PerJoint,
-    /// Largest reading, of either sign. Default: no end.
+    /// Largest magnitude of a reading. Default: unlimited.
     pub range: Option<PerJoint>,
 }
 
@@ -77,10 +77,10 @@ pub struct EncoderSettings {
     pub randomise: SensorRanges,
 }
 
-/// Settings that describe no sensor.
+/// An error of the joint sensor settings.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SettingsError {
-    /// A list of another length than the robot has joints.
+    /// A list's length differs from the number of joints.
     #[error(
         "{name} lists {found} numbers, the robot has {expected} joints: list one per joint, or give a single number"
     )]
@@ -89,17 +89,17 @@ pub enum SettingsError {
         name: String,
         /// Length of the list.
         found: usize,
-        /// Joints of the robot.
+        /// Number of joints of the robot.
         expected: usize,
     },
-    /// A number out of range.
+    /// A number is out of range.
     #[error("{name} = {value}: expected {expected}")]
     OutOfRange {
         /// The setting.
         name: String,
-        /// The number found.
+        /// The value found.
         value: f64,
-        /// The numbers expected.
+        /// The valid values.
         expected: &'static str,
     },
     /// Velocity errors were given for a differentiated velocity.
@@ -114,7 +114,7 @@ pub enum SettingsError {
     Latency {
         /// The latency, ns.
         latency_ns: u64,
-        /// Readings under way.
+        /// Readings in flight.
         frames: u64,
         /// The shortest period, ns.
         period_ns: u64,
@@ -124,7 +124,7 @@ pub enum SettingsError {
 }
 
 impl SettingsError {
-    /// The setting at fault.
+    /// Name of the invalid setting.
     pub fn setting(&self) -> &str {
         match self {
             Self::Count { name, .. } | Self::OutOfRange { name, .. } => name,
@@ -142,10 +142,10 @@ impl SettingsError {
 const LARGEST: f64 = 1e6;
 
 impl JointErrors {
-    /// The errors of each of `joints` joints, of the quantity `name`.
+    /// Returns the errors of each of `joints` joints for the quantity `name`.
     ///
     /// # Errors
-    /// A list of another length, a number below 0 or above 1e6.
+    /// A list has another length, or a number is not from 0 to 1e6.
     pub(super) fn resolve(&self, name: &str, joints: usize) -> Result<Vec<ErrorModel>, SettingsError> {
         let each = |key: &str, numbers: &PerJoint| {
             let name = format!("{name}.{key}");

@@ -1,29 +1,29 @@
-//! Filters of second order.
+//! Second-order filters.
 
 use std::f64::consts::TAU;
 
-/// The kind of a [`Biquad`].
+/// Shape of a [`Biquad`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BiquadShape {
     /// Passes frequencies below `frequency`. `q = 1 / sqrt(2)` gives a Butterworth filter.
     LowPass,
     /// Passes frequencies above `frequency`.
     HighPass,
-    /// Keeps the band about the frequency, of the width frequency / q, with a gain of 1 in its middle.
+    /// Passes a band of width `frequency / q` around `frequency`, with a gain of 1 in its centre.
     BandPass,
     /// Rejects a band of width `frequency / q` around `frequency`.
     Notch,
 }
 
-/// A filter that cannot be.
+/// Invalid filter parameters.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum BiquadError {
-    /// A frequency outside of zero to half the rate.
+    /// The frequency is not between zero and half the sample rate.
     #[error("a frequency of {frequency_hz} Hz at {rate_hz} samples a second: expected one above 0 and below {}", 0.5 * .rate_hz)]
     Frequency {
         /// The frequency, Hz.
         frequency_hz: f64,
-        /// The rate of the samples, Hz.
+        /// The sample rate, Hz.
         rate_hz: f64,
     },
     /// The quality is not positive.
@@ -57,10 +57,10 @@ pub struct Biquad {
 }
 
 impl Biquad {
-    /// A filter for `rate_hz` samples a second.
+    /// Creates a filter for `rate_hz` samples per second.
     ///
     /// # Errors
-    /// A frequency outside of zero to half the rate, a quality that is not positive.
+    /// The frequency is not between zero and half the rate, or the quality is not positive.
     pub fn new(shape: BiquadShape, frequency_hz: f64, q: f64, rate_hz: f64) -> Result<Self, BiquadError> {
         if !(frequency_hz > 0.0 && frequency_hz < 0.5 * rate_hz && rate_hz.is_finite()) {
             return Err(BiquadError::Frequency { frequency_hz, rate_hz });
@@ -80,7 +80,7 @@ impl Biquad {
         Ok(Self { b: b.map(|b| b * scale), a: [-2.0 * cos * scale, (1.0 - alpha) * scale], state: None })
     }
 
-    /// The output after the next sample.
+    /// Adds a sample and returns the output.
     pub fn update(&mut self, input: f64) -> f64 {
         let (b, a) = (self.b, self.a);
         let [first, second] = self.state.unwrap_or_else(|| {
@@ -94,7 +94,7 @@ impl Biquad {
         output
     }
 
-    /// The gain of a sine of `turns` periods a sample, from 0 to 0.5.
+    /// Returns the gain at a frequency of `turns` periods per sample, from 0 to 0.5.
     pub fn gain(&self, turns: f64) -> f64 {
         let size = |coefficients: [f64; 3]| {
             let part = |of: fn(f64) -> f64| -> f64 {
@@ -105,7 +105,7 @@ impl Biquad {
         size(self.b) / size([1.0, self.a[0], self.a[1]])
     }
 
-    /// Forgets every sample.
+    /// Resets the filter to its state before the first sample.
     pub fn reset(&mut self) {
         self.state = None;
     }
@@ -117,7 +117,7 @@ mod tests {
 
     /// `scipy.signal.butter(2, 50, fs=1000)` of scipy 1.17.1.
     #[test]
-    fn the_low_pass_of_quality_one_over_root_two_is_butterworths() {
+    fn low_pass_with_default_quality_is_butterworth() {
         let filter =
             Biquad::new(BiquadShape::LowPass, 50.0, std::f64::consts::FRAC_1_SQRT_2, 1000.0).unwrap();
         let (b, a) = (

@@ -38,8 +38,8 @@ pub struct ComplementaryFilter {
 }
 
 impl ComplementaryFilter {
-    /// A filter with gains `kp` \[1/s\], the frequency at which the two sensors change over in rad/s, and
-    /// `ki` \[1/s2\] of the bias. It starts level.
+    /// Creates a filter with the gains `kp` \[1/s\], which is the crossover frequency of the two sensors in
+    /// rad/s, and `ki` \[1/s2\] of the bias. It starts level.
     pub fn new(kp: f64, ki: f64) -> Self {
         let (attitude, bias) = (UnitQuaternion::identity(), Vector3::zeros());
         Self { kp, ki, tolerance: 0.5, gravity: 9.81, attitude, bias }
@@ -71,12 +71,12 @@ impl ComplementaryFilter {
         self.attitude = UnitQuaternion::new_normalize((self.attitude * so3::exp(&(rate * dt))).into_inner());
     }
 
-    /// The attitude of the sensor in the world.
+    /// Attitude of the sensor in the world.
     pub fn attitude(&self) -> UnitQuaternion<f64> {
         self.attitude
     }
 
-    /// The bias of the gyroscope \[rad/s\].
+    /// Bias of the gyroscope \[rad/s\].
     pub fn bias(&self) -> Vector3<f64> {
         self.bias
     }
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn a_small_tilt_decays_at_the_rate_kp() {
+    fn small_tilt_decays_at_the_rate_kp() {
         let mut filter = ComplementaryFilter::new(2.0, 0.0);
         filter.reset(UnitQuaternion::from_euler_angles(0.01, 0.0, 0.0));
         for _ in 0..1000 {

@@ -9,14 +9,14 @@ use nalgebra::{SMatrix, SVector};
 )]
 pub struct SingularInnovation;
 
-/// The linear Kalman filter of `N` states.
+/// A linear Kalman filter with `N` states.
 ///
 /// ```text
 /// predict:  x = F x + u         P = F P F' + Q
 /// update:   K = P H' S^-1       S = H P H' + R     x = x + K (z - H x)   P = (1 - K H) P (1 - K H)' + K R K'
 /// ```
 ///
-/// Kalman 1960; the covariance in Joseph's form, which stays symmetric and positive by construction.
+/// Kalman 1960. The covariance update uses Joseph's form, which stays symmetric and positive by construction.
 /// Measurements of several sizes may be mixed. Nothing allocates.
 ///
 /// ```
@@ -37,28 +37,27 @@ pub struct SingularInnovation;
 pub struct KalmanFilter<const N: usize> {
     /// The estimate `x`.
     pub state: SVector<f64, N>,
-    /// Covariance `P` of its error.
+    /// Covariance `P` of the estimation error.
     pub covariance: SMatrix<f64, N, N>,
 }
 
 impl<const N: usize> KalmanFilter<N> {
-    /// A filter that starts from this estimate.
+    /// Creates a filter that starts from this estimate.
     pub fn new(state: SVector<f64, N>, covariance: SMatrix<f64, N, N>) -> Self {
         Self { state, covariance }
     }
 
-    /// Predicts one step with the transition `f`, the known input `u` and the covariance `q` of the process
-    /// noise.
+    /// Predicts one step with the transition `f`, the known input `u` and the process noise covariance `q`.
     pub fn predict(&mut self, f: &SMatrix<f64, N, N>, u: &SVector<f64, N>, q: &SMatrix<f64, N, N>) {
         self.state = f * self.state + u;
         self.covariance = f * self.covariance * f.transpose() + q;
     }
 
-    /// Takes in a measurement `z = H x` with noise of covariance `r`. Returns the normalised innovation
-    /// squared `y' S^-1 y`, which has the mean `M` when filter and noise agree.
+    /// Adds a measurement `z = H x` whose noise has the covariance `r`. Returns the normalised innovation
+    /// squared `y' S^-1 y`, whose mean is `M` if the filter's noise covariances are right.
     ///
     /// # Errors
-    /// [`SingularInnovation`]; nothing has changed then.
+    /// [`SingularInnovation`]; the filter is unchanged then.
     pub fn update<const M: usize>(
         &mut self,
         h: &SMatrix<f64, M, N>,
@@ -85,7 +84,7 @@ mod tests {
     use crate::noise::Noise;
 
     #[test]
-    fn measurements_of_a_constant_are_averaged_by_their_weights() {
+    fn measurements_of_a_constant_are_averaged_by_weight() {
         let mut filter = KalmanFilter::new(vector![0.0], matrix![1e12]);
         for (z, variance) in [(1.0, 1.0), (4.0, 2.0), (-2.0, 0.5)] {
             filter.update(&matrix![1.0], &matrix![variance], &vector![z]).unwrap();
@@ -118,7 +117,8 @@ mod tests {
         }
     }
 
-    /// Bounds are five standard deviations of the mean; innovations of a right filter are independent.
+    /// Bounds are five standard deviations of the mean; the innovations of a consistent filter are
+    /// independent.
     #[test]
     fn innovations_are_consistent_with_their_covariance() {
         let (f, h) = (matrix![1.0, 0.1; 0.0, 1.0], matrix![1.0, 0.0]);

@@ -44,7 +44,7 @@ impl LowPass {
         value
     }
 
-    /// The share of a step of the input that is in the output after `dt` \[s\]: `1 - exp(-2 pi f_c dt)`.
+    /// Returns the fraction of an input step that is in the output after `dt` \[s\]: `1 - exp(-2 pi f_c dt)`.
     pub fn share(cutoff_hz: f64, dt: f64) -> f64 {
         -(-TAU * cutoff_hz * dt).exp_m1()
     }
@@ -54,7 +54,7 @@ impl LowPass {
         self.value
     }
 
-    /// Forgets every sample.
+    /// Resets the filter to its state before the first sample.
     pub fn reset(&mut self) {
         self.value = None;
     }
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sine_at_the_cut_off_loses_three_decibels() {
+    fn sine_at_the_cutoff_loses_three_decibels() {
         let mut filter = LowPass::new(5.0);
         let dt = 1e-5;
         let mut most = 0.0_f64;
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sample_without_time_changes_nothing_and_a_reset_forgets() {
+    fn zero_length_sample_has_no_effect_and_reset_clears() {
         let mut filter = LowPass::new(5.0);
         filter.update(1.0, 1e-3);
         assert_eq!(filter.update(9.0, 0.0), 1.0);

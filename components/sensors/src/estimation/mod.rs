@@ -1,8 +1,8 @@
 //! State estimation: signal filters, Kalman filters, and the base of a legged robot.
 //!
-//! - [`LowPass`], [`Biquad`]: filters of a signal of constant rate.
+//! - [`LowPass`], [`Biquad`]: filters of a signal with a constant rate.
 //! - [`SlopeEstimator`]: velocity and its delay from positions.
-//! - [`ComplementaryFilter`]: an attitude from gyroscope and accelerometer.
+//! - [`ComplementaryFilter`]: attitude from gyroscope and accelerometer.
 //! - [`KalmanFilter`]: the linear filter, with sizes known at compile time.
 //! - [`InvariantFilter`]: pose and velocity of a legged base from an inertial measurement unit and the
 //!   contacts of its feet.

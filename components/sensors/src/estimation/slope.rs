@@ -42,10 +42,10 @@ pub struct SlopeEstimator {
 }
 
 impl SlopeEstimator {
-    /// An estimator over the last `samples` samples.
+    /// Creates an estimator over the last `samples` samples.
     ///
     /// # Panics
-    /// On fewer than two.
+    /// If `samples` is less than two.
     pub fn new(samples: usize) -> Self {
         assert!(samples >= 2, "a line through {samples} samples");
         Self { samples: vec![(0.0, 0.0); samples], next: 0, count: 0 }
@@ -83,7 +83,7 @@ impl SlopeEstimator {
         Some(Slope { velocity: product / spread, delay: -time, noise_gain: spread.sqrt().recip() })
     }
 
-    /// Forgets every sample.
+    /// Removes all samples.
     pub fn reset(&mut self) {
         self.count = 0;
     }

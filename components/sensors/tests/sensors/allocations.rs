@@ -8,7 +8,7 @@ use motorium_robots::PerJoint;
 use motorium_sensors::encoder::{Differentiation, EncoderModel, EncoderSettings, JointErrors};
 
 #[test]
-fn sampling_and_reading_allocate_nothing() {
+fn sampling_and_reading_do_not_allocate() {
     for differentiate in [None, Some(Differentiation { cutoff_hz: 100.0 })] {
         let all = |number: f64| PerJoint::All(number);
         let settings = EncoderSettings {

@@ -1,4 +1,4 @@
-//! The colour camera and the estimator of blobs in graphs.
+//! The colour camera and the blob estimator in graphs.
 
 use motorium::component::Component;
 use motorium::prelude::*;
@@ -11,7 +11,7 @@ use motorium_sensors::component::rays::{AlongRays, Camera};
 #[serde(deny_unknown_fields)]
 struct Nothing {}
 
-/// Keeps the last image, and the age of each on arrival.
+/// Keeps the last image and the age of each image on arrival.
 struct Keeper {
     image: motorium::transport::SliceInput<u8>,
     count: u64,
@@ -179,7 +179,7 @@ fn moving_ball_is_predicted_to_the_present() {
 }
 
 #[test]
-fn a_camera_sees_objects_of_a_world_of_mjcf_in_their_colours() {
+fn camera_sees_mjcf_objects_in_their_colours() {
     let file = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("camera-yard.xml");
     let text = r#"<mujoco><asset><material name="red" rgba="0.9 0.05 0.05 1"/></asset><worldbody>
       <geom type="plane" size="0 0 1" rgba="0.05 0.8 0.05 1"/>
@@ -276,7 +276,7 @@ fn invalid_camera_and_object_settings_are_rejected() {
     }
 }
 
-/// A square ring about the x axis, 0.4 m wide with a hole of 0.2 m, 0.02 m thick. In OBJ.
+/// A square ring about the x axis, 0.4 m wide with a hole of 0.2 m, 0.02 m thick, as OBJ.
 fn ring() -> String {
     let corners = |half: f64, x: f64| {
         [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(y, z)| (x, y * half, z * half))

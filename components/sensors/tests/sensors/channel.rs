@@ -1,4 +1,4 @@
-//! The errors of a measured quantity, against their own statistics. Tolerances are five standard errors.
+//! Errors of a measured quantity, compared with their statistics. Tolerances are five standard errors.
 
 use motorium_sensors::channel::{Channel, ErrorModel};
 
@@ -28,7 +28,7 @@ fn noise_is_white_with_the_configured_deviation() {
 }
 
 #[test]
-fn a_bias_walks_with_the_root_of_the_time_whatever_the_rate() {
+fn bias_walk_grows_with_root_time_at_any_rate() {
     let errors = ErrorModel { bias_walk: 0.02, ..ErrorModel::default() };
     for (steps, dt) in [(100_u32, 1e-2), (1000, 1e-3)] {
         let ends: Vec<f64> = (0..2000)
@@ -50,7 +50,7 @@ fn a_bias_walks_with_the_root_of_the_time_whatever_the_rate() {
 }
 
 #[test]
-fn bias_and_scale_are_drawn_once_for_each_axis() {
+fn bias_and_scale_are_sampled_once_per_axis() {
     let errors = ErrorModel { bias: 0.5, scale_error: 0.01, ..ErrorModel::default() };
     let mut channel = Channel::new("x", &errors, 2000, 9, 0).unwrap();
     let measure = |channel: &mut Channel, truth: f64| {
@@ -69,7 +69,7 @@ fn bias_and_scale_are_drawn_once_for_each_axis() {
 }
 
 #[test]
-fn readings_lie_on_the_steps_and_within_the_range() {
+fn readings_are_quantised_and_within_the_range() {
     let errors = ErrorModel { noise: 1.0, resolution: 0.25, range: Some(1.5), ..ErrorModel::default() };
     let mut channel = Channel::new("x", &errors, 1, 4, 0).unwrap();
     let mut ends = 0;
@@ -80,7 +80,7 @@ fn readings_lie_on_the_steps_and_within_the_range() {
         assert!(value[0].abs() <= 1.5);
         ends += u32::from(value[0].abs() == 1.5);
     }
-    assert!(ends > 50, "some are cut off");
+    assert!(ends > 50, "some readings saturate");
 }
 
 #[test]

@@ -7,7 +7,8 @@ use motorium::testing::{Graph, Instance, Probe, Source, machine};
 use motorium::worker::Kind;
 use motorium_sensors::JointEncoder;
 
-/// An encoder with this `config` table and a probe of its readings, both behind `truth`.
+/// Returns a graph with an encoder that has this `config` table and a probe of its readings, both after
+/// `truth`.
 fn graph(truth: Source, config: &str) -> (Graph, Probe<JointState>) {
     let config: toml::Table = format!("config = {{ {config} }}").parse().unwrap();
     let encoder = Instance::of::<JointEncoder>("encoder")
@@ -20,7 +21,7 @@ fn graph(truth: Source, config: &str) -> (Graph, Probe<JointState>) {
     (Graph::new("encoder").robot("rod", "pendulum").with(truth).with(encoder).with(&readings), readings)
 }
 
-/// The true joint state: at tick k the position is k thousandths, before tick `end`.
+/// The true joint state: at tick k the position is k thousandths. It ends at tick `end`.
 fn truth(end: u64) -> Source {
     Source::new("truth", "rod/true_state", move |tick| {
         (tick.index < end).then(|| joint_state(tick.index as f64 * 1e-3))
@@ -36,8 +37,8 @@ fn joint_state(position: f64) -> JointState {
     state
 }
 
-/// A run of 100 ms with a truth of 50 ms: for each reading the tick at which it was seen, position, velocity
-/// and effort.
+/// Runs for 100 ms with a truth of 50 ms. Returns for each reading the tick at which it was seen, position,
+/// velocity and effort.
 fn run(config: &str) -> (Report, Vec<(u64, f64, f64, f64)>) {
     let (graph, probe) = graph(truth(50), config);
     let report = graph.run("100 ms").unwrap();
@@ -49,7 +50,7 @@ fn run(config: &str) -> (Report, Vec<(u64, f64, f64, f64)>) {
 }
 
 #[test]
-fn readings_come_late_by_the_latency_and_stop_with_the_truth() {
+fn readings_are_delayed_and_stop_with_the_truth() {
     let prompt = run("").1;
     let late = run(r#"latency = "7 ms""#).1;
     assert_eq!((prompt.len(), late.len()), (50, 50));
@@ -73,7 +74,7 @@ fn readings_are_quantised_noisy_and_reproducible() {
 }
 
 #[test]
-fn a_step_allocates_nothing() {
+fn step_does_not_allocate() {
     let (graph, _) = graph(
         truth(1000),
         r#"position = { resolution = 0.001, noise = 0.001, bias_walk = 0.1 }, latency = "3 ms", drop_out = 0.1"#,

@@ -37,7 +37,7 @@ fn foot_force_sums_its_links_without_self_contact() {
     let readings = run("", move |_, contacts| {
         contacts.set_count(4);
         contacts.link_mut().copy_from_slice(&[shank, shank, shank, thigh]);
-        // the ground, an object, a link of its own, the ground
+        // the ground, an object, another link of the robot, the ground
         contacts.other_mut().copy_from_slice(&[u32::MAX, 0, 65_536 + 3, u32::MAX]);
         contacts.force_x_mut().copy_from_slice(&[3.0, 0.0, 50.0, 50.0]);
         contacts.force_y_mut().fill(0.0);
@@ -72,7 +72,7 @@ fn contact_ends_below_the_lower_threshold() {
 }
 
 #[test]
-fn a_robot_without_feet_is_refused() {
+fn robot_without_feet_is_rejected() {
     let sensor = Instance::of::<FootContactSensor>("contact")
         .rate("1 kHz")
         .robot("arm")

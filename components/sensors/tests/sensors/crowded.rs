@@ -1,5 +1,5 @@
-//! More contact points than a message holds: the rest is merged and counted, and forces, moments and impulses
-//! are whole.
+//! More contact points than a message holds: excess points are merged and counted; forces, moments and
+//! impulses stay complete.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -29,7 +29,7 @@ fn table() -> String {
 }
 
 #[test]
-fn contacts_beyond_the_room_of_a_message_are_counted() {
+fn contacts_beyond_message_capacity_are_counted() {
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("crowded.urdf");
     std::fs::write(&file, table()).unwrap();
     let physics = Instance::of::<ArticulatedPhysics>("physics")

@@ -32,7 +32,7 @@ fn noise(deviation: f64) -> JointErrors {
     JointErrors { noise: PerJoint::All(deviation), ..JointErrors::default() }
 }
 
-/// Positions in steps.
+/// Errors with a position resolution.
 fn stepped(resolution: PerJoint) -> JointErrors {
     JointErrors { resolution, ..JointErrors::default() }
 }
@@ -48,7 +48,7 @@ fn noisy(seed: u64) -> EncoderSettings {
 }
 
 #[test]
-fn an_ideal_encoder_reads_the_truth_at_once() {
+fn ideal_encoder_reads_the_truth_immediately() {
     let mut encoder = encoder(2, &EncoderSettings::default());
     encoder.sample(7, &[0.1, -3.0], &[1.0, 2.0], &[5.0, -6.0]).unwrap();
     let reading = encoder.reading(7).unwrap();
@@ -76,14 +76,14 @@ fn noise_is_normal_with_the_configured_deviation() {
         let within = |bound: f64| standard.iter().filter(|z| z.abs() < bound).count() as f64 / n;
         assert!((within(1.0) - 0.682_689).abs() < 5.0 * (0.2166 / n).sqrt());
         assert!((within(2.0) - 0.954_500).abs() < 5.0 * (0.0434 / n).sqrt());
-        // white: nothing of one sample is left in the next
+        // white noise: consecutive samples are uncorrelated
         let lag = standard.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / n;
         assert!(lag.abs() < 5.0 / n.sqrt(), "autocorrelation {lag}");
     }
 }
 
 #[test]
-fn the_noises_of_position_velocity_and_effort_are_independent() {
+fn position_velocity_and_effort_noise_is_independent() {
     let samples = 50_000_u64;
     let [position, velocity, effort] = readings(&noisy(3), samples);
     let correlation = |a: &[f64], b: &[f64]| {
@@ -117,7 +117,7 @@ fn noise_channels_are_independent() {
 }
 
 #[test]
-fn a_position_is_the_nearest_whole_number_of_steps() {
+fn positions_are_rounded_to_the_nearest_step() {
     let step = TAU / 8192.0;
     let settings = EncoderSettings { position: stepped(PerJoint::All(step)), ..EncoderSettings::default() };
     let mut encoder = encoder(1, &settings);
@@ -132,7 +132,7 @@ fn a_position_is_the_nearest_whole_number_of_steps() {
 }
 
 #[test]
-fn noisy_positions_lie_on_the_steps_too() {
+fn noisy_positions_are_quantised() {
     let settings = EncoderSettings {
         position: JointErrors { noise: PerJoint::All(2e-3), ..stepped(PerJoint::All(1e-3)) },
         ..noisy(1)
@@ -145,7 +145,7 @@ fn noisy_positions_lie_on_the_steps_too() {
 }
 
 #[test]
-fn every_joint_has_its_own_resolution_and_noise() {
+fn resolution_and_noise_are_configured_per_joint() {
     let settings = EncoderSettings {
         position: JointErrors {
             noise: PerJoint::Each(vec![0.0, 1e-3]),
@@ -178,7 +178,7 @@ fn whole_period_latency_delays_by_exact_ticks() {
 }
 
 #[test]
-fn a_latency_of_half_a_period_shows_at_the_next_tick() {
+fn half_period_latency_delays_to_the_next_tick() {
     let settings = EncoderSettings { latency: TimeSpan { ns: PERIOD_NS / 2 }, ..EncoderSettings::default() };
     let mut encoder = encoder(1, &settings);
     encoder.sample(0, &[1.0], &[0.0], &[0.0]).unwrap();
@@ -206,13 +206,13 @@ fn differentiated_velocity_is_a_first_order_low_pass() {
 }
 
 #[test]
-fn a_differentiated_velocity_shows_the_steps_of_the_position() {
+fn differentiated_velocity_shows_position_quantisation() {
     let step = 1e-3;
     let settings = EncoderSettings { position: stepped(PerJoint::All(step)), ..differentiated(1e6) };
     let mut encoder = encoder(1, &settings);
     for k in 0..1000_u64 {
         encoder.sample(k * PERIOD_NS, &[0.3e-3 * k as f64], &[0.3], &[0.0]).unwrap();
-        // one step a millisecond, or none
+        // zero or one step per millisecond
         let read = encoder.reading(k * PERIOD_NS).unwrap().velocity[0];
         assert!(read.abs() < 1e-6 || (read - 1.0).abs() < 1e-6, "{read} rad/s at {k}");
     }
@@ -233,7 +233,7 @@ fn repeated_and_restarted_times_keep_velocity_finite() {
 }
 
 #[test]
-fn a_joint_state_of_another_size_is_refused() {
+fn joint_state_of_another_size_is_rejected() {
     let error =
         encoder(2, &EncoderSettings::default()).sample(0, &[0.0; 3], &[0.0; 2], &[0.0; 2]).unwrap_err();
     assert_eq!(error, SampleError { position: 3, velocity: 2, effort: 2, joints: 2 });
@@ -260,7 +260,7 @@ fn invalid_settings_are_rejected() {
 }
 
 #[test]
-fn settings_are_read_from_a_file_with_one_number_or_a_list() {
+fn settings_accept_one_number_or_a_list() {
     let text = r#"{"position": {"resolution": [0.001, 0.0], "noise": 0.002}, "latency": "500 us",
                    "differentiate": {"cutoff_hz": 80.0}}"#;
     let settings: EncoderSettings = serde_json::from_str(text).unwrap();
@@ -273,7 +273,7 @@ fn settings_are_read_from_a_file_with_one_number_or_a_list() {
 }
 
 #[test]
-fn readings_end_at_the_range_of_their_joint() {
+fn readings_saturate_at_the_joint_range() {
     let ended = |range: PerJoint| JointErrors { range: Some(range), ..JointErrors::default() };
     let settings = EncoderSettings {
         position: ended(PerJoint::Each(vec![0.5, 9.0])),
@@ -290,7 +290,7 @@ fn readings_end_at_the_range_of_their_joint() {
     );
 }
 
-/// Five standard errors of the deviation of 2000 numbers.
+/// Five standard errors of the standard deviation of 2000 numbers.
 const OF_2000: f64 = 5.0 / 63.2;
 
 #[test]
@@ -313,7 +313,7 @@ fn bias_and_scale_errors_are_constant_per_joint() {
 }
 
 #[test]
-fn a_bias_walks_with_the_root_of_the_time_of_the_states() {
+fn bias_walk_grows_with_the_root_of_state_time() {
     let joints = 2000;
     let effort = JointErrors { bias_walk: PerJoint::All(0.3), ..JointErrors::default() };
     let settings = EncoderSettings { effort, ..EncoderSettings::default() };

@@ -30,7 +30,7 @@ fn number(report: &Report, key: &str) -> f64 {
     report.results["estimator"]["score"][key].as_f64().unwrap_or_else(|| panic!("{key}: {report:?}"))
 }
 
-/// The drift is that at the end, relative to the distance from the start.
+/// The drift is the final drift, relative to the distance from the start.
 #[test]
 fn trot_drift_and_attitude_error_are_bounded() {
     for seed in ["1", "2", "3"] {
@@ -44,7 +44,7 @@ fn trot_drift_and_attitude_error_are_bounded() {
 }
 
 #[test]
-fn the_truth_is_used_for_nothing_but_the_score() {
+fn truth_is_used_for_the_score_only() {
     let without =
         "{ imu = \"quadruped/imu\", joint_state = \"quadruped/joint_state\", feet = \"quadruped/feet\" }";
     let (one, other) = (run(&[], "1 s"), run(&[("component.estimator.subscribe", without)], "1 s"));

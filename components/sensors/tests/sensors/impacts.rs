@@ -7,7 +7,7 @@ use motorium::testing::{Graph, Instance, Probe};
 use motorium_physics::ArticulatedPhysics;
 use motorium_sensors::component::force_torque::ForceTorque;
 
-/// A fixed plate of 2 kg, 0.3 m from the origin, and a pointer that turns next to it.
+/// A fixed plate of 2 kg, 0.3 m from the origin, and a pointer that rotates next to it.
 const PLATE: &str = r#"<robot name="plate">
   <link name="stand"/>
   <joint name="mounting" type="fixed"><parent link="stand"/><child link="plate"/><origin xyz="0.3 0 0.1"/></joint>
@@ -41,7 +41,7 @@ struct Sums {
     ball: f64,
 }
 
-/// A run with a sensor at 50 Hz that reads contacts from this port of physics, at 1 kHz.
+/// Runs a sensor at 50 Hz that reads contacts from this port of the 1 kHz physics.
 fn sums(port: &str) -> Sums {
     let folder = std::env::temp_dir().join(format!("motorium-impacts-{port}-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
@@ -80,7 +80,7 @@ fn sums(port: &str) -> Sums {
 
     let (readings, poses) = (readings.samples(), poses.samples());
     assert!(readings.len() > 60, "{}", readings.len());
-    // Every impact is between two readings; the first reading ends the interval before.
+    // Every impact is between two readings; the first reading completes the previous interval.
     let (first, last) = (&readings[0], &readings[readings.len() - 1]);
     let mut read = [0.0; 2];
     for pair in readings.windows(2) {
@@ -104,14 +104,14 @@ fn sums(port: &str) -> Sums {
 #[test]
 fn slow_sensor_readings_sum_to_the_impact_impulses() {
     let Sums { read: [impulse, moment], ball } = sums("contact_impulses");
-    assert!(ball > 1.0, "it bounces: {ball} N s");
+    assert!(ball > 1.0, "the ball bounces: {ball} N s");
     assert!((impulse - ball).abs() < 2e-3, "{impulse}, {ball} N s");
-    // the ball falls 0.1 m off the origin of the plate; the sensor holds the plate against it
+    // the ball falls 0.1 m from the origin of the plate; the sensor supports the plate against the moment
     assert!((moment + 0.1 * ball).abs() < 1e-3, "{moment}, {ball}");
 }
 
 #[test]
-fn contact_points_of_single_moments_do_not() {
+fn instantaneous_contacts_miss_impact_impulses() {
     let Sums { read: [impulse, _], ball } = sums("contacts");
     assert!((impulse - ball).abs() > 0.1, "{impulse}, {ball} N s");
 }

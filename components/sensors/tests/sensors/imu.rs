@@ -13,7 +13,7 @@ fn ideal() -> ImuModel {
     ImuModel::new(&ErrorModel::default(), &ErrorModel::default(), GRAVITY, 0).unwrap()
 }
 
-/// Readings at 1 kHz of a motion of the time \[s\].
+/// Returns readings at 1 kHz of a motion given as a function of time \[s\].
 fn readings(imu: &mut ImuModel, motion: impl Fn(f64) -> SensorMotion, samples: u64) -> Vec<ImuReading> {
     (0..samples).filter_map(|k| imu.sample(k * 1_000_000, &motion(k as f64 * 1e-3))).collect()
 }
@@ -117,7 +117,7 @@ fn noise_and_drop_outs_are_reproducible() {
 }
 
 #[test]
-fn sampling_allocates_nothing() {
+fn sampling_does_not_allocate() {
     let errors = ErrorModel {
         noise: 0.1,
         bias_walk: 0.1,

@@ -1,4 +1,4 @@
-//! The contact-aided invariant filter, against closed forms, finite differences and its own statistics.
+//! The contact-aided invariant filter, compared with closed forms, finite differences and its own statistics.
 
 use motorium_robots::lie::so3;
 use motorium_sensors::estimation::{
@@ -39,7 +39,7 @@ fn deviations() -> StartDeviations {
     }
 }
 
-/// Invariant error of an estimate and errors of its biases.
+/// Returns the invariant error of an estimate and the errors of its biases.
 fn error(estimate: &FilterState, truth: &FilterState) -> SVector<f64, 15> {
     let turn = estimate.rotation * truth.rotation.inverse();
     let phi = so3::log(&turn);
@@ -54,7 +54,7 @@ fn error(estimate: &FilterState, truth: &FilterState) -> SVector<f64, 15> {
     SVector::from_fn(|row, _| parts[row / 3][row % 3])
 }
 
-/// The state that has this error relative to `truth`.
+/// Returns the state with this error relative to `truth`.
 fn perturbed(truth: &FilterState, xi: &SVector<f64, 15>) -> FilterState {
     let part = |index: usize| xi.fixed_rows::<3>(3 * index).into_owned();
     let (turn, left) = (so3::exp(&part(0)), so3::left_jacobian(&part(0)));
@@ -95,9 +95,9 @@ fn thrown_body_follows_its_parabola() {
     assert!((end.position - Vector3::new(0.5, 0.0, 1.5 - 0.5 * 9.81 * 0.25)).norm() < 1e-14);
 }
 
-/// Columns of the law of the error by central differences of the propagation itself.
+/// Columns of the error dynamics, by central differences of the propagation itself.
 #[test]
-fn the_covariance_moves_by_the_derivative_of_the_propagation() {
+fn covariance_propagation_matches_finite_differences() {
     let (omega, force, dt) = (Vector3::new(0.3, -0.5, 0.8), Vector3::new(0.5, -1.0, 9.5), 1e-3);
     let start = some_state();
     let truth = propagated(&start, &omega, &force, dt);
@@ -152,8 +152,8 @@ impl Walk {
         values.into()
     }
 
-    /// A run of `steps` steps from a start with the deviations of the filter; the filter and the truth at the
-    /// end.
+    /// Runs `steps` steps from a start with the filter's deviations. Calls `each` with the filter and the
+    /// truth.
     fn run(seed: u64, steps: u32, mut each: impl FnMut(&InvariantFilter, &FilterState)) {
         let start = some_state();
         let mut walk = Self {
@@ -165,7 +165,7 @@ impl Walk {
         };
         let mut filter = InvariantFilter::new(2, WALKING, GRAVITY);
         filter.start(&start, &deviations());
-        // a truth that is drawn about the start
+        // a truth sampled around the start
         let d = deviations();
         let tilt = walk.normal(d.tilt);
         let yaw = walk.normal(d.yaw).z;
@@ -210,7 +210,7 @@ impl Walk {
         self.truth.accelerometer_bias += walks.1;
         filter.propagate(&readings.0, &readings.1, dt);
         for foot in 0..2_u32 {
-            // each is in the air for a third of its stride, in turn
+            // each foot is in the air for a third of its stride, alternately
             let phase = (step + 30 * foot) % 60;
             let index = foot as usize;
             if phase < 20 {
@@ -290,7 +290,7 @@ fn innovations_are_consistent() {
     assert!((mean - 3.0).abs() < 5.0 * (6.0 / count).sqrt(), "{mean} over {count}");
 }
 
-/// Position and the angle about the vertical: the paper's unobservable directions. The others settle.
+/// Position and yaw are the paper's unobservable directions. The others settle.
 #[test]
 fn contacts_do_not_observe_position_or_yaw() {
     // At rest: a velocity known in world axes would reveal the heading.
@@ -355,7 +355,7 @@ fn rolling_foot_keeps_the_errors_unchanged() {
     assert_eq!(filter.invariant_covariance(), before);
     assert!((filter.foot(0).unwrap() - place - some_state().rotation * distance).norm() < 1e-15);
     let moved = ContactKinematics { position: position + distance, ..contact };
-    assert!(filter.correct(0, &moved).unwrap() < 1e-20, "it is where it was expected");
+    assert!(filter.correct(0, &moved).unwrap() < 1e-20, "the foot is at its expected position");
     filter.lift(0);
     assert_eq!((filter.contacts(), filter.foot(0)), (0, None));
 }

@@ -1,4 +1,4 @@
-//! `sensor.force_torque` and `sensor.joint_torque`: their library against Newton-Euler, and in graphs against
+//! `sensor.force_torque` and `sensor.joint_torque`: the library compared with Newton-Euler, and graphs with
 //! closed forms.
 
 use std::path::Path;
@@ -15,7 +15,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
-/// Position and velocity of a motion of constant acceleration from `q`, `v` and `a`.
+/// Position and velocity at a time, for a constant acceleration `a` from `q` and `v`.
 fn state_at(time: f64, q: &[f64], v: &[f64], a: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let positions = q.iter().zip(v).zip(a).map(|((q, v), a)| q + v * time + 0.5 * a * time * time);
     (positions.collect(), v.iter().zip(a).map(|(v, a)| v + a * time).collect())
@@ -48,7 +48,7 @@ fn joint_torques_match_newton_euler() {
         let largest = expected.iter().fold(0.0_f64, |most, tau| most.max(tau.abs()));
         for (joint, expected) in expected.iter().enumerate() {
             if model.joint(joint).kind == JointKind::Prismatic {
-                // a finger mimicked by another: the drive bears both
+                // a mimicked finger: the drive bears both
                 continue;
             }
             let body = model.joint_body(joint);
@@ -78,7 +78,7 @@ fn external_force_reduces_only_the_loads_above_it() {
 }
 
 #[test]
-fn sampling_allocates_nothing() {
+fn sampling_does_not_allocate() {
     let model = load("panda", Path::new(".")).unwrap().model;
     let mut loads = Loads::new(&model, GRAVITY);
     let mut kinematics = Kinematics::new(&model);
@@ -135,7 +135,7 @@ fn at_rest_reads_weight_and_lever_in_sensor_axes() {
         assert!(readings.len() > 90);
         let weight = 9.81;
         for Wrench { force, torque } in readings {
-            // up in the axes of the rod
+            // upwards, in the axes of the rod
             assert!(
                 near(force, [-weight * angle.sin(), 0.0, weight * angle.cos()], 1e-9),
                 "{angle}: {force:?}"
@@ -147,7 +147,7 @@ fn at_rest_reads_weight_and_lever_in_sensor_axes() {
 }
 
 #[test]
-fn its_place_in_the_link_moves_the_point_and_turns_the_axes() {
+fn sensor_pose_changes_reference_point_and_axes() {
     let config = "link = \"rod\", position = [0.0, 0.0, -1.0], rpy = [0.0, 0.0, 1.5707963267948966]";
     let (_, readings) = held(std::f64::consts::FRAC_PI_2, config);
     for Wrench { force, torque } in readings {
@@ -163,7 +163,7 @@ fn errors_latency_and_range_match_the_configuration() {
     let ((one, readings), (two, _)) = (held(0.0, config), held(0.0, config));
     assert_eq!(one.state_hash, two.state_hash);
     assert!((80..=90).contains(&readings.len()), "{}", readings.len());
-    assert!(readings.iter().all(|reading| reading.force[2] == 9.0), "beyond the range");
+    assert!(readings.iter().all(|reading| reading.force[2] == 9.0), "readings saturate at the range");
     assert!(readings.iter().all(|reading| (reading.force[0] * 2.0).fract() == 0.0));
     let count = readings.len() as f64;
     let deviation = (readings.iter().map(|reading| reading.torque[1].powi(2)).sum::<f64>() / count).sqrt();
@@ -204,7 +204,7 @@ fn leg_in_free_fall_reads_zero_at_any_attitude() {
     }
 }
 
-/// The pendulum swings in the simulation, driven by a torque that changes.
+/// The simulated pendulum, driven by a changing torque.
 fn swing(config: &str, subscribe_randomisation: bool) -> Vec<(f64, f64)> {
     let drive = Source::new("drive", "rod/command", |tick| {
         let mut command = JointCommand::default();
@@ -255,7 +255,7 @@ fn transmitted_torque_equals_the_drive_torque() {
     }
 }
 
-/// A push on the rod bears a share of the load: the joint passes on no more than its drive gives.
+/// An external push bears a share of the load: the joint transmits no more than its drive provides.
 #[test]
 fn pushes_of_the_graph_are_included() {
     let push = "pushes = [{ at = \"100 ms\", duration = \"200 ms\", link = \"tip\", force = [3.0, 0.0, 1.0], torque = [0.0, 0.7, 0.2] }]";
@@ -274,8 +274,7 @@ fn sensor_uses_sampled_masses_and_gravity() {
     assert!(nominal.iter().any(|(measured, applied)| (measured - applied).abs() > 0.5));
 }
 
-/// Four sensors in the hips of a standing robot: together they press the legs down with the weight of the
-/// base.
+/// Sensors in the four hips of a standing robot: together they carry the weight of the base.
 #[test]
 fn quadruped_hips_carry_the_base_weight() {
     let text = r#"
@@ -310,7 +309,7 @@ ground = {}
         graph = graph.with(sensor).with(probe);
     }
     let report = graph.run("2 s").unwrap();
-    // the hips turn about x by little: z of their frames is up
+    // the hips rotate slightly about x: z of their frames points up
     let sum: f64 = probes.iter().map(|probe| probe.values().last().unwrap().force[2]).sum();
     let base = 1.161 * 9.81;
     assert!((sum + base).abs() < 0.02 * base, "{sum} N, {base} N: {:?}", report.results["physics"]);

@@ -73,14 +73,14 @@ fn payload_above_the_sensor_is_not_weighed() {
     assert!((force - own * 9.81).abs() < 0.05, "{force} N, expected {}", own * 9.81);
 }
 
-/// Position, velocity and acceleration of a joint that swings.
+/// Position, velocity and acceleration of a swinging joint.
 fn swing(joint: usize, time: f64) -> [f64; 3] {
     let (rate, size) = (2.0 + 0.7 * joint as f64, 0.8 - 0.1 * joint as f64);
     let phase = rate * time + joint as f64;
     [size * phase.sin(), size * rate * phase.cos(), -size * rate * rate * phase.sin()]
 }
 
-/// Largest difference of readings and mean torques over each interval, for a sensor of `hertz`.
+/// Largest difference between readings and mean torques over each interval, for a sensor at `hertz`.
 fn error(hertz: f64) -> f64 {
     let joints = Source::new("joints", "r/state", |tick| {
         let mut state = JointState::default();

@@ -12,7 +12,7 @@ const GREEN: Colour = [0.1, 0.8, 0.2];
 const SKY: Colour = [0.1, 0.2, 0.9];
 const AMBIENT: f64 = 0.3;
 
-/// A scene of painted shapes.
+/// A scene of coloured shapes.
 #[derive(Default)]
 struct Scene {
     shapes: RayScene,
@@ -26,7 +26,7 @@ impl Scene {
         self
     }
 
-    /// A picture from a pose, in light of a direction.
+    /// Renders an image from a pose, in light from a direction.
     fn picture(mut self, camera: Pinhole, pose: &Isometry3<f64>, direction: [f64; 3]) -> Vec<Colour> {
         let light = Light { direction, ambient: AMBIENT, shadows: true };
         let looks = Looks { paints: self.paints.into(), sky: SKY, light };
@@ -182,7 +182,7 @@ fn shot_noise_grows_with_the_root_of_the_level() {
         let mean = all.iter().sum::<f64>() / n;
         let variance = all.iter().map(|level| (level - mean).powi(2)).sum::<f64>() / n;
         let level = 255.0 * part;
-        // rounding adds a twelfth
+        // rounding adds a variance of one twelfth
         let expected = level * 255.0 / 5000.0 + 4.0 + 1.0 / 12.0;
         assert!((mean - level).abs() < 5.0 * (expected / n).sqrt(), "{mean}, expected {level}");
         assert!(
@@ -197,7 +197,7 @@ fn shot_noise_grows_with_the_root_of_the_level() {
 }
 
 #[test]
-fn a_thing_of_another_hue_or_too_small_is_none() {
+fn objects_of_another_hue_or_too_small_are_not_found() {
     let camera = Pinhole::new(80, 60, 1.0);
     let scene = Scene::default().with(ball(0.2), [2.0, 0.0, 0.0], Paint::solid(GREEN));
     let picture = levels(&scene.picture(camera, &Isometry3::identity(), [1.0, 0.0, 0.0]));
@@ -212,7 +212,7 @@ fn a_thing_of_another_hue_or_too_small_is_none() {
 }
 
 #[test]
-fn settings_out_of_their_range_are_named() {
+fn settings_out_of_range_are_named() {
     for (colour, tolerance, least, setting) in [
         ([0.0; 3], 0.1, 0.0, "colour"),
         ([2.0, 0.0, 0.0], 0.1, 0.0, "colour"),

@@ -8,7 +8,7 @@ use motorium_sensors::component::place::{Altimeter, AtPlace, Gps, Magnetometer};
 use motorium_sensors::geodesy::{Geodetic, TangentPlane};
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// A base at (30, 40, 5) m, turned by a right angle to the left, which goes ahead at 2 m/s and up at 1 m/s.
+/// A base at (30, 40, 5) m, rotated by 90 degrees to the left, that moves forwards at 2 m/s and up at 1 m/s.
 fn truth() -> Source {
     Source::new("truth", "base", |_| {
         let rotation = UnitQuaternion::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2);
@@ -47,11 +47,11 @@ fn altimeter_reads_height_and_rate_of_its_mount() {
 }
 
 #[test]
-fn a_magnetometer_sees_the_north_where_the_base_has_it() {
+fn magnetometer_measures_north_in_base_axes() {
     let config = "field = [0.0, 2e-5, -4e-5], errors = { resolution = 1e-7 }";
     let readings: Vec<MagneticField> = run::<AtPlace<Magnetometer>, _>("magnetic_field", config, "100 ms");
     for reading in readings {
-        // the base looks to the north
+        // the base faces north
         let expected = [2e-5, 0.0, -4e-5];
         assert!(reading.field.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-12));
     }
@@ -78,7 +78,7 @@ fn fix_matches_the_tangent_plane_with_stated_errors() {
         assert!((ratio - 1.0).abs() < 5.0 * (2.0 / n).sqrt(), "axis {axis}: {ratio}");
         assert_eq!(fixes[0].position_deviation[axis], deviation);
     }
-    // ahead is to the north
+    // forwards is north
     for (axis, speed) in [0.0, 2.0, 1.0].into_iter().enumerate() {
         let found = fixes.iter().map(|fix| fix.velocity[axis]).sum::<f64>() / n;
         assert!((found - speed).abs() < 5.0 * 0.1 / n.sqrt(), "axis {axis}: {found}");

@@ -39,7 +39,7 @@ fn draws_are_uniform_and_independent() {
 }
 
 #[test]
-fn noise_and_bias_of_a_quantity_are_scaled_apart() {
+fn noise_and_bias_are_scaled_separately() {
     let errors =
         ErrorModel { noise: 2.0, bias: 3.0, bias_walk: 4.0, scale_error: 5.0, ..ErrorModel::default() };
     let scaled = SensorRanges { noise: Some([0.5; 2]), bias: Some([3.0; 2]), latency: None }.draw(0, span(0));
@@ -86,7 +86,7 @@ fn still(seed: u64) -> (Vec<Sample<ImuSample>>, Randomisation) {
     let sensor = report.components.iter().find(|component| component.name == "sensor").unwrap();
     assert_eq!((sensor.allocations, sensor.errors), (Some(0), 0));
     let drawn = drawn.values();
-    assert_eq!(drawn.len(), 1, "once an episode");
+    assert_eq!(drawn.len(), 1, "once per episode");
     (readings.samples(), drawn[0])
 }
 

@@ -83,7 +83,7 @@ fn lidar_sees_a_moving_ball_at_its_current_pose() {
     for reading in readings {
         assert_eq!((reading.count(), reading.least, reading.most), (360, 0.2, 8.0));
         for (index, range) in reading.range().iter().enumerate() {
-            // ray 180 looks ahead; the chord of a circle of 0.5 m at 3 m
+            // ray 180 points ahead; the chord of a circle of 0.5 m at 3 m
             let azimuth = (index as f64 - 180.0).to_radians();
             let square = 0.25 - (3.0 * azimuth.sin()).powi(2);
             let expected =
@@ -104,7 +104,7 @@ fn lidar_points_are_on_surfaces_in_sensor_axes() {
     let result = &report.results["counter"];
     let scans = probe.values().len() as u64;
     assert!(result["scans"].as_u64().unwrap() + 2 > scans && scans > 3, "{result}");
-    // the lower ring sees the ground, the other nothing
+    // the lower ring hits the ground, the other nothing
     assert_eq!(result["points"].as_u64(), Some(8 * result["scans"].as_u64().unwrap()));
     assert!((result["height"].as_f64().unwrap() + 0.5).abs() < 1e-6, "{result}");
     assert!((result["intensity"].as_f64().unwrap() - 0.5_f64.sin()).abs() < 1e-6, "{result}");
@@ -114,7 +114,7 @@ fn lidar_points_are_on_surfaces_in_sensor_axes() {
 #[serde(deny_unknown_fields)]
 struct Nothing {}
 
-/// Counts points, and keeps the height and the intensity of the last.
+/// Counts points, and keeps the height and intensity of the last point.
 struct Counter {
     points: motorium::transport::SliceInput<CloudPoint>,
     count: [u64; 2],
@@ -226,7 +226,7 @@ fn fixed_sensors_need_no_motion_and_see_the_arm() {
         Graph::new("rays").robot("arm", "panda").with(joints).with(lidar).with(&probe).run("200 ms").unwrap();
     assert_eq!(report.components.iter().find(|component| component.name == "sensor").unwrap().errors, 0);
     for reading in probe.values() {
-        // ray 0 looks back at the arm, whose base is at most 0.2 m wide
+        // ray 0 points backwards to the arm, whose base is at most 0.2 m wide
         assert!((0.8..1.0).contains(&reading.range()[0]), "{}", reading.range()[0]);
         assert!(reading.range()[90] > 5.0 && reading.range()[180] > 5.0);
     }
@@ -338,7 +338,7 @@ fn depth_camera_matches_pinhole_depths() {
         );
     }
     assert!(ball > 1000 && ground > 1000 && nothing > 100, "{ball} {ground} {nothing}");
-    // a ball is brightest in its middle
+    // a ball is brightest in its centre
     let middle = 60 * 160 + 80;
     assert!(grey[middle] > 250 && grey[middle + 20] < grey[middle], "{} {}", grey[middle], grey[middle + 20]);
 }

@@ -1,4 +1,4 @@
-//! Sensors of rays over a terrain that the simulation drew.
+//! Ray-casting sensors over terrain sampled by the simulation.
 
 use motorium::prelude::*;
 use motorium::state::{Randomisation, Ranges};
@@ -15,8 +15,8 @@ fn field(seed: u64, scale: f64) -> motorium_worlds::HeightField {
     Terrain { seed, scale, ..terrain }.height_field().unwrap()
 }
 
-/// Readings of a ray straight down from (1, 2, 2) m, where the simulation publishes these draws at step 200
-/// and repeats them `again` times, and the number of separately counted allocations.
+/// Returns the readings of a ray straight down from (1, 2, 2) m and the number of separately counted
+/// allocations. The simulation publishes these draws at step 200 and repeats them `again` times.
 fn readings(draws: &'static [(u32, f64)], again: u64) -> (Vec<f64>, u64) {
     let base = Source::new("truth", "base", |_| {
         let mut state = BaseState { position: [1.0, 2.0, 2.0], ..BaseState::default() };
@@ -78,6 +78,6 @@ fn ray_hits_the_sampled_terrain_once_published() {
 fn repeated_draw_does_not_regenerate_the_terrain() {
     let draws = &[(Randomisation::TERRAIN_SEED, 12.0), (Randomisation::TERRAIN_SCALE, 2.0)];
     let [(once, first), (again, all)] = [0, 8].map(|again| readings(draws, again));
-    assert!(first > 0, "the terrain has memory of its own");
+    assert!(first > 0, "the terrain allocates memory");
     assert_eq!((again, all), (once, first));
 }

@@ -30,7 +30,7 @@ fn every_sensor_has_the_common_keys() {
         for key in ["latency", "drop_out", "seed", "randomise"] {
             assert!(found.contains(key), "{} has no key `{key}`: {found:?}", kind.name);
         }
-        // pixels are rounded and end at 255 by themselves
+        // pixel values are rounded and limited to 255 anyway
         if kind.name == "sensor.camera" {
             continue;
         }

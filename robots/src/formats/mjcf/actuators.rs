@@ -1,5 +1,5 @@
-//! `<actuator>`: armature, damping, gains and limits of the drives of joints; and `<tendon>`, whose forces
-//! are not read.
+//! `<actuator>`: armature, damping, gains and limits of joint drives; and `<tendon>`, whose forces are not
+//! supported.
 
 use roxmltree::Node;
 
@@ -58,7 +58,7 @@ pub(crate) fn read_actuators<'a, 'i>(
             let reason = "it is not a position servo: no gains are taken from it";
             attributes.ignored(node, format!("<{tag}> of <actuator>"), reason);
         }
-        // In addition to a position drive, a motor only adds effort.
+        // next to a position drive, a motor only adds effort
         let known = drives.by_body.entry(body).or_default();
         *known = drive.or(*known);
     }
@@ -87,7 +87,7 @@ fn position_drive(
     gear: f64,
 ) -> Result<Option<PositionDrive>, MjcfError> {
     let Gains { gain, bias: [offset, slope, rate], is_fixed, is_affine } = Gains::read(actuator)?;
-    // gain (u - q) - rate v: anything else is no servo of positions.
+    // gain (u - q) - rate v: anything else is not a position servo
     let is_servo = is_fixed && is_affine && (slope + gain).abs() <= 1e-9 * gain;
     if !(tag == "position" || tag == "general" && is_servo && offset == 0.0) {
         return Ok(None);
@@ -98,7 +98,7 @@ fn position_drive(
     Ok((kp > 0.0).then_some(PositionDrive { kp: kp * squared, kd: kd * squared, damping_ratio }))
 }
 
-/// True if a joint is a free joint.
+/// Returns `true` if a joint is a free joint.
 fn is_free(section: Node<'_, '_>, name: Option<&str>) -> bool {
     let named = |node: &Node<'_, '_>| node.attribute("name") == name;
     let mut nodes = section.document().descendants().filter(named);

@@ -1,4 +1,4 @@
-//! Attributes with their default classes, and errors with their place.
+//! Attributes with their default classes, and errors with their position.
 
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -14,7 +14,7 @@ use crate::{ModelWarning, Position};
 /// Class of elements without an explicit one.
 pub const MAIN: &str = "main";
 
-/// The key of the elements of a class, in place of an attribute: an element without attributes counts, too.
+/// Key of a class's elements themselves, in place of an attribute: an element without attributes counts, too.
 const ELEMENT: &str = "";
 
 /// A value and the element that provides it.
@@ -24,8 +24,8 @@ struct Given<'a, 'i> {
     node: Node<'a, 'i>,
 }
 
-/// The values of each attribute, the parent's before the child's: a short list of numbers leaves the rest of
-/// the one before.
+/// Values of each attribute, the parent's before the child's. A short list of numbers keeps the remaining
+/// numbers of the previous one.
 type Values<'a, 'i> = HashMap<&'a str, Vec<Given<'a, 'i>>>;
 
 /// The lines of the text, its `<default>` classes (values by kind of element) and the warnings so far.
@@ -39,7 +39,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
     /// Reads the `<default>` classes of a document.
     ///
     /// # Errors
-    /// A class without a name or with one in use, or an attribute that is not read.
+    /// A class has no name or a duplicate one, or an attribute is not supported.
     pub fn new(document: &'a Document<'i>) -> Result<Self, MjcfError> {
         let classes = HashMap::from([(MAIN, HashMap::new())]);
         let lines = Lines::new(document.input_text());
@@ -120,7 +120,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
     /// Checks that a class exists.
     ///
     /// # Errors
-    /// No class has this name.
+    /// The class does not exist.
     pub fn known_class(&self, node: Node<'_, '_>, class: &str) -> Result<(), MjcfError> {
         if self.classes.contains_key(class) {
             return Ok(());
@@ -131,7 +131,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
             .error(node, MjcfProblem::Unknown { element, what: "class", name: class.to_owned(), nearest }))
     }
 
-    /// An element with its defaults, its attributes not yet looked at.
+    /// Returns an element with its defaults without checking its attributes.
     pub(crate) fn unchecked<'b>(
         &'b self,
         node: Node<'a, 'i>,
@@ -147,7 +147,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
     /// class of the surrounding bodies.
     ///
     /// # Errors
-    /// An unknown class, or an attribute that `schema` rejects.
+    /// The class is unknown, or `schema` rejects an attribute.
     pub fn element<'b>(
         &'b self,
         node: Node<'a, 'i>,
@@ -171,12 +171,12 @@ impl<'a, 'i> Attributes<'a, 'i> {
         warnings.push(ModelWarning::Ignored { what, at: self.position(node), count: 1, reason });
     }
 
-    /// Takes the warnings so far.
+    /// Returns the warnings so far and removes them.
     pub fn warnings(&self) -> Vec<ModelWarning> {
         self.warnings.take()
     }
 
-    /// An error that rejects the value of an attribute; `reason` may be empty.
+    /// Creates an error that rejects the value of an attribute; `reason` may be empty.
     pub fn refused(&self, node: Node<'_, '_>, name: &str, value: &str, reason: &'static str) -> MjcfError {
         let (attribute, value) = (name.to_owned(), value.to_owned());
         self.error(node, MjcfProblem::Attribute { element: named(node), attribute, value, reason })
@@ -186,7 +186,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
         self.error(node, MjcfProblem::Missing { element: named(node), attribute })
     }
 
-    /// An error at the position of an element.
+    /// Creates an error at the position of an element.
     pub fn error(&self, node: Node<'_, '_>, problem: MjcfProblem) -> MjcfError {
         MjcfError { file: None, at: self.position(node), problem: Box::new(problem) }
     }
@@ -198,7 +198,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
     /// Parses numbers separated by spaces, with the given count.
     ///
     /// # Errors
-    /// Another count, or a number that does not parse or is not finite.
+    /// The count differs, or a number does not parse or is not finite.
     pub fn parse(
         &self,
         node: Node<'_, '_>,
@@ -286,7 +286,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
     /// Returns a switch.
     ///
     /// # Errors
-    /// Neither `true` nor `false`.
+    /// The value is neither `true` nor `false`.
     pub fn flag(&self, name: &str, default: bool) -> Result<bool, MjcfError> {
         match self.get(name) {
             None => Ok(default),
@@ -358,23 +358,23 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         self.attributes.refused(given.node, name, given.value, reason)
     }
 
-    /// An error: the element has no such attribute.
+    /// Creates an error for a missing attribute.
     pub fn missing(&self, name: &'static str) -> MjcfError {
         self.attributes.missing(self.node, name)
     }
 
-    /// An error at the element.
+    /// Creates an error at the element.
     pub fn error(&self, problem: MjcfProblem) -> MjcfError {
         self.attributes.error(self.node, problem)
     }
 
-    /// An error with a custom message.
+    /// Creates an error with a custom message.
     pub fn fault(&self, problem: impl Into<String>) -> MjcfError {
         self.error(MjcfProblem::Other(problem.into()))
     }
 }
 
-/// The element with its name, if it has one: `joint name="knee"`.
+/// Describes an element with its name, if it has one: `joint name="knee"`.
 pub fn named(node: Node<'_, '_>) -> String {
     let element = node.tag_name().name();
     node.attribute("name").map_or_else(|| element.to_owned(), |name| format!("{element} name=\"{name}\""))

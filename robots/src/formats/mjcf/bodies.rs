@@ -1,4 +1,4 @@
-//! The tree of bodies.
+//! The body tree.
 
 use std::collections::{BTreeMap, HashSet};
 
@@ -14,7 +14,7 @@ use super::pose::{between, pose};
 use super::schema::{BODY, FRAME, FREEJOINT, JOINT, SITE};
 use crate::{Base, Body, Colour, Frame, Inertia, Shape, Srdf};
 
-/// Largest depth of bodies and frames: the reader recurses, and half the stack of a thread must do.
+/// Maximum depth of bodies and frames. The reader recurses and must fit into half of a thread's stack.
 pub const DEEPEST: usize = 150;
 
 /// The context of an element.
@@ -30,7 +30,7 @@ pub(crate) struct Place<'a> {
     pub(crate) class: &'a str,
     /// The element is in the world itself, not in one of its bodies.
     pub(crate) top: bool,
-    /// The frame of the body around them, by its index; 0 for the world.
+    /// Frame index of the surrounding body; 0 for the world.
     pub(crate) frame: usize,
 }
 
@@ -105,7 +105,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
     ) -> Result<Result<Inertia, MjcfError>, MjcfError> {
         let attributes = self.attributes();
         if node.ancestors().nth(DEEPEST).is_some() {
-            let problem = format!("more than {DEEPEST} bodies and frames in one another are not read");
+            let problem = format!("more than {DEEPEST} nested bodies and frames are not supported");
             return Err(attributes.error(node, MjcfProblem::Other(problem)));
         }
         let mut whole: Result<Inertia, MjcfError> = Ok(Inertia::zero());
@@ -155,7 +155,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
                         self.sites.push((element, frame));
                     }
                 }
-                // Read with their body.
+                // read together with their body
                 "joint" | "freejoint" | "inertial" => {
                     if !node.has_tag_name("body") {
                         return Err(attributes.error(
@@ -175,7 +175,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
         Ok(whole)
     }
 
-    /// Name of the body that an element is in.
+    /// Returns the name of the body that contains an element.
     fn owner(&self, node: Node<'a, 'i>) -> String {
         let body = node.ancestors().find(|node| node.has_tag_name("body"));
         body.map_or_else(|| "world".to_owned(), |body| body_name(body))
@@ -342,7 +342,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
     }
 }
 
-/// Name of a body; a nameless one is called by its number in the file.
+/// Returns the name of a body; an unnamed body is named by its number in the file.
 pub fn body_name(node: Node<'_, '_>) -> String {
     node.attribute("name").map_or_else(
         || {

@@ -1,4 +1,4 @@
-//! The conversion of a file into a model, its sections in the order of their dependence.
+//! Conversion of a file into a model; sections are read in the order of their dependencies.
 
 use std::path::Path;
 
@@ -89,9 +89,9 @@ pub(crate) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
     Ok(MjcfRobot { model, warnings, exclusions, profile, colours: LinkColours::of_shapes(colours) })
 }
 
-/// Gives joints with a `springdamper` the damping for its time constant and the stiffness for its damping
-/// ratio, from the inertia at each joint in the pose of the file, all joints free. An error is the joint's
-/// element: the mass matrix is singular.
+/// Gives joints with a `springdamper` the damping for their time constant and the stiffness for their damping
+/// ratio. The inertia at each joint is evaluated in the pose of the file, with all joints free. Fails with
+/// the joint's element if the mass matrix is singular.
 fn damp<'a, 'i>(
     name: &str,
     base: &Base,
@@ -119,8 +119,8 @@ fn damp<'a, 'i>(
     Ok(())
 }
 
-/// Independent joints count 0, 1, 2 ... in the order of the bodies; mimics name their master by its body
-/// until here.
+/// Numbers the independent joints 0, 1, 2 ... in the order of the bodies. Mimics refer to their master by its
+/// body until here.
 fn number_joints(bodies: &mut [Body]) {
     let mut next = 0;
     let columns: Vec<usize> = bodies

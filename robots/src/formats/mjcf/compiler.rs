@@ -19,9 +19,9 @@ pub(crate) enum FromGeoms {
 /// Settings of `<compiler>`.
 #[derive(Clone, Debug)]
 pub struct Compiler {
-    /// Radians per unit of angle.
+    /// Size of the unit of angle [rad].
     pub(crate) angle: f64,
-    /// Axes of `euler`; upper case for world axes.
+    /// Axes of `euler`; upper case means world axes.
     pub(crate) sequence: [char; 3],
     pub(crate) auto_limits: bool,
     pub(crate) from_geoms: FromGeoms,
@@ -41,7 +41,7 @@ impl Compiler {
     /// Reads the settings from the children of the root element.
     ///
     /// # Errors
-    /// An attribute that is not supported, or a malformed value.
+    /// An attribute is not supported, or a value is malformed.
     pub fn read(root: Node<'_, '_>, attributes: &Attributes<'_, '_>) -> Result<Self, MjcfError> {
         let mut compiler = Self {
             angle: std::f64::consts::PI / 180.0,
@@ -106,7 +106,7 @@ impl Compiler {
                         let range = attributes.parse(node, name, value, 2..=2)?;
                         compiler.groups = range[0]..=range[1];
                     }
-                    // Concerns mesh inertia, which is rejected, appearance, speed or MuJoCo's output.
+                    // affects mesh inertia (which is rejected), appearance, speed or MuJoCo's output
                     (
                         "balanceinertia" | "fitaabb" | "texturedir" | "discardvisual" | "usethread"
                         | "fusestatic" | "exactmeshinertia" | "convexhull" | "saveinertial" | "savecompiled"

@@ -1,4 +1,4 @@
-//! The XML of a file.
+//! XML parsing.
 
 use roxmltree::{Document, ParsingOptions};
 

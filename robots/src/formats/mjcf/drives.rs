@@ -1,4 +1,4 @@
-//! Position actuators as gains, and the profile of a file from these and its keyframes.
+//! Conversion of position actuators to gains, and the profile of a file from its gains and keyframes.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use super::keyframes::Keyframe;
 use crate::profile::GainArrays;
 use crate::{BaseKind, BasePose, Coordinate, Dynamics, Model, PerJoint, Profile};
 
-/// The drive of a joint, on the side of the joint: `tau = kp (q_des - q) + kd (v_des - v)`.
+/// Drive of a joint, at the joint: `tau = kp (q_des - q) + kd (v_des - v)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PositionDrive {
     pub(crate) kp: f64,

@@ -50,7 +50,7 @@ pub(crate) fn couple<'a, 'i>(
     Ok(())
 }
 
-/// The body whose joint an attribute names.
+/// Returns the body whose joint is named by an attribute.
 pub(crate) fn joint_named(
     bodies: &[Body],
     attributes: &Attributes<'_, '_>,

@@ -6,12 +6,12 @@ use std::path::PathBuf;
 use crate::Position;
 use crate::nearest::suggestion;
 
-/// An error of reading an MJCF file.
+/// An error in an MJCF file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub struct MjcfError {
-    /// The file, when the text came from one.
+    /// The file, if the text came from one.
     pub file: Option<PathBuf>,
-    /// The element at fault.
+    /// Position of the faulty element.
     pub at: Position,
     /// The problem.
     pub problem: Box<MjcfProblem>,
@@ -30,10 +30,10 @@ impl fmt::Display for MjcfError {
 /// A problem in an MJCF file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MjcfProblem {
-    /// Not well-formed XML.
+    /// The XML is not well-formed.
     #[error("not well-formed XML: {0}")]
     Xml(String),
-    /// Another root element.
+    /// The root element is not `<mujoco>`.
     #[error("the root element is <{0}>, expected <mujoco>")]
     Root(String),
     /// The element is not supported.
@@ -54,7 +54,7 @@ pub enum MjcfProblem {
         /// The reason, or the alternative; may be empty.
         reason: &'static str,
     },
-    /// A missing attribute.
+    /// An attribute is missing.
     #[error("<{element}> has no attribute \"{attribute}\"")]
     Missing {
         /// Element at fault.
@@ -62,7 +62,7 @@ pub enum MjcfProblem {
         /// The missing attribute.
         attribute: &'static str,
     },
-    /// An attribute of malformed numbers.
+    /// The numbers of an attribute are malformed.
     #[error("{attribute}=\"{value}\" of <{element}>: expected {expected}")]
     Number {
         /// Element at fault.
@@ -71,10 +71,10 @@ pub enum MjcfProblem {
         attribute: String,
         /// Its value.
         value: String,
-        /// The numbers it must have.
+        /// The expected numbers.
         expected: String,
     },
-    /// A reference to an unknown name.
+    /// The referenced name does not exist.
     #[error("<{element}> names the {what} \"{name}\", which does not exist{}", suggestion(.nearest.as_deref()))]
     Unknown {
         /// Element at fault.
@@ -86,7 +86,7 @@ pub enum MjcfProblem {
         /// The most similar name that exists.
         nearest: Option<String>,
     },
-    /// Two elements of one name.
+    /// Two elements have the same name.
     #[error("a second {what} is named \"{name}\"")]
     Duplicate {
         /// The kind of element: `body`, `site`, `joint` or `class`.

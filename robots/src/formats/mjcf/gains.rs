@@ -1,4 +1,4 @@
-//! Gain and bias of an actuator: from the elements of its class, then from its own.
+//! Gain and bias of an actuator: from the elements of its class, then from its own element.
 
 use roxmltree::Node;
 

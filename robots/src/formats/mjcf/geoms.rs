@@ -1,4 +1,4 @@
-//! Geoms: shapes, and their contribution to inertias.
+//! Geoms: shapes and their contribution to inertias.
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
@@ -22,7 +22,7 @@ const PLANE: [f64; 2] = [100.0, 1.0];
 /// Default density \[kg/m3\].
 pub const WATER: f64 = 1000.0;
 
-/// The last group that MuJoCo's viewer shows unasked.
+/// Last geom group that is visible by default in MuJoCo's viewer.
 const LAST_SEEN: f64 = 2.0;
 
 /// Default red, green, blue and opacity of a geom. A geom with exactly this colour uses the colour of its
@@ -37,7 +37,7 @@ pub(crate) struct MeshAsset {
     pub(crate) path: Option<PathBuf>,
     /// Folder searched for its file.
     pub(crate) folder: PathBuf,
-    /// A mesh that the file itself has.
+    /// Mesh data contained in the file itself.
     pub(crate) inline: Option<Arc<TriangleMesh>>,
     pub(crate) scale: Vector3<f64>,
     /// Deferred error of an unsupported `inertia` attribute, reported if needed.
@@ -52,11 +52,11 @@ pub struct Geom {
     pub geometry: Geometry,
     /// `contype` and `conaffinity`.
     pub masks: [i32; 2],
-    /// `true` if it is among the shapes of the model.
+    /// Whether the geom is among the shapes of the model.
     pub kept: bool,
-    /// Colour stated by it or its material.
+    /// Colour specified by the geom or its material.
     pub colour: Option<Colour>,
-    /// MuJoCo's viewer shows it unasked.
+    /// Whether MuJoCo's viewer shows the geom by default.
     pub is_seen: bool,
     /// Inertia in the frame of the geom, or a deferred error.
     pub inertia: Result<Inertia, MjcfError>,
@@ -66,7 +66,7 @@ pub struct Geom {
 pub struct Geoms<'b, 'a, 'i> {
     /// The attributes of the file.
     pub attributes: &'b Attributes<'a, 'i>,
-    /// The settings of the file.
+    /// Settings of the file.
     pub compiler: &'b Compiler,
     pub(crate) shapes: ShapeSource,
     pub(crate) meshes: HashMap<&'a str, MeshAsset>,
@@ -75,17 +75,18 @@ pub struct Geoms<'b, 'a, 'i> {
 }
 
 impl<'b, 'a, 'i> Geoms<'b, 'a, 'i> {
-    /// A reader without meshes and materials, which [`read_assets`](super::read_assets) adds.
+    /// Creates a reader without meshes and materials, which [`read_assets`](super::read_assets) adds.
     pub fn new(attributes: &'b Attributes<'a, 'i>, compiler: &'b Compiler, shapes: ShapeSource) -> Self {
         Self { attributes, compiler, shapes, meshes: HashMap::new(), materials: HashMap::new() }
     }
 }
 
 impl<'a, 'i> Geoms<'_, 'a, 'i> {
-    /// Reads a geom; `in_world` when its body does not move. `around` is the class of the surrounding bodies.
+    /// Reads a geom. `in_world` means that its body does not move; `around` is the class of the surrounding
+    /// bodies.
     ///
     /// # Errors
-    /// An unknown class, mesh or material, an unsupported shape, or a malformed value.
+    /// A class, mesh or material is unknown, a shape is not supported, or a value is malformed.
     pub fn read(&self, node: Node<'a, 'i>, around: &'a str, in_world: bool) -> Result<Geom, MjcfError> {
         let geom = self.attributes.element(node, around, &GEOM)?;
         if let Some(inside) = node.children().find(Node::is_element) {
@@ -155,7 +156,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
     /// Returns the colour of a geom or its material, and whether MuJoCo's viewer shows it by default.
     ///
     /// # Errors
-    /// An unknown material, or a malformed value.
+    /// The material is unknown, or a value is malformed.
     pub fn look(&self, geom: &Element<'_, 'a, 'i>) -> Result<(Option<Colour>, bool), MjcfError> {
         let rgba = self.rgba(geom)?;
         let is_opaque = rgba.is_none_or(|[_, _, _, opacity]| opacity > 0.0);
@@ -164,7 +165,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
         Ok((colour, is_seen))
     }
 
-    /// Red, green, blue and opacity that a geom or its material states.
+    /// Returns red, green, blue and opacity as specified by the geom or its material.
     fn rgba(&self, geom: &Element<'_, 'a, 'i>) -> Result<Option<[f64; 4]>, MjcfError> {
         let own = geom.numbers::<4>("rgba")?;
         let Some(name) = geom.get("material") else { return Ok(own) };
@@ -176,7 +177,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
         Ok(own.filter(|own| *own != GREY).or(*material))
     }
 
-    /// Inertia of a geom; the inner error is one for when the inertia is needed.
+    /// Returns the inertia of a geom. The inner error is reported only if the inertia is needed.
     fn inertia(
         &self,
         geom: &Element<'_, 'a, 'i>,
@@ -212,7 +213,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
         })
     }
 
-    /// Adds a warning for each mesh among these shapes whose file is nowhere.
+    /// Adds a warning for each mesh among these shapes whose file was not found.
     pub(crate) fn warn_of_missing_meshes<'s>(
         &self,
         shapes: impl Iterator<Item = &'s Shape>,
@@ -232,7 +233,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
     /// Checks that a geom has the inertia of a solid.
     ///
     /// # Errors
-    /// It or its mesh has another one, such as a shell's.
+    /// The geom or its mesh has another inertia, such as a shell's.
     pub fn check_solid(&self, geom: &Element<'_, 'a, 'i>) -> Result<(), MjcfError> {
         if geom.flag("shellinertia", false)? {
             return Err(geom.refused("shellinertia", SHELL));
@@ -259,7 +260,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
     }
 }
 
-/// Volume \[m3\] and principal moments per mass \[m2\] of a solid primitive.
+/// Returns the volume \[m3\] and the principal moments per mass \[m2\] of a solid primitive.
 fn solid(geometry: &Geometry) -> Option<(f64, Vector3<f64>)> {
     Some(match *geometry {
         Geometry::Sphere { radius: r } => (4.0 / 3.0 * PI * r.powi(3), Vector3::repeat(0.4 * r * r)),
@@ -275,7 +276,7 @@ fn solid(geometry: &Geometry) -> Option<(f64, Vector3<f64>)> {
             let (tube, caps) = (PI * r * r * h, 4.0 / 3.0 * PI * r.powi(3));
             let volume = tube + caps;
             let (tube, caps) = (tube / volume, caps / volume);
-            // Two half spheres, each with its centre of mass 3/8 r beyond the end of the tube.
+            // two half spheres, each with its centre of mass 3/8 r beyond the end of the tube
             let across =
                 tube * (3.0 * r * r + h * h) / 12.0 + caps * (0.4 * r * r + 0.25 * h * h + 0.375 * r * h);
             (volume, Vector3::new(across, across, tube * 0.5 * r * r + caps * 0.4 * r * r))

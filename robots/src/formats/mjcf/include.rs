@@ -1,4 +1,4 @@
-//! `<include>`: files that replace the element that names them.
+//! `<include>`: files that replace the element that references them.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use crate::file::read_bounded;
 use crate::formats::lines::Lines;
 use crate::{ModelWarning, Position};
 
-/// Longest file that is included, bytes.
+/// Maximum size of an included file, bytes.
 const LONGEST: u64 = 16 * 1024 * 1024;
 
 /// A text with its included files, and the origin of each part.
@@ -17,15 +17,15 @@ pub struct Expanded {
     pub text: String,
     /// The main file and its included files, in order.
     files: Vec<(Option<PathBuf>, String)>,
-    /// Start in `text`, file, start in that.
+    /// Start in `text`, file index, and start in that file.
     parts: Vec<(usize, usize, usize)>,
 }
 
-/// Puts the content of the root element of each included file in the place of its `<include>`. Paths are
-/// relative to the folder of the main file, and no file is included twice, as in MuJoCo.
+/// Replaces each `<include>` by the content of the root element of its file. Paths are relative to the folder
+/// of the main file, and each file is included at most once, as in MuJoCo.
 ///
 /// # Errors
-/// A file that is not well-formed XML, cannot be read, or is included twice.
+/// A file is not well-formed XML, cannot be read, or is included twice.
 pub fn expand(text: &str, file: Option<&Path>) -> Result<Expanded, MjcfError> {
     let mut expanded = Expanded {
         text: String::with_capacity(text.len()),
@@ -37,7 +37,7 @@ pub fn expand(text: &str, file: Option<&Path>) -> Result<Expanded, MjcfError> {
 }
 
 impl Expanded {
-    /// Appends a file: the main one completely, of an included one the content of its root element.
+    /// Appends a file: the whole main file, or the content of the root element of an included file.
     fn append(&mut self, index: usize) -> Result<(), MjcfError> {
         let text = self.files[index].1.clone();
         let document = parse_document(&text)
@@ -67,9 +67,7 @@ impl Expanded {
             };
             let path = main.parent().unwrap_or(Path::new("")).join(name);
             if self.files.iter().any(|(known, _)| known.as_deref() == Some(&path)) {
-                return problem(format!(
-                    "<include> of \"{name}\": a file is included once, and this one was before"
-                ));
+                return problem(format!("<include> of \"{name}\": each file can be included only once"));
             }
             let read = read_bounded(&path, LONGEST).map_err(|error| error.to_string());
             let read = read.and_then(|bytes| String::from_utf8(bytes).map_err(|error| error.to_string()));

@@ -91,13 +91,14 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
             safety: None,
             coordinate: Coordinate::Independent(0),
         };
-        // The file shows the body with its joint at `ref`.
+        // the file shows the body with its joint at `ref`
         built.placement = built.pose(-reference);
         self.references.push(reference);
         Ok(built)
     }
 
-    /// A range that is in force: MuJoCo's rule for `limited`, `range` and the compiler's `autolimits`.
+    /// Returns the active range of a joint by MuJoCo's rule for `limited`, `range` and the compiler's
+    /// `autolimits`.
     fn range(
         &self,
         joint: &Element<'_, 'a, 'i>,

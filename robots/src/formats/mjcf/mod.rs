@@ -1,14 +1,14 @@
-//! Reader for MuJoCo's format, MJCF, that creates a [`Model`].
+//! Reader of MuJoCo's format, MJCF, as a [`Model`].
 //!
 //! A file is interpreted as in MuJoCo, or rejected with line and column. The tables of `schema` classify
-//! every attribute: it is read, has no effect on a model, is ignored with a [`ModelWarning::Ignored`]
-//! (springs, actuators, tendons), or is rejected if its value has an effect. `docs/src/mjcf.md` lists all of
-//! them.
+//! every attribute: it is read, it has no effect on a model, it is ignored with a [`ModelWarning::Ignored`]
+//! (springs, actuators, tendons), or it is rejected if its value has an effect. `docs/src/mjcf.md` lists all
+//! of them.
 //!
-//! The elements are public for readers of other things than robots, such as worlds: [`expand`] a text,
+//! The elements are public for readers of other content, such as worlds: [`expand`] a text,
 //! [`parse_document`], read the [`Attributes`] and the [`Compiler`], then elements and [`Geoms`].
 //!
-//! Not read: replicas and attachments. MuJoCo itself writes a file without them (`mj_saveLastXML`).
+//! Replicas and attachments are not supported. MuJoCo itself writes a file without them (`mj_saveLastXML`).
 
 mod actuators;
 mod attributes;
@@ -46,11 +46,11 @@ pub use sections::read_assets;
 
 use crate::LoadOptions;
 
-/// Parses MJCF `text`. `file` is its path, for messages and to find meshes next to it.
+/// Parses MJCF `text`. `file` is its path, used for messages and to find meshes next to it.
 ///
-/// A body has the frame and the name it has in MuJoCo; a body with several joints becomes a chain of massless
-/// bodies `NAME/JOINT`, the last of which is the body. Geoms that collide with nothing (`contype` and
-/// `conaffinity` zero) are not collision shapes but contribute to the inertia. The base floats when the one
+/// A body has the same frame and name as in MuJoCo. A body with several joints becomes a chain of massless
+/// bodies `NAME/JOINT`, the last of which is the body itself. Geoms that do not collide (`contype` and
+/// `conaffinity` zero) are not collision shapes but contribute to the inertia. The base floats if the only
 /// body that moves in the world has a free joint.
 ///
 /// # Errors

@@ -1,4 +1,4 @@
-//! Positions and the five representations of an orientation.
+//! Positions, and the five representations of an orientation.
 
 use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 
@@ -7,10 +7,10 @@ use super::compiler::Compiler;
 use super::error::{MjcfError, MjcfProblem};
 use crate::math::lie::so3;
 
-/// Pose of an element in the frame around it.
+/// Returns the pose of an element in the surrounding frame.
 ///
 /// # Errors
-/// A malformed value, or a direction of length 0.
+/// A value is malformed, or a direction has length 0.
 pub fn pose(element: &Element<'_, '_, '_>, compiler: &Compiler) -> Result<Isometry3<f64>, MjcfError> {
     let position = element.numbers::<3>("pos")?.unwrap_or_default();
     Ok(Isometry3::from_parts(Translation3::from(position), rotation(element, compiler)?))
@@ -65,11 +65,11 @@ fn rotation(element: &Element<'_, '_, '_>, compiler: &Compiler) -> Result<UnitQu
 
 /// Returns midpoint, orientation and half length of a shape between two points; `None` without `fromto`.
 ///
-/// Its z axis points from the second point to the first, as in MuJoCo.
+/// The z axis points from the second point to the first, as in MuJoCo.
 pub(crate) fn between(element: &Element<'_, '_, '_>) -> Result<Option<(Isometry3<f64>, f64)>, MjcfError> {
     let Some([ax, ay, az, bx, by, bz]) = element.numbers::<6>("fromto")? else { return Ok(None) };
     if element.numbers::<3>("pos")?.is_some_and(|position| position != [0.0; 3]) {
-        return Err(element.refused("fromto", "pos says another place"));
+        return Err(element.refused("fromto", "pos specifies another position"));
     }
     let (from, to) = (Vector3::new(ax, ay, az), Vector3::new(bx, by, bz));
     let axis = Unit::try_new(from - to, 1e-14).ok_or_else(|| element.fault("fromto has two equal ends"))?;
@@ -77,8 +77,8 @@ pub(crate) fn between(element: &Element<'_, '_, '_>) -> Result<Option<(Isometry3
     Ok(Some((placement, 0.5 * (from - to).norm())))
 }
 
-/// The least rotation from z to `axis`. As in MuJoCo it is the identity for axes within 1e-7 rad of z, and
-/// the half turn about x for axes within 1e-7 rad of -z.
+/// Returns the smallest rotation from z to `axis`. As in MuJoCo it is the identity for axes within 1e-7 rad
+/// of z, and the half turn about x for axes within 1e-7 rad of -z.
 fn along(axis: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
     match (axis.x.hypot(axis.y) <= 1e-7, axis.z > 0.0) {
         (true, true) => UnitQuaternion::identity(),

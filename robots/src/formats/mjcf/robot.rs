@@ -2,7 +2,7 @@
 
 use crate::{LinkColours, Model, ModelWarning, Profile, Srdf};
 
-/// An MJCF text turned into a model.
+/// A robot read from an MJCF text.
 #[derive(Clone, Debug)]
 pub struct MjcfRobot {
     /// The robot, with joints in MuJoCo's order.

@@ -1,7 +1,7 @@
 //! Classification of the attributes of each element.
 //!
-//! An attribute that is not in a table is rejected, in an element or a `<default>` class. A rejected
-//! attribute is an error only if its value has an effect: `shellinertia="false"` is accepted.
+//! An attribute that is not in a table is rejected, in an element or a `<default>` class. An attribute with
+//! rejected effects is an error only if its value has an effect: `shellinertia="false"` is accepted.
 
 /// Treatment of an attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -10,9 +10,10 @@ pub(crate) enum Use {
     Read,
     /// No effect on a model: names, appearance, solver and contact parameters, user data.
     NoEffect,
-    /// Changes the motion in MuJoCo by something that models do not contain: a warning with this reason.
+    /// Changes the motion in MuJoCo by something that models do not contain; it is ignored with a warning
+    /// that has this reason.
     Ignored(&'static str),
-    /// Changes the result of reading: an error with this reason.
+    /// Changes the result of reading; it is an error with this reason.
     Refused(&'static str),
 }
 
@@ -46,20 +47,20 @@ impl Schema {
             "equality" => &EQUALITY,
             "tendon" => &TENDON,
             _ if ACTUATORS.contains(&element) => &ACTUATOR,
-            // No quantity depends on them.
+            // no quantity depends on them
             "camera" | "light" | "texture" | "pair" => return Ok(None),
             _ => return Err(()),
         }))
     }
 }
 
-/// True if a value switches an attribute off: zeros, or "false", "auto" or "none".
+/// Returns `true` if a value switches an attribute off: zeros, or "false", "auto" or "none".
 pub fn is_off(value: &str) -> bool {
     let off = |word: &str| matches!(word, "false" | "auto" | "none") || word.parse() == Ok(0.0);
     value.split_whitespace().all(off)
 }
 
-/// Attributes that place an element; those after the first rotate it.
+/// Attributes that place an element; all after the first rotate it.
 pub(crate) const POSE: [&str; 6] = ["pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"];
 
 /// Elements of `<actuator>`.
@@ -111,7 +112,7 @@ pub const JOINT: Schema = Schema {
         (Use::Read, &["actuatorfrcrange", "actuatorfrclimited"]),
         (Use::Read, &["damping", "frictionloss", "armature"]),
         (Use::Read, &["stiffness", "springdamper", "springref", "springyield"]),
-        // Concerns soft limits, or gravity compensation, which is rejected.
+        // affects soft limits, or gravity compensation, which is rejected
         (Use::NoEffect, &["margin", "actuatorgravcomp"]),
         (Use::NoEffect, &["solreflimit", "solimplimit", "solreffriction", "solimpfriction", "group", "user"]),
     ],
@@ -124,12 +125,12 @@ pub const GEOM: Schema = Schema {
         (Use::Read, &POSE),
         (Use::Read, &["name", "class", "type", "size", "fromto", "mesh", "contype", "conaffinity"]),
         (Use::Read, &["mass", "density", "shellinertia", "group"]),
-        // Parameters of contacts: each simulator here has its own.
+        // Contact parameters: each simulator has its own.
         (Use::NoEffect, &["condim", "priority", "friction", "solmix", "solref", "solimp", "margin", "gap"]),
         // Appearance, for viewers.
         (Use::Read, &["rgba", "material"]),
         (Use::NoEffect, &["castshadow", "user", "fluidcoef"]),
-        // Concerns primitives fitted to meshes and height fields, which are rejected.
+        // Affects primitives fitted to meshes and height fields, which are rejected.
         (Use::NoEffect, &["fitscale", "hfield"]),
         (Use::Ignored(CONTACT), &["adhesion", "surfacevel"]),
         (Use::Ignored("no fluid acts on a robot here"), &["fluidshape"]),

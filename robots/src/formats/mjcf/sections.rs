@@ -28,11 +28,11 @@ pub(crate) fn check_options<'a, 'i>(
         for attribute in node.attributes().filter(|attribute| attribute.value() == "disable") {
             match attribute.name() {
                 name @ ("constraint" | "equality" | "limit" | "damper" | "frictionloss") => {
-                    let reason = "it takes back what the rest of the file says: leave that out";
+                    let reason = "it disables other parts of the file: remove those parts instead";
                     return Err(attributes.refused(node, name, "disable", reason));
                 }
                 name @ ("gravity" | "contact") => {
-                    let reason = "the simulation says whether there is any";
+                    let reason = "it is a setting of the simulation";
                     attributes.ignored(node, format!("{name} of <flag>"), reason);
                 }
                 _ => {}
@@ -42,11 +42,11 @@ pub(crate) fn check_options<'a, 'i>(
     Ok(())
 }
 
-/// Reads the meshes and materials of a section `<asset>`. `file` is the path of the file, next to which mesh
-/// files are found.
+/// Reads the meshes and materials of a section `<asset>`. `file` is the path of the MJCF file; mesh files are
+/// relative to its folder.
 ///
 /// # Errors
-/// An unsupported element or attribute, or a malformed value.
+/// An element or attribute is not supported, or a value is malformed.
 pub fn read_assets<'a, 'i>(
     section: Node<'a, 'i>,
     geoms: &mut Geoms<'_, 'a, 'i>,
@@ -108,14 +108,15 @@ pub fn read_assets<'a, 'i>(
     Ok(())
 }
 
-/// Volume of a closed mesh.
+/// Returns the volume of a closed mesh.
 fn volume(mesh: &TriangleMesh) -> f64 {
     let corner = |index: u32| mesh.points[index as usize];
     let under = mesh.triangles.iter().map(|[a, b, c]| corner(*a).dot(&corner(*b).cross(&corner(*c))));
     under.sum::<f64>() / 6.0
 }
 
-/// Corners in threes, and triangles by their numbers; without triangles the convex hull of the corners.
+/// Builds a mesh from corners, three numbers each, and triangles of corner indices. Without triangles it is
+/// the convex hull of the corners.
 fn inline_mesh(asset: &Element<'_, '_, '_>, vertices: &str) -> Result<TriangleMesh, MjcfError> {
     let (attributes, node) = (asset.attributes, asset.node);
     let wrong = |attribute: &str, expected: &str| {
@@ -130,7 +131,7 @@ fn inline_mesh(asset: &Element<'_, '_, '_>, vertices: &str) -> Result<TriangleMe
     }
     let points: Vec<_> = numbers.chunks_exact(3).map(Vector3::from_column_slice).collect();
     let Some(faces) = asset.get("face") else {
-        // A hull is one of the corners that triangles use: here every one.
+        // A hull consists of the corners used by triangles: here, all of them.
         let triangles = (2..points.len() as u32).map(|last| [last - 2, last - 1, last]).collect();
         let size = points.iter().map(|point| (point - points[0]).norm()).fold(0.0, f64::max);
         let hull = TriangleMesh { points, triangles }.hull(usize::MAX);

@@ -1,4 +1,4 @@
-//! Bodies and frames from links and joints: fixed joints disappear, links fixed together merge.
+//! Bodies and frames from links and joints: fixed joints are removed, and links fixed together are merged.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ use crate::{
     Base, Body, Coordinate, Drive, Frame, Geometry, Inertia, Joint, JointKind, Limits, Model, Shape,
 };
 
-/// Parses, checks and builds.
+/// Parses, checks and builds a robot.
 pub(crate) fn assemble(
     text: &str,
     file: Option<&Path>,
@@ -66,7 +66,7 @@ pub(crate) fn assemble(
     Ok(UrdfRobot { model, warnings })
 }
 
-/// For every joint of the file, the first of its entries among the independent joints, if any.
+/// Returns for every joint of the file the first of its entries among the independent joints, if any.
 fn columns(robot: &Robot, structure: &Structure, follows: &[Option<Follow>]) -> Vec<Option<usize>> {
     let mut columns = vec![None; robot.joints.len()];
     let mut next = 0;
@@ -149,7 +149,7 @@ impl Assembly<'_> {
         self.add_link(edge.child, Some(self.bodies.len() - 1), Isometry3::identity())
     }
 
-    /// Floating joint of the root: its child becomes the base, links above it belong to the world.
+    /// Adds a floating joint of the root: its child becomes the base, and links above it belong to the world.
     fn add_floating(
         &mut self,
         edge: &Edge,
@@ -179,7 +179,8 @@ impl Assembly<'_> {
         self.add_link(edge.child, None, Isometry3::identity())
     }
 
-    /// A planar joint as two slides and a turn, in this order: `NAME/x`, `NAME/y`, `NAME/yaw`.
+    /// Adds a planar joint as two prismatic joints and a revolute one, in this order: `NAME/x`, `NAME/y`,
+    /// `NAME/yaw`.
     fn add_planar(
         &mut self,
         edge: &Edge,

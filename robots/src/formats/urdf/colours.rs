@@ -1,4 +1,4 @@
-//! The colours in a URDF, which a model leaves out.
+//! Colours in a URDF, which a model does not contain.
 
 use std::collections::BTreeMap;
 
@@ -11,14 +11,14 @@ fn elements<'a, 'b>(node: Node<'a, 'b>, name: &'static str) -> impl Iterator<Ite
 }
 
 impl LinkColours {
-    /// Reads the colours in the text of a URDF file; empty for another text.
+    /// Reads the colours in a URDF text; empty for any other text.
     pub fn of_urdf(text: &str) -> Self {
         Self::of_shapes(visual_colours(text))
     }
 }
 
-/// Returns the colours of each link's visuals, in order; red, green, blue from 0 to 1. Empty for text that is
-/// not XML.
+/// Returns the colours of each link's visuals, in order, as red, green and blue from 0 to 1. Empty for text
+/// that is not XML.
 fn visual_colours(text: &str) -> BTreeMap<String, Vec<Option<[f64; 3]>>> {
     let Ok(document) = Document::parse(text) else { return BTreeMap::new() };
     let robot = document.root_element();

@@ -1,5 +1,5 @@
-//! Doubtful parts of a well-formed file: misspelt names, which would be ignored, angles in degrees, shapes
-//! without a size.
+//! Suspicious parts of a well-formed file: misspelt names, which would be ignored, angles in degrees, and
+//! shapes without a size.
 
 use core::f64::consts::TAU;
 
@@ -11,7 +11,7 @@ use crate::Position;
 use crate::formats::lines::Lines;
 use crate::nearest::nearest;
 
-/// Optional attributes of each element. A misspelt one would leave its default.
+/// Optional attributes of each element. A misspelt one would silently keep its default.
 const OPTIONAL: &[(&str, &[&str])] = &[
     ("origin", &["xyz", "rpy"]),
     ("limit", &["lower", "upper", "effort"]),
@@ -56,7 +56,7 @@ fn entry<'t>(table: &'t [(&str, &'t [&'t str])], node: Node<'_, '_>) -> &'t [&'t
     table.iter().find(|(element, _)| *element == name).map_or(&[], |(_, names)| names)
 }
 
-/// Reports doubtful parts of the links and joints of a robot. Visual shapes are left out.
+/// Reports suspicious parts of a robot's links and joints. Visual shapes are not checked.
 pub(super) fn warn_of_doubts(robot: Node<'_, '_>, lines: &Lines<'_>, warnings: &mut Vec<ModelWarning>) {
     let parts = robot.children().filter(|part| part.has_tag_name("link") || part.has_tag_name("joint"));
     for node in parts.flat_map(|part| part.descendants()).filter(Node::is_element) {
@@ -95,7 +95,7 @@ fn misspelt(node: Node<'_, '_>, at: Position, warnings: &mut Vec<ModelWarning>) 
     }
 }
 
-/// Numbers of an attribute; none if it is missing.
+/// Returns the numbers of an attribute; empty if it is missing.
 fn numbers<'n>(node: Node<'n, '_>, attribute: &str) -> impl Iterator<Item = f64> + use<'n> {
     node.attribute(attribute).unwrap_or("").split_whitespace().filter_map(|word| word.parse().ok())
 }

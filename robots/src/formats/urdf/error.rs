@@ -1,4 +1,4 @@
-//! Faults of a URDF file.
+//! Errors in URDF files.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -9,11 +9,11 @@ use crate::nearest::suggestion;
 /// A URDF error with its position.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub struct UrdfError {
-    /// The file, when the text came from one.
+    /// The file, if the text came from one.
     pub file: Option<PathBuf>,
-    /// The element at fault; `None` when the fault belongs to the whole file.
+    /// Position of the faulty element; `None` if the error concerns the whole file.
     pub at: Option<Position>,
-    /// The fault.
+    /// The problem.
     pub problem: Box<UrdfProblem>,
 }
 
@@ -36,22 +36,22 @@ impl UrdfError {
     }
 }
 
-/// A fault of a URDF file.
+/// A problem in a URDF file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum UrdfProblem {
-    /// Not well-formed XML.
+    /// The XML is not well-formed.
     #[error("not well-formed XML: {0}")]
     Xml(String),
-    /// Unexpanded xacro.
+    /// The file contains unexpanded xacro.
     #[error("this is a xacro file, not yet URDF; expand it first: xacro IN.urdf.xacro > OUT.urdf")]
     Xacro,
-    /// Another root element.
+    /// The root element is not `<robot>`.
     #[error("the root element is <{0}>, expected <robot>")]
     Root(String),
-    /// A robot without links.
+    /// The robot has no links.
     #[error("the robot has no <link>")]
     Empty,
-    /// A missing attribute.
+    /// An attribute is missing.
     #[error("<{element}> has no attribute \"{attribute}\"")]
     MissingAttribute {
         /// Element at fault.
@@ -59,7 +59,7 @@ pub enum UrdfProblem {
         /// The missing part.
         attribute: &'static str,
     },
-    /// A missing child element.
+    /// A child element is missing.
     #[error("<{element}> has no <{child}>")]
     MissingElement {
         /// Element at fault.
@@ -67,7 +67,7 @@ pub enum UrdfProblem {
         /// The missing part.
         child: &'static str,
     },
-    /// A child element given twice.
+    /// A child element is duplicated.
     #[error("<{element}> has more than one <{child}>")]
     RepeatedElement {
         /// Element at fault.
@@ -87,7 +87,7 @@ pub enum UrdfProblem {
         /// Expected number of values.
         expected: usize,
     },
-    /// An orientation in another form.
+    /// The orientation is given in an unsupported form.
     #[error(
         "quat_xyzw of <origin> is not supported; write the same rotation as rpy=\"ROLL PITCH YAW\" in radians"
     )]
@@ -131,12 +131,12 @@ pub enum UrdfProblem {
         joint: String,
         /// `parent` or `child`.
         role: &'static str,
-        /// The name it gives.
+        /// The unknown name.
         link: String,
         /// The link most likely meant.
         nearest: Option<String>,
     },
-    /// A link moved by two joints.
+    /// The link is moved by two joints.
     #[error("link \"{link}\" is the child of two joints, \"{first}\" and \"{second}\"; a URDF is a tree")]
     TwoParents {
         /// Link at fault.
@@ -146,7 +146,7 @@ pub enum UrdfProblem {
         /// The other.
         second: String,
     },
-    /// More than one link without a parent joint.
+    /// More than one link has no parent joint.
     #[error("the robot has {} root links: {}; connect them with (fixed) joints", .0.len(), .0.join(", "))]
     SeveralRoots(Vec<String>),
     /// Links form a cycle.
@@ -157,7 +157,7 @@ pub enum UrdfProblem {
     UnknownMimic {
         /// Joint at fault.
         joint: String,
-        /// The name it gives.
+        /// The unknown name.
         of: String,
         /// The joint most likely meant.
         nearest: Option<String>,
@@ -170,7 +170,7 @@ pub enum UrdfProblem {
         /// The fixed joint.
         of: String,
     },
-    /// A joint that mimics one with several coordinates.
+    /// The joint mimics a joint with several coordinates.
     #[error(
         "joint \"{joint}\" mimics \"{of}\", which is {kind} and has no single position; expected a revolute, continuous \
          or prismatic joint"
@@ -178,20 +178,20 @@ pub enum UrdfProblem {
     MimicOfSeveral {
         /// Joint at fault.
         joint: String,
-        /// The joint that it names.
+        /// The joint that it mimics.
         of: String,
         /// `floating` or `planar`.
         kind: &'static str,
     },
-    /// Joints that mimic each other.
+    /// Joints mimic each other in a loop.
     #[error("the joints mimic each other in a loop: {}", .0.join(" -> "))]
     MimicLoop(Vec<String>),
-    /// A revolute or prismatic joint without limits.
+    /// The revolute or prismatic joint has no limits.
     #[error(
         "joint \"{0}\" has no <limit>; a revolute or prismatic joint needs one (an endless one is \"continuous\")"
     )]
     MissingLimit(String),
-    /// An empty range.
+    /// The range is empty.
     #[error("joint \"{joint}\" has its lower limit {lower} above its upper limit {upper}")]
     LowerAboveUpper {
         /// Joint at fault.
@@ -201,7 +201,7 @@ pub enum UrdfProblem {
         /// Its upper limit.
         upper: f64,
     },
-    /// A limit or coefficient below zero.
+    /// A limit or coefficient is negative.
     #[error("joint \"{joint}\" has a negative {what}: {value}")]
     NegativeJointValue {
         /// Joint at fault.
@@ -211,10 +211,10 @@ pub enum UrdfProblem {
         /// The value.
         value: f64,
     },
-    /// An axis without a direction.
+    /// The axis has length zero.
     #[error("the axis of joint \"{0}\" is zero")]
     ZeroAxis(String),
-    /// Negative mass.
+    /// The mass is negative.
     #[error("link \"{link}\" has the negative mass {mass} kg")]
     NegativeMass {
         /// Link at fault.
@@ -222,7 +222,7 @@ pub enum UrdfProblem {
         /// Its mass \[kg\].
         mass: f64,
     },
-    /// Anything else the URDF reader refuses.
+    /// Another problem, with its message.
     #[error("{0}")]
     Reader(String),
 }

@@ -1,4 +1,4 @@
-//! Reading and judging the inertia of a link.
+//! Reading and validation of the inertia of a link.
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
@@ -44,7 +44,7 @@ pub(crate) fn check_inertia(link: &str, inertia: &Inertia, warnings: &mut Vec<Mo
     }
 }
 
-/// Eigenvalues, ascending.
+/// Returns the eigenvalues, ascending.
 pub(crate) fn principal_moments(rotational: &Matrix3<f64>) -> [f64; 3] {
     let mut values: [f64; 3] = SymmetricEigen::new(*rotational).eigenvalues.into();
     values.sort_by(f64::total_cmp);

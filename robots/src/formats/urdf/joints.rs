@@ -23,7 +23,7 @@ pub(crate) fn kind(joint: &urdf_rs::Joint, source: &JointSource) -> Result<Optio
     }
 }
 
-/// Refuses a joint.
+/// Returns the error for an unsupported joint.
 pub(crate) fn unsupported(
     joint: &urdf_rs::Joint,
     source: &JointSource,
@@ -33,7 +33,7 @@ pub(crate) fn unsupported(
     Err(UrdfError::new(source.at, problem))
 }
 
-/// Velocity and effort limits of a planar joint, which are optional.
+/// Returns the optional velocity and effort limits of a planar joint.
 pub(crate) fn planar_limits(joint: &urdf_rs::Joint, source: &JointSource) -> Limits {
     let Some(limit) = &source.limit else { return Limits::NONE };
     let effort = if limit.has_effort { joint.limit.effort } else { f64::INFINITY };
@@ -55,7 +55,7 @@ pub(crate) fn plane(normal: &Unit<Vector3<f64>>) -> [Unit<Vector3<f64>>; 2] {
     [first, second]
 }
 
-/// Limits, infinite if missing from the file.
+/// Returns the limits, infinite if missing from the file.
 pub(crate) fn limits(
     joint: &urdf_rs::Joint,
     kind: JointKind,
@@ -84,7 +84,7 @@ pub(crate) fn limits(
         }
     }
     let (lower, upper) = (joint.limit.lower, joint.limit.upper);
-    // Ranges of a whole turn are common, and say nothing.
+    // Ranges of a whole turn are common and have no meaning.
     if kind == JointKind::Continuous && lower < upper && upper - lower < 0.98 * TAU {
         warnings.push(ModelWarning::ContinuousRange { joint: name(), lower, upper });
     }
@@ -96,7 +96,7 @@ pub(crate) fn limits(
         if lower == upper {
             warnings.push(ModelWarning::EmptyRange { joint: name(), value: lower });
         }
-        // More than three turns exceed any cable; from two turns in degrees, no limit may be intended.
+        // More than three turns exceed any cable; from two turns in degrees on, no limit may be intended.
         let is_wide = upper - lower > 3.0 * TAU && lower.abs().max(upper.abs()) <= 720.0;
         if kind == JointKind::Revolute && is_wide {
             warnings.push(ModelWarning::ManyTurns { joint: name(), lower, upper });
@@ -106,7 +106,7 @@ pub(crate) fn limits(
     Ok(limits)
 }
 
-/// Damping and friction, zero if missing from the file.
+/// Returns damping and friction, zero if missing from the file.
 pub(crate) fn dynamics(joint: &urdf_rs::Joint, source: &JointSource) -> Result<JointDynamics, UrdfError> {
     let Some(dynamics) = &joint.dynamics else { return Ok(JointDynamics::default()) };
     let values =
@@ -120,7 +120,7 @@ pub(crate) fn dynamics(joint: &urdf_rs::Joint, source: &JointSource) -> Result<J
     Ok(values)
 }
 
-/// The axis, normalised.
+/// Returns the normalised axis.
 pub(crate) fn axis(
     joint: &urdf_rs::Joint,
     source: &JointSource,
@@ -138,7 +138,7 @@ pub(crate) fn axis(
     Ok(Unit::new_unchecked(axis / length))
 }
 
-/// A URDF pose: fixed-axis roll, pitch, yaw.
+/// Converts a URDF pose: fixed-axis roll, pitch, yaw.
 pub(crate) fn pose(pose: &urdf_rs::Pose) -> Isometry3<f64> {
     let [roll, pitch, yaw] = pose.rpy.0;
     let rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw);

@@ -33,7 +33,7 @@ pub use write::{DrawnRobot, draw_as_urdf};
 
 use crate::{LoadOptions, MimicMode, PackagePath};
 
-/// Parses URDF `text`. `file` is its path, for messages and to find meshes next to it.
+/// Parses URDF `text`. `file` is its path, used for messages and to find meshes next to it.
 ///
 /// Reads links, joints with their safety controllers, inertias, collision geometry, and the reduction and
 /// rotor inertia of transmissions. Visuals, materials and extensions of other programs are skipped.
@@ -51,11 +51,11 @@ pub fn parse_urdf(
     parse_urdf_with(text, file, &LoadOptions { mimic, packages: packages.clone(), ..LoadOptions::default() })
 }
 
-/// [`parse_urdf`], with all options.
+/// Like [`parse_urdf`], with all options.
 ///
 /// # Errors
 ///
-/// As [`parse_urdf`].
+/// Same as [`parse_urdf`].
 pub fn parse_urdf_with(
     text: &str,
     file: Option<&Path>,

@@ -1,8 +1,8 @@
-//! Elements of a file in messages.
+//! Descriptions of elements in messages.
 
 use roxmltree::Node;
 
-/// The element with the name of the link or joint it belongs to: `inertia of link "arm"`.
+/// Describes an element with the name of its link or joint: `inertia of link "arm"`.
 pub(super) fn named(node: Node<'_, '_>) -> String {
     let element = node.tag_name().name();
     let owner = node.ancestors().find(|owner| owner.has_tag_name("link") || owner.has_tag_name("joint"));

@@ -7,10 +7,10 @@ use super::warning::ModelWarning;
 use crate::model::followers::is_below;
 use crate::{Geometry, Model, Shape, TriangleMesh};
 
-/// Length that no part of a common robot reaches \[m\]. A part of 20 mm in a file of millimetres does.
+/// Length that no part of a common robot reaches \[m\]. A part of 20 mm in a file in millimetres does.
 const LONGEST: f64 = 20.0;
 
-/// Reports doubtful properties that do not prevent loading.
+/// Reports suspicious properties that do not prevent loading.
 pub(crate) fn warn_of_model(model: &Model, warnings: &mut Vec<ModelWarning>) {
     warn_of_followers(model, warnings);
     warn_of_sizes(model, warnings);
@@ -42,8 +42,8 @@ fn warn_of_followers(model: &Model, warnings: &mut Vec<ModelWarning>) {
     }
 }
 
-/// Names links with a part longer than [`LONGEST`]: the inertia, a collision shape of a moving link, or the
-/// distance from the body that carries it. The base and the world may be larger.
+/// Reports links with a part longer than [`LONGEST`]: the inertia, a collision shape of a moving link, or the
+/// distance from the carrying body. The base and the world may be larger.
 fn warn_of_sizes(model: &Model, warnings: &mut Vec<ModelWarning>) {
     for frame in model.frames() {
         let Some(body) = frame.body.map(|body| &model.bodies()[body]) else { continue };
@@ -70,8 +70,8 @@ fn warn_of_sizes(model: &Model, warnings: &mut Vec<ModelWarning>) {
     }
 }
 
-/// The longest side of a shape \[m\]; `None` for a mesh in a separate file, which the URDF reader does not
-/// open.
+/// Returns the longest side of a shape \[m\]; `None` for a mesh in a separate file, which the URDF reader
+/// does not open.
 fn length(shape: &Shape) -> Option<f64> {
     Some(match &shape.geometry {
         Geometry::Box { size } => size.max(),
@@ -82,7 +82,7 @@ fn length(shape: &Shape) -> Option<f64> {
     })
 }
 
-/// The longest side of a mesh along the axes of its file \[m\].
+/// Returns the longest side of a mesh along the axes of its file \[m\].
 fn longest_side(mesh: &TriangleMesh, scale: &Vector3<f64>) -> f64 {
     let Some(first) = mesh.points.first() else { return 0.0 };
     let ends = mesh.points.iter().fold((*first, *first), |(low, high), x| (low.inf(x), high.sup(x)));
@@ -90,8 +90,8 @@ fn longest_side(mesh: &TriangleMesh, scale: &Vector3<f64>) -> f64 {
 }
 
 impl ModelWarning {
-    /// Warnings about implausible sizes of the meshes of moving links, read from their files. A mesh that
-    /// cannot be read is left out; distances and contacts refuse it.
+    /// Returns warnings about implausible mesh sizes of moving links, read from their files. Unreadable
+    /// meshes are skipped; distances and contacts reject them.
     pub fn of_meshes(model: &Model) -> Vec<Self> {
         let mut warnings = Vec::new();
         for shape in model.bodies().iter().flat_map(|body| &body.shapes) {

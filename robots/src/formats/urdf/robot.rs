@@ -3,7 +3,7 @@
 use super::ModelWarning;
 use crate::Model;
 
-/// A URDF text turned into a model.
+/// A robot read from a URDF text.
 #[derive(Clone, Debug)]
 pub struct UrdfRobot {
     /// The robot.

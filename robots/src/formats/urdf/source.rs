@@ -23,7 +23,7 @@ pub(crate) struct Survey {
     /// Name and content of each transmission, by joint.
     pub(crate) drives: HashMap<String, (String, Drive)>,
     pub(crate) warnings: Vec<ModelWarning>,
-    /// The text with everything blanked that the model does not use.
+    /// The text with all parts blanked that the model does not use.
     pub(crate) text: String,
 }
 
@@ -225,7 +225,7 @@ impl<'a> Source<'a> {
         for child in joint.children().filter(Node::is_element) {
             match child.tag_name().name() {
                 "mimic" => drop(self.require_attribute(child, "joint")?),
-                // Parsed here; `urdf-rs` would require all of its attributes.
+                // Parsed here, because `urdf-rs` would require all of its attributes.
                 "safety_controller" => unused.push(child.range()),
                 known if KNOWN.contains(&known) => {}
                 _ => unused.push(child.range()),
@@ -252,7 +252,7 @@ impl<'a> Source<'a> {
         Ok(JointSource { at: self.position(joint), limit, safety })
     }
 
-    /// Every attribute of [`NUMBERS`] below `parent` holds its numbers.
+    /// Checks that every attribute of [`NUMBERS`] below `parent` contains valid numbers.
     fn check_numbers(&self, parent: Node<'a, '_>) -> Result<(), UrdfError> {
         for node in parent.descendants().filter(Node::is_element) {
             for &(element, attribute, expected, required) in NUMBERS {
@@ -312,7 +312,7 @@ impl<'a> Source<'a> {
 }
 
 /// Replaces ranges of the text by spaces. Visuals, materials and extensions are not used here, and `urdf-rs`
-/// would reject whole robots for a defect in one of them, such as a texture without a file.
+/// would reject a whole robot for a defect in one of them, such as a texture without a file.
 fn blank(text: &str, ranges: &[Range<usize>]) -> String {
     let mut blanked = String::with_capacity(text.len());
     let mut from = 0;

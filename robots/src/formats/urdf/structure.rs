@@ -95,7 +95,7 @@ fn find_loop(
     UrdfError::new(survey.links[link], UrdfProblem::Loop(names))
 }
 
-/// Index by name; refuses a second element of the same name.
+/// Returns the index by name; a duplicate name is an error.
 fn unique<'a>(
     what: &'static str,
     names: impl Iterator<Item = &'a str>,

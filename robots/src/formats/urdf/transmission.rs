@@ -65,7 +65,7 @@ pub(crate) fn read<'a, 'i>(
     Ok(())
 }
 
-/// Warns of transmissions of unknown joints.
+/// Warns about transmissions of unknown joints.
 pub(crate) fn warn_of_unknown_joints(
     robot: &Robot,
     drives: &HashMap<String, (String, Drive)>,

@@ -5,7 +5,7 @@ use crate::Position;
 /// A defect of a loaded model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ModelWarning {
-    /// A link states a rotational inertia no rigid body has.
+    /// The rotational inertia of a link is not positive definite.
     #[error("link \"{link}\": rotational inertia is not positive definite (principal moments {}, {}, {} kg m2)",
         moment(.principal[0]), moment(.principal[1]), moment(.principal[2]))]
     NotPositiveDefinite {
@@ -14,7 +14,7 @@ pub enum ModelWarning {
         /// Principal moments, ascending \[kg m2\].
         principal: [f64; 3],
     },
-    /// A link states a rotational inertia no distribution of mass can have.
+    /// The rotational inertia of a link is impossible for any distribution of mass.
     #[error("link \"{link}\": rotational inertia breaks the triangle inequality (principal moments {}, {}, {} kg m2: \
              the largest exceeds the sum of the others)",
         moment(.principal[0]), moment(.principal[1]), moment(.principal[2]))]
@@ -24,7 +24,7 @@ pub enum ModelWarning {
         /// Principal moments, ascending \[kg m2\].
         principal: [f64; 3],
     },
-    /// A link states a rotational inertia but no mass.
+    /// A link has a rotational inertia but no mass.
     #[error("link \"{link}\": rotational inertia without mass")]
     InertiaWithoutMass {
         /// Link at fault.
@@ -41,12 +41,12 @@ pub enum ModelWarning {
         /// The joint.
         joint: String,
     },
-    /// A range of one point.
+    /// The range of a joint is a single point.
     #[error("joint \"{joint}\": lower and upper limit are both {value}; it cannot move")]
     EmptyRange {
         /// Joint at fault.
         joint: String,
-        /// The one position \[rad or m\].
+        /// The only position \[rad or m\].
         value: f64,
     },
     /// The range of a revolute joint spans several turns, as if given in degrees.
@@ -62,7 +62,7 @@ pub enum ModelWarning {
         /// Upper limit \[rad\].
         upper: f64,
     },
-    /// A continuous joint with a range of less than a turn.
+    /// A continuous joint has a range of less than a turn.
     #[error(
         "joint \"{joint}\": limits {lower} to {upper} have no effect on a continuous joint; if it must not turn further, \
          write type=\"revolute\""
@@ -75,7 +75,7 @@ pub enum ModelWarning {
         /// Upper limit \[rad\].
         upper: f64,
     },
-    /// A limit of zero, often meant as "unknown".
+    /// A limit is zero, which often means "unknown".
     #[error(
         "joint \"{joint}\": {what} limit is 0, taken literally; leave it out or raise it if it means unknown"
     )]
@@ -85,13 +85,13 @@ pub enum ModelWarning {
         /// `velocity` or `effort`.
         what: &'static str,
     },
-    /// A limit without effort.
+    /// A limit has no effort.
     #[error("joint \"{joint}\": <limit> has no effort; treated as unlimited")]
     NoEffortLimit {
         /// Joint at fault.
         joint: String,
     },
-    /// An axis of another length than one.
+    /// An axis is not a unit vector.
     #[error("joint \"{joint}\": axis has length {length}; normalised")]
     AxisLength {
         /// Joint at fault.
@@ -104,10 +104,10 @@ pub enum ModelWarning {
     TransmissionJoint {
         /// The transmission.
         transmission: String,
-        /// The name it gives.
+        /// The unknown name.
         joint: String,
     },
-    /// A transmission that joins several joints or motors.
+    /// A transmission couples several joints or motors.
     #[error(
         "transmission \"{transmission}\" couples {joints} joints and {actuators} actuators; ignored: only \
          transmissions of one joint and one actuator are supported"
@@ -115,9 +115,9 @@ pub enum ModelWarning {
     CoupledTransmission {
         /// The transmission.
         transmission: String,
-        /// Joints it names.
+        /// Number of its joints.
         joints: usize,
-        /// Actuators it names.
+        /// Number of its actuators.
         actuators: usize,
     },
     /// An MJCF element that changes the motion in MuJoCo but is not part of a model.
@@ -125,14 +125,14 @@ pub enum ModelWarning {
     Ignored {
         /// An attribute and its element, or an element and its section.
         what: String,
-        /// Position of the first one in the file.
+        /// Position of the first occurrence in the file.
         at: Position,
-        /// Count in the file.
+        /// Number of occurrences in the file.
         count: usize,
         /// Reason for ignoring it.
         reason: &'static str,
     },
-    /// A joint whose follower has the narrower range.
+    /// A follower restricts the range of a joint.
     #[error(
         "joint \"{joint}\": its follower \"{follower}\" limits its range to {lower} to {upper}; the file has {} to {}",
         .file[0], .file[1]
@@ -142,14 +142,14 @@ pub enum ModelWarning {
         joint: String,
         /// The joint that follows it.
         follower: String,
-        /// Lower limit with which the follower is within its own \[rad or m\].
+        /// Lower limit at which the follower is within its own limits \[rad or m\].
         lower: f64,
         /// Upper limit, likewise \[rad or m\].
         upper: f64,
         /// Lower and upper limit in the file \[rad or m\].
         file: [f64; 2],
     },
-    /// A joint whose follower has the lower velocity limit.
+    /// A follower restricts the velocity of a joint.
     #[error(
         "joint \"{joint}\": its follower \"{follower}\" limits its velocity to {velocity}; the file has {file}"
     )]
@@ -163,7 +163,7 @@ pub enum ModelWarning {
         /// Velocity limit in the file \[rad/s or m/s\].
         file: f64,
     },
-    /// A follower that is out of its range wherever its leader is.
+    /// A follower is outside its range at every position of its leader.
     #[error(
         "joint \"{joint}\": its limits {lower} to {upper} exclude every position it has as a follower of \"{leader}\"; \
          ignored"
@@ -178,7 +178,7 @@ pub enum ModelWarning {
         /// Its upper limit \[rad or m\].
         upper: f64,
     },
-    /// A moving link of a size that few robots have, as millimetres give it.
+    /// A moving link has an implausible size, as if lengths were in millimetres.
     #[error(
         "link \"{link}\": {what} of {metres:.1} m; if lengths in the file are millimetres, divide them by 1000 and inertias \
          by 1e6"
@@ -191,7 +191,7 @@ pub enum ModelWarning {
         /// The length \[m\].
         metres: f64,
     },
-    /// An unknown name similar to a known one, whose default is used.
+    /// An unknown name is similar to a known one, whose default is used.
     #[error(
         "\"{found}\" of <{element}> is unknown and has no effect (line {}, column {}); did you mean \"{expected}\"?",
         .at.line, .at.column
@@ -206,7 +206,7 @@ pub enum ModelWarning {
         /// Position of the element.
         at: Position,
     },
-    /// An angle of more than a turn, as if given in degrees.
+    /// An angle exceeds a turn, as if given in degrees.
     #[error(
         "rpy of <{element}> has an angle of {angle} rad (line {}, column {}); URDF has radians: if these are degrees, write \
          {:.4}", .at.line, .at.column, .angle.to_radians()
@@ -219,7 +219,7 @@ pub enum ModelWarning {
         /// Position of the element.
         at: Position,
     },
-    /// A collision shape whose size is not positive.
+    /// The size of a collision shape is not positive.
     #[error(
         "{what} of <{element}> is {value} (line {}, column {}); distances and contacts refuse it: give it a size above 0",
         .at.line, .at.column
@@ -234,7 +234,7 @@ pub enum ModelWarning {
         /// Position of the element.
         at: Position,
     },
-    /// A missing mesh file.
+    /// A mesh file was not found.
     #[error("link \"{link}\": mesh \"{uri}\" not found{}", searched(.uri, .tried))]
     MissingMesh {
         /// Link at fault.
@@ -253,12 +253,12 @@ struct Shared<'w> {
     name: &'w str,
     /// Text of the defect; equal defects have equal texts.
     defect: String,
-    /// The words of the defect of several.
+    /// Text of the defect if several share it.
     of_several: String,
 }
 
 impl ModelWarning {
-    /// The warnings as texts: one for all links or joints that have the same defect.
+    /// Formats the warnings, with one text for all links or joints that have the same defect.
     ///
     /// ```
     /// use motorium_robots::ModelWarning;
@@ -369,7 +369,7 @@ fn searched(uri: &str, tried: &[std::path::PathBuf]) -> String {
     if tried.is_empty() {
         return String::new();
     }
-    // Without a name, a path means the program's folder.
+    // without a name, a path means the working directory
     let shown = |path: &std::path::PathBuf| match path.display().to_string() {
         path if path.is_empty() => ".".to_owned(),
         path => path,

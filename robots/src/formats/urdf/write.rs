@@ -13,7 +13,7 @@ use crate::{Coordinate, Frame, Geometry, Inertia, JointKind, LinkColours, Model,
 pub struct DrawnRobot {
     /// The text.
     pub text: String,
-    /// Meshes without a file: the names used in the text, and the scaled meshes.
+    /// Meshes without a file: the names used in the text and the scaled meshes.
     pub meshes: Vec<(String, Arc<TriangleMesh>)>,
 }
 
@@ -21,8 +21,8 @@ pub struct DrawnRobot {
 const SAME: f64 = 1e-9;
 
 /// Writes a model as URDF: its links by their names, its joints with their axes and limits, its shapes as
-/// visuals. Meshes of files are named by `file://` and their path, others by `package://ROBOT/NUMBER.obj`.
-/// Fixed things of the world around a floating base are left out.
+/// visuals. Meshes from files are named by `file://` and their path, others by `package://ROBOT/NUMBER.obj`.
+/// World-fixed parts next to a floating base are omitted.
 ///
 /// ```
 /// use motorium_robots::{MimicMode, PackagePath, draw_as_urdf, load, parse_urdf};
@@ -41,7 +41,7 @@ pub fn draw_as_urdf(model: &Model) -> DrawnRobot {
 /// Writes a model as URDF, with colours of its shapes.
 pub(crate) fn write(model: &Model, colours: LinkColours) -> DrawnRobot {
     let mut writer = Writer { model, text: String::new(), meshes: Vec::new(), names: names(model), colours };
-    // Writing to a text cannot fail.
+    // writing to a string cannot fail
     let _ = writer.robot();
     DrawnRobot { text: writer.text, meshes: writer.meshes }
 }
@@ -60,7 +60,7 @@ fn is_origin(frame: &Frame) -> bool {
     frame.placement.translation.vector.norm() < SAME && frame.placement.rotation.angle() < SAME
 }
 
-/// Names of the links at the origin of each body: a frame there, else a new link.
+/// Returns the names of the links at the origin of each body: an existing frame there, otherwise a new link.
 fn names(model: &Model) -> Vec<String> {
     let of = |(index, body): (usize, &crate::Body)| {
         let mut frames = model.frames().iter().filter(|frame| frame.body == Some(index));
@@ -236,7 +236,7 @@ pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }
 
-/// The hull of rings of points on a capsule along z.
+/// Returns the hull of rings of points on a capsule along z.
 fn capsule(radius: f64, length: f64) -> TriangleMesh {
     const RINGS: usize = 6;
     const AROUND: usize = 24;

@@ -23,7 +23,7 @@ with_defaults! {
     #[serde(default, deny_unknown_fields)]
     pub struct MpcConfig;
 
-    /// Steps that are predicted.
+    /// Prediction horizon.
     pub horizon: HorizonConfig = HorizonConfig::default();
     /// Time between two solutions; forces are constant in between. Default: one solution per step.
     pub solve_every: Option<TimeSpan> = None;
@@ -45,7 +45,7 @@ with_defaults! {
     /// Largest distance of the reference from the measured centre of mass in the plane, m, 1e-3 to 10.
     /// Default 0.05.
     pub max_lead: f64 = 0.05;
-    /// Largest angle of the reference from the measured heading, rad, 1e-3 to 3. Default 0.3.
+    /// Largest angle between the reference and the measured heading, rad, 1e-3 to 3. Default 0.3.
     pub max_turn: f64 = 0.3;
     /// Coefficient of friction of all feet, 1e-3 to 10. Default: each foot's value in the profile, or 0.6.
     pub friction: Option<f64> = None;
@@ -60,14 +60,14 @@ with_defaults! {
 }
 
 with_defaults! {
-    /// Steps that are predicted.
+    /// Prediction horizon.
     #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
     #[serde(default, deny_unknown_fields)]
     pub struct HorizonConfig;
 
     /// Number of steps, 1 to 40. Default 10.
     pub steps: usize = 10;
-    /// Time of a step, 1 ms to 1 s. Default 30 ms.
+    /// Duration of a step, 1 ms to 1 s. Default 30 ms.
     pub step: TimeSpan = TimeSpan { ns: 30_000_000 };
 }
 
@@ -75,7 +75,7 @@ with_defaults! {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GaitConfig {
-    /// Time of a stride.
+    /// Duration of a stride.
     pub period: TimeSpan,
     /// Fraction of the stride that a foot spends in stance, above 0, below 1. Default 0.5.
     #[serde(default = "half")]
@@ -88,7 +88,7 @@ pub struct GaitConfig {
     /// Height of a foot at mid-swing, m, 0 to 10. Default 0.05.
     #[serde(default = "clearance")]
     pub clearance: f64,
-    /// Largest distance that a step is moved against a velocity error, m, 0 to 10. Default 0.1.
+    /// Largest correction of a foothold against a velocity error, m, 0 to 10. Default 0.1.
     #[serde(default = "most")]
     pub max_capture: f64,
     /// Duration over which a foot is loaded after touchdown and unloaded before lift-off. Default 10 ms.
@@ -139,7 +139,7 @@ with_defaults! {
     #[serde(default, deny_unknown_fields)]
     pub struct FittedConfig;
 
-    /// Time constant of its height and slopes. Default 200 ms.
+    /// Time constant of the height and the slopes. Default 200 ms.
     pub smoothing: TimeSpan = TimeSpan { ns: 200_000_000 };
 }
 
@@ -149,9 +149,9 @@ with_defaults! {
     #[serde(default, deny_unknown_fields)]
     pub struct LandingConfig;
 
-    /// Share of a swing from which a contact ends it, 0 to 1; 1 for never. Default 0.5.
+    /// Fraction of a swing after which a contact ends it, 0 to 1; 1 for never. Default 0.5.
     pub early_from: f64 = Landing::default().early_from;
-    /// Speed at which a foot that has not touched at the end of its swing is moved on into the ground, m/s, 0
+    /// Speed at which a foot without contact at the end of its swing is lowered to find the ground, m/s, 0
     /// to 10. Default 0.3.
     pub search_speed: f64 = Landing::default().search_speed;
     /// Maximum duration of the search for the ground; then the foot counts as standing. Default 80 ms; 0
@@ -160,7 +160,7 @@ with_defaults! {
 }
 
 with_defaults! {
-    /// Costs of errors, each for three axes: along the heading, across it, up.
+    /// Costs of errors, each for three axes: along the heading, to the left, up.
     #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
     #[serde(default, deny_unknown_fields)]
     pub struct WeightsConfig;

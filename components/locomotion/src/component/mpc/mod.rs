@@ -15,8 +15,8 @@ use nalgebra::Vector2;
 use crate::mpc::{LegPlanner, PlanarVelocity};
 use setup::MpcSetup;
 
-/// Plans contact forces, contacts and swing motions of a legged robot that follows a velocity command, by
-/// model-predictive control of its centroidal motion ([`LegPlanner`]).
+/// Plans contact forces, contacts and swing motions of a legged robot that follows a velocity command. The
+/// method is model-predictive control of the centroidal motion ([`LegPlanner`]).
 ///
 /// It starts on all feet with the first state. Without a fresh state it publishes no plan, so readers notice
 /// that the plan is stale; it restarts with the next state. If a horizon has no solution, the forces of the
@@ -33,7 +33,7 @@ pub struct MpcPlanner {
     planner: LegPlanner,
     config: MpcConfig,
     stand_for: f64,
-    /// Time since it began, s.
+    /// Time since the start, s.
     began_for: f64,
     figures: Figures,
 }
@@ -44,7 +44,7 @@ struct FootOutputs {
     target: Output<PoseTarget>,
 }
 
-/// Figures of a run.
+/// Statistics of a run.
 #[derive(Clone, Copy, Debug, Default)]
 struct Figures {
     steps: u64,
@@ -165,7 +165,7 @@ impl Component for MpcPlanner {
             "swings": swings,
             "early_landings": early,
             "late_landings": late,
-            // a zero is no negative zero
+            // avoids a negative zero
             "ground_slope": [slope.x + 0.0, slope.y + 0.0],
             "largest_turn_rad": figures.largest_turn,
             "largest_position_error_m": figures.largest_error,
@@ -191,8 +191,8 @@ fn desired(target: &mut Input<TwistTarget>, config: &MpcConfig, factor: f64) -> 
     PlanarVelocity { linear: Vector2::new(x, y) * factor, yaw_rate: yaw * factor }
 }
 
-/// Passes the newest contacts to the planner, or no information if they are stale or incomplete. Returns
-/// `true` for fresh contacts.
+/// Passes the newest contacts to the planner, or none if they are stale or incomplete. Returns `true` for
+/// fresh contacts.
 fn touching(input: &mut Input<FootContacts>, planner: &mut LegPlanner, feet: usize, timeout_ns: u64) -> bool {
     let fresh = input.latest().filter(|feet| feet.age_ns() <= timeout_ns);
     let fresh = fresh.filter(|contacts| contacts.count() == feet);

@@ -1,4 +1,4 @@
-//! The checked parts of a planner, from the model and the profile of the robot.
+//! Validated planner settings, from the model and the profile of the robot.
 
 use motorium::prelude::*;
 use motorium::state::MAX_FEET;

@@ -17,7 +17,7 @@ with_defaults! {
     #[serde(default, deny_unknown_fields)]
     pub struct MultirotorConfig;
 
-    /// Frequency of the position control, critically damped, rad/s. Default 4.
+    /// Bandwidth of the critically damped position control, rad/s. Default 4.
     pub position_frequency: f64 = 4.0;
     /// Bandwidth of the critically damped attitude control, rad/s; at least three times the position
     /// bandwidth. Default 20.
@@ -25,7 +25,7 @@ with_defaults! {
     /// Rate of integral action on a persistent position error, for example from a wrong mass, 1/s; at most
     /// the position bandwidth. Default 1.
     pub integral_rate: f64 = 1.0;
-    /// Largest lean, rad. Default 0.6.
+    /// Largest tilt of the thrust from the vertical, rad. Default 0.6.
     pub max_tilt: f64 = 0.6;
     /// Maximum fraction of the total thrust, so that torque remains available, 0.1 to 1. Default 0.9.
     pub max_thrust_share: f64 = 0.9;
@@ -34,8 +34,7 @@ with_defaults! {
     pub gravity: [f64; 3] = [0.0, 0.0, -9.81];
     /// Position error within which a goal counts as reached, m. Default 0.01.
     pub position_tolerance: f64 = 0.01;
-    /// Largest angle about the vertical from the target with which a goal counts as reached, rad. Default
-    /// 0.05.
+    /// Yaw error within which a goal counts as reached, rad. Default 0.05.
     pub yaw_tolerance: f64 = 0.05;
     /// Settling time after the target comes to rest before errors are scored. Default 1 s.
     pub settle: TimeSpan = TimeSpan { ns: 1_000_000_000 };

@@ -1,4 +1,4 @@
-//! `control.multirotor`: a controller that flies a robot on rotors to a target pose.
+//! `control.multirotor`: a controller that flies a rotor-driven robot to a target pose.
 
 mod config;
 
@@ -26,14 +26,14 @@ pub struct MultirotorController {
     goal: Option<Goal>,
     thrusts: Vec<f64>,
     record: GoalRecord,
-    /// Current goal and the time for which the target has rested there, s.
+    /// Current goal, and the time for which the target has been at rest there, s.
     rested: (u64, f64),
     last_ns: Option<u64>,
     saturated: u64,
     stale: u64,
 }
 
-/// The target taken over last.
+/// The target applied last.
 #[derive(Clone, Copy, Debug)]
 struct Goal {
     target: FlightTarget,
@@ -41,13 +41,13 @@ struct Goal {
     rests: bool,
 }
 
-/// Time constant of the acceleration of the target, which is the slope of its velocity, s.
+/// Time constant of the target's acceleration estimate, which is the slope of its velocity, s.
 const SMOOTHING: f64 = 0.02;
 
 /// Largest acceleration of the target that is fed forward, m/s^2.
 const MOST_ACCELERATION: f64 = 5.0;
 
-/// The checked parts of a controller.
+/// Validated components of a controller.
 struct Parts {
     control: FlightControl,
     mixer: Mixer,

@@ -20,8 +20,8 @@ with_defaults! {
 
     /// Maximum rim speed of a wheel, m/s. Default: the joints' velocity limits, which always apply as well.
     pub speed: Option<f64> = None;
-    /// Largest acceleration of the rim of a wheel, m/s^2; of joints that are the pose of the base, m/s^2 and
-    /// rad/s^2. Acceleration limits of the profile hold as well. Default 1.
+    /// Largest acceleration of the rim of a wheel, m/s^2; for joints that form the pose of the base, m/s^2
+    /// and rad/s^2. Acceleration limits of the profile apply as well. Default 1.
     pub acceleration: f64 = 1.0;
     /// Proportional gain of the wheels, N m/rad, which acts against friction. Default: the profile's gain, or
     /// 20/s times `wheel_kd`.
@@ -31,7 +31,7 @@ with_defaults! {
     /// Maximum lead of a wheel's setpoint over its measured angle, rad (m for a prismatic joint). Default
     /// 0.5.
     pub max_lead: f64 = 0.5;
-    /// Pose of the base in the world at the beginning, for the odometry. Default the origin.
+    /// Initial pose of the base in the world, for the odometry. Default: the origin.
     pub start: StartConfig = StartConfig::default();
     /// Wheel slip assumed in the covariance of the odometry: standard deviation after 1 m travelled, m.
     /// Default 0.003.
@@ -47,7 +47,7 @@ with_defaults! {
     pub target_timeout: TimeSpan = TimeSpan { ns: 100_000_000 };
 }
 
-/// Pose of a base in the plane.
+/// A planar pose of the base.
 #[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct StartConfig {

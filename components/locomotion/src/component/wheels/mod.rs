@@ -39,7 +39,7 @@ pub struct WheelController {
     dynamics: Option<Dynamics>,
     configuration: Vec<f64>,
     gravity: Vec<f64>,
-    /// Acceleration of free fall, m/s^2.
+    /// Gravitational acceleration, m/s^2.
     down: Vector3<f64>,
     q: Vec<f64>,
     v: Vec<f64>,
@@ -58,7 +58,7 @@ pub struct WheelController {
     without_target: u64,
 }
 
-/// Numbers of a checkpoint before the angles of the wheels: pose, distance, covariance.
+/// Number of checkpoint entries before the wheel angles: pose, distance, covariance.
 const REMEMBERED: usize = 13;
 
 impl Component for WheelController {
@@ -179,7 +179,7 @@ impl Component for WheelController {
 }
 
 impl WheelController {
-    /// Reads the newest joint state. False without a fresh one.
+    /// Reads the newest joint state. Returns `false` without a fresh one.
     fn read_state(&mut self) -> Result<bool, StepError> {
         let Some(state) = self.joint_state.latest() else { return Ok(false) };
         if state.age_ns() > self.config.state_timeout.ns {
@@ -228,7 +228,7 @@ impl WheelController {
         self.rate.fill(0.0);
     }
 
-    /// The target velocity: zero without a fresh one.
+    /// Returns the target velocity: zero without a fresh target.
     fn target(&mut self) -> PlanarTwist {
         let fresh = self.target.latest().filter(|target| target.age_ns() <= self.config.target_timeout.ns);
         let Some(target) = fresh else {
@@ -239,7 +239,7 @@ impl WheelController {
         twist.scaled(self.speed_factor.get())
     }
 
-    /// Moves the setpoints of the base's joints by one step.
+    /// Advances the setpoints of the base's joints by one step.
     fn lead(&mut self, dt: f64) {
         for (place, joint) in self.wheels.iter().enumerate() {
             let BaseJoint { index, sign } = *joint;
@@ -292,7 +292,7 @@ impl WheelController {
     fn remember(&mut self) {
         let (pose, covariance) = (self.reckoning.pose(), self.reckoning.covariance());
         let pose = [pose.x, pose.y, pose.yaw, self.reckoning.distance()];
-        // symmetric: columns are rows
+        // symmetric, so columns equal rows
         let numbers = pose.into_iter().chain(covariance.iter().copied()).chain(self.angles.iter().copied());
         self.checkpoint.save(numbers);
     }

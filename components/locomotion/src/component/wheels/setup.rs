@@ -1,4 +1,4 @@
-//! The checked parts of a controller of wheels, from the model and the profile of the robot.
+//! Validated settings of a wheel controller, from the model and the profile of the robot.
 
 use motorium::prelude::*;
 use motorium_control::checks::in_range;
@@ -139,7 +139,7 @@ fn geometry(model: &Model, facts: &MobileBase, robot: &str) -> Result<Geometry, 
         Steering::Differential => WheelBase::differential(wheels),
         Steering::Ackermann => WheelBase::ackermann(wheels),
         _ => {
-            // rollers of an X seen from above: forces of all wheels add up when it turns
+            // the rollers form an X seen from above, so the forces of all wheels add up in a turn
             for wheel in &mut wheels {
                 wheel.rollers = -(wheel.position[0] * wheel.position[1]).signum();
             }
@@ -150,13 +150,13 @@ fn geometry(model: &Model, facts: &MobileBase, robot: &str) -> Result<Geometry, 
     Ok((base, joints, steering))
 }
 
-/// 1, or -1 for a joint whose axis points against `axis` of the base.
+/// Returns 1, or -1 for a joint whose axis points against `axis` of the base.
 fn sense(model: &Model, body: usize, pose: &Isometry3<f64>, axis: Vector3<f64>) -> f64 {
     let joint = pose.rotation * model.bodies()[body].joint.axis.into_inner();
     if joint.dot(&axis) < 0.0 { -1.0 } else { 1.0 }
 }
 
-/// Gains of the profile, with the configured gains of the wheels.
+/// Returns the gains of the profile, with the configured gains of the wheels.
 fn gains(
     config: &WheelsConfig,
     model: &Model,

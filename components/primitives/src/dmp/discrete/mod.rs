@@ -81,7 +81,7 @@ impl DiscreteDmp {
         }
     }
 
-    /// The model it runs.
+    /// Returns the model that is executed.
     pub fn model(&self) -> &DmpModel {
         &self.model
     }
@@ -269,7 +269,7 @@ impl DiscreteDmp {
         &self.goal
     }
 
-    /// Seconds a movement takes.
+    /// Nominal duration of the movement \[s\].
     pub fn duration(&self) -> f64 {
         self.duration
     }

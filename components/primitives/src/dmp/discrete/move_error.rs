@@ -31,7 +31,7 @@ pub enum MoveError {
     },
     /// The variant ends at rest and accepts no final velocity.
     #[error(
-        "a primitive of the variant {} ends at rest: one of the variant final_velocity takes a final velocity",
+        "a primitive of the variant {} ends at rest: only the variant final_velocity accepts a final velocity",
         .variant.name()
     )]
     EndsAtRest {

@@ -52,7 +52,7 @@ pub struct StoredRhythmicModel {
 /// An error of fitting a period.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PeriodError {
-    /// Too little of it.
+    /// Too few samples in a period.
     #[error(
         "{found} samples in one period, expected at least 4 and at least one for each of the {kernels} kernels"
     )]
@@ -62,17 +62,17 @@ pub enum PeriodError {
         /// Kernels to be determined.
         kernels: usize,
     },
-    /// No dimension at all.
+    /// The samples have no dimension.
     #[error("the samples have no dimension, expected at least one")]
     NoDimension,
-    /// Periods of different kinds.
+    /// Periods differ in their number of dimensions.
     #[error("period {index} has {found} dimensions, expected {expected} as in the first")]
     Dimensions {
         /// Index, counted from 0.
         index: usize,
         /// Its dimensions.
         found: usize,
-        /// Dimensions of the first demonstration.
+        /// Dimensions of the first period.
         expected: usize,
     },
     /// A sample is not finite.

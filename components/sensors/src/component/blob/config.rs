@@ -87,7 +87,7 @@ fn settle() -> TimeSpan {
 }
 
 impl BlobConfig {
-    /// The hue, if all numbers are in their ranges.
+    /// Returns the hue if all numbers are in range.
     pub(super) fn check(&self) -> Result<Hue, ConfigError> {
         let length = |setting: &str, value: f64| {
             let good = value > 0.0 && value <= 1e6;

@@ -1,4 +1,4 @@
-//! The poses of a camera in the last moments.
+//! Recent poses of a camera.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use nalgebra::Isometry3;
 /// Maximum number of stored poses.
 const MOST: usize = 1 << 14;
 
-/// Poses of a camera with their times, a ring.
+/// Ring of camera poses with their times.
 #[derive(Debug)]
 pub(super) struct PoseHistory {
     poses: Vec<(u64, Isometry3<f64>)>,
@@ -56,7 +56,7 @@ impl PoseHistory {
         None
     }
 
-    /// Forgets every pose.
+    /// Removes all poses.
     pub(super) fn clear(&mut self) {
         self.count = 0;
     }
@@ -75,7 +75,7 @@ mod tests {
         }
         let x = |time| history.pose_at(time).map(|pose| pose.translation.x);
         assert_eq!((x(17_250), x(18_000), x(50_000)), (Some(17.25), Some(18.0), Some(19.0)));
-        assert_eq!(x(14_999), None, "of 5 poses the oldest is that of 15");
+        assert_eq!(x(14_999), None, "the oldest of 5 poses has the time 15");
         assert_eq!(x(15_000), Some(15.0));
         history.push(10, Isometry3::identity());
         assert_eq!((history.pose_at(9), history.pose_at(18_000)), (None, Some(Isometry3::identity())));

@@ -42,14 +42,14 @@ struct Counts {
     seen: u64,
     /// Images whose exposure time precedes the known camera poses.
     unplaced: u64,
-    /// Distances from the optical axis, pixels: of the last picture, and since the thing has settled in the
-    /// middle.
+    /// Distances from the optical axis [pixels]: in the last image, and since the object has settled in the
+    /// centre.
     last: Option<f64>,
     sum: f64,
     worst: f64,
     scored: u64,
     distance: Option<f64>,
-    /// Time of the first picture, ns.
+    /// Time of the first image, ns.
     since: Option<u64>,
 }
 

@@ -28,12 +28,12 @@ pub struct BaseEstimator {
     config: BaseEstimatorConfig,
     filter: InvariantFilter,
     legs: Legs,
-    /// The sensor in the frame of the base.
+    /// Pose of the sensor in the frame of the base.
     mount: Isometry3<f64>,
-    /// Position of the base at the start, and its angle about the vertical.
+    /// Initial position of the base and its initial yaw.
     start: (Vector3<f64>, f64),
     alignment: Alignment,
-    /// Sequence of the last used sample, and its time, ns.
+    /// Sequence and time [ns] of the last used sample.
     last: ((u32, u32, u64), Option<u64>),
     last_joints: (u32, u32, u64),
     score: Score,
@@ -58,7 +58,7 @@ struct Foot {
     since: Option<u64>,
 }
 
-/// Readings at rest, at the start.
+/// Readings at rest during the alignment.
 #[derive(Clone, Copy, Debug, Default)]
 struct Alignment {
     begin: Option<u64>,
@@ -262,7 +262,7 @@ impl BaseEstimator {
         estimate.angular_velocity = omega.into();
         estimate.gyroscope_bias = state.gyroscope_bias.into();
         estimate.accelerometer_bias = state.accelerometer_bias.into();
-        // symmetric: rows are columns
+        // symmetric, so rows equal columns
         estimate.covariance.copy_from_slice(covariance.as_slice());
         for (index, deviation) in estimate.bias_deviation.iter_mut().enumerate() {
             *deviation = invariant[(9 + index, 9 + index)].max(0.0).sqrt();
@@ -299,7 +299,7 @@ impl BaseEstimator {
 }
 
 impl Alignment {
-    /// Takes in a reading; true when the time is over.
+    /// Adds a reading; returns `true` at the end of the alignment.
     fn add(&mut self, time: u64, span: u64, rate: &Vector3<f64>, force: &Vector3<f64>) -> bool {
         let begin = *self.begin.get_or_insert(time);
         self.count += 1.0;
@@ -342,7 +342,8 @@ impl Legs {
         })
     }
 
-    /// Places the legs in the axes of the base, which turns with `omega` \[rad/s\] in its axes.
+    /// Computes the positions of the feet in the axes of the base, which rotates with `omega` \[rad/s\] in
+    /// its own axes.
     fn update_kinematics(&mut self, position: &[f64], velocity: &[f64], omega: &Vector3<f64>) {
         let count = self.model.joint_count();
         self.q[7..].copy_from_slice(&position[..count]);
@@ -358,7 +359,7 @@ impl Legs {
         self.kinematics.velocity(&self.model, frame).angular.cross(up) * radius
     }
 
-    /// The foot as seen from the sensor.
+    /// Returns a foot as seen from the sensor.
     fn contact(&mut self, foot: usize, mount: &Isometry3<f64>, encoder_noise: f64) -> ContactKinematics {
         let Self { model, kinematics, feet, jacobian, .. } = self;
         let frame = feet[foot].frame;
@@ -375,7 +376,7 @@ impl Legs {
     }
 }
 
-/// The sensor in the frame of the base.
+/// Returns the pose of the sensor in the frame of the base.
 fn sensor_on_base(config: &BaseEstimatorConfig, robot: &Loaded) -> Result<Isometry3<f64>, ConfigError> {
     let frame = config.mount.frame(&robot.model)?;
     let frame = &robot.model.frames()[frame.index()];
@@ -386,7 +387,7 @@ fn sensor_on_base(config: &BaseEstimatorConfig, robot: &Loaded) -> Result<Isomet
     Ok(frame.placement * config.mount.pose()?)
 }
 
-/// Position of the base at the start, and its angle about the vertical.
+/// Returns the initial position of the base and its initial yaw.
 fn start(config: &BaseEstimatorConfig, robot: &Loaded) -> Result<(Vector3<f64>, f64), ConfigError> {
     if let Some(StartPose { position, yaw }) = config.start {
         return Ok((Vector3::from(position), yaw));

@@ -15,9 +15,9 @@ pub(super) struct Score {
     truth: Vec<(u64, Vector3<f64>, UnitQuaternion<f64>)>,
     next: usize,
     start: Option<Vector3<f64>>,
-    /// Positions of the truth and of the estimate, last.
+    /// Last positions of the truth and of the estimate.
     last: Option<[Vector3<f64>; 2]>,
-    /// Error of the position when the scoring began.
+    /// Position error at the start of the scoring.
     first_error: Vector3<f64>,
     steps: f64,
     squared_angle: f64,
@@ -36,19 +36,19 @@ pub(super) struct Estimate<'a> {
 }
 
 impl Score {
-    /// Room for the truth.
+    /// Allocates the memory for the truth.
     pub(super) fn new() -> Self {
         Self { truth: Vec::with_capacity(KEPT), ..Self::default() }
     }
 
-    /// Forgets all.
+    /// Discards all states and errors.
     pub(super) fn reset(&mut self) {
         let mut truth = core::mem::take(&mut self.truth);
         truth.clear();
         *self = Self { truth, ..Self::default() };
     }
 
-    /// Takes in a true state.
+    /// Adds a true state.
     pub(super) fn push(&mut self, source: u64, state: &BaseState) {
         let rotation = UnitQuaternion::new_normalize(nalgebra::Quaternion::from(state.orientation));
         let entry = (source, Vector3::from(state.position), rotation);
@@ -88,7 +88,7 @@ impl Score {
         }
     }
 
-    /// The part of the result; `None` without a truth.
+    /// Returns the part of the result; `None` without ground truth.
     pub(super) fn result(&self) -> Option<serde_json::Value> {
         let (start, [truth, estimate]) = (self.start?, self.last?);
         let way = (truth - start).norm();

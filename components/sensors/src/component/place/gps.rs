@@ -12,7 +12,8 @@ use crate::channel::{Channel, ErrorModel};
 use crate::geodesy::{Geodetic, TangentPlane};
 use crate::randomise::{SensorDraw, SensorRanges};
 
-/// Configuration of `sensor.gps`. The world's x points to the east, unless `heading` turns it, its z up.
+/// Configuration of `sensor.gps`. The world's z axis points up, its x axis to the east unless `heading`
+/// rotates it.
 ///
 /// ```toml
 /// origin     = { latitude = 46.52, longitude = 6.57, altitude = 400.0 }

@@ -1,4 +1,4 @@
-//! Sensors of the place and the motion of a point on a robot, as components: altimeter, satellite navigation,
+//! Components that sense the position and motion of a point on a robot: altimeter, satellite navigation,
 //! magnetometer.
 
 mod altimeter;
@@ -17,29 +17,29 @@ pub use altimeter::{Altimeter, AltimeterConfig};
 pub use gps::{Gps, GpsConfig, Origin};
 pub use magnetometer::{Magnetometer, MagnetometerConfig};
 
-/// A sensor of the motion of a point.
+/// A sensor that measures the motion of a point.
 pub trait PlaceSensor: Sized + 'static {
     /// Name of the kind.
     const KIND: &'static str;
     /// One-line summary.
     const SUMMARY: &'static str;
-    /// Its output.
+    /// Name and description of the output.
     const PORT: (&'static str, &'static str);
     /// Number of values in a reading.
     const WIDTH: usize;
-    /// Its configuration.
+    /// Configuration of the sensor.
     type Config: SensorConfig + serde::de::DeserializeOwned + JsonSchema;
-    /// The message it publishes.
+    /// Type of the published message.
     type Message: StateBuffer;
 
     /// Returns the mount of the sensor.
     fn mount(config: &Self::Config) -> &Mount;
-    /// The sensor of a seed, with the errors of an episode.
+    /// Creates the sensor from a seed, with the errors of an episode.
     ///
     /// # Errors
-    /// A number out of range.
+    /// A number is out of range.
     fn new(config: &Self::Config, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError>;
-    /// Fills in a reading.
+    /// Computes a reading.
     fn read(&mut self, at: &PlaceMotion, dt: f64, values: &mut [f64]);
     /// Writes a reading into a message.
     fn write(&self, values: &[f64], message: &mut Self::Message);

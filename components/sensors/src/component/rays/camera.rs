@@ -1,4 +1,4 @@
-//! `sensor.camera`: pictures in colour.
+//! `sensor.camera`: colour images.
 
 use motorium::prelude::*;
 use motorium::state::ImageInfo;
@@ -123,8 +123,8 @@ impl CameraConfig {
     }
 }
 
-/// `sensor.camera`: pictures in colour. A reading has the levels of each pixel as one number, red +
-/// 256 green + 65536 blue.
+/// `sensor.camera`: colour images. A reading stores the levels of each pixel as one number, red + 256 green +
+/// 65536 blue.
 pub struct Camera {
     renderer: Renderer,
     sensor: PixelSensor,
@@ -138,7 +138,7 @@ pub struct CameraOutputs {
     info: Output<ImageInfo>,
 }
 
-/// Bytes of a pixel.
+/// Bytes per pixel.
 const PIXEL_BYTES: usize = 3;
 
 impl RangeSensor for Camera {

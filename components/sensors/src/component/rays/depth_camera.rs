@@ -1,4 +1,4 @@
-//! `sensor.depth_camera`: pictures of depth and of grey.
+//! `sensor.depth_camera`: depth and grey images.
 
 use motorium::prelude::*;
 use motorium::state::ImageInfo;
@@ -56,20 +56,20 @@ impl RaysConfig for DepthCameraConfig {
     }
 }
 
-/// Pixels of a picture at most.
+/// Maximum number of pixels of an image.
 pub(super) const MOST_PIXELS: u64 = 1 << 20;
 
 /// Queue capacity for images, sufficient for a slow reader such as a recorder at 10 Hz.
 pub(super) const PICTURES: usize = 6;
 
-/// Bytes of a pixel of depth.
+/// Bytes per pixel of a depth image.
 const DEPTH_BYTES: usize = size_of::<f32>();
 
 /// Grey level (of 255) of a surface seen edge-on, and its increase for a surface seen from the front.
 const SHADE: (f64, f64) = (40.0, 215.0);
 
-/// `sensor.depth_camera`: pictures of depth and of grey. A reading has the depths, then the cosines of the
-/// angles of incidence.
+/// `sensor.depth_camera`: depth and grey images. A reading contains the depths, followed by the cosines of
+/// the angles of incidence.
 pub struct DepthCamera {
     pinhole: Pinhole,
     directions: Vec<Unit<Vector3<f64>>>,
@@ -87,7 +87,7 @@ pub struct DepthCameraOutputs {
 }
 
 impl DepthCamera {
-    /// Form of the pictures of depth.
+    /// Returns the format of the depth images.
     fn info(&self) -> ImageInfo {
         let Pinhole { width, height, focal_length, principal_point } = self.pinhole;
         ImageInfo {

@@ -1,4 +1,4 @@
-//! `sensor.height_scan`: heights of the surface on a grid about the sensor.
+//! `sensor.height_scan`: heights of the surface on a grid around the sensor.
 
 use motorium::prelude::*;
 use motorium::state::{HeightScan, MAX_HEIGHTS};
@@ -49,7 +49,7 @@ impl RaysConfig for HeightScanConfig {
 }
 
 impl HeightScanConfig {
-    /// Points along x and y.
+    /// Returns the number of points along x and y.
     fn points(&self) -> Result<[usize; 2], ConfigError> {
         if !(self.spacing.is_finite() && self.spacing > 0.0) {
             return Err(ConfigError::key("spacing", format!("{}: expected a length above 0", self.spacing)));
@@ -57,7 +57,7 @@ impl HeightScanConfig {
         if !self.size.iter().all(|size| (0.0..=1e6).contains(size)) {
             return Err(ConfigError::key("size", "expected lengths from 0 to 1e6 m"));
         }
-        // a size that is a multiple up to rounding has a point at its end
+        // a size that is a multiple of the spacing up to rounding has a point at its end
         let points = self.size.map(|size| (size / self.spacing + 1e-6).floor() as usize + 1);
         let count = points[0].saturating_mul(points[1]);
         if count > MAX_HEIGHTS {
@@ -70,7 +70,7 @@ impl HeightScanConfig {
     }
 }
 
-/// `sensor.height_scan`: heights of the surface on a grid about the sensor.
+/// `sensor.height_scan`: heights of the surface on a grid around the sensor.
 pub struct HeightScanSensor {
     points: [usize; 2],
     spacing: f64,

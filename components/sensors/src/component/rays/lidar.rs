@@ -58,8 +58,8 @@ impl RaysConfig for LidarConfig {
     }
 }
 
-/// Rays from one point in fixed directions. A reading has the distances, then the cosines of the angles of
-/// incidence.
+/// Rays from one point in fixed directions. A reading contains the distances, followed by the cosines of the
+/// angles of incidence.
 #[derive(Debug)]
 pub(super) struct Fan {
     directions: Vec<Unit<Vector3<f64>>>,
@@ -70,7 +70,7 @@ pub(super) struct Fan {
 }
 
 impl Fan {
-    /// Rays of these azimuths and elevations \[rad\].
+    /// Creates rays with these azimuths and elevations \[rad\].
     pub(super) fn new(
         angles: impl Iterator<Item = (f64, f64)>,
         settings: &RangeSettings,
@@ -93,7 +93,7 @@ impl Fan {
         2 * self.count()
     }
 
-    /// Fills in a reading; without incidence angles it contains distances only.
+    /// Computes a reading; without incidence angles it contains distances only.
     pub(super) fn read(&mut self, pose: &Isometry3<f64>, scene: &mut RayScene, dt: f64, values: &mut [f64]) {
         let origin = Point3::from(pose.translation.vector);
         for (ray, direction) in self.rays.iter_mut().zip(&self.directions) {
@@ -154,7 +154,7 @@ pub struct LidarOutputs {
     points: SliceOutput<CloudPoint>,
 }
 
-/// Scans that wait for a slow reader of points.
+/// Number of scans queued for a slow reader of points.
 const SCANS: usize = 4;
 
 impl RangeSensor for Lidar {

@@ -1,4 +1,4 @@
-//! The colours of a robot and of the world around it.
+//! Colours of a robot and of the surrounding world.
 
 use std::collections::BTreeMap;
 

@@ -47,10 +47,10 @@ pub trait RangeSensor: Sized + 'static {
     /// Its outputs.
     type Outputs;
 
-    /// The sensor of a seed, with the errors of an episode.
+    /// Creates the sensor from a seed, with the errors of an episode.
     ///
     /// # Errors
-    /// A number out of range.
+    /// A number is out of range.
     fn new(config: &Self::Config, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError>;
     /// Number of values in a reading.
     fn width(&self) -> usize;
@@ -63,12 +63,12 @@ pub trait RangeSensor: Sized + 'static {
     fn open(&self, setup: &mut Setup) -> Result<Self::Outputs, ConfigureError>;
     /// Receives the appearance of the scene before the first reading.
     fn dress(&mut self, _: &Looks) {}
-    /// Fills in a reading: the sensor at `pose`, `dt` \[s\] after the last reading.
+    /// Computes a reading of the sensor at `pose`, `dt` \[s\] after the previous reading.
     fn read(&mut self, pose: &Isometry3<f64>, scene: &mut RayScene, dt: f64, values: &mut [f64]);
     /// Publishes a reading with its source time.
     ///
     /// # Errors
-    /// A port refuses it.
+    /// A port rejects the reading.
     fn publish(&self, values: &[f64], source: u64, outputs: &mut Self::Outputs) -> Result<(), StepError>;
 }
 

@@ -61,12 +61,12 @@ struct Link {
     placement: Isometry3<f64>,
 }
 
-/// A look at the world.
+/// The state of the world as seen at one time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Look {
     /// Pose of the sensor in the world.
     pub(super) pose: Isometry3<f64>,
-    /// Time of the state, and its source time on the clock of stamps, ns.
+    /// Time of the state and its source time on the stamp clock, ns.
     pub(super) times: (u64, u64),
 }
 
@@ -183,7 +183,7 @@ impl View {
         let Some(drawn) = drawn.newest(tick) else { return Ok(()) };
         let properties = [Randomisation::TERRAIN_SEED, Randomisation::TERRAIN_SCALE];
         let found @ [seed, scale] = properties.map(|property| drawn.find(property, 0));
-        // A repeated draw can describe the current terrain again.
+        // A repeated draw may describe the current terrain again.
         if found == self.shaped {
             return Ok(());
         }
@@ -212,7 +212,7 @@ impl View {
         }
     }
 
-    /// Goes back to the start.
+    /// Resets to the initial state.
     pub(super) fn reset(&mut self) {
         self.motion.reset();
         if let Some((_, drawn)) = &mut self.terrain {
@@ -228,7 +228,7 @@ fn located(world: &World, folder: &Path) -> Result<World, ConfigError> {
     Ok(world)
 }
 
-/// The solids of a robot, for rays: meshes as their convex hulls.
+/// Returns the solids of a robot for ray casting, with meshes as their convex hulls.
 fn solids(model: &motorium_robots::Model) -> CollisionModel {
     let options = CollisionOptions {
         meshes: MeshMode::Hull { most_corners: 5000 },
@@ -236,5 +236,5 @@ fn solids(model: &motorium_robots::Model) -> CollisionModel {
         leave_out_defects: true,
         ..CollisionOptions::default()
     };
-    CollisionModel::new(model, &options).expect("defects are left out, and nothing else can go wrong")
+    CollisionModel::new(model, &options).expect("invalid shapes are left out, so no error remains")
 }

@@ -10,7 +10,7 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    /// `n` by `n` blocks of zeros.
+    /// Creates `n` by `n` zero blocks.
     pub(super) fn new(n: usize) -> Self {
         Self { n, blocks: vec![Matrix3::zeros(); n * n] }
     }
@@ -39,7 +39,7 @@ impl Blocks {
         }
     }
 
-    /// Gives a block the covariances of `from`, including its own.
+    /// Gives block `to` the covariances of block `from`, including its own covariance.
     pub(super) fn copy_block(&mut self, from: usize, to: usize) {
         for other in 0..self.n {
             if other != to {
@@ -64,7 +64,7 @@ impl Blocks {
         }
     }
 
-    /// Makes the matrix exactly symmetric again.
+    /// Restores exact symmetry.
     pub(super) fn symmetrize(&mut self) {
         for row in 0..self.n {
             for column in row..self.n {

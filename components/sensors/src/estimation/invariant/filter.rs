@@ -1,4 +1,4 @@
-//! The filter: its state, its propagation and its corrections.
+//! State, propagation and correction of the filter.
 
 use motorium_robots::lie::so3;
 use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
@@ -15,28 +15,28 @@ const GYROSCOPE: usize = 3;
 const ACCELEROMETER: usize = 4;
 const FEET: usize = 5;
 
-/// Position of a foot on the ground by the joints.
+/// Position of a foot on the ground from forward kinematics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactKinematics {
-    /// Position of the foot in the axes of the sensor, from its origin \[m\]: forward kinematics of the
+    /// Position of the foot in sensor axes, from the sensor's origin \[m\]: forward kinematics of the
     /// encoders.
     pub position: Vector3<f64>,
-    /// Covariance of its error in the same axes \[m2\]: `J cov(q) J'`.
+    /// Covariance of the position error in the same axes \[m2\]: `J cov(q) J'`.
     pub covariance: Matrix3<f64>,
 }
 
-/// State of the filter without the feet: the state of the inertial measurement unit.
+/// State of the filter without the feet, which is the state of the inertial measurement unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterState {
     /// Orientation of the sensor in the world.
     pub rotation: UnitQuaternion<f64>,
-    /// Velocity of its origin, axes of the world \[m/s\].
+    /// Velocity of the sensor's origin in world axes \[m/s\].
     pub velocity: Vector3<f64>,
-    /// Position of its origin in the world \[m\].
+    /// Position of the sensor's origin in the world \[m\].
     pub position: Vector3<f64>,
-    /// Bias of the gyroscope, axes of the sensor \[rad/s\].
+    /// Gyroscope bias in sensor axes \[rad/s\].
     pub gyroscope_bias: Vector3<f64>,
-    /// Bias of the accelerometer, axes of the sensor \[m/s2\].
+    /// Accelerometer bias in sensor axes \[m/s2\].
     pub accelerometer_bias: Vector3<f64>,
 }
 
@@ -103,7 +103,8 @@ pub struct InvariantFilter {
 }
 
 impl InvariantFilter {
-    /// A filter for up to `feet` feet, under an acceleration of free fall `gravity` \[m/s2\] in the world.
+    /// Creates a filter for up to `feet` feet under the gravitational acceleration `gravity` \[m/s2\] in the
+    /// world.
     pub fn new(feet: usize, noise: FilterNoise, gravity: Vector3<f64>) -> Self {
         let blocks = FEET + feet;
         let mut filter = Self {
@@ -137,8 +138,8 @@ impl InvariantFilter {
         ] {
             *self.covariance.get_mut(block, block) = Matrix3::identity() * deviation.powi(2);
         }
-        // The deviations are those of velocity and position, so xi_v = dv + [v] xi_R; the position is
-        // analogous.
+        // The deviations describe velocity and position themselves, so xi_v = dv + [v] xi_R; likewise for the
+        // position.
         for (block, value) in [(VELOCITY, state.velocity), (POSITION, state.position)] {
             self.covariance.add_multiple(block, ROTATION, &value.cross_matrix());
         }
@@ -160,8 +161,8 @@ impl InvariantFilter {
         state.rotation = UnitQuaternion::new_normalize(rotation.into_inner());
     }
 
-    /// `P = F (P + A Q A' dt) F'` with `F = exp(L dt)`, `L` the law of the error and `A` the adjoint of the
-    /// state.
+    /// Computes `P = F (P + A Q A' dt) F'` with `F = exp(L dt)`, the error dynamics `L` and the adjoint `A`
+    /// of the state.
     fn propagate_covariance(&mut self, dt: f64) {
         let Self { noise, gravity, state, feet, covariance, .. } = self;
         let rotation = state.rotation.to_rotation_matrix().into_inner();
@@ -195,7 +196,8 @@ impl InvariantFilter {
         for foot in (0..feet.len()).filter(|foot| feet[*foot].is_some()) {
             add(covariance, FEET + foot, FEET + foot, own(noise.slip));
         }
-        // Apply F row by row, from the row that no other reads to the row that all read.
+        // Apply F row by row, starting with the row that no other row reads and ending with the row that all
+        // read.
         let g = gravity.cross_matrix();
         let (half, sixth) = (0.5 * dt * dt, dt * dt * dt / 6.0);
         let identity = Matrix3::identity();
@@ -216,8 +218,8 @@ impl InvariantFilter {
         covariance.symmetrize();
     }
 
-    /// Corrects by a foot on the ground. A foot at touchdown is only added. Returns the normalised innovation
-    /// squared, whose mean is 3 for a consistent filter, or 0 for an added foot.
+    /// Corrects the state with a foot on the ground. A foot at touchdown is only added. Returns the
+    /// normalised innovation squared, whose mean is 3 for a consistent filter, or 0 for an added foot.
     ///
     /// # Errors
     /// [`SingularInnovation`]; the filter is unchanged then.
@@ -270,7 +272,7 @@ impl InvariantFilter {
         Ok(innovation.dot(&factor.solve(&innovation)))
     }
 
-    /// `X = exp(K z) X`, and the biases by addition.
+    /// Computes `X = exp(K z) X` and adds the corrections of the biases.
     fn apply(&mut self, innovation: &Vector3<f64>) {
         let step = |block: usize| self.gain[block] * innovation;
         let turn = step(ROTATION);
@@ -291,22 +293,22 @@ impl InvariantFilter {
         self.state = state;
     }
 
-    /// Moves the contact of a foot on the ground by a distance in the axes of the sensor \[m\]: the rolling
-    /// of a round foot. No effect in the air.
+    /// Moves the contact of a foot on the ground by a distance in sensor axes \[m\], for rolling round feet.
+    /// No effect in the air.
     pub fn roll(&mut self, foot: usize, distance: &Vector3<f64>) {
         if let Some(place) = &mut self.feet[foot] {
             *place += self.state.rotation * distance;
         }
     }
 
-    /// Forgets a foot, which lifts from the ground.
+    /// Removes a foot that lifts off.
     pub fn lift(&mut self, foot: usize) {
         if self.feet[foot].take().is_some() {
             self.covariance.clear_block(FEET + foot);
         }
     }
 
-    /// The estimate.
+    /// Returns the estimate.
     pub fn state(&self) -> &FilterState {
         &self.state
     }
@@ -327,8 +329,8 @@ impl InvariantFilter {
         SMatrix::from_fn(|row, column| self.covariance.get(row / 3, column / 3)[(row % 3, column % 3)])
     }
 
-    /// Covariance of the errors of rotation (a rotation vector in the axes of the world), velocity and
-    /// position themselves: `v_est - v = xi_v - [v] xi_R`, and so for the position.
+    /// Covariance of the errors of rotation (a rotation vector in world axes), velocity and position. It
+    /// follows from `v_est - v = xi_v - [v] xi_R`, and likewise for the position.
     pub fn covariance(&self) -> SMatrix<f64, 9, 9> {
         let invariant = self.invariant_covariance().fixed_view::<9, 9>(0, 0).into_owned();
         let mut map = SMatrix::<f64, 9, 9>::identity();
@@ -338,7 +340,7 @@ impl InvariantFilter {
     }
 }
 
-/// `sum [phi]^k / (k + 2)!`: the rotation `exp(phi)` integrated twice over a step.
+/// Computes `sum [phi]^k / (k + 2)!`: the rotation `exp(phi)` integrated twice over a step.
 fn second_integral(phi: &Vector3<f64>) -> Matrix3<f64> {
     let (angle, cross) = (phi.norm(), phi.cross_matrix());
     let square = angle * angle;
