@@ -234,7 +234,7 @@ fn mistakes_are_refused_with_their_key() {
         ("{ model = \"missing.latent\" }", "missing.latent"),
         ("{ model = \"free.latent\" }", "its latent is free"),
         ("{ model = \"arms.latent\", motion = \"take.csv\" }", "found no channel `c`"),
-        ("{ model = \"arms.latent\", rate = 30.0 }", "there is no `motion`"),
+        ("{ model = \"arms.latent\", rate = 30.0 }", "requires a `motion`"),
         ("{ model = \"arms.latent\", spaces = { left = \"arm\" } }", "no space `arm`"),
         ("{ model = \"arms.latent\", spaces = { left = \"human\" } }", "is the human's"),
         ("{ model = \"arms.latent\", spaces = { middle = \"left\" } }", "no robot `middle`"),

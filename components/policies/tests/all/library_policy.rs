@@ -207,7 +207,7 @@ fn invalid_configurations_are_refused_by_key() {
     );
     assert_eq!(key.as_deref(), Some("eigenforces"));
     let (message, key) = refuse(serde_json::json!({ "library": "letters", "movements": ["a"] }));
-    assert!(key.as_deref() == Some("library") && message.contains("no joint"), "{message}");
+    assert!(key.as_deref() == Some("library") && message.contains("not a joint"), "{message}");
 }
 
 #[test]

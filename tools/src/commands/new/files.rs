@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn without_sources_the_published_version_is_asked_for() {
+    fn published_version_is_requested_without_sources() {
         let made = files("my-controller", None);
         let manifest = &made.iter().find(|(name, _)| *name == "Cargo.toml").unwrap().1;
         assert!(
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn what_exists_is_never_overwritten() {
+    fn existing_files_are_never_overwritten() {
         let parent = tempfile::tempdir().unwrap();
         let kept = parent.path().join("mine/Cargo.toml");
         fs::create_dir(parent.path().join("mine")).unwrap();
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn a_crate_that_cannot_be_written_whole_leaves_nothing() {
+    fn incomplete_crate_is_removed() {
         let parent = tempfile::tempdir().unwrap();
         let files = [("a", "text".to_string()), ("a/b", "below a file".to_string())];
         assert!(matches!(write(parent.path(), "half", &files), Err(WriteError::Io { .. })));

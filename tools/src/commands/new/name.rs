@@ -137,14 +137,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn usual_names_are_taken() {
+    fn usual_names_are_accepted() {
         for name in ["my-controller", "reach2", "a", "left_arm"] {
             assert_eq!(check(name), Ok(()), "{name}");
         }
     }
 
     #[test]
-    fn a_name_with_a_mistake_is_answered_with_one_without() {
+    fn invalid_name_is_answered_with_a_valid_one() {
         for (name, better) in [
             ("MyController", "my-controller"),
             ("my controller", "my-controller"),
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn names_that_mean_something_else_are_refused() {
+    fn names_with_another_meaning_are_refused() {
         for name in TAKEN {
             assert_eq!(check(name), Err(NameError::Taken { name: name.into() }));
         }

@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn another_project_with_a_runtime_is_not_taken_for_it() {
+    fn another_project_with_a_runtime_is_not_confused() {
         let folder = tempfile::tempdir().unwrap();
         let write = |name: &str, text: &str| write(folder.path(), name, text);
         write("Cargo.toml", "[workspace.package]\nversion = \"0.0.1\"\n");
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unpacked_archive_holds_the_crate_and_its_versions() {
+    fn unpacked_archive_contains_the_crate_and_its_versions() {
         let prefix = tempfile::tempdir().unwrap();
         let manifest = |version: &str| format!("[package]\nname = \"motorium\"\nversion = \"{version}\"\n");
         write(prefix.path(), "share/motorium/runtime/Cargo.toml", &manifest("0.0.1"));

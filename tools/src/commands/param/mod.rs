@@ -241,7 +241,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_are_read_as_people_write_them() {
+    fn values_are_parsed_in_their_usual_notation() {
         let float = |text| value(text, ParameterKind::Float);
         assert_eq!(value("true", ParameterKind::Boolean), Ok(ParameterValue::Boolean(true)));
         assert_eq!(float("-3"), Ok(ParameterValue::Integer(-3)));

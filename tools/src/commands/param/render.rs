@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_are_written_as_they_are_meant() {
+    fn ranges_are_written_without_open_ends() {
         let float = 1.0;
         assert_eq!(row(float, Some(0.0), Some(2.5)).range(), "0 to 2.5");
         assert_eq!(row(float, Some(0.5), None).range(), "from 0.5");
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn a_parameter_as_json_says_all_that_a_program_needs_to_set_it() {
+    fn json_parameter_has_everything_needed_to_set_it() {
         let json = serde_json::to_value(row(ParameterValue::Float(2.0), Some(0.0), None)).unwrap();
         assert_eq!(json["name"], "controller.gain");
         assert_eq!(json["type"], "float");

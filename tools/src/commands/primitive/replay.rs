@@ -188,7 +188,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn via_points_are_read_as_they_are_written() {
+    fn via_points_are_parsed() {
         let expected = ViaPoint { phase: 0.5, position: vec![0.1, -2.0], deviation: 1e-4 };
         assert_eq!(via("0.5:0.1,-2"), Ok(expected.clone()));
         assert_eq!(via("0.5:0.1,-2:0.01"), Ok(ViaPoint { deviation: 0.01, ..expected }));

@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_that_fails_is_done_again() {
+    fn failed_part_is_repeated() {
         let folder = tempfile::tempdir().unwrap();
         let writer = || {
             let path = folder.path().to_path_buf();

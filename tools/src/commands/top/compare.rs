@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn rates_are_taken_between_steps_and_not_between_looks() {
+    fn rates_are_per_step_and_not_per_poll() {
         let folder = tempfile::tempdir().expect("a folder");
         let run = silent_run(folder.path());
         let block = &run.region.components()[0];
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn a_component_that_is_gone_has_no_share_of_a_core() {
+    fn ended_component_has_no_core_share() {
         let folder = tempfile::tempdir().expect("a folder");
         let mut run = silent_run(folder.path());
         (run.plan.components[0].core, run.plan.components[2].core) = (Some(0), Some(0));

@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn the_middle_is_inside_and_the_outside_is_not() {
+    fn centre_is_inside_and_exterior_is_not() {
         for geometry in [Geometry::Sphere { radius: 0.2 }, Geometry::Cylinder { radius: 0.2, length: 0.4 }] {
             let solid = solid(geometry);
             assert!(solid.contains(&Point3::new(1.0, -2.0, 0.5)));
