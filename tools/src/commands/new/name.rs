@@ -1,6 +1,6 @@
 //! Names of component crates.
 
-/// Names that a crate or its program cannot have: keywords, names of cargo, and dependencies.
+/// Names unavailable for a crate or its program: keywords, names used by cargo, and dependencies.
 const TAKEN: [&str; 66] = [
     "abstract",
     "alloc",
@@ -69,10 +69,10 @@ const TAKEN: [&str; 66] = [
     "yield",
     "union",
 ];
-/// Names of graphs are at most this long.
+/// Maximum length of graph names, in characters.
 const LONGEST: usize = 64;
 
-/// A name that no component crate can have.
+/// Error of an invalid crate name.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub(super) enum NameError {
     #[error("the name is empty; try `my-controller`")]
@@ -111,7 +111,7 @@ pub(super) fn check(name: &str) -> Result<(), NameError> {
     if TAKEN.contains(&name.as_str()) { Err(NameError::Taken { name }) } else { Ok(()) }
 }
 
-/// The nearest name that is allowed, or nothing.
+/// Returns the nearest valid name, or an empty text.
 fn better(name: &str) -> String {
     let mut better = String::new();
     let mut last = ' ';

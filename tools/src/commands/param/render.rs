@@ -17,11 +17,11 @@ pub(super) struct Row {
     pub(super) value: ParameterValue,
     /// Value at the start of the run.
     pub(super) initial: ParameterValue,
-    /// Value unless the graph file sets another.
+    /// Default value if the graph file sets none.
     pub(super) default: ParameterValue,
     pub(super) min: Option<f64>,
     pub(super) max: Option<f64>,
-    /// Names to choose from; only of a choice.
+    /// Names to choose from, for a choice only.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) choices: Vec<String>,
     pub(super) unit: String,
@@ -47,12 +47,12 @@ impl Row {
         }
     }
 
-    /// A value of this parameter with its unit.
+    /// Formats a value of this parameter with its unit.
     pub(super) fn with_unit(&self, value: &ParameterValue) -> String {
         if self.unit.is_empty() { value.to_string() } else { format!("{value} {}", self.unit) }
     }
 
-    /// The range in words.
+    /// Describes the range.
     fn range(&self) -> String {
         let length = match &self.default {
             ParameterValue::Array(values) => format!("{} numbers, ", values.len()),

@@ -14,7 +14,7 @@ use super::plot;
 use crate::out::errln;
 use crate::style;
 
-/// Via points farther from the mean than this number of standard deviations are extrapolated.
+/// Distance from the mean, in standard deviations, beyond which a via point is an extrapolation.
 const FAR: f64 = 6.0;
 
 /// Run a primitive: as demonstrated, or with another start, goal, duration or via points.
@@ -146,7 +146,7 @@ impl Replay {
     }
 }
 
-/// Prints to standard output; a closed pipe is no error.
+/// Prints to standard output; a closed pipe is not an error.
 fn print(text: &str) -> anyhow::Result<()> {
     match std::io::stdout().lock().write_all(text.as_bytes()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error.into()),
