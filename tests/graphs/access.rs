@@ -301,7 +301,7 @@ fn a_run_of_another_user_is_reported() {
 }
 
 #[test]
-fn the_ids_of_runs_cannot_be_guessed_and_can_be_typed() {
+fn run_ids_are_unguessable_but_can_be_typed() {
     let _machine = machine();
     let id = |run: Run| run.folder.id().to_string();
     let (first, second) = (

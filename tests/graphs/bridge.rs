@@ -40,7 +40,7 @@ fn python_or_skip() -> Option<PathBuf> {
 }
 
 #[test]
-fn the_python_program_of_the_book_leads_the_arm() {
+fn python_program_of_the_book_moves_the_arm() {
     let Some(python) = python_or_skip() else { return };
     let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");

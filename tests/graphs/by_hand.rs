@@ -56,7 +56,7 @@ fn a_component_killed_by_hand_restarts_in_the_named_run() {
 }
 
 #[test]
-fn a_component_that_is_a_thread_of_the_launcher_is_not_killed() {
+fn component_in_a_launcher_thread_cannot_be_killed() {
     let _machine = machine();
     let graph = workspace().join("graphs/panda-reach.toml");
     let arguments = ["--for", "60 s", "--name", "hosted-by-hand", "--hosting", "threads", "--force"];
@@ -68,7 +68,7 @@ fn a_component_that_is_a_thread_of_the_launcher_is_not_killed() {
 }
 
 #[test]
-fn a_graph_that_comes_with_the_program_runs_from_any_folder() {
+fn built_in_graph_runs_from_any_folder() {
     let folder = tempfile::tempdir().unwrap();
     for (arguments, graph) in
         [(&["--example", "two-arms", "--name", "mine"][..], "mine"), (&[], "panda-reach")]

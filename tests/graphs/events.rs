@@ -105,7 +105,7 @@ fn entering_and_leaving_the_safe_state_is_in_the_log() {
 }
 
 #[test]
-fn followers_read_what_the_guard_does_without_the_launcher() {
+fn followers_read_guard_events_without_the_launcher() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "60 s"]);
     let mut follower = follow(run.folder.id());
@@ -127,7 +127,7 @@ fn followers_read_what_the_guard_does_without_the_launcher() {
 }
 
 #[test]
-fn the_log_of_a_run_that_a_crash_left_behind_is_read_by_its_id() {
+fn log_of_a_crashed_run_is_read_by_its_id() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "60 s"]);
     let id = run.folder.id().to_string();

@@ -107,7 +107,7 @@ fn threads(pid: u32, named: Option<&[&str]>) -> u64 {
 }
 
 #[test]
-fn a_run_asks_for_as_many_processes_and_threads_as_it_takes() {
+fn run_needs_only_the_computed_processes_and_threads() {
     let _machine = machine();
     const LONELY: u32 = 64_322;
     let command = "ulimit -u 8; exec \"$MOTORIUM\" run graphs/panda-reach.toml --force --for 200ms --set realtime.lost_steps=1";

@@ -295,7 +295,7 @@ fn a_stalled_step_counts_as_too_long() {
 }
 
 #[test]
-fn late_publications_are_withheld_if_the_graph_says_so() {
+fn late_publications_are_withheld_if_configured() {
     let _machine = machine();
     for (policy, withheld) in [("hold", true), ("skip", false)] {
         let settings = format!("on_overrun = \"{policy}\"\npriority = 1");
@@ -353,7 +353,7 @@ fn allocations_in_a_step_are_counted() {
 }
 
 #[test]
-fn a_slow_stop_is_killed_unless_it_is_given_time() {
+fn slow_stop_is_killed_unless_given_time() {
     let _machine = machine();
     for (settings, stops) in [("", false), ("stop_within = \"10 s\"", true)] {
         let (_folder, graph) = faulty("{ fault = \"slow_stop\" }", settings);

@@ -75,7 +75,7 @@ fn an_arm_goes_to_poses_joints_and_grips() {
 }
 
 #[test]
-fn a_newer_goal_replaces_one_under_way() {
+fn newer_goal_replaces_the_current_one() {
     let _machine = machine();
     let run = Run::start(Path::new("graphs/panda-goto.toml"), &PACED);
     let id = run.folder.id().to_string();

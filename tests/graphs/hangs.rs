@@ -104,7 +104,7 @@ fn an_endless_loop_above_the_actuator_is_ended_by_the_kernel() {
 }
 
 #[test]
-fn a_component_that_is_always_late_is_not_called_hanging() {
+fn always_late_component_is_not_reported_as_hung() {
     let _machine = machine();
     // each step takes 5 ms, and the next trigger is always there already
     let (_folder, graph) =
@@ -114,7 +114,7 @@ fn a_component_that_is_always_late_is_not_called_hanging() {
 }
 
 #[test]
-fn a_component_whose_trigger_is_silent_has_not_hung() {
+fn component_with_a_silent_trigger_is_not_hung() {
     let _machine = machine();
     let (_folder, graph) = faulty("{ fault = \"mute\", at = 100 }", "hang_after = \"50 ms\"");
     let text = std::fs::read_to_string(&graph).expect("the graph can be read");

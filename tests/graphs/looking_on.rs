@@ -65,7 +65,7 @@ impl Drop for Running {
 }
 
 #[test]
-fn a_running_graph_shows_its_topics_and_takes_parameters() {
+fn running_graph_shows_topics_and_accepts_parameters() {
     let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let name = format!("looked-at-{}", std::process::id());
@@ -231,7 +231,7 @@ fn a_new_crate_has_a_valid_graph_once_it_is_built() {
 }
 
 #[test]
-fn a_made_crate_is_never_overwritten() {
+fn existing_crate_is_never_overwritten() {
     let folder = tempfile::tempdir().expect("a folder");
     let parent = folder.path().to_str().expect("a path of text");
     printed(&["new", "mine", "--path", parent]);

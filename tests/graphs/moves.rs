@@ -35,7 +35,7 @@ fn a_square_of_two_metres_is_driven_accurately() {
 }
 
 #[test]
-fn a_square_that_is_missed_is_no_success() {
+fn missed_square_is_not_a_success() {
     // the robot starts at a different angle from the configured one: the odometry is right about the distance
     // travelled, but wrong about the world
     let ended = whole("drive-square.toml", &["--set", "controller.config.start.yaw=0.1", "--for", "25 s"]);
@@ -68,7 +68,7 @@ fn a_panda_goes_through_its_waypoints() {
 }
 
 #[test]
-fn a_panda_puts_a_cube_into_a_bin_and_twice_to_the_same_bit() {
+fn panda_puts_a_cube_into_a_bin_twice_bit_for_bit() {
     let runs = [(); 2].map(|()| whole("pick-and-place.toml", &[]));
     for ended in &runs {
         assert_eq!(ended.code, Some(0), "{}", ended.stderr);
@@ -100,7 +100,7 @@ fn a_mobile_arm_carries_a_cube_from_table_to_table() {
 }
 
 #[test]
-fn a_panda_puts_a_nut_into_a_tray_that_both_are_meshes() {
+fn panda_puts_a_mesh_nut_into_a_mesh_tray() {
     let ended = whole("pick-nut.toml", &[]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let nut = &ended.report().results["physics"]["objects"]["cube"];
@@ -130,7 +130,7 @@ fn a_belt_brings_a_cube_to_the_bin_and_a_ball_rolls_to_rest() {
 }
 
 #[test]
-fn an_arm_whose_fingers_are_held_reaches_with_seven_joints() {
+fn arm_with_held_fingers_reaches_with_seven_joints() {
     let overlay = workspace().join("graphs/overlays/panda-arm.toml");
     let ended = whole("panda-reach.toml", &["--for", "4 s", "--with", overlay.to_str().expect("UTF-8")]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);

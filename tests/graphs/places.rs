@@ -63,7 +63,7 @@ fn killed_observers_free_their_places() {
 }
 
 #[test]
-fn observers_killed_all_at_once_leave_their_places_too() {
+fn observers_killed_together_free_their_slots() {
     let _machine = machine();
     let (_folder, graph) = with_stream();
     let run = Run::start(&graph, &["--for", "60 s", "--force"]);

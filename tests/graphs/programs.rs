@@ -42,7 +42,7 @@ fn the_component_of_motorium_new_has_a_valid_example() {
 }
 
 #[test]
-fn a_misspelt_key_of_a_program_is_underlined_where_it_stands() {
+fn misspelt_key_of_a_program_is_underlined_in_place() {
     let folder = tempfile::tempdir().unwrap();
     let graph = folder.path().join("graph.toml");
     let check = |config: &str| {
@@ -74,7 +74,7 @@ fn a_misspelt_key_of_a_program_is_underlined_where_it_stands() {
 }
 
 #[test]
-fn a_program_that_is_no_component_is_said_to_be_none() {
+fn program_without_components_is_reported() {
     let (success, _, errors) = motorium(&["kinds", "--exec", "/bin/true"]);
     assert!(!success && errors.contains("does not answer `motorium-kinds` as a component does"), "{errors}");
     assert!(errors.contains("motorium::main!"), "{errors}");

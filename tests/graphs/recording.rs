@@ -40,7 +40,7 @@ pub(crate) fn verified(file: &Path, arguments: &[&str]) -> (Option<i32>, String)
 }
 
 #[test]
-fn an_arm_a_quadruped_and_two_arms_run_again_to_the_last_bit() {
+fn arm_quadruped_and_two_arms_replay_bit_for_bit() {
     let folder = tempfile::tempdir().expect("a folder");
     for graph in ["panda-reach.toml", "quadruped-trot.toml", "two-arms.toml"] {
         let file = recorded(folder.path(), graph, &["--for", "400 ms"]);
@@ -338,7 +338,7 @@ fn the_score_of_a_recording_shows_a_missed_goal() {
 }
 
 #[test]
-fn report_page_shows_results_of_its_run_alone() {
+fn report_page_shows_only_its_own_run() {
     let folder = tempfile::tempdir().expect("a folder");
     let (file, json) = (folder.path().join("a.mcap"), folder.path().join("a.json"));
     let graph = workspace().join("graphs/panda-reach.toml");

@@ -48,7 +48,7 @@ fn launch(plan: Plan) -> Session<'static> {
 }
 
 #[test]
-fn a_replay_finds_all_of_its_memory_before_it_steps() {
+fn replay_allocates_all_memory_before_it_steps() {
     let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "1 s"]);
@@ -64,7 +64,7 @@ fn a_replay_finds_all_of_its_memory_before_it_steps() {
 }
 
 #[test]
-fn an_arm_is_led_to_the_start_of_a_recording_and_to_rest() {
+fn arm_moves_to_the_start_of_a_recording_and_to_rest() {
     let folder = tempfile::tempdir().expect("a folder");
     // It ends in the middle of a movement.
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "700 ms"]);
@@ -111,7 +111,7 @@ fn an_arm_is_led_to_the_start_of_a_recording_and_to_rest() {
 }
 
 #[test]
-fn an_arm_that_is_too_far_from_a_recording_is_not_moved() {
+fn arm_too_far_from_a_recording_is_not_moved() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "100 ms"]);
     let (plan, home) = to_a_panda_elsewhere(&Recording::open(&file).expect("a recording"), 1.2);
@@ -127,7 +127,7 @@ fn an_arm_that_is_too_far_from_a_recording_is_not_moved() {
 }
 
 #[test]
-fn the_command_says_which_robots_are_led_and_which_are_not() {
+fn command_lists_robots_moved_to_the_start() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "200 ms"]);
     let both = ["--live", "physics", "--live", "encoder"];
@@ -179,7 +179,7 @@ fn one_or_all_episodes_are_replayed_and_verified() {
 }
 
 #[test]
-fn an_episode_that_was_over_early_is_over_early_in_its_replay() {
+fn early_end_of_an_episode_is_replayed() {
     let folder = tempfile::tempdir().expect("a folder");
     let goals =
         r#"policy.config.goals=[{ offset = [0.01, 0.0, 0.0], duration = "150 ms", dwell = "20 ms" }]"#;

@@ -33,7 +33,7 @@ fn the_panda_reaches_its_goals_with_separate_processes() {
 }
 
 #[test]
-fn in_steady_state_no_built_in_component_allocates_or_faults() {
+fn built_in_components_do_not_allocate_in_steady_state() {
     let _machine = machine();
     let ended = run(&panda_reach(), &["--for", "4 s"]);
     for component in &ended.report().components {
@@ -75,7 +75,7 @@ fn wakes_next(calls: &[Call]) -> bool {
 }
 
 #[test]
-fn a_step_makes_only_the_wait_and_wake_system_calls() {
+fn step_only_makes_wait_and_wake_system_calls() {
     let _machine = machine();
     if Command::new("strace").arg("--version").output().is_err() {
         eprintln!("skipped: strace is not installed");
@@ -128,7 +128,7 @@ fn a_step_makes_only_the_wait_and_wake_system_calls() {
 }
 
 #[test]
-fn lockstep_runs_are_identical_exactly_if_their_seeds_are() {
+fn lockstep_runs_are_identical_only_with_equal_seeds() {
     let once = run(&panda_reach(), &["--clock", "lockstep"]);
     let twice = run(&panda_reach(), &["--clock", "lockstep"]);
     let other = run(&panda_reach(), &["--clock", "lockstep", "--set", "seed=7"]);
@@ -150,7 +150,7 @@ fn hosting_in_one_process_does_not_change_publications() {
 }
 
 #[test]
-fn hosted_components_run_in_real_time_too() {
+fn hosted_components_run_in_real_time() {
     let _machine = machine();
     let ended = run(&panda_reach(), &["--in-process", "--for", "2 s"]);
     assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Finished));
@@ -161,7 +161,7 @@ fn hosted_components_run_in_real_time_too() {
 }
 
 #[test]
-fn ctrl_c_and_a_polite_kill_end_a_run_cleanly() {
+fn ctrl_c_and_sigterm_end_a_run_cleanly() {
     let _machine = machine();
     for signal in [Signal::INT, Signal::TERM] {
         let run = Run::start(&panda_reach(), &["--for", "60 s"]);
@@ -174,7 +174,7 @@ fn ctrl_c_and_a_polite_kill_end_a_run_cleanly() {
 }
 
 #[test]
-fn without_privileges_a_run_completes_and_says_what_it_lost() {
+fn run_without_privileges_completes_and_lists_them() {
     let _machine = machine();
     if !is_root() {
         eprintln!("skipped: only root can give its privileges up");
@@ -217,7 +217,7 @@ fn a_strict_graph_refuses_to_run_without_privileges() {
 }
 
 #[test]
-fn tools_look_at_a_running_graph_without_disturbing_it() {
+fn tools_read_a_running_graph_without_disturbing_it() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "4 s"]);
     // The guard of a run that a test has just killed may still be active, so name the run.

@@ -31,7 +31,7 @@ fn a_free_orientation_is_neither_missed_nor_reported() {
 }
 
 #[test]
-fn a_target_that_is_looked_at_is_no_goal() {
+fn gaze_target_is_not_a_goal() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "camera-servo.toml", &["--for", "500 ms", "--no-expect"]);
     let (score, said) = scored(&file);

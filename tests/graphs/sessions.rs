@@ -30,7 +30,7 @@ fn launch(plan: Plan, options: &Options) -> Session<'static> {
 const MS: Duration = Duration::from_millis(1);
 
 #[test]
-fn all_kinds_of_hosting_publish_exactly_the_same() {
+fn all_hosting_modes_publish_identical_values() {
     for file in ["panda-reach.toml", "quadruped-trot.toml"] {
         let graph = workspace().join("graphs").join(file);
         let hash = |hosting: &str| {
@@ -44,7 +44,7 @@ fn all_kinds_of_hosting_publish_exactly_the_same() {
 }
 
 #[test]
-fn episodes_are_equal_exactly_if_their_seeds_are() {
+fn episodes_are_equal_only_with_equal_seeds() {
     for file in ["panda-reach.toml", "quadruped-trot.toml"] {
         let graph = workspace().join("graphs").join(file);
         let lockstep = ["--clock", "lockstep", "--for", "400 ms"];
@@ -141,7 +141,7 @@ fn a_value_published_by_a_session_has_its_measurement_time() {
 }
 
 #[test]
-fn a_session_in_processes_is_driven_as_one_inline() {
+fn session_in_processes_steps_like_an_inline_one() {
     let in_processes = Options::processes(MOTORIUM.into()).standing_in_for("policy");
     let mut inline = launch(plan("panda-reach.toml", &[]), &Options::inline().standing_in_for("policy"));
     let mut processes = launch(plan("panda-reach.toml", &[]), &in_processes);
@@ -152,7 +152,7 @@ fn a_session_in_processes_is_driven_as_one_inline() {
 }
 
 #[test]
-fn two_sessions_in_two_threads_do_what_one_alone_does() {
+fn two_threads_run_two_sessions_independently() {
     let hash = |core: usize| {
         let mut session = launch(plan("quadruped-trot.toml", &[]), &Options::inline().on_core(core));
         session.step_until(200 * MS).expect("it steps");
@@ -191,7 +191,7 @@ fn an_aborted_session_cleans_up_and_restores_its_thread() {
 }
 
 #[test]
-fn what_cannot_be_asked_of_a_session_is_refused_with_a_reason() {
+fn unsupported_session_requests_are_refused() {
     let mut session = launch(plan("panda-reach.toml", &[]), &Options::inline());
     let message = |error: SessionError| error.to_string();
     let topic = session.read::<JointState>("panda/joint_stat").map_err(message).unwrap_err();
@@ -380,7 +380,7 @@ fn an_inline_component_restarts_within_the_same_run() {
 }
 
 #[test]
-fn a_component_that_cannot_go_back_ends_the_run_at_the_reset() {
+fn component_without_reset_ends_the_run_at_the_reset() {
     let mut session = failing("at_reset", "");
     session.step_until(2 * MS).expect("it steps");
     let error = session.reset(3).unwrap_err().to_string();

@@ -86,7 +86,7 @@ fn link_or_copy(program: &str, at: &Path) {
 }
 
 #[test]
-fn a_kind_of_a_sibling_runs_as_a_process_of_that_program() {
+fn kind_of_another_program_runs_as_its_process() {
     let _machine = machine();
     let installed = Installed::new();
     link_or_copy(SIBLING, &installed.path("motorium-bridges"));
@@ -106,7 +106,7 @@ fn a_kind_of_a_sibling_runs_as_a_process_of_that_program() {
 }
 
 #[test]
-fn a_program_on_the_path_is_found_and_asked_once_for_its_kinds() {
+fn program_on_the_path_is_queried_once_for_its_kinds() {
     let installed = Installed::new();
     link_or_copy(SIBLING, &installed.path("real"));
     let calls = installed.path("calls");

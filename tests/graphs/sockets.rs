@@ -152,7 +152,7 @@ fn a_burst_is_merged_into_steps_that_are_min_interval_apart() {
 }
 
 #[test]
-fn what_is_no_value_is_counted_and_not_published() {
+fn invalid_datagrams_are_counted_and_not_published() {
     let _machine = machine();
     let (_folder, graph, sender) = receiver("");
     let other = UdpSocket::bind("127.0.0.1:0").unwrap();
@@ -188,7 +188,7 @@ fn what_is_no_value_is_counted_and_not_published() {
 }
 
 #[test]
-fn a_run_ends_at_once_while_no_datagram_comes() {
+fn run_ends_promptly_while_no_datagram_arrives() {
     let _machine = machine();
     let (_folder, graph, _sender) = receiver("");
     let text = std::fs::read_to_string(&graph).unwrap();
@@ -211,7 +211,7 @@ fn a_run_ends_at_once_while_no_datagram_comes() {
 }
 
 #[test]
-fn a_run_ends_at_once_while_an_event_waits_for_its_interval() {
+fn run_ends_promptly_while_an_event_is_delayed() {
     let _machine = machine();
     let (_folder, graph, sender) = receiver("");
     let text = std::fs::read_to_string(&graph).unwrap();

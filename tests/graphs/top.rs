@@ -98,7 +98,7 @@ fn graph(name: &str, more: &[&str]) -> Command {
 }
 
 #[test]
-fn a_running_graph_is_looked_at_from_all_sides() {
+fn top_shows_all_data_of_a_running_graph() {
     let _machine = machine();
     let name = format!("seen-{}", std::process::id());
     let run = Serving::start(graph(&name, &["--force"]));

@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_gate_that_let_everything_pass_is_not_mentioned() {
+    fn gate_without_interventions_is_not_mentioned() {
         assert_eq!(describe(&GateReport::default()), None);
     }
 

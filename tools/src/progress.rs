@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_stays_short_however_many_components_there_are() {
+    fn line_length_is_bounded_for_many_components() {
         let many = |stolen| (0..40).map(|_| component("camera-servo", stolen, 0, false)).collect();
         let mut progress = Progress::default();
         assert_eq!(progress.line(&status(1, many(0))), "  1.0 s  40 components run");

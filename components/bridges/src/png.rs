@@ -2,14 +2,13 @@
 
 use miniz_oxide::deflate::compress_to_vec_zlib;
 
-/// Level of the deflate: of 0 to 10 the one from which on flat areas and gentle slopes are small, and time is
-/// not wasted.
+/// Compression level, from 0 to 10: the lowest level that compresses flat areas and gentle slopes well.
 const LEVEL: u8 = 4;
 
 /// First bytes of every file.
 const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 
-/// A picture of rows of red, green and blue, as a file.
+/// Encodes rows of red, green and blue pixels as a file.
 ///
 /// ```
 /// let red_and_blue = [255, 0, 0, 0, 0, 255];
@@ -44,7 +43,7 @@ pub fn with_text(file: &[u8], keyword: &str, text: &str) -> Option<Vec<u8>> {
     Some(longer)
 }
 
-/// The text in a file that has this keyword.
+/// Returns the text of a file with this keyword.
 pub fn text(file: &[u8], keyword: &str) -> Option<String> {
     chunks(file)?.into_iter().find_map(|(at, data)| {
         let found = data.strip_prefix(keyword.as_bytes())?.strip_prefix(&[0])?;
@@ -52,7 +51,7 @@ pub fn text(file: &[u8], keyword: &str) -> Option<String> {
     })
 }
 
-/// Places of the chunks of a whole file, and their data.
+/// Positions of the chunks of a complete file, and their data.
 fn chunks(file: &[u8]) -> Option<Vec<(usize, &[u8])>> {
     let (mut at, mut found) = (SIGNATURE.len(), Vec::new());
     if !file.starts_with(SIGNATURE) {

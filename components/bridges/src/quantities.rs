@@ -181,7 +181,7 @@ const TABLE: &[(&str, &[Row])] = &[
     ("Event", &[("value", "", NONE)]),
 ];
 
-/// The quantity of a field of a built-in type. `None` of other types, and of fields of whole numbers.
+/// Returns the quantity of a field of a built-in type. `None` for other types and integer fields.
 pub fn quantity(type_name: &str, field: &str) -> Option<Quantity> {
     let type_name = type_name.strip_prefix("motorium.")?;
     let (_, fields) = TABLE.iter().find(|(name, _)| *name == type_name)?;

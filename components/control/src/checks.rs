@@ -1,4 +1,4 @@
-//! Checks of values of the `config` table of a controller.
+//! Checks of the values in a controller's `config` table.
 
 use core::ops::RangeInclusive;
 
@@ -6,10 +6,10 @@ use motorium::prelude::*;
 use motorium_robots::{Model, PerJoint};
 use nalgebra::{DVector, Isometry3, Quaternion, Translation3, UnitQuaternion};
 
-/// Returns the value if it is within `range`. `f64::MIN` and `f64::MAX` as ends mean no limit.
+/// Returns the value if it is within `range`. An end of `f64::MIN` or `f64::MAX` means no limit.
 ///
 /// # Errors
-/// [`ConfigError`] of this key if it is not, or not a number.
+/// [`ConfigError`] of this key if the value is outside `range` or not finite.
 pub fn in_range(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64, ConfigError> {
     if range.contains(&value) {
         return Ok(value);
@@ -22,10 +22,11 @@ pub fn in_range(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64
     Err(ConfigError::key(key, format!("{value}, expected {expected}")))
 }
 
-/// The acceleration of gravity of the key `gravity`, m/s2, which must act along -z of the world.
+/// Returns the magnitude of gravity, m/s2, from the key `gravity`, which must act along -z of the world.
 ///
 /// # Errors
-/// [`ConfigError`] of this key if it acts along another direction, or is not from 0.01 to 1000.
+/// [`ConfigError`] of this key if gravity acts along another direction, or its magnitude is not from 0.01 to
+/// 1000.
 pub fn downward_gravity(gravity: [f64; 3]) -> Result<f64, ConfigError> {
     let [0.0, 0.0, down] = gravity else {
         let message = format!("{gravity:?}, expected one that acts along -z of the world");
@@ -34,7 +35,8 @@ pub fn downward_gravity(gravity: [f64; 3]) -> Result<f64, ConfigError> {
     Ok(-in_range("gravity[2]", down, -1000.0..=-0.01)?)
 }
 
-/// One finite number per independent joint of `model`, or one for all.
+/// Expands a value given once for all independent joints of `model`, or once per joint, to one finite number
+/// per joint.
 pub(crate) fn per_joint(key: &str, given: &PerJoint, model: &Model) -> Result<DVector<f64>, ConfigError> {
     let values = given.resolve(model.joint_count()).map_err(|error| {
         ConfigError::key(key, error.to_string())

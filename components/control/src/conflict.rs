@@ -16,7 +16,7 @@ pub enum ConstraintName {
         /// 0 to 5.
         axis: usize,
     },
-    /// A contact does not move: along x, y, z of the world, then about them.
+    /// No-motion constraint of a contact: along x, y, z of the world, then about them.
     Motion {
         /// Index of the contact.
         contact: usize,
@@ -37,7 +37,7 @@ pub enum ConstraintName {
         /// Point of the contact.
         point: usize,
     },
-    /// A contact force pulls, or exceeds its limit.
+    /// Limit of a contact force: unilateral, or its maximum.
     Force {
         /// Index of the contact.
         contact: usize,
@@ -133,7 +133,7 @@ impl fmt::Display for Described<'_> {
     }
 }
 
-/// The constraints that contribute most to a conflict, strongest first.
+/// Constraints that contribute most to a conflict, strongest first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Conflicting([Option<ConstraintName>; Conflict::CAPACITY]);
 

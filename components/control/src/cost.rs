@@ -22,7 +22,7 @@ use crate::levels::Rows;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Cost {
-    /// First of the unknowns.
+    /// Index of the first unknown.
     first: usize,
     /// `A`; `None` for the identity.
     matrix: Option<DMatrix<f64>>,
@@ -31,7 +31,7 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// `rows` rows on `width` unknowns from `first` on: `A` and `b` zero, all weights 1.
+    /// Creates a cost with `rows` rows on `width` unknowns from `first` on: `A` and `b` zero, all weights 1.
     pub fn dense(rows: usize, first: usize, width: usize) -> Self {
         Self {
             first,
@@ -41,7 +41,8 @@ impl Cost {
         }
     }
 
-    /// `count` unknowns from `first` on themselves: `A` the identity, `b` zero, all weights 1.
+    /// Creates a cost on the values of `count` unknowns from `first` on: `A` the identity, `b` zero, all
+    /// weights 1.
     pub fn identity(first: usize, count: usize) -> Self {
         Self { first, matrix: None, desired: DVector::zeros(count), weights: DVector::repeat(count, 1.0) }
     }
@@ -51,18 +52,18 @@ impl Cost {
         self.desired.len()
     }
 
-    /// `A`.
+    /// Returns `A`.
     ///
     /// # Panics
-    /// If the cost is one of the identity.
+    /// If `A` is the identity.
     pub(crate) fn matrix(&self) -> &DMatrix<f64> {
         self.matrix.as_ref().expect("a cost whose matrix is the identity")
     }
 
-    /// `A`, to be written.
+    /// Returns `A` for writing.
     ///
     /// # Panics
-    /// If the cost is one of the identity.
+    /// If `A` is the identity.
     pub fn matrix_mut(&mut self) -> &mut DMatrix<f64> {
         self.matrix.as_mut().expect("a cost whose matrix is the identity")
     }
@@ -72,7 +73,7 @@ impl Cost {
         &self.desired
     }
 
-    /// `b`, to be written.
+    /// Returns `b` for writing.
     pub fn desired_mut(&mut self) -> &mut DVector<f64> {
         &mut self.desired
     }
@@ -82,12 +83,12 @@ impl Cost {
         &self.weights
     }
 
-    /// The diagonal of `W`, to be written.
+    /// Returns the diagonal of `W` for writing.
     pub fn weights_mut(&mut self) -> &mut DVector<f64> {
         &mut self.weights
     }
 
-    /// The unknowns that the cost is on.
+    /// Range of the unknowns in the cost.
     pub(crate) fn columns(&self) -> std::ops::Range<usize> {
         let count = self.matrix.as_ref().map_or(self.rows(), DMatrix::ncols);
         self.first..self.first + count
@@ -102,7 +103,7 @@ impl Cost {
         }
     }
 
-    /// Writes `A' y` for all unknowns; zero outside of the cost's own.
+    /// Writes `A' y` for all unknowns; unknowns outside the cost get zero.
     pub(crate) fn multiply_transposed(&self, y: &DVector<f64>, product: &mut DVector<f64>) {
         product.fill(0.0);
         let mut own = product.rows_range_mut(self.columns());
@@ -121,7 +122,7 @@ impl Cost {
         product - self.desired[row]
     }
 
-    /// Length of `A x - b` over the rows with a weight, for all unknowns `x`.
+    /// Norm of `A x - b` over the rows with nonzero weight, for all unknowns `x`.
     pub fn residual(&self, x: &[f64]) -> f64 {
         let counted = (0..self.rows()).filter(|row| self.weights[*row] != 0.0);
         counted.map(|row| self.row(row, x).powi(2)).sum::<f64>().sqrt()
@@ -199,10 +200,10 @@ impl Cost {
         }
     }
 
-    /// Rows that are weighted together.
+    /// Number of rows that are weighted together.
     const BLOCK: usize = 8;
 
-    /// Appends the rows of `W A` and `W b` that have a weight.
+    /// Appends the rows of `W A` and `W b` with nonzero weight.
     pub(crate) fn write_rows(&self, rows: &mut Rows) {
         for (row, weight) in self.weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0) {
             let out = rows.push(weight * self.desired[row]);

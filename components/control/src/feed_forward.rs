@@ -8,7 +8,7 @@ use crate::SetpointIntegrator;
 /// A feed-forward effort for every independent joint, computed from the model of the robot.
 ///
 /// A joint drive adds it to its feedback: `tau = effort + kp (position - q) + kd (velocity - v)`. Without
-/// gravity and without inertia the effort is zero. `new` allocates; nothing else does.
+/// gravity and inertia compensation the effort is zero. Only `new` allocates.
 ///
 /// ```
 /// use motorium_control::{FeedForward, SetpointIntegrator};
@@ -30,12 +30,12 @@ pub struct FeedForward {
     effort: DVector<f64>,
 }
 
-/// The motion of the setpoint, for the compensation of inertia.
+/// Motion of the setpoint, for inertia compensation.
 #[derive(Clone, Debug)]
 struct Inertia {
     /// Time constant of the acceleration, s.
     smoothing: f64,
-    /// Velocity setpoint of the tick before; meaningful if `known`.
+    /// Velocity setpoint of the previous tick; valid if `known`.
     velocity: DVector<f64>,
     known: bool,
     /// Smoothed acceleration of the setpoint.
@@ -48,10 +48,10 @@ impl FeedForward {
         Self { gravity, inertia: None, dynamics: Dynamics::new(model), effort: DVector::zeros(model.nv()) }
     }
 
-    /// Adds the effort that accelerates the robot as the setpoint does and balances centrifugal and Coriolis
-    /// forces: `effort = M(q) a + C(q, v) v + g(q)`, with `v` the velocity setpoint and `a` its rate,
-    /// smoothed over the time constant `smoothing` \[s\] so that the noise of a setpoint found from
-    /// measurements is not amplified.
+    /// Adds the effort that accelerates the robot like the setpoint and balances centrifugal and Coriolis
+    /// forces: `effort = M(q) a + C(q, v) v + g(q)`. Here `v` is the velocity setpoint, and `a` its
+    /// derivative, smoothed with the time constant `smoothing` \[s\] to attenuate the noise of setpoints
+    /// derived from measurements.
     #[must_use]
     pub fn with_inertia(mut self, smoothing: f64) -> Self {
         let zeros = self.effort.map(|_| 0.0);
@@ -73,8 +73,7 @@ impl FeedForward {
         inertia.known = true;
     }
 
-    /// Forgets the motion of the setpoint: its acceleration is zero until the second
-    /// [`update`](Self::update).
+    /// Clears the motion of the setpoint. The acceleration is zero until the second [`update`](Self::update).
     pub fn reset(&mut self) {
         if let Some(inertia) = &mut self.inertia {
             inertia.known = false;
@@ -82,8 +81,8 @@ impl FeedForward {
         }
     }
 
-    /// Efforts \[Nm or N\], one per independent joint, at the measured joint positions `q` \[rad or m, one
-    /// per independent joint\], within the effort limits of the model.
+    /// Returns the efforts \[Nm or N\], one per independent joint, within the effort limits of the model. `q`
+    /// are the measured joint positions \[rad or m\], one per independent joint.
     ///
     /// # Panics
     /// If `q` has another length.

@@ -2,10 +2,10 @@
 
 use motorium_robots::{Gains, Model};
 
-/// The gains are invalid for the joint drives of the model.
+/// Error of gains that are invalid for the joint drives of the model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GainsError {
-    /// A list of another length than the robot has joints.
+    /// The number of entries differs from the number of joints.
     #[error("{gain} has {found} entries, expected {expected}: one per independent joint")]
     Length {
         /// `kp` or `kd`.
@@ -28,7 +28,7 @@ pub enum GainsError {
 }
 
 impl GainsError {
-    /// The gain at fault: `kp` or `kd`.
+    /// Returns the invalid gain: `kp` or `kd`.
     pub fn gain(&self) -> &'static str {
         match self {
             Self::Length { gain, .. } | Self::Value { gain, .. } => gain,
@@ -39,7 +39,7 @@ impl GainsError {
 /// Checks that `gains` has one finite number of at least 0 for each independent joint of `model`.
 ///
 /// # Errors
-/// [`GainsError`] names the first gain that fails.
+/// [`GainsError`] names the first invalid gain.
 pub fn check_gains(model: &Model, gains: &Gains) -> Result<(), GainsError> {
     for (gain, values) in [("kp", &gains.kp), ("kd", &gains.kd)] {
         let (found, expected) = (values.len(), model.joint_count());

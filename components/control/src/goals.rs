@@ -1,7 +1,7 @@
-//! The error of a controlled frame or point at the goals of its target.
+//! The error of a controlled frame or point at each goal of its target.
 
-/// Minimum rest of the target at a goal that is still current when the run ends, s. A shorter rest does not
-/// characterise the controller.
+/// Minimum time for which the target rests at the goal that is current when the run ends, s. Shorter rests
+/// are not evaluated.
 const SETTLE: f64 = 0.2;
 
 /// Distance and angle between a controlled frame and its target.
@@ -14,7 +14,7 @@ pub struct GoalError {
 }
 
 impl GoalError {
-    /// The larger distance and the larger angle of the two.
+    /// Returns the larger distance and the larger angle of the two errors.
     #[must_use]
     pub fn worse(self, other: Self) -> Self {
         let orientation = match (self.orientation, other.orientation) {
@@ -54,7 +54,7 @@ impl GoalTolerance {
 /// Goals of a run at which the target rested, and the worst error at any of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GoalSummary {
-    /// Goals that the controlled frame or point reached, within the tolerance.
+    /// Number of goals that the controlled frame or point reached within the tolerance.
     pub reached: u64,
     /// Number of missed goals.
     pub missed: u64,
@@ -63,7 +63,7 @@ pub struct GoalSummary {
 }
 
 impl GoalSummary {
-    /// The goals of both, and the worst error at any of them.
+    /// Combines the goals of both, with the worst error at any of them.
     #[must_use]
     pub fn merge(self, other: Self) -> Self {
         let worst = match (self.worst, other.worst) {
@@ -74,7 +74,8 @@ impl GoalSummary {
     }
 }
 
-/// Records the error at each goal: at the last tick before the target leaves it, or before the run ends.
+/// Records the error at each goal: at the last tick before the target leaves the goal, or before the run
+/// ends.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GoalRecord {
     tolerance: GoalTolerance,
@@ -88,12 +89,12 @@ pub struct GoalRecord {
 }
 
 impl GoalRecord {
-    /// An empty record of goals that are reached within a tolerance.
+    /// Creates an empty record of goals to be reached within a tolerance.
     pub fn new(tolerance: GoalTolerance) -> Self {
         Self { tolerance, ..Self::default() }
     }
 
-    /// Forgets all goals.
+    /// Clears all goals.
     pub fn reset(&mut self) {
         *self = Self::new(self.tolerance);
     }
@@ -113,7 +114,7 @@ impl GoalRecord {
         }
     }
 
-    /// Returns the current goal as if the target left it now.
+    /// Returns the goals with the current one, as if the target left it now.
     fn current(&self) -> GoalSummary {
         let reached = self.resting.map(|error| self.tolerance.allows(error));
         GoalSummary {
@@ -163,18 +164,18 @@ mod tests {
     }
 
     #[test]
-    fn goal_error_is_the_last_before_the_target_leaves() {
+    fn goal_error_is_taken_at_the_last_tick_of_rest() {
         let mut record = record();
         observe(&mut record, 1, false, &[0.5, 0.4]);
         observe(&mut record, 1, true, &[0.3, 0.1, 0.01]);
-        assert_eq!(record.summary(), summary(0, None), "it has hardly arrived");
+        assert_eq!(record.summary(), summary(0, None), "the target has just arrived");
         observe(&mut record, 2, false, &[0.5, 0.6]);
         assert_eq!(record.summary(), summary(1, Some(pose(0.01))));
         assert_eq!(record.latest(), Some(pose(0.6)));
     }
 
     #[test]
-    fn the_last_goal_counts_once_the_target_has_rested_there() {
+    fn last_goal_counts_after_the_minimum_rest() {
         let mut record = record();
         observe(&mut record, 1, true, &[0.2, 0.1, 0.05]);
         assert_eq!(record.summary(), summary(0, None));

@@ -7,20 +7,20 @@
 //! subject to lower <= v <= upper          (every limit, intersected)
 //! ```
 //!
-//! - [`tasks`] are costs: a frame reaches a pose, the centre of mass a point, an axis points at a point, the
-//!   joints keep a posture. Most hold for velocities and for accelerations; a [`formulation`] makes the cost.
-//!   They are weighed against one another, or stand in [levels](DifferentialIk::levels) of strict priority.
+//! - [`tasks`] are costs: a frame reaches a pose, the centre of mass reaches a point, an axis points at a
+//!   point, the joints keep a posture. Most tasks work with velocities and accelerations; a [`formulation`]
+//!   turns them into costs. They are combined by weights or in [levels](DifferentialIk::levels) of strict
+//!   priority.
 //! - [`limits`] are bounds: joint position and velocity limits.
 //! - [`DifferentialIk`] assembles both, and a solver of [`motorium_qp`] computes `v`.
 //! - [`SetpointIntegrator`] integrates `v` into a position setpoint that stays within the limits.
 //! - [`FeedForward`] computes the efforts of gravity and inertia that a joint drive adds to its feedback.
 //!
-//! At the level of torques, with contacts and floating bases, [`inverse_dynamics`] does the same.
+//! [`inverse_dynamics`] is the equivalent at torque level, with contacts and floating bases.
 //!
-//! The library works on a [`motorium_robots::Model`], without clock, topics or threads. Everything is
-//! allocated at construction; a tick does not allocate. [`QpController`], the component `control.qp`,
-//! connects it to topics. The components of other controllers share its [`checks`] and the [`measured`]
-//! state.
+//! The library works on a [`motorium_robots::Model`], without clock, topics or threads. Construction
+//! allocates all memory; a tick does not allocate. [`QpController`], the component `control.qp`, connects the
+//! library to topics. Components with other controllers share its [`checks`] and the [`measured`] state.
 //!
 //! # Example
 //!

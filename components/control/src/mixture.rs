@@ -1,11 +1,11 @@
 //! Mixtures of solutions, for tasks that fade.
 
-/// A sum of solutions, weighted by their shares. A mixture with nonnegative shares that sum to 1 satisfies
-/// all limits that its solutions satisfy: of velocities, and also friction, unilateral contacts and torque
-/// limits, which are convex.
+/// A weighted sum of solutions. With nonnegative weights that sum to 1 it satisfies all limits that its
+/// solutions satisfy: velocity limits, and also friction, unilateral contacts and torque limits, which are
+/// convex.
 ///
-/// A task alone on its level acts the same with a small weight as with a large one, so reducing its weight
-/// cannot fade it out. Mixing the solutions with and without it can.
+/// A task that is alone on its level has the same effect with a small weight as with a large one, so reducing
+/// its weight cannot fade it out. Mixing the solutions with and without the task can.
 ///
 /// ```
 /// use motorium_control::{DifferentialIk, Mixture, RobotState};
@@ -44,7 +44,7 @@ pub struct Mixture {
 }
 
 impl Mixture {
-    /// An empty mixture of solutions with this number of unknowns.
+    /// Creates an empty mixture of solutions with this number of unknowns.
     pub fn new(unknowns: usize) -> Self {
         Self { unknowns: vec![0.0; unknowns] }
     }
@@ -54,14 +54,14 @@ impl Mixture {
         self.unknowns.fill(0.0);
     }
 
-    /// Adds a solution with a share.
+    /// Adds a solution with a weight.
     pub fn add(&mut self, share: f64, solution: &[f64]) {
         for (mixed, unknown) in self.unknowns.iter_mut().zip(solution) {
             *mixed += share * unknown;
         }
     }
 
-    /// The sum.
+    /// Returns the weighted sum.
     pub fn unknowns(&self) -> &[f64] {
         &self.unknowns
     }

@@ -10,16 +10,16 @@ use motorium_qp::{
 /// Constraints of a problem that may be violated.
 #[derive(Clone, Debug)]
 pub(crate) struct Relaxable {
-    /// The first equality that becomes a cost, as do all after it.
+    /// Index of the first equality that becomes a cost; all later ones do as well.
     pub(crate) first_equality: usize,
-    /// Variables whose bounds yield.
+    /// Variables whose bounds are relaxed.
     pub(crate) bounds: Range<usize>,
-    /// Rows that yield.
+    /// Rows that are relaxed.
     pub(crate) rows: Range<usize>,
 }
 
-/// A problem in which constraints yield: equalities become costs, and bounds and rows get a slack `s` with
-/// the same cost.
+/// A problem with relaxed constraints: equalities become costs, and bounds and rows get a slack `s` with the
+/// same cost.
 ///
 /// ```text
 /// minimise   (cost) + 1/2 weight^2 |A_r x - b_r|^2 + 1/2 weight^2 |s|^2
@@ -40,7 +40,7 @@ pub(crate) struct Relaxation {
 }
 
 impl Relaxation {
-    /// Relaxes problems of this structure, with this cost of a violation.
+    /// Creates a relaxation for problems of this structure, with this cost of a violation.
     pub(crate) fn new(structure: &Structure, relaxable: Relaxable, weight: f64) -> Self {
         let (variables, rows) = (structure.variables(), structure.row_sides().len());
         let Relaxable { first_equality, bounds, rows: yielding } = relaxable.clone();
@@ -59,7 +59,7 @@ impl Relaxation {
         for (index, bound) in bounds.enumerate() {
             problem.row_matrix[(rows + index, bound)] = 1.0;
         }
-        // slacks of the bounds, whose rows are the last, then of the rows
+        // slacks of the bounds, whose rows come last, then slacks of the rows
         let first = relaxable.bounds.len();
         for slack in 0..slacks {
             let row = slack.checked_sub(first).map_or(rows + slack, |index| yielding.start + index);
@@ -101,7 +101,7 @@ impl Relaxation {
     /// Writes the relaxed form of `posed`, and applies `adjust` to it.
     ///
     /// # Errors
-    /// The numbers of the problem are of no use.
+    /// If the numbers of the problem are invalid.
     pub(crate) fn update(
         &mut self,
         posed: &Problem,
@@ -146,7 +146,7 @@ impl Relaxation {
     /// Solves the relaxed problem.
     ///
     /// # Errors
-    /// The solver reached its limit.
+    /// If the solver reached its limit.
     pub(crate) fn solve(&mut self) -> Result<(), SolveError> {
         self.solver.solve().map(drop)
     }
@@ -161,7 +161,7 @@ impl Relaxation {
         self.solver.iterations()
     }
 
-    /// The largest `|A x - b|` of these equalities of `posed` at the last solution.
+    /// Returns the largest `|A x - b|` of these equalities of `posed` at the last solution.
     pub(crate) fn missed(&self, posed: &Problem, equalities: Range<usize>) -> f64 {
         let x = &self.solver.solution().x;
         equalities.fold(0.0, |most: f64, row| {
@@ -177,7 +177,7 @@ impl Relaxation {
         [bounds, rows].map(|slacks| slacks.iter().fold(0.0, |most: f64, slack| most.max(slack.abs())))
     }
 
-    /// Forgets the previous ticks.
+    /// Clears the state of previous ticks.
     pub(crate) fn reset(&mut self) {
         self.solver.reset();
         self.was_relaxed = false;

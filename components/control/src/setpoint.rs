@@ -8,7 +8,7 @@ const AT_LIMIT: f64 = 1e-6;
 
 /// Commanded joint positions and velocities: the integral of a joint velocity, kept within position limits.
 ///
-/// A setpoint that starts outside its limits may stay or return, but never moves farther.
+/// A joint that starts outside its limits may stay or return, but never moves farther out.
 #[derive(Clone, Debug)]
 pub struct SetpointIntegrator {
     position: DVector<f64>,
@@ -32,8 +32,8 @@ impl SetpointIntegrator {
         }
     }
 
-    /// The joints of `model`, of a fixed or a floating base, at rest at zero; [`reset`](Self::reset) places
-    /// them.
+    /// Creates a setpoint for the joints of `model`, with a fixed or a floating base, at rest at zero;
+    /// [`reset`](Self::reset) sets the positions.
     pub fn of_joints(model: &Model) -> Self {
         let zeros = DVector::zeros(model.joint_count());
         let (lower, upper) = (model.lower().clone(), model.upper().clone());
@@ -54,7 +54,7 @@ impl SetpointIntegrator {
         self.velocity.fill(0.0);
     }
 
-    /// Moves by `v dt` and sets the velocity of the actual move within the limits. A joint with a NaN
+    /// Moves by `v dt` within the limits and sets the velocity to the actual motion. A joint with a NaN
     /// velocity does not move.
     ///
     /// # Panics
@@ -89,7 +89,7 @@ impl SetpointIntegrator {
         for (joint, q) in q.iter().enumerate() {
             let position = self.position[joint];
             let near = position.max(q - max_error).min(q + max_error);
-            // a velocity towards the joint may go on
+            // a velocity towards the measured position is kept
             if (position - near) * self.velocity[joint] > 0.0 {
                 self.velocity[joint] = 0.0;
             }

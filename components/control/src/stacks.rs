@@ -1,5 +1,4 @@
-//! Stacks of tasks compared: a posture, a hand, both weighed against each other, and the hand above the
-//! posture.
+//! Comparison of four task stacks: a posture, a hand, both by weights, and the hand above the posture.
 
 use motorium_robots::{FrameId, Kinematics, Model, Twist};
 use nalgebra::{Isometry3, Vector3};
@@ -24,10 +23,10 @@ pub enum TaskStack {
 }
 
 impl TaskStack {
-    /// All of them.
+    /// All stacks.
     pub const ALL: [Self; 4] = [Self::Postural, Self::Cartesian, Self::Soft, Self::Hard];
 
-    /// Its name in figures.
+    /// Name of the stack in figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::Postural => "postural",
@@ -45,7 +44,7 @@ pub struct StackSample {
     pub time: f64,
     /// Distance of the frame from its target \[m\].
     pub position: f64,
-    /// Length of the difference of the joints from the posture \[rad\].
+    /// Norm of the difference between the joint positions and the posture \[rad\].
     pub posture: f64,
 }
 
@@ -61,8 +60,8 @@ fn circle(start: &Isometry3<f64>, radius: f64, period: f64, time: f64) -> (Isome
     (target, Twist { linear: velocity, angular: Vector3::zeros() })
 }
 
-/// Lets `frame` of a robot with a fixed base follow a target on a circle of 10 cm for `seconds`, at 1 kHz,
-/// from the posture `home`; the joints follow their velocities exactly.
+/// Runs a fixed-base robot at 1 kHz for `seconds` from the posture `home`. `frame` follows a target on a
+/// circle of 10 cm; the joints follow their velocities exactly.
 ///
 /// ```
 /// use motorium_control::{TaskStack, run_stack};
@@ -80,7 +79,7 @@ fn circle(start: &Isometry3<f64>, radius: f64, period: f64, time: f64) -> (Isome
 /// ```
 ///
 /// # Errors
-/// [`IkError`]: a tick has no solution.
+/// [`IkError`] if a tick has no solution.
 pub fn run_stack(
     model: &Model,
     home: &[f64],

@@ -1,4 +1,4 @@
-//! Robot states that tasks and limits of one tick are evaluated at.
+//! Robot states at which tasks and limits of one tick are evaluated.
 
 use motorium_robots::{Kinematics, Model};
 
@@ -7,9 +7,9 @@ use motorium_robots::{Kinematics, Model};
 pub struct RobotState<'a> {
     /// The robot.
     pub model: &'a Model,
-    /// Updated at `q`; poses and Jacobians are read from here.
+    /// Kinematics updated at `q`, the source of poses and Jacobians.
     pub kinematics: &'a Kinematics,
-    /// Configuration, nq long: the joint positions \[rad or m\], after the pose of a floating base.
+    /// Configuration of length nq: the pose of a floating base, then the joint positions \[rad or m\].
     pub q: &'a [f64],
 }
 
@@ -18,16 +18,16 @@ pub struct RobotState<'a> {
 pub struct MotionState<'a> {
     /// The robot.
     pub model: &'a Model,
-    /// Updated at `q` and `v`: poses, velocities, Jacobians and drifts are read from here.
+    /// Kinematics updated at `q` and `v`, the source of poses, velocities, Jacobians and drifts.
     pub kinematics: &'a Kinematics,
-    /// Configuration, nq long: a floating base first.
+    /// Configuration of length nq: a floating base, then the joints.
     pub q: &'a [f64],
-    /// Velocity, nv long.
+    /// Velocity of length nv.
     pub v: &'a [f64],
 }
 
 impl<'a> MotionState<'a> {
-    /// The configuration without the velocity.
+    /// Returns the configuration without the velocity.
     pub fn robot(&self) -> RobotState<'a> {
         RobotState { model: self.model, kinematics: self.kinematics, q: self.q }
     }

@@ -1,4 +1,4 @@
-//! Grippers: goals of fingers, and the positions that they stand for.
+//! Grippers: goals of fingers, and the corresponding joint positions.
 
 use core::str::FromStr;
 use std::time::Duration;
@@ -28,7 +28,7 @@ pub enum GripperEnd {
     Close,
 }
 
-/// A text is no goal of a gripper.
+/// Error of a text that is not a gripper goal.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{found}`: expected `open`, `close`, or a position of the fingers' joints in rad or m")]
 pub struct GripperTextError {
@@ -49,7 +49,7 @@ impl FromStr for Gripper {
     }
 }
 
-/// A gripper that cannot be commanded.
+/// Error of a gripper that cannot be commanded.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum GripperError {
     /// There is no unique end effector.
@@ -106,7 +106,7 @@ impl Fingers {
     /// Returns the fingers of the end effector with this frame, or of the only end effector.
     ///
     /// # Errors
-    /// There is no such end effector, or it has no fingers.
+    /// If the end effector does not exist or has no fingers.
     pub fn of_robot(robot: &Loaded, frame: Option<&str>) -> Result<Self, GripperError> {
         let model = &robot.model;
         let id = robot.end_effector(frame)?;
@@ -135,7 +135,7 @@ impl Fingers {
     /// Returns the index of each finger's joint and its position at a goal, rad or m.
     ///
     /// # Errors
-    /// The position is outside of a joint's range.
+    /// If the position is outside of a joint's range.
     pub fn positions(&self, goal: Gripper) -> Result<impl Iterator<Item = (usize, f64)>, GripperError> {
         let position = move |finger: &Finger| match goal {
             Gripper::End(GripperEnd::Open) => finger.open,
@@ -154,13 +154,14 @@ impl Fingers {
         Ok(self.0.iter().map(move |finger| (finger.joint, position(finger))))
     }
 
-    /// Returns the shortest time in which every finger moves through its whole range; 0 if that is unlimited.
+    /// Returns the shortest time in which every finger can move through its whole range; 0 without velocity
+    /// limits.
     pub(crate) fn travel_time(&self) -> Duration {
         let times = self.0.iter().map(|finger| (finger.upper - finger.lower) / finger.velocity);
         Duration::try_from_secs_f64(times.fold(0.0, f64::max)).unwrap_or_default()
     }
 
-    /// Returns `true` if this is the position at which a finger is closed: an object may stop it before.
+    /// Returns `true` if a finger is closed at this position, in which case an object may stop it earlier.
     pub(crate) fn is_closed(&self, joint: usize, position: f64) -> bool {
         self.0.iter().any(|finger| finger.joint == joint && (position - finger.closed).abs() < 1e-9)
     }
@@ -171,7 +172,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn goals_of_grippers_are_ends_or_positions() {
+    fn gripper_goals_are_ends_or_positions() {
         assert_eq!("close".parse(), Ok(Gripper::End(GripperEnd::Close)));
         assert_eq!("0.02".parse(), Ok(Gripper::Position(0.02)));
         for text in ["shut", "nan", ""] {
@@ -180,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn poses_of_the_profile_come_before_limits() {
+    fn profile_poses_take_precedence_over_limits() {
         let panda = motorium_robots::load("panda", std::path::Path::new(".")).unwrap();
         let mut fingers = Fingers::of_robot(&panda, None).unwrap();
         let closed: Vec<_> = fingers.positions(Gripper::End(GripperEnd::Close)).unwrap().collect();

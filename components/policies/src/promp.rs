@@ -342,13 +342,13 @@ impl ProMpPolicyConfig {
     }
 }
 
-/// True for a file of samples. JSON files hold primitives.
+/// Returns `true` for a file of samples; JSON files contain primitives.
 fn is_followed(file: &str) -> bool {
     let path = Path::new(file);
     motorium_recordings::is_recording(path) && path.extension().is_some_and(|extension| extension != "json")
 }
 
-/// Reads a recording: the columns of these names, or all if it has none of them.
+/// Reads a recording: the columns with these names, or all columns if none of them exists.
 fn recorded(path: &Path, key: &str, joints: &[String]) -> Result<Recording, ConfigError> {
     let read = |channels: &[String]| {
         let selection = Selection { channels: channels.to_vec(), ..Selection::default() };
@@ -420,7 +420,7 @@ fn followed(
     names: &[String],
 ) -> Result<Followed, ConfigError> {
     if !config.via.is_empty() {
-        let message = "a recording cannot be bent through places";
+        let message = "a recording cannot pass through via points";
         return Err(
             ConfigError::key("via", message).advise("fit a primitive to it (`motorium primitive fit`)")
         );
@@ -452,6 +452,6 @@ fn conditioned(primitive: Primitive, via: &ViaConfig) -> Result<Primitive, Strin
             let bent = movement.conditioned(via.at, &place, via.deviation);
             bent.map(Primitive::Kernelised).map_err(|error| error.to_string())
         }
-        other => Err(format!("a {} primitive cannot be bent through places", other.kind())),
+        other => Err(format!("a {} primitive cannot be conditioned on via points", other.kind())),
     }
 }

@@ -1,4 +1,4 @@
-//! Loading the robot of a component.
+//! Loading of a component's robot.
 
 use motorium::declare::{ConfigError, RobotReference, StepError};
 use motorium_robots::{BasePose, EndEffectorError, FrameId, Loaded, RobotSource};
@@ -14,13 +14,13 @@ pub(crate) fn required<'a>(
     })
 }
 
-/// The failure of a step that reads a joint state of another robot.
+/// Error of a step that reads a joint state of another robot.
 #[cold]
 pub(crate) fn unexpected_joints(expected: usize, found: usize) -> StepError {
     StepError::failed(format!("joint state: expected {expected} joints, found {found}"))
 }
 
-/// The failure of a step that reads a joint state with fewer joints than it uses.
+/// Error of a step that reads a joint state with fewer joints than it needs.
 #[cold]
 pub(crate) fn too_few_joints(expected: usize, found: usize) -> StepError {
     StepError::failed(format!("joint state: expected at least {expected} joints, found {found}"))

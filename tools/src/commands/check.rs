@@ -104,7 +104,7 @@ impl Check {
         text += &admission::describe(admission, origin);
         let picture = self.timeline == Some(Format::Svg);
         match drawn {
-            // a picture on standard output is there alone
+            // a picture on standard output is printed alone
             Some(drawn) if picture => {
                 out!("{}", self::draw(Format::Svg, plan, drawn));
                 err!("{text}");

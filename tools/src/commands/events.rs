@@ -75,9 +75,9 @@ fn kind(text: &str) -> Result<EventKind, String> {
     })
 }
 
-/// Time between two looks at the log.
+/// Interval between two polls of the log.
 const LOOK: Duration = Duration::from_millis(20);
-/// Time between two checks that the run is not over.
+/// Interval between two checks whether the run has ended.
 const LIFE_CHECK: Duration = Duration::from_millis(200);
 
 impl Events {
@@ -116,7 +116,7 @@ impl Events {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// Selects events by the options.
+    /// Selects events according to the options.
     fn chosen(&self, plan: &Plan, mut records: Vec<EventRecord>) -> Vec<EventRecord> {
         let component = |record: &EventRecord| {
             record.component.and_then(|index| plan.components.get(index)).map(|component| &component.name)
@@ -129,7 +129,7 @@ impl Events {
         records
     }
 
-    /// Prints events; false once the reader has closed the pipe.
+    /// Prints events. Returns `false` once the reader has closed the pipe.
     fn print(&self, run: &LivingRun, records: Vec<EventRecord>) -> anyhow::Result<bool> {
         let width = run.plan.components.iter().map(|component| component.name.chars().count()).max();
         let mut text = String::new();
@@ -151,8 +151,8 @@ impl Events {
     }
 }
 
-/// An event as a readable line: time, severity, component, kind, text. `width` is the length of the longest
-/// component name.
+/// Formats an event: time, severity, component, kind, text. `width` is the length of the longest component
+/// name.
 fn line(event: &LoggedEvent, clock: ClockKind, width: usize) -> String {
     let time_s = match clock {
         ClockKind::Realtime => event.time_s,
@@ -169,7 +169,7 @@ fn line(event: &LoggedEvent, clock: ClockKind, width: usize) -> String {
     format!("{time_s:>12.6} s  {severity}  {component:width$}  {kind}  {}", event.text)
 }
 
-/// A reader of the events of a run as they come.
+/// Reads the events of a run as they arrive.
 pub(super) struct Follower<'a> {
     run: &'a LivingRun,
     reader: EventReader,
@@ -178,7 +178,7 @@ pub(super) struct Follower<'a> {
 }
 
 impl<'a> Follower<'a> {
-    /// Begins with the oldest event that is still in the log.
+    /// Starts with the oldest event still in the log.
     pub(super) fn new(run: &'a LivingRun) -> Self {
         Self { run, reader: EventReader::default(), checked: Instant::now(), is_over: false }
     }
@@ -188,7 +188,7 @@ impl<'a> Follower<'a> {
         self.reader.lost()
     }
 
-    /// All that is in the log, one that is being written just now included.
+    /// Returns everything in the log, including an event that is being written.
     pub(super) fn settled(&mut self) -> Vec<EventRecord> {
         let mut records = self.reader.read(self.run.region.events());
         std::thread::sleep(Duration::from_millis(1));
@@ -196,13 +196,13 @@ impl<'a> Follower<'a> {
         records
     }
 
-    /// The events of the next moment, perhaps none; `None` when the run is over and all were read.
+    /// Returns the next events, possibly none, or `None` when the run has ended and all were read.
     pub(super) fn next(&mut self) -> Option<Vec<EventRecord>> {
         if self.is_over {
             return None;
         }
         std::thread::sleep(LOOK);
-        // Asked before the last look: what is written until the end is read.
+        // Checked before the last poll, so that events written until the end are read.
         if self.checked.elapsed() >= LIFE_CHECK {
             self.checked = Instant::now();
             self.is_over = !self.run.folder.is_alive();
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_shows_time_severity_component_kind_and_text() {
+    fn line_shows_time_severity_component_kind_and_text() {
         assert_eq!(
             unstyled(&line(&event(), ClockKind::Realtime, 10)),
             "   12.500000 s  warning      physics     refused             `physics` refused 3 commands: 3 beyond a limit"

@@ -1,8 +1,8 @@
-//! The graphs that come with the command: they run from any folder, without a checkout.
+//! Graphs built into the command, which run from any folder without a checkout.
 
 use clap::builder::PossibleValuesParser;
 
-/// A graph of the `graphs` folder, as it was when the command was built.
+/// A graph of the `graphs` folder, as of the build of the command.
 struct ExampleGraph {
     /// Its name, for `motorium run --example`.
     name: &'static str,
@@ -15,10 +15,10 @@ macro_rules! examples {
     };
 }
 
-/// Examples that need no other file or program.
+/// Examples that need no other files or programs.
 const EXAMPLES: &[ExampleGraph] = examples!["draw-letter", "panda-reach", "quadruped-trot", "two-arms"];
 
-/// The text of an example.
+/// Returns the text of an example.
 pub(super) fn text(name: &str) -> Option<&'static str> {
     EXAMPLES.iter().find(|example| example.name == name).map(|example| example.text)
 }

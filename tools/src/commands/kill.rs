@@ -1,4 +1,4 @@
-//! `motorium kill`: ends the process of one component, to see what follows.
+//! `motorium kill`: ends the process of one component, to test the reaction of the run.
 
 use std::process::ExitCode;
 use std::sync::atomic::Ordering::Relaxed;
@@ -14,7 +14,7 @@ use crate::out::outln;
 use crate::runs::RunArg;
 use crate::style;
 
-/// Time given to a process to end.
+/// Time limit for a process to end.
 const END_WITHIN: Duration = Duration::from_secs(5);
 
 /// Kill, end or stop the process of one component of a run.

@@ -1,4 +1,4 @@
-//! Loading a graph file for a command, with its errors printed.
+//! Loading of graph files for commands, with error output.
 
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
@@ -13,14 +13,14 @@ use crate::complete;
 use crate::failure::{Failure, Kind};
 use crate::out::errln;
 
-/// The graph that runs when none is named.
+/// Graph that runs if none is named.
 pub(crate) const DEFAULT_GRAPH: &str = "graphs/panda-reach.toml";
-/// The name that stands for standard input.
+/// Name for standard input.
 const STDIN: &str = "-";
-/// The example that equals the default graph.
+/// Example identical to the default graph.
 const DEFAULT_EXAMPLE: &str = "panda-reach";
 
-/// The parser of the graph of a command that reads it more than once: standard input is refused.
+/// Parser for the graph of a command that reads it more than once: standard input is refused.
 pub(crate) fn graph_file() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| {
         let once = "this command starts the graph more than once, and standard input is read once: write it to a file";
@@ -28,7 +28,7 @@ pub(crate) fn graph_file() -> impl TypedValueParser<Value = PathBuf> {
     })
 }
 
-/// Options that name a graph, and override its values.
+/// Options that name a graph and override its values.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct GraphArgs {
     /// The graph file, `-` for standard input [default: graphs/panda-reach.toml]
@@ -53,8 +53,8 @@ impl Default for GraphArgs {
 }
 
 impl GraphArgs {
-    /// The name and the text of the example to load in place of a file: the one that is named, or the default
-    /// graph where the current folder does not have it.
+    /// Name and text of the example to load instead of a file: the named example, or the default graph if it
+    /// is not in the current folder.
     fn embedded(&self) -> Option<(&str, &'static str)> {
         if let Some(name) = &self.example {
             return Some((name, examples::text(name)?));
@@ -66,8 +66,8 @@ impl GraphArgs {
         })
     }
 
-    /// Loads and checks the graph. Its errors go to standard error, and as JSON to standard output; `Err` is
-    /// then the exit code.
+    /// Loads and checks the graph. Errors go to standard error, and as JSON to standard output. `Err`
+    /// contains the exit code.
     pub(crate) fn load(&self, registry: &Registry, json: bool) -> Result<Checked, ExitCode> {
         let colour = std::io::stderr().is_terminal();
         let machine = Machine::detect();

@@ -1,4 +1,4 @@
-//! `motorium play`: a recorded movement of joints, followed exactly by a simulated robot.
+//! `motorium play`: a simulated robot follows a recorded joint movement exactly.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -88,7 +88,7 @@ impl Play {
         .run()
     }
 
-    /// The joint of each column: by its name, or in order if no column is named after a joint.
+    /// Assigns a joint to each column: by name, or in order if no column is named after a joint.
     fn joints(&self, recording: &Recording, model: &Model) -> anyhow::Result<Vec<usize>> {
         let (file, known) = (self.file.display(), list(model.joint_names().iter().map(String::as_str)));
         let found: Vec<Option<usize>> =
@@ -121,7 +121,7 @@ impl Play {
         Ok(joints)
     }
 
-    /// The positions of all joints at the start: the first sample, and home for the others.
+    /// Initial positions of all joints: the first sample, or home for joints without a column.
     fn start(&self, recording: &Recording, joints: &[usize], loaded: &Loaded) -> anyhow::Result<Vec<f64>> {
         let model = &loaded.model;
         let mut start = match &loaded.profile {
@@ -134,7 +134,7 @@ impl Play {
         Ok(start)
     }
 
-    /// Refuses positions outside of the ranges of the joints, and speeds beyond their limits.
+    /// Refuses positions outside of the joint ranges, and speeds beyond the limits.
     fn check_limits(&self, recording: &Recording, joints: &[usize], model: &Model) -> anyhow::Result<()> {
         let (times, values) = (recording.times(), recording.values());
         for (column, joint) in joints.iter().enumerate() {
@@ -165,7 +165,7 @@ impl Play {
         Ok(())
     }
 
-    /// The graph: the robot in simulation, and a policy that follows the table.
+    /// Builds the graph: the simulated robot, and a policy that follows the table.
     fn graph(&self, table: &Path, start: &[f64], duration: f64) -> anyhow::Result<String> {
         let text = |path: &Path| toml::Value::from(path.to_string_lossy().into_owned());
         let robot = Path::new(&self.robot);
@@ -196,7 +196,7 @@ impl Play {
     }
 }
 
-/// The recording as a table with the names of the joints. Numbers are read back bit for bit.
+/// Converts the recording to a table with joint names. Numbers are preserved bit for bit.
 fn table(recording: &Recording, joints: &[usize], model: &Model) -> String {
     let names: Vec<&str> = joints.iter().map(|joint| model.joint_names()[*joint].as_str()).collect();
     let mut text = format!("time_s,{}\n", names.join(","));

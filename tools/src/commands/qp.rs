@@ -13,7 +13,7 @@ use motorium_recordings::read_bounded;
 use crate::out::outln;
 use crate::report::decimal;
 
-/// Longest file that is read.
+/// Maximum file size, bytes.
 const LONGEST: u64 = 256 << 20;
 
 /// Quadratic programs of controllers, recorded in files.

@@ -100,7 +100,7 @@ fn pace(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Components that missed goals, with their number, of which the graph expects nothing.
+/// Returns the components that missed goals without an expectation in the graph, with their numbers.
 fn unexpected_misses(report: &Report) -> Vec<(&str, u64)> {
     let missed = report.results.iter().filter_map(|(component, result)| {
         let missed = result.get("goals_missed")?.as_u64().filter(|missed| *missed > 0)?;
@@ -121,7 +121,7 @@ pub(super) struct Traced {
     pub(super) output: PathBuf,
 }
 
-/// A run of a graph that another command wrote.
+/// Run of a graph written by another command.
 pub(super) struct Generated {
     pub(super) graph: PathBuf,
     pub(super) clock: Option<Clock>,
@@ -150,14 +150,14 @@ enum HostingChoice {
 }
 
 impl Run {
-    /// A run that writes a trace.
+    /// Creates a run that writes a trace.
     pub(super) fn traced(trace: Traced) -> Self {
         let Traced { graph, duration, clock, force, json, output } = trace;
-        // What is looked at is where its time goes, not what it achieves.
+        // A traced run is examined for its timing, not for its goals.
         Self { graph, duration, clock, force, json, no_expect: true, trace: Some(output), ..Self::default() }
     }
 
-    /// A run of a graph that another command wrote.
+    /// Creates a run of a graph written by another command.
     pub(super) fn generated(generated: Generated) -> Self {
         let Generated { graph, clock, record, overwrite, json } = generated;
         let graph = GraphArgs { graph, ..GraphArgs::default() };
@@ -237,7 +237,7 @@ impl Run {
         let lockstep = plan.clock == ClockKind::Lockstep;
         let terminal = std::io::stdout().is_terminal() && std::io::stderr().is_terminal();
         let live = !self.json && !lockstep && terminal && is_drawable();
-        // a terminal that says it can be drawn on, and then does not answer, gets plain lines
+        // a terminal that claims to support drawing but does not answer gets plain lines
         let mut printer = match live.then(|| Printer::screen(&plan)) {
             Some(Ok(screen)) => screen,
             Some(Err(_)) | None => Printer::lines(self.json)?,
@@ -249,7 +249,7 @@ impl Run {
             }
             printer.show(&event);
         });
-        // What went wrong comes after the last lines.
+        // Errors are printed after the last lines.
         printer.finish();
         let report = ran?;
         if let Some(tracing) = tracing {
@@ -277,7 +277,7 @@ impl Run {
         Ok(Code::of_run(&report).into())
     }
 
-    /// Launches a plan and drives it to its end.
+    /// Launches a plan and runs it to its end.
     fn drive(
         &self,
         plan: Plan,
@@ -306,8 +306,8 @@ impl Run {
         Ok(Options { hosting, core: self.core, ..Options::processes(program) })
     }
 
-    /// An exit code if `--core` names none of this machine, or the graph runs in real time, where it says its
-    /// cores itself.
+    /// Returns an exit code if `--core` names a missing core, or the graph runs in real time, where the graph
+    /// file sets the cores.
     fn wrong_core(&self, plan: &Plan) -> Option<ExitCode> {
         let core = self.core?;
         let cores = online_cores();
@@ -327,8 +327,8 @@ impl Run {
         Some(Failure::new(Kind::Usage, format!("{found}; {help}")).help(&help).report())
     }
 
-    /// Checks whether the graph holds its times beside the runs that are alive; an exit code if it is not to
-    /// be started.
+    /// Checks whether the graph can meet its deadlines next to the running graphs. Returns an exit code if it
+    /// must not be started.
     fn beside_others(&self, plan: &Plan) -> Option<ExitCode> {
         let others = runs::living();
         let others: Vec<_> =

@@ -1,4 +1,4 @@
-//! `motorium step`: the rounds of a run whose simulated time is held.
+//! `motorium step`: advances a paused run by rounds.
 
 use std::process::ExitCode;
 use std::sync::atomic::Ordering::Relaxed;
@@ -10,7 +10,7 @@ use motorium::plan::ClockKind;
 use crate::out::outln;
 use crate::runs::{LivingRun, RunArg};
 
-/// Time given to the run for its rounds, beyond which it is asked whether it is still there.
+/// Interval between two checks whether the run is still alive.
 const LOOK: Duration = Duration::from_millis(2);
 /// Longest time without a round.
 const ROUND_WITHIN: Duration = Duration::from_secs(10);
@@ -72,7 +72,7 @@ impl Step {
     }
 }
 
-/// Waits until the run has made so many rounds since its start.
+/// Waits until the run has completed this number of rounds since its start.
 fn await_rounds(run: &LivingRun, rounds: u64) -> anyhow::Result<()> {
     let header = run.region.header();
     let launcher = Watch::new(header.launcher.load(Relaxed))?;

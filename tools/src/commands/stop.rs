@@ -1,5 +1,4 @@
-//! `motorium stop` and `motorium resume`: the end of a run, the latched stop of its robot, and the way out of
-//! it.
+//! `motorium stop` and `motorium resume`: end a run, latch its robot in the safe state, and release it.
 
 use std::process::ExitCode;
 use std::sync::atomic::Ordering::Relaxed;
@@ -16,9 +15,9 @@ use crate::out::{errln, outln};
 use crate::runs::{LivingRun, RunArg};
 use crate::{exit, gate, style};
 
-/// Time given to a launcher to end its run, beyond the time that its actuators take to settle.
+/// Time limit for a launcher to end its run, in addition to the settling time of its actuators.
 const END_WITHIN: Duration = Duration::from_secs(10);
-/// Time given to actuators to reach another state.
+/// Time limit for actuators to reach another state.
 const REACT_WITHIN: Duration = Duration::from_secs(1);
 
 /// End a run in good order, or stop its robot at once.
@@ -55,13 +54,13 @@ pub(crate) struct Resume {
     json: bool,
 }
 
-/// One actuator after a stop or its release, as JSON.
+/// State of one actuator after a stop or its release, as JSON.
 #[derive(Debug, Serialize)]
 struct Actuator {
     name: String,
     state: GateState,
     latch: Option<Latch>,
-    /// Time from the command to that state, ms; `null` if it did not come to it in time.
+    /// Time from the command to that state, ms; `null` if it did not reach it in time.
     after_ms: Option<f64>,
 }
 
@@ -153,7 +152,7 @@ impl Resume {
     }
 }
 
-/// Asks the launcher to end the run, and waits for that.
+/// Requests the launcher to end the run, and waits for it.
 fn end(run: &LivingRun, json: bool) -> anyhow::Result<ExitCode> {
     let launcher = Watch::new(run.region.header().launcher.load(Relaxed))
         .context("its launcher has ended; its guard brings the robot to its safe state and ends the rest")?;
@@ -175,8 +174,8 @@ fn end(run: &LivingRun, json: bool) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Waits until every actuator is in a state, waking those that wait for a publication. One that is dead or
-/// being restarted has not confirmed anything: it is waited for too.
+/// Waits until every actuator is in a state, waking those that wait for a publication. A dead or restarting
+/// actuator has not confirmed the state, so it is awaited, too.
 fn await_actuators(
     run: &LivingRun,
     began: Instant,
@@ -187,12 +186,12 @@ fn await_actuators(
         .filter(|(component, _)| component.actuator)
         .map(|(component, block)| (component, block, None))
         .collect();
-    // One step may be under way; the state of the next one counts.
+    // One step may be in progress; only the state of the next one is valid.
     let seen: Vec<u64> = waiting.iter().map(|(_, block, _)| block.steps.load(Relaxed)).collect();
     let launcher = run.region.header().launcher.load(Relaxed);
     for (_, block, _) in &waiting {
         let pid = block.pid.load(Relaxed);
-        // A component that the launcher hosts as a thread has no watcher for the signal.
+        // A component hosted as a thread of the launcher has no watcher for the signal.
         if pid != launcher
             && block.phase() == Phase::Running
             && let Ok(process) = Watch::new(pid)

@@ -225,7 +225,7 @@ fn graph_drawings_never_overlap_or_leave_the_page() {
 }
 
 #[test]
-fn a_wire_that_does_not_go_back_goes_to_the_right() {
+fn forward_wire_goes_to_the_right() {
     for seed in 0..300 {
         let plan = some_graph(seed);
         let (wires, layers, placement) = placed(&plan);
@@ -263,7 +263,7 @@ fn the_picture_is_xml_and_shows_every_component_and_topic() {
 }
 
 #[test]
-fn what_was_measured_is_written_where_it_was_measured() {
+fn measured_values_are_drawn_where_they_belong() {
     let measured = Measured {
         rates: vec![Some("999.8 Hz".to_string())],
         topics: vec![None, Some("p99 24 us".to_string())],

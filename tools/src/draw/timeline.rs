@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn marks_are_round_and_neither_few_nor_many() {
+    fn marks_are_round_and_of_suitable_number() {
         assert_eq!(marks(1_000_000), [0, 200_000, 400_000, 600_000, 800_000, 1_000_000]);
         assert_eq!(grain(50_000_000), 10_000_000);
         for length in [7u64, 100, 999, 4_321, 123_456_789, u64::MAX / 4] {
@@ -55,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn a_little_is_more_than_nothing() {
+    fn small_durations_stay_visible() {
         assert_eq!(percent(0, 100), "0 %");
         assert_eq!(percent(1, 1_000), "<1 %");
         assert_eq!(percent(70, 100), "70 %");

@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn bars_stand_where_components_have_the_core() {
+    fn bars_are_drawn_where_components_have_the_core() {
         let expected = "\
 core 1      40 % left to others
 physics     ████████████████████████                                                ░░░░░░░░

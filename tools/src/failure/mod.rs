@@ -234,7 +234,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cause_that_the_message_names_already_is_not_told_twice() {
+    fn cause_already_in_the_message_is_not_repeated() {
         let cause = || std::io::Error::from_raw_os_error(28);
         let error =
             anyhow::Error::new(cause()).context(format!("/dev/shm/a: {}", cause())).context("making a run");

@@ -35,19 +35,19 @@ mod tests {
     }
 
     #[test]
-    fn a_port_alone_is_reachable_from_this_machine_alone() {
+    fn port_alone_binds_to_this_machine_only() {
         assert_eq!(read("9464").as_deref(), Ok("127.0.0.1:9464"));
     }
 
     #[test]
-    fn another_address_is_written_out_whole() {
+    fn other_addresses_are_written_in_full() {
         for whole in ["0.0.0.0:9464", "192.168.1.7:80", "[::1]:9464"] {
             assert_eq!(read(whole).as_deref(), Ok(whole));
         }
     }
 
     #[test]
-    fn half_an_address_is_refused_with_what_to_write() {
+    fn incomplete_address_is_refused_with_the_full_form() {
         for half in ["", "0.0.0.0", ":9464", "localhost:9464", "99999", "9464/metrics"] {
             let error = read(half).unwrap_err().to_string();
             assert!(error.contains(&format!("`{half}`")) && error.contains("`0.0.0.0:9464`"), "{error}");

@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_value_is_counted_on_its_side_of_every_bound() {
+    fn each_value_is_counted_in_the_right_buckets() {
         let histogram = Histogram::default();
         let values: Vec<u64> = (0..4_000).map(|i: u64| i * i * i / 3).chain([1 << 30, 1 << 39]).collect();
         values.iter().for_each(|value| histogram.record(*value));

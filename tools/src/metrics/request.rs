@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn the_metrics_are_asked_for_with_get() {
+    fn metrics_are_requested_with_get() {
         let scrape =
             "GET /metrics HTTP/1.1\r\nHost: localhost:9464\r\nAccept: application/openmetrics-text\r\n\r\n";
         assert_eq!(read(scrape.as_bytes()), Some(Request::Metrics));
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn anything_else_is_refused_with_its_status() {
+    fn other_requests_are_refused_with_their_status() {
         assert_eq!(status("GET / HTTP/1.1\r\n\r\n"), Status::NotFound);
         assert_eq!(status("POST /metrics HTTP/1.1\r\n\r\n"), Status::MethodNotAllowed);
         assert_eq!(status("\u{1}\u{2} hello\r\n\r\n"), Status::BadRequest);

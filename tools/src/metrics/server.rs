@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn silent_clients_delay_nobody() {
+    fn silent_clients_do_not_delay_others() {
         let folder = tempfile::tempdir().expect("a folder");
         let server = Server::bind("0".parse().expect("an address")).expect("a free port");
         let address = server.address;
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn a_taken_port_is_named() {
+    fn occupied_port_is_named() {
         let first = Server::bind("0".parse().expect("an address")).expect("a free port");
         let text = first.address.port().to_string();
         let error = Server::bind(text.parse().expect("an address")).expect_err("it is taken").to_string();

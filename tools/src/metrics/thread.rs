@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_files_of_the_kernel_are_read() {
+    fn kernel_files_are_parsed() {
         assert_eq!(time_run("120982 5047 2\n"), Some(120_982));
         assert_eq!(time_run("0 0 0\n"), None, "a kernel without scheduler information");
         let stat = "812 (a) b (c) S 1 812 812 0 -1 4194560 95 0 0 0 31 11 0 0 20 0 1 0 500 8 9";

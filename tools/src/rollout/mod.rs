@@ -195,7 +195,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rewards_are_printed_as_they_are_read() {
+    fn rewards_are_printed_readably() {
         for (text, weight) in [("physics.base_travel_x_m", 1.0), ("-0.5*controller.tasks.0.error_m", -0.5)] {
             let reward: Reward = text.parse().expect("a reward");
             assert_eq!((reward.weight, reward.to_string().as_str()), (weight, text));

@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_living_run_the_error_says_how_to_start_one() {
+    fn missing_run_error_says_how_to_start_one() {
         let error = choose(None, &[run("a-1", "a", false)]).unwrap_err();
         assert_eq!(error, ChooseError::NoneRuns);
         assert!(error.to_string().contains("motorium run GRAPH.toml"));
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_is_named_by_id_by_graph_or_by_the_beginning_of_its_id() {
+    fn run_is_named_by_id_prefix_or_graph() {
         for (wanted, expected) in [("walk-12345678", 2), ("walk", 2), ("w", 2), ("reach", 0), ("reach-0a", 0)]
         {
             assert_eq!(choose(Some(wanted), &three()), Ok(expected), "{wanted}");
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_that_fits_two_living_runs_is_refused_with_both() {
+    fn ambiguous_name_is_refused_with_both_runs() {
         let runs = [run("reach-1", "reach", true), run("reach-2", "reach", true)];
         for wanted in ["reach", "rea"] {
             let error = choose(Some(wanted), &runs).unwrap_err();
@@ -148,13 +148,13 @@ mod tests {
     }
 
     #[test]
-    fn an_exact_id_wins_over_a_longer_one_that_begins_with_it() {
+    fn exact_id_takes_precedence_over_a_longer_one() {
         let runs = [run("a-1", "a", true), run("a-12", "b", true)];
         assert_eq!(choose(Some("a-1"), &runs), Ok(0));
     }
 
     #[test]
-    fn an_unknown_name_gets_the_nearest_one() {
+    fn unknown_name_suggests_the_nearest_one() {
         let text = choose(Some("wlak"), &three()).unwrap_err().to_string();
         assert_eq!(text, "no run is called `wlak`; did you mean `walk`?");
         let runs = [run("reach-1", "reach", true), run("reach-2", "reach", true)];
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_that_is_over_is_said_to_be_over() {
+    fn ended_run_is_reported_as_ended() {
         let error = choose(Some("reach-0a99ffff"), &three()).unwrap_err();
         assert_eq!(error, ChooseError::Over { id: "reach-0a99ffff".into() });
     }

@@ -45,7 +45,7 @@ fn arm_reaches_its_goals_over_can_buses() {
 }
 
 #[test]
-fn two_runs_are_the_same_to_the_last_bit_also_with_faults() {
+fn two_runs_with_faults_are_identical_bit_for_bit() {
     let faults = r#"component.drives.config.faults=[{ at = "2 s", lasts = "2 ms", kind = "silent", joint = "panda_joint4" }]"#;
     let arguments = ["--set", faults, "--set", "component.drives.config.jitter=\"30 us\""];
     let (one, two) =
@@ -98,7 +98,7 @@ fn printed_arm_repeats_its_poses_exactly() {
 }
 
 #[test]
-fn a_log_is_put_into_the_words_of_a_database() {
+fn log_is_decoded_by_a_database() {
     let folder = tempfile::tempdir().expect("a folder");
     let log = folder.path().join("ride.log");
     let heartbeat = "(1735270496.916858) can0 061#4000000008000000";

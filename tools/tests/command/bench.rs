@@ -150,7 +150,7 @@ fn unwritable_output_is_refused_before_measuring() {
 }
 
 #[test]
-fn a_chain_of_real_processes_is_measured_from_end_to_end() {
+fn chain_of_real_processes_is_measured_end_to_end() {
     let _machine = machine();
     let output = bench(&["--quick", "--only", "chain.2", "--json"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
@@ -165,7 +165,7 @@ fn a_chain_of_real_processes_is_measured_from_end_to_end() {
 }
 
 #[test]
-fn a_name_that_does_not_exist_is_answered_with_those_that_do() {
+fn unknown_name_is_answered_with_the_known_ones() {
     let output = bench(&["--only", "hop.teleport"]);
     assert!(!output.status.success());
     let words = text(&output.stderr);

@@ -88,7 +88,7 @@ fn every_graph_of_the_book_can_run() {
 }
 
 #[test]
-fn every_graph_of_the_book_that_is_laid_over_another_can_run() {
+fn every_overlay_graph_of_the_book_can_run() {
     let overlays = blocks("toml overlay");
     assert!(!overlays.is_empty(), "there are such graphs in the book");
     let below = workspace().join("graphs/panda-reach.toml");
@@ -215,7 +215,7 @@ fn every_key_of_a_graph_file_and_of_every_kind_is_in_the_book() {
 }
 
 #[test]
-fn the_table_of_kinds_says_of_each_what_the_command_says() {
+fn table_of_kinds_matches_the_command() {
     let page = read("docs/src/kinds.md");
     let kinds = json(&["kinds", "--json"]);
     for line in kinds.as_array().expect("a list") {
@@ -354,7 +354,7 @@ fn every_link_leads_somewhere_and_every_page_is_in_the_summary() {
 }
 
 #[test]
-fn every_row_of_the_tables_of_faults_names_a_test_that_exists() {
+fn every_row_of_the_fault_tables_names_an_existing_test() {
     let sources: String = std::fs::read_dir(workspace().join("tests/graphs"))
         .expect("the tests of graphs are there")
         .flatten()

@@ -153,7 +153,7 @@ fn scan_skips_can_fd_after_classic_frames() {
 }
 
 #[test]
-fn an_option_of_scan_that_does_nothing_on_a_bus_is_refused() {
+fn ineffective_scan_option_is_refused() {
     for (arguments, words) in [
         (
             &["can", "scan", "can77", "--data-bitrate", "5000000"][..],

@@ -11,7 +11,7 @@ fn text(bytes: &[u8]) -> &str {
 }
 
 #[test]
-fn a_graph_that_cannot_hold_is_refused_with_the_arithmetic() {
+fn infeasible_graph_is_refused_with_the_arithmetic() {
     let output = run(&["check", OVERLOADED]);
     assert_eq!(output.status.code(), Some(3));
     let errors = text(&output.stderr);
@@ -23,7 +23,7 @@ fn a_graph_that_cannot_hold_is_refused_with_the_arithmetic() {
 }
 
 #[test]
-fn a_refusal_as_data_has_the_whole_admission() {
+fn json_refusal_contains_the_whole_admission() {
     let output = run(&["check", OVERLOADED, "--json"]);
     assert_eq!(output.status.code(), Some(3));
     let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
@@ -38,13 +38,13 @@ fn a_refusal_as_data_has_the_whole_admission() {
 }
 
 #[test]
-fn in_lockstep_the_same_graph_is_fine() {
+fn same_graph_is_valid_in_lockstep() {
     let answer = printed(&["check", OVERLOADED, "--set", "clock=lockstep"]);
     assert!(answer.contains("in lockstep nothing has a deadline"), "{answer}");
 }
 
 #[test]
-fn the_reaching_arm_holds_and_is_drawn() {
+fn reaching_arm_is_feasible_and_drawn() {
     let answer = printed(&["check", REACH]);
     for expected in
         ["longest time from release to end of step", "= 472 us <= 600 us", "left to others", "is valid"]
@@ -110,7 +110,7 @@ fn the_timeline_is_text_a_picture_or_data() {
 }
 
 #[test]
-fn a_place_for_the_timeline_needs_its_format() {
+fn timeline_output_requires_a_format() {
     let output = run(&["check", REACH, "--output", "nowhere.svg"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("--timeline"));

@@ -37,7 +37,7 @@ fn help_has_an_example_and_fits_its_line_limit() {
 }
 
 #[test]
-fn every_command_stands_in_the_page_of_the_book() {
+fn every_command_is_in_the_page_of_the_book() {
     let page = include_str!("../../../docs/src/commands.md");
     for (words, _) in commands() {
         let (command, sub) = words.split_once(' ').unwrap_or((&words, ""));
@@ -146,7 +146,7 @@ fn completions_know_graphs_robots_kinds_and_examples() {
 }
 
 #[test]
-fn the_doctor_answers_in_json_with_an_exit_code_that_agrees() {
+fn doctor_json_agrees_with_its_exit_code() {
     let output = run(&["doctor", "--measure", "20ms", "--json"]);
     let answer: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     let findings = answer["findings"].as_array().expect("findings");
@@ -162,7 +162,7 @@ fn the_doctor_answers_in_json_with_an_exit_code_that_agrees() {
 }
 
 #[test]
-fn colours_stay_away_from_pipes_and_come_when_they_are_forced() {
+fn colours_are_off_in_pipes_unless_forced() {
     let plain = run(&["doctor", "--measure", "0s"]);
     assert!(!plain.stdout.contains(&0x1b));
     let forced =
@@ -200,7 +200,7 @@ fn closed_pipe_keeps_the_exit_code() {
 }
 
 #[test]
-fn closed_from_the_start_neither_stream_is_a_reason_to_panic() {
+fn closed_output_streams_do_not_cause_a_panic() {
     for arguments in [&["schema", "graph"][..], &["robot", "list"], &["check", "no-such-graph.toml"]] {
         let (reader, writer) = std::io::pipe().expect("a pipe");
         drop(reader);
@@ -286,7 +286,7 @@ fn json_errors_follow_the_error_schema() {
 }
 
 #[test]
-fn an_error_in_json_names_its_place_its_values_and_what_to_try() {
+fn json_error_names_its_place_values_and_advice() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str, text: &str| {
         let path = folder.path().join(name);

@@ -149,7 +149,7 @@ fn crate_licences_are_allowed_and_needed() {
 }
 
 #[test]
-fn a_licence_expression_is_read_as_spdx_means_it() {
+fn licence_expressions_are_read_as_in_spdx() {
     let allowed = BTreeSet::from(["MIT", "Apache-2.0 WITH LLVM-exception"].map(str::to_string));
     for met in
         ["MIT", "MIT OR GPL-3.0", "GPL-3.0/MIT", "(GPL-3.0 OR MIT) AND MIT", "Apache-2.0 WITH LLVM-exception"]

@@ -15,7 +15,7 @@ fn reach(arguments: &[&str]) -> (Option<i32>, serde_json::Value, String) {
 const OUT_OF_REACH: &str = "policy.config.goals=[{offset=[5.0,0.0,0.0],duration=\"1 s\",dwell=\"500 ms\"}]";
 
 #[test]
-fn a_goal_out_of_reach_is_missed_and_the_run_is_no_success() {
+fn missed_goal_makes_the_run_unsuccessful() {
     let (code, report, errors) = reach(&["--set", OUT_OF_REACH, "--set", "policy.config.repeat=once"]);
     assert_eq!(code, Some(8), "{errors}");
     let result = &report["results"]["controller"];

@@ -82,7 +82,7 @@ fn broken_graph_is_refused_with_value_and_advice() {
 }
 
 #[test]
-fn a_wrong_option_is_told_with_the_one_that_was_meant() {
+fn unknown_option_is_answered_with_the_nearest() {
     for (arguments, words) in [
         (&["run", REACH, "--clok", "lockstep"][..], "'--clock'"),
         (&["run", REACH, "--clock", "lockstpe"], "'lockstep'"),
@@ -276,7 +276,7 @@ fn robots_of_a_missing_mesh(folder: &Path) -> [[String; 2]; 2] {
 }
 
 #[test]
-fn a_missing_mesh_is_warned_of_by_every_command_that_meets_it() {
+fn every_command_warns_of_a_missing_mesh() {
     let folder = tempfile::tempdir().expect("a folder");
     for [robot, graph] in robots_of_a_missing_mesh(folder.path()) {
         for arguments in [
@@ -341,7 +341,7 @@ fn missing_visual_mesh_warns_once() {
 }
 
 #[test]
-fn a_xacro_file_is_told_from_a_faulty_urdf() {
+fn xacro_file_is_distinguished_from_a_faulty_urdf() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("arm.urdf.xacro");
     std::fs::write(&file, "<robot name=\"r\">\n<xacro:include filename=\"x\"/></robot>").expect("a file");

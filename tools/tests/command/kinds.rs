@@ -50,7 +50,7 @@ fn every_kind_declares_its_example_and_has_a_page() {
 }
 
 #[test]
-fn every_example_fits_into_a_graph_whose_topics_others_write() {
+fn every_example_fits_into_a_graph_with_other_writers() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("graph.toml");
     for sheet in sheets().iter().filter(|sheet| !lacks_its_library(sheet) && !needs_a_file(sheet)) {
@@ -89,7 +89,7 @@ fn kind_description_fits_80_columns() {
 }
 
 #[test]
-fn a_kind_is_described_for_the_robot_that_is_named() {
+fn kind_is_described_for_the_named_robot() {
     let sheet = json(&["kinds", "physics.articulated", "--robot", "quadruped", "--json"]);
     assert_eq!(sheet["robot"], "quadruped");
     // the example names a link of the Panda
@@ -101,7 +101,7 @@ fn a_kind_is_described_for_the_robot_that_is_named() {
 }
 
 #[test]
-fn a_kind_that_does_not_exist_is_answered_with_the_nearest() {
+fn unknown_kind_is_answered_with_the_nearest() {
     assert!(complaint(&["kinds", "control.pq"]).contains("did you mean `control.qp`?"));
     let missing = complaint(&["kinds", "--exec", "no/such/program"]);
     assert!(missing.contains("does not exist") && missing.contains("cargo build --release"), "{missing}");

@@ -105,7 +105,7 @@ fn progress_is_published_until_a_signal_ends_the_training() {
 }
 
 #[test]
-fn shown_movements_are_fitted_and_reproduced() {
+fn demonstrated_movements_are_fitted_and_reproduced() {
     let folder = tempfile::tempdir().expect("a folder");
     let graph = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/imitate/loop.toml");
     let output = folder.path().join("a").to_str().expect("a path of text").to_string();

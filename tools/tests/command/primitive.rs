@@ -21,7 +21,7 @@ fn text(path: &Path) -> &str {
 }
 
 #[test]
-fn a_recording_becomes_a_primitive_that_goes_elsewhere() {
+fn recording_becomes_a_primitive_with_another_goal() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = |name: &str| folder.path().join(name);
     recording(&file("shown.csv"), 0.0);
@@ -147,7 +147,7 @@ fn a_rhythm_is_learned_from_its_periods() {
 }
 
 #[test]
-fn what_cannot_be_read_or_run_is_refused_in_words() {
+fn unreadable_or_invalid_input_is_refused_with_a_reason() {
     let folder = tempfile::tempdir().expect("a folder");
     let (shown, model) = (folder.path().join("shown.csv"), folder.path().join("model.json"));
     recording(&shown, 0.0);
@@ -288,7 +288,7 @@ fn recordings_with_channels_in_another_order_are_refused() {
 }
 
 #[test]
-fn a_rhythm_that_does_not_close_is_refused() {
+fn rhythm_with_a_gap_is_refused() {
     let wave = |t: f64| (std::f64::consts::TAU * t).sin().to_string();
     let (good, said) = fitted("time,x", wave, &["--model", "rhythmic"]);
     assert!(!good && said.contains("begins at 0.0000 and ends at 1.0000"), "{said}");

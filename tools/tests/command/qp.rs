@@ -57,7 +57,7 @@ fn problems_of_different_sizes_are_solved_in_order() {
 }
 
 #[test]
-fn a_file_that_holds_no_problem_is_refused_with_its_name() {
+fn file_without_a_problem_is_refused_by_name() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("problems.json");
     std::fs::write(&path, "[{ \"P\": [[1]], \"q\": [0, 1] }]").expect("the folder takes files");

@@ -232,7 +232,7 @@ fn golden_vectors_read_as_states_give_their_own_values() {
 }
 
 #[test]
-fn results_that_do_not_hold_are_named() {
+fn wrong_results_are_named() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut states: Value =
         serde_json::from_str(&std::fs::read_to_string(golden("rrbot")).expect("a file")).expect("JSON");
@@ -356,7 +356,7 @@ fn without_pip_or_the_package_the_error_says_what_to_do() {
 }
 
 #[test]
-fn a_robot_file_of_the_users_own_runs_in_a_graph() {
+fn users_own_robot_file_runs_in_a_graph() {
     let folder = tempfile::tempdir().expect("a folder");
     for suffix in ["urdf", "toml"] {
         let source = workspace().join(format!("robots/catalogue/iiwa14/iiwa14.{suffix}"));
@@ -409,7 +409,7 @@ fn the_mass_of_fixed_links_is_printed_too() {
 }
 
 #[test]
-fn a_mesh_in_millimetres_is_doubted() {
+fn millimetre_mesh_causes_a_warning() {
     let folder = tempfile::tempdir().expect("a folder");
     write(
         folder.path(),

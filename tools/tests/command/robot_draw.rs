@@ -32,7 +32,7 @@ fn faces(picture: &str) -> Vec<String> {
 }
 
 #[test]
-fn every_face_has_a_fill_of_its_own() {
+fn every_face_has_its_own_fill() {
     let picture = printed(&["robot", "draw", "panda", "--no-ground"]);
     assert!(!picture.contains("currentColor"));
     let fills = faces(&picture);

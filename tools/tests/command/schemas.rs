@@ -23,7 +23,7 @@ fn the_schema_of_reports_is_current() {
 }
 
 #[test]
-fn the_schema_of_what_top_prints_is_current() {
+fn schema_of_top_is_current() {
     is_current("top");
 }
 
@@ -46,7 +46,7 @@ fn graph_schema_has_every_kinds_configuration() {
 }
 
 #[test]
-fn the_schema_of_reports_requires_what_every_report_holds() {
+fn report_schema_requires_all_common_fields() {
     let schema = crate::program::json(&["schema", "report"]);
     let required: Vec<_> =
         schema["required"].as_array().expect("keys").iter().filter_map(|key| key.as_str()).collect();

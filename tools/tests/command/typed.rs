@@ -7,7 +7,7 @@ use crate::first_day::{REACH, bare_robot, file, tried};
 use crate::program::motorium;
 
 #[test]
-fn a_time_that_is_none_is_told_by_the_option_that_was_typed() {
+fn invalid_time_is_reported_with_the_typed_option() {
     for (arguments, words) in [
         (&["run", REACH, "--for", "abc"][..], "is \"abc\", which does not begin with a number"),
         (&["run", REACH, "--for", "-1s"], "is negative (-1)"),
@@ -46,7 +46,7 @@ fn unsupported_run_options_are_refused_at_start() {
 }
 
 #[test]
-fn the_first_part_of_a_kind_lists_the_kinds_that_begin_with_it() {
+fn first_part_of_a_kind_lists_matching_kinds() {
     let (code, errors) = tried(&["kinds", "control"]);
     assert_eq!(code, Some(1));
     assert!(errors.contains("there are `control.mpc`") && !errors.contains("policy"), "{errors}");
@@ -106,7 +106,7 @@ fn wrong_file_types_give_few_errors() {
 }
 
 #[test]
-fn bad_recordings_give_one_sentence_in_every_command() {
+fn bad_recordings_give_the_same_error_in_every_command() {
     let folder = tempfile::tempdir().expect("a folder");
     let missing = folder.path().join("nowhere.mcap");
     let within = folder.path().join("folder.mcap");

@@ -1,4 +1,4 @@
-//! The channels of a plan.
+//! Channels of the topics of a plan.
 
 use motorium::declare::TopicPattern;
 use motorium::plan::Plan;
@@ -6,7 +6,7 @@ use motorium::state::{Stamp, TypeLayout};
 
 use super::{Derived, DerivedError, Drawing, DrawnError, Schema};
 
-/// A sequence of messages of one schema, made of the samples of one topic.
+/// A sequence of messages of one schema, derived from the samples of one topic.
 #[derive(Debug, Clone)]
 pub struct Channel {
     /// Name of the channel: the topic name, for a drawn channel followed by `/` and the name of the drawing.
@@ -43,7 +43,7 @@ impl Channel {
         }
     }
 
-    /// Index in the plan of the topic that describes this one's samples, such as the form of images. Its
+    /// Index in the plan of the topic that describes this topic's samples, such as the format of images. Its
     /// samples must be passed to [`note`](Self::note).
     pub fn form_topic(&self) -> Option<usize> {
         match &self.content {
@@ -61,11 +61,11 @@ impl Channel {
         }
     }
 
-    /// Appends the message of a sample of its topic. `time_ns` is the time of the sample on the clock of the
-    /// reader, since 1970 or since the start of the run: drawn messages carry it.
+    /// Appends the message of a sample of its topic. `time_ns` is the time of the sample on the reader's
+    /// clock, since 1970 or since the start of the run; drawn messages contain it.
     ///
     /// # Errors
-    /// The sample does not fit its type or its robot; nothing is appended then.
+    /// If the sample does not fit its type or its robot; nothing is appended then.
     pub fn encode(
         &mut self,
         stamp: &Stamp,
@@ -99,7 +99,7 @@ impl Channel {
 /// ```
 ///
 /// # Errors
-/// The layout of the topic has a field that cannot be written.
+/// If the layout of the topic has a field that cannot be written.
 pub fn channels(plan: &Plan, topic: usize) -> Result<Vec<Channel>, DerivedError> {
     let of_topic = &plan.topics[topic];
     let name = &of_topic.name;

@@ -14,7 +14,7 @@ use field::Field;
 use motorium_recordings::messages::wire::{self, Read};
 use stamp::{STAMP, stamp_bytes, stamp_field, stamp_of};
 
-/// Version of the rule by which schemas are derived; the last part of their package.
+/// Version of the rule for deriving schemas; the last part of their package.
 const PACKAGE_VERSION: &str = "v1";
 
 /// Messages of one sample type, in a schema derived from its layout.
@@ -47,7 +47,7 @@ impl Derived {
     /// Derives the schema of a layout.
     ///
     /// # Errors
-    /// A field is neither a number nor an array of numbers, or exceeds the type.
+    /// If a field is neither a number nor an array of numbers, or exceeds the type.
     pub fn new(layout: &TypeLayout) -> Result<Self, DerivedError> {
         let (fields, stamp) = (field::fields(layout)?, field::fields(&Stamp::layout())?);
         let (package, name) = layout.type_name.rsplit_once('.').unwrap_or(("user", &layout.type_name));
@@ -78,12 +78,12 @@ impl Derived {
         &self.schema
     }
 
-    /// Bytes of a sample.
+    /// Size of a sample, bytes.
     pub fn size(&self) -> usize {
         self.size
     }
 
-    /// Appends the message of a sample of [`size`](Self::size) bytes. Missing bytes count as zeros.
+    /// Appends the message of a sample of [`size`](Self::size) bytes. Missing bytes are treated as zeros.
     pub fn encode(&self, stamp: &Stamp, bytes: &[u8], out: &mut Vec<u8>) {
         let raw = stamp_bytes(stamp);
         let start = out.len();
@@ -94,11 +94,11 @@ impl Derived {
         self.fields.iter().for_each(|field| field.encode(bytes, out));
     }
 
-    /// The sample of a message: its stamp, and its bytes in the layout of the type. Entries beyond a count
-    /// are zero.
+    /// Decodes a message to the stamp of its sample and the bytes in the layout of the type. Array entries
+    /// beyond a count are zero.
     ///
     /// # Errors
-    /// The message is damaged, or of another type.
+    /// If the message is damaged or of another type.
     pub fn decode(&self, mut message: &[u8]) -> Result<(Stamp, Vec<u8>), DerivedError> {
         let damaged = |field: Option<&str>| DerivedError::Message {
             schema: self.schema.name.clone(),

@@ -20,10 +20,10 @@ use super::fields::{quaternion, timestamp, vector};
 use super::pictures::{PictureError, Pictures};
 use super::robots::{RobotFrames, WORLD, robot_of_topic};
 
-/// Length of the arrow that a force of 1 N draws, m.
+/// Length of the arrow for a force of 1 N, m.
 const METRES_PER_NEWTON: f64 = 0.01;
 
-/// The drawing of one topic in one of Foxglove's messages.
+/// Conversion of one topic to a Foxglove message that viewers can draw.
 #[derive(Debug, Clone)]
 pub struct Drawing {
     name: &'static str,
@@ -50,7 +50,7 @@ enum Kind {
     Event(String),
 }
 
-/// A sample that cannot be drawn.
+/// Error of a sample that cannot be drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum DrawnError {
     /// The sample is truncated, or longer than its type.
@@ -133,7 +133,7 @@ impl Drawing {
         matches!(self.kind, Kind::Pictures(_) | Kind::Text(_) | Kind::Event(_))
     }
 
-    /// The topic of the form of the pictures.
+    /// Index of the topic with the image format.
     pub(super) fn form_topic(&self) -> Option<usize> {
         match &self.kind {
             Kind::Pictures(pictures) => Some(pictures.form_topic()),
@@ -141,7 +141,7 @@ impl Drawing {
         }
     }
 
-    /// Takes note of the form of the pictures.
+    /// Records the image format.
     pub(super) fn note(&mut self, bytes: &[u8]) {
         if let Kind::Pictures(pictures) = &mut self.kind {
             pictures.note(bytes);
@@ -151,7 +151,7 @@ impl Drawing {
     /// Appends the message of a sample at a time in ns.
     ///
     /// # Errors
-    /// The sample does not fit its type or its robot; nothing is appended then.
+    /// If the sample does not fit its type or its robot; nothing is appended then.
     pub fn encode(&mut self, bytes: &[u8], time_ns: u64, out: &mut Vec<u8>) -> Result<(), DrawnError> {
         fn read<T: StateBuffer>(bytes: &[u8]) -> Result<T, DrawnError> {
             from_bytes(bytes).ok_or(DrawnError::Size(bytes.len()))
@@ -217,7 +217,7 @@ impl Drawing {
     }
 }
 
-/// A line of a log in Foxglove's form.
+/// Converts a log line to Foxglove's form.
 ///
 /// ```
 /// use foxglove::schemas::log::Level;
@@ -242,8 +242,8 @@ fn append(message: &impl Encode, out: &mut Vec<u8>) {
     let _ = message.encode(out);
 }
 
-/// The topic of joint states that the links of its robot are drawn from: the first in the order of the plan,
-/// the true state of a simulation.
+/// Returns the topic of joint states from which the links of its robot are drawn: the first in the order of
+/// the plan, which is the true state in a simulation.
 fn first_state(plan: &Plan, index: usize) -> Option<usize> {
     let robot = &robot_of_topic(plan, index)?.name;
     let mut states = plan.topics.iter().enumerate().filter(|(other, topic)| {
@@ -317,7 +317,7 @@ fn objects(poses: &ObjectPoses, names: &[String], time_ns: u64) -> FrameTransfor
     FrameTransforms { transforms: (0..poses.count()).map(transform).collect() }
 }
 
-/// An arrow a contact, along its force.
+/// Draws one arrow per contact, along its force.
 fn contacts(contacts: &Contacts, time_ns: u64) -> SceneUpdate {
     let arrow = |index: usize| {
         let force = nalgebra::Vector3::new(

@@ -1,5 +1,5 @@
-//! Topics of a graph in the format of Foxglove, Lichtblick, rerun and PlotJuggler. A library without a
-//! server.
+//! Topics of a graph in the format of Foxglove, Lichtblick, rerun and PlotJuggler. This is a library without
+//! a server.
 //!
 //! Each topic becomes one or two channels of messages in the protobuf encoding:
 //!
@@ -75,7 +75,7 @@ pub struct Schema {
     pub name: String,
     /// Encoding of `data` and of the messages: always `protobuf`.
     pub encoding: &'static str,
-    /// A `google.protobuf.FileDescriptorSet` with all that the schema uses.
+    /// A `google.protobuf.FileDescriptorSet` with all types that the schema uses.
     pub data: Vec<u8>,
 }
 

@@ -1,4 +1,4 @@
-//! The pictures of cameras as messages of Foxglove.
+//! Camera images as Foxglove messages.
 
 use foxglove::messages::RawImage;
 use motorium::plan::Plan;
@@ -6,7 +6,7 @@ use motorium::state::{ImageInfo, StateBuffer as _, from_bytes};
 
 use super::fields::timestamp;
 
-/// Images in a topic of `u8` slices, whose form the writer publishes on another topic.
+/// Images in a topic of `u8` slices; the writer publishes their format on another topic.
 #[derive(Debug, Clone)]
 pub(super) struct Pictures {
     form_topic: usize,
@@ -15,7 +15,7 @@ pub(super) struct Pictures {
     frame: String,
 }
 
-/// The bytes cannot be drawn as an image.
+/// Error of bytes that cannot be drawn as an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum PictureError {
     /// The form has not been published yet.
@@ -53,7 +53,7 @@ impl Pictures {
         self.form_topic
     }
 
-    /// Takes note of their form.
+    /// Records the image format.
     pub(super) fn note(&mut self, bytes: &[u8]) {
         self.form = from_bytes(bytes).or(self.form);
     }

@@ -1,4 +1,4 @@
-//! The robots of a plan: which one a topic belongs to, its description, and the poses of its links.
+//! Robots of a plan: assignment of topics to robots, descriptions, and link poses.
 
 use foxglove::messages::{FrameTransform, FrameTransforms};
 use motorium::declare::RobotReference;
@@ -19,15 +19,15 @@ pub(super) const WORLD: &str = "world";
 pub struct Description {
     /// Name of the robot in the graph.
     pub robot: String,
-    /// Topic of the description: `/robot_description`, of one of several robots `/ROBOT/robot_description`.
+    /// Topic of the description: `/robot_description`, or `/ROBOT/robot_description` with several robots.
     pub topic: String,
-    /// The robot as URDF: the text of its file, or one written for a robot of MJCF.
+    /// The robot as URDF: the text of its file, or a conversion of its MJCF.
     pub text: String,
     /// Text of the file, if it is MJCF.
     pub mjcf: Option<String>,
     /// Meshes without a file: their names in the description and their Wavefront OBJ texts.
     pub meshes: Vec<(String, String)>,
-    /// Prefix of the names of its links in [`FrameTransforms`]: nothing, of one of several robots `ROBOT/`.
+    /// Prefix of its link names in [`FrameTransforms`]: empty, or `ROBOT/` with several robots.
     pub frame_prefix: String,
 }
 
@@ -124,7 +124,7 @@ fn load_with_base(robot: &RobotReference, pose: Option<BasePose>) -> Result<Load
     source.load()
 }
 
-/// Returns the robot to which the arrays of a topic belong: the writer's robot, else a reader's. `None` if
+/// Returns the robot to which the arrays of a topic belong: the writer's robot, or else a reader's. `None` if
 /// neither has one.
 ///
 /// For a component with several robots, it is the robot of the port `ROBOT.PORT` to which the topic is wired.
@@ -164,7 +164,7 @@ fn joint_names(loaded: &Loaded) -> Vec<String> {
     loaded.model.joint_names().iter().chain(rotors).cloned().collect()
 }
 
-/// The poses of all links of a robot, by our kinematics.
+/// Poses of all links of a robot, computed by motorium's kinematics.
 ///
 /// ```
 /// use motorium::declare::RobotReference;
@@ -194,7 +194,7 @@ impl RobotFrames {
     /// `moves` is `true` if a topic provides the pose of the base.
     ///
     /// # Errors
-    /// The robot's files can no longer be read.
+    /// If the robot's files can no longer be read.
     pub fn load(robot: &RobotReference, prefix: &str, moves: bool) -> Result<Self, RobotSourceError> {
         let loaded = load(robot)?;
         let pose = robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }.isometry());

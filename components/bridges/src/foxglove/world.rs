@@ -17,13 +17,13 @@ use super::robots::WORLD;
 /// Topic of the [scene](world_scene) of a world.
 pub const WORLD_SCENE: &str = "/world/scene";
 
-/// Sides of the part of the ground that is drawn, and its thickness, m.
+/// Side lengths and thickness of the drawn part of the ground, m.
 const PLANE: [f64; 3] = [6.0, 6.0, 0.002];
 
 /// Opacity of the plane, so that objects below it stay visible.
 const THROUGH: f64 = 0.6;
 
-/// Points of a drawn terrain, at most about.
+/// Approximate maximum number of points of a drawn terrain.
 const TERRAIN_POINTS: f64 = 15_000.0;
 
 /// Returns the coloured world of a plan as a scene: schema and message, a [`SceneUpdate`]. `None` if the plan
@@ -243,7 +243,7 @@ mod tests {
         assert_eq!(table.cubes[0].pose.unwrap().position.unwrap().x, 0.4);
         assert_eq!((free.frame_id.as_str(), free.spheres[0].size.unwrap().z), ("ball", 0.2));
         assert_eq!(free.spheres[0].pose.unwrap().position.unwrap().z, 0.0);
-        // nobody tells where it is
+        // no topic provides the pose
         let still = entity(&ball, &GREY, false);
         assert_eq!(
             (still.frame_id.as_str(), still.spheres[0].pose.unwrap().position.unwrap().z),

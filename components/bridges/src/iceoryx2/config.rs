@@ -26,15 +26,15 @@ use serde::{Deserialize, Deserializer};
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Iceoryx2BridgeConfig {
-    /// Inputs whose topics are mirrored to other programs by their newest value: states and streams of any
-    /// type. Default none.
+    /// Inputs whose latest value is mirrored to other programs: states and streams of any type. Default: an
+    /// empty list.
     pub out: Vec<String>,
-    /// Inputs whose streams are mirrored value by value, in order, of any type. Default none.
+    /// Inputs whose streams are mirrored value by value, in order, of any type. Default: an empty list.
     pub out_streams: Vec<String>,
     /// Inputs whose slices, such as images and clouds, are mirrored one by one, in order, of any type.
-    /// Default none.
+    /// Default: an empty list.
     pub out_slices: Vec<String>,
-    /// Outputs whose topics are fed by other programs, by name. Default none.
+    /// Outputs whose topics other programs publish, by name. Default: an empty table.
     #[serde(rename = "in")]
     pub inbound: BTreeMap<String, InboundConfig>,
 }
@@ -53,13 +53,12 @@ pub struct InboundConfig {
     /// behind. Default "state".
     #[serde(default = "state")]
     pub pattern: TopicPattern,
-    /// Largest rate of publication, such as "500 Hz". Of a state the newest value is published; of a stream
-    /// or of slices, values above the rate are refused, but as many as the capacity may come at once. Default
-    /// 1 kHz.
+    /// Maximum publication rate, such as "500 Hz". For a state the latest value is published. For a stream or
+    /// slices, values above the rate are refused; bursts up to the capacity are accepted. Default 1 kHz.
     #[serde(default = "max_rate", deserialize_with = "rate")]
     pub max_rate: Rate,
-    /// Longest time that a value may have waited for a step of the bridge, such as "50 ms"; older ones are
-    /// refused. At least a period of the bridge. Default 100 ms.
+    /// Maximum time that a value may wait for a step of the bridge, such as "50 ms"; older values are
+    /// refused. At least one period of the bridge. Default 100 ms.
     #[serde(default = "max_age")]
     pub max_age: TimeSpan,
 }

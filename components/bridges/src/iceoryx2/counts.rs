@@ -23,7 +23,7 @@ impl Refused {
         Self { too_long: Some(0), ..Self::default() }
     }
 
-    /// Counts a value whose content must not reach a reader.
+    /// Counts a value whose content is invalid and must not reach a reader.
     pub(super) fn defective(&mut self, defect: ContentDefect) {
         match defect {
             ContentDefect::NotFinite { .. } => self.not_finite += 1,

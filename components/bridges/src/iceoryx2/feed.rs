@@ -1,4 +1,4 @@
-//! The sending end of an inbound topic, for programs that know only a layout, such as `motorium topic pub`.
+//! Publisher for inbound topics, for programs that only know a layout, such as `motorium topic pub`.
 
 use core::cell::Cell;
 
@@ -19,7 +19,7 @@ pub struct Feed {
     service: String,
     size: usize,
     pattern: TopicPattern,
-    /// Values of a stream that were sent.
+    /// Number of values sent on a stream.
     sent: Cell<u64>,
     // the node outlives its port
     _node: Node<Shared>,
@@ -29,8 +29,8 @@ impl Feed {
     /// Joins the service of an inbound topic in the domain of a run.
     ///
     /// # Errors
-    /// The topic carries slices, no bridge has created the service, its layout differs, or the maximum number
-    /// of publishers is reached.
+    /// If the topic carries slices, no bridge has created the service, its layout differs, or the maximum
+    /// number of publishers is reached.
     pub fn open(domain: &Domain, topic: &TopicPlan) -> Result<Self, ServiceError> {
         let service = format!("in/{}", topic.name);
         let fail = |reason: String| ServiceError { service: service.clone(), reason };
@@ -46,7 +46,7 @@ impl Feed {
     /// Sends a value to the bridge, which validates it and publishes it at its next step.
     ///
     /// # Errors
-    /// The size differs from the type's, or shared memory is exhausted.
+    /// If the size differs from the type's, or shared memory is exhausted.
     pub fn send(&self, bytes: &[u8]) -> Result<(), ServiceError> {
         let fail = |reason: String| Err(ServiceError { service: self.service.clone(), reason });
         if bytes.len() != self.size {

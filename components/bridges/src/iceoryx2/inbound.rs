@@ -1,4 +1,4 @@
-//! A topic of the graph, fed by foreign programs.
+//! A state of the graph, published by foreign programs.
 
 use iceoryx2::node::Node;
 use motorium::component::{ConfigureError, RunClock};
@@ -14,13 +14,13 @@ use super::config::InboundConfig;
 use super::counts::Refused;
 use super::service::{PUBLISHERS, Queue, Service, receive};
 
-/// An inbound state. Of the valid values the newest is published, no more often than the limit.
+/// An inbound state. The latest valid value is published, within the rate limit.
 pub(super) struct Inbound {
     output: RawOutput,
     port: Queue,
     period_ns: u64,
     max_age_ns: u64,
-    /// The value taken last.
+    /// The value received last.
     taken: Box<[u8]>,
     /// Newest valid value, the time of the step that received it (ns on the stamp clock), and whether it is
     /// unpublished.
@@ -29,11 +29,11 @@ pub(super) struct Inbound {
     is_pending: bool,
     /// Time of the last publishing step, ns since the start of the run.
     published_ns: Option<u64>,
-    /// Time at which the queue was looked into last, ns.
+    /// Time at which the queue was last polled, ns.
     looked_ns: u64,
-    /// Values of one publisher that can wait.
+    /// Maximum number of waiting values per publisher.
     waiting: usize,
-    /// The topic carries emergency stops: one that stops wins over newer values, over `max_rate` and over
+    /// `true` if the topic carries emergency stops. A pressed stop overrides newer values, `max_rate` and
     /// `max_age`.
     is_emergency_stop: bool,
     received: u64,

@@ -1,4 +1,4 @@
-//! A stream of the graph, or slices, fed by foreign programs.
+//! A stream or slices of the graph, published by foreign programs.
 
 use iceoryx2::identifiers::UniquePublisherId;
 use iceoryx2::node::Node;
@@ -18,13 +18,13 @@ use super::service::{Arrived, PUBLISHERS, Queue, Service, receive};
 pub(super) struct InboundStream {
     output: RawStreamOutput,
     port: Queue,
-    /// The value taken last, with room for the longest.
+    /// The value received last, with capacity for the longest.
     taken: Box<[u8]>,
     limit: RateLimit,
     max_age_ns: u64,
     /// Time at which the queue was last emptied, ns.
     emptied_ns: u64,
-    /// Values of one publisher that can wait.
+    /// Maximum number of waiting values per publisher.
     waiting: usize,
     sequences: Sequences,
     received: u64,
@@ -95,13 +95,13 @@ impl InboundStream {
     }
 }
 
-/// The sequences by which foreign programs count what they send. A gap is the number of values that
-/// overflowed the queue.
+/// Sequence numbers of the values sent by foreign programs. A gap is the number of values dropped by a queue
+/// overflow.
 #[derive(Debug, Default)]
 struct Sequences {
     /// Publishers, and the sequences of their newest values.
     newest: [Option<(UniquePublisherId, u64)>; PUBLISHERS],
-    /// Place of the publisher that came last.
+    /// Index of the most recently added publisher.
     last: usize,
     lost: u64,
 }
@@ -109,13 +109,13 @@ struct Sequences {
 impl Sequences {
     fn take(&mut self, arrived: &Arrived) {
         let Arrived { publisher, sequence, .. } = *arrived;
-        // a program that counts nothing
+        // the program does not count its values
         if sequence == 0 {
             return;
         }
         let known = self.newest.iter().position(|known| known.is_some_and(|(known, _)| known == publisher));
         let place = known.unwrap_or((self.last + 1) % PUBLISHERS);
-        // a gap before its first value may be older than the bridge
+        // a gap before the first value may predate the bridge
         let before = self.newest[place].filter(|_| known.is_some()).map_or(sequence, |(_, before)| before);
         self.lost += sequence.saturating_sub(before.saturating_add(1));
         self.newest[place] = Some((publisher, sequence.max(before)));
@@ -123,24 +123,24 @@ impl Sequences {
     }
 }
 
-/// A limit of the mean rate, within which a number of values may come at once.
+/// A limit of the mean rate that permits bursts.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct RateLimit {
     period_ns: u64,
-    /// Time by which values may be ahead of the rate, ns.
+    /// Maximum time by which values may be ahead of the rate, ns.
     ahead_ns: u64,
     /// Time at which the next value would be due at the largest rate, ns.
     due_ns: u64,
 }
 
 impl RateLimit {
-    /// A limit of a value in `period_ns`, of which `burst` may come at once.
+    /// Creates a limit of one value per `period_ns`, with bursts of up to `burst` values.
     fn new(period_ns: u64, burst: usize) -> Self {
         let ahead_ns = period_ns.saturating_mul((burst as u64).saturating_sub(1));
         Self { period_ns, ahead_ns, due_ns: 0 }
     }
 
-    /// True if a value at this time is within the limit.
+    /// Returns `true` if a value at this time is within the limit.
     fn admits(&self, time_ns: u64) -> bool {
         self.due_ns <= time_ns.saturating_add(self.ahead_ns)
     }
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_burst_passes_and_the_mean_rate_is_kept() {
+    fn bursts_pass_within_the_mean_rate() {
         // 1 kHz through steps of 5 ms
         let mut limit = RateLimit::new(1_000_000, 8);
         assert_eq!(admitted(&mut limit, [0, 5_000_000, 10_000_000], 20), [8, 5, 5]);

@@ -21,8 +21,8 @@ use inbound::Inbound;
 use inbound_stream::InboundStream;
 use outbound::Outbound;
 
-/// Values of a mirrored stream that wait for a step of the bridge at least; the graph has more wait where the
-/// writer or another reader of the topic declares more.
+/// Minimum number of values of a mirrored stream that wait for a step of the bridge. The graph has a larger
+/// queue if the writer or another reader of the topic declares one.
 const MIRRORED_CAPACITY: usize = 16;
 
 /// Mirrors topics of the graph to stock iceoryx2 programs, and publishes their values on topics of the graph.
@@ -52,7 +52,7 @@ impl Component for Iceoryx2Bridge {
             declare.raw_stream_input(port, MIRRORED_CAPACITY, "stream to mirror, of any type");
         }
         for port in &config.out_slices {
-            // slices may be large: the writer knows how many are worth the memory
+            // slices may be large, so the writer decides how many the queue holds
             declare.raw_slice_input(port, 1, "slices to mirror, of any type");
         }
         for (port, inbound) in &config.inbound {

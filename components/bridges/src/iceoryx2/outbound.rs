@@ -1,4 +1,4 @@
-//! A topic of the graph, mirrored to foreign programs.
+//! A topic of the graph mirrored to foreign programs.
 
 use iceoryx2::node::Node;
 use motorium::component::ConfigureError;
@@ -21,10 +21,10 @@ pub(super) struct Outbound {
 
 /// The input of a mirrored topic.
 enum Source {
-    /// Its newest value is sent once, at the first step that sees it.
+    /// The latest value is sent once, in the first step that reads it.
     Newest(RawInput),
-    /// All values of a stream, or all slices, are sent in order: up to this number in a step, so that a fast
-    /// writer cannot hold the step.
+    /// All values of a stream, or all slices, are sent in order, up to this number per step so that a fast
+    /// writer cannot delay the step.
     Every { input: RawStreamInput, most: usize },
 }
 

@@ -1,4 +1,4 @@
-//! The iceoryx2 services in which the bridge meets foreign programs.
+//! The iceoryx2 services shared by the bridge and foreign programs.
 
 #![allow(unsafe_code)] // services are made from layouts, so that the bridge need not know the Rust types
 
@@ -15,11 +15,11 @@ use motorium::declare::TopicPattern;
 use motorium::state::{EmergencyStop, Stamp, StateBuffer as _, TypeLayout};
 use motorium::transport::Shared;
 
-/// Values of each foreign publisher of a state that wait for the bridge at most; the oldest are dropped.
+/// Maximum number of waiting values per foreign publisher of a state; the oldest are dropped.
 const WAITING: usize = 8;
 /// Queue length for an emergency stop, which must not be lost.
 const STOPS_WAITING: usize = 64;
-/// Maximum number of publishers of a service: one, and the slot of a killed one.
+/// Maximum number of publishers of a service: one, plus the slot of a killed one.
 pub(super) const PUBLISHERS: usize = 2;
 /// Foreign subscribers of a mirrored topic.
 const SUBSCRIBERS: usize = 8;
@@ -30,7 +30,7 @@ pub(super) type Sender = Publisher<Shared, [CustomPayloadMarker], CustomHeaderMa
 pub(super) type Queue = Subscriber<Shared, [CustomPayloadMarker], CustomHeaderMarker>;
 type Typed = Builder<[CustomPayloadMarker], CustomHeaderMarker, Shared>;
 
-/// A service that cannot be created or joined.
+/// Error of a service that cannot be created or joined.
 #[derive(Debug, thiserror::Error)]
 #[error("service `{service}`: {reason}")]
 pub struct ServiceError {
@@ -69,7 +69,7 @@ impl<'a> Service<'a> {
         Self { name: format!("in/{topic}"), layout, pattern, is_stamped }
     }
 
-    /// Values of each foreign publisher that wait for the bridge at most.
+    /// Maximum number of waiting values per foreign publisher.
     pub(super) fn waiting(&self) -> usize {
         match self.pattern.capacity() {
             Some(capacity) => capacity,
@@ -82,7 +82,7 @@ impl<'a> Service<'a> {
     pub(super) fn publish(&self, node: &Node<Shared>) -> Result<Sender, ServiceError> {
         let (depth, history) = match self.pattern.capacity() {
             Some(capacity) => (capacity, 0),
-            // a program that joins late receives the newest value
+            // a program that joins late receives the latest value
             None => (1, 1),
         };
         let service = self
@@ -154,7 +154,7 @@ impl<'a> Service<'a> {
         })
     }
 
-    /// The attribute that the service must have: the hash of its layout.
+    /// Required attribute of the service: the hash of its layout.
     fn attributes(&self) -> Result<AttributeVerifier, ServiceError> {
         let key = "layout".try_into().map_err(|_| self.failed(&"attribute key"))?;
         let value = self.layout.hash().as_str().try_into().map_err(|_| self.failed(&"attribute value"))?;
@@ -188,18 +188,18 @@ pub(super) fn send(port: &Sender, stamp: Option<&Stamp>, bytes: &[u8], count: us
     sample.send().is_ok()
 }
 
-/// A value that a foreign program has sent.
+/// A value sent by a foreign program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Arrived {
-    /// Bytes that were sent, of which as many as there was room for were copied.
+    /// Number of bytes sent; only as many as fit were copied.
     pub(super) length: usize,
     /// The publisher.
     pub(super) publisher: UniquePublisherId,
-    /// The sequence in the header, by which the program counts what it sends; 0 without a header.
+    /// Sequence number in the header, counted by the program; 0 without a header.
     pub(super) sequence: u64,
 }
 
-/// Copies the next value into `value`; `None` if there is none.
+/// Copies the next value into `value`. Returns `None` if there is no value.
 ///
 /// A foreign program may still write to the memory of a sent value, so only the copy is inspected.
 pub(super) fn receive(port: &Queue, has_header: bool, value: &mut [u8]) -> Option<Arrived> {

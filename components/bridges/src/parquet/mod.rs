@@ -1,7 +1,7 @@
-//! Parquet files: tables by columns, which pandas, polars, DuckDB and LeRobot read.
+//! Parquet files: column-oriented tables, readable by pandas, polars, DuckDB and LeRobot.
 //!
-//! A writer of the part of the format that recordings need: columns without missing values, lists (of lists)
-//! and groups of them, no compression, one page for each column of a row group.
+//! A writer for the part of the format that recordings need: columns without missing values, lists (of lists)
+//! and groups of them, no compression, one page per column of a row group.
 //! <https://parquet.apache.org/docs/file-format/>
 
 mod thrift;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use thrift::Struct;
 
-/// Mark at the beginning and the end of a file.
+/// Magic number at the start and the end of a file.
 const MAGIC: &[u8; 4] = b"PAR1";
 
 // Numbers of the format.
@@ -44,21 +44,21 @@ pub struct Column {
 pub enum Values {
     /// Integers.
     Int64(Vec<i64>),
-    /// Natural numbers.
+    /// Unsigned integers.
     UInt64(Vec<u64>),
-    /// Numbers of single precision.
+    /// Single-precision numbers.
     Float(Vec<f32>),
-    /// Numbers of double precision.
+    /// Double-precision numbers.
     Double(Vec<f64>),
-    /// Texts.
+    /// Strings.
     Text(Vec<String>),
     /// Bytes, such as the contents of files.
     Bytes(Vec<Arc<[u8]>>),
     /// Lists.
     List {
-        /// Number of entries of the list of each row.
+        /// Number of entries in the list of each row.
         lengths: Vec<usize>,
-        /// Entries of all lists, one after the other; they may be lists themselves.
+        /// Entries of all lists, concatenated; they may be lists themselves.
         entries: Box<Values>,
     },
     /// Groups of named values, all with the same number of rows; a value is neither a list nor a group.
@@ -85,7 +85,7 @@ impl Values {
         self.len() == 0
     }
 
-    /// Numbers of the physical and the converted type. A group has the type of none of its columns.
+    /// Numbers of the physical and the converted type. A group has no type itself.
     fn kind(&self) -> (i64, Option<i64>) {
         match self {
             Self::Int64(_) => (INT64, None),
@@ -98,7 +98,7 @@ impl Values {
         }
     }
 
-    /// Levels of lists: 0 of plain values, 1 of lists of them.
+    /// Nesting depth of lists: 0 for plain values, 1 for lists of values.
     fn depth(&self) -> usize {
         match self {
             Self::List { entries, .. } => 1 + entries.depth(),
@@ -162,7 +162,7 @@ impl Values {
 }
 
 impl Column {
-    /// The leaves of the tree of its values, each with its path: one for each column of a group.
+    /// Leaves of the tree of values with their paths: one per column of a group.
     fn leaves(&self) -> Vec<(Vec<&str>, &Values)> {
         let name = self.name.as_str();
         match &self.values {
@@ -177,8 +177,8 @@ impl Column {
     }
 }
 
-/// Writes a table. `groups` are the numbers of rows of its row groups, together all of them; `facts` stand in
-/// its footer.
+/// Writes a table. `groups` are the numbers of rows of its row groups and add up to all rows; `facts` are
+/// stored in the footer.
 ///
 /// ```
 /// use motorium_bridges::parquet::{Column, Values, write};
@@ -194,7 +194,7 @@ impl Column {
 /// ```
 ///
 /// # Errors
-/// The file cannot be written, or the columns and the groups do not have as many rows.
+/// If the file cannot be written, or the numbers of rows of columns and groups differ.
 pub fn write(
     file: &mut dyn Write,
     columns: &[Column],
@@ -293,7 +293,7 @@ fn page(values: &Values, rows: Range<usize>) -> (Vec<u8>, usize) {
     ([head, body].concat(), entries)
 }
 
-/// The index of the first value of a row at each depth.
+/// Index of the first value of a row at each depth.
 fn starts(values: &Values, row: usize) -> Vec<usize> {
     let (mut starts, mut values) = (vec![row], values);
     while let Values::List { lengths, entries } = values {
@@ -330,7 +330,7 @@ impl Runs {
         }
     }
 
-    /// Writes them behind their length in bytes.
+    /// Writes the runs, preceded by their length in bytes.
     fn end(mut self, out: &mut Vec<u8>) {
         self.close();
         out.extend((self.encoded.len() as u32).to_le_bytes());

@@ -15,9 +15,9 @@ pub struct Analysis {
     pub duration_s: f64,
     /// Each topic.
     pub topics: Vec<TopicAnalysis>,
-    /// Each topic of joint commands with the resulting state of its actuator.
+    /// Each topic of joint commands, paired with the resulting joint states.
     pub tracking: Vec<Tracking>,
-    /// Events in the order of their times.
+    /// Events in order of time.
     pub events: Vec<EventLine>,
 }
 
@@ -32,15 +32,15 @@ pub struct TopicAnalysis {
     pub samples: u64,
     /// Number of samples missing between the first and the last.
     pub gaps: u64,
-    /// Times from the source of a sample to its publication, ns, rising.
+    /// Times from the source of a sample to its publication, ns, ascending.
     pub latency_ns: Vec<u64>,
-    /// Times between one publication and the next, ns, rising.
+    /// Times between consecutive publications, ns, ascending.
     pub interval_ns: Vec<u64>,
     /// The latencies over time: s since the first sample, and ns.
     pub latencies: Envelope,
 }
 
-/// Errors of joints against their commands.
+/// Tracking errors of joints.
 #[derive(Debug, Clone)]
 pub struct Tracking {
     /// The topic of the commands.
@@ -51,12 +51,12 @@ pub struct Tracking {
     pub joints: Vec<TrackedJoint>,
 }
 
-/// One joint against its command.
+/// Tracking error of one joint.
 #[derive(Debug, Clone, Default)]
 pub struct TrackedJoint {
     /// Root mean square of its deviation from the commanded position, rad or m; 0 without such commands.
     pub rms: f64,
-    /// Its greatest deviation, rad or m.
+    /// Largest deviation, rad or m.
     pub most: f64,
     /// The commanded positions over time, where positions are commanded: s since the first sample, and rad or
     /// m.
@@ -72,11 +72,11 @@ pub struct EventLine {
     pub time_s: f64,
     /// 0 information, 1 warning, 2 error.
     pub severity: u32,
-    /// Its kind; `None` for one that is not the launcher's.
+    /// Kind of the event; `None` if the launcher did not report it.
     pub kind: Option<EventKind>,
-    /// The number that belongs to it, such as a number of missed steps.
+    /// Number associated with the event, such as a number of missed steps.
     pub value: f64,
-    /// Its words.
+    /// Text of the event.
     pub text: String,
 }
 
@@ -86,7 +86,7 @@ pub fn quantile(rising: &[u64], part: f64) -> u64 {
     rising.get(index.saturating_sub(1).min(rising.len().saturating_sub(1))).copied().unwrap_or(0)
 }
 
-/// Stretches of time of a curve that is to be drawn.
+/// Number of time intervals of a drawn curve.
 const STRETCHES: usize = 300;
 
 /// One pair of topics.
@@ -94,7 +94,7 @@ struct Pair {
     command: usize,
     state: usize,
     newest: Option<JointCommand>,
-    /// Begin and end of the recording, s since the first sample.
+    /// Start and end of the recording, s since the first sample.
     ends: (f64, f64),
     joints: Vec<Joint>,
     count: f64,
@@ -112,7 +112,7 @@ struct Joint {
 /// Reads a recording and analyses its content.
 ///
 /// # Errors
-/// A message is damaged.
+/// If a message is damaged.
 pub fn analyse(recording: &Recording, plan: &Plan) -> Result<Analysis, ReadError> {
     let mut analysis = Analysis::default();
     let (first_ns, last_ns) = recording.times().unwrap_or_default();
@@ -215,7 +215,7 @@ impl Pair {
             self.joints.resize(count.max(self.joints.len()), joint);
             self.count += 1.0;
             for (index, joint) in self.joints.iter_mut().enumerate().take(count) {
-                // Effort and velocity control leave the position open.
+                // Effort and velocity control do not command positions.
                 if command.kp()[index] > 0.0 {
                     let (commanded, measured) = (command.position()[index], state.position()[index]);
                     let error = (measured - commanded).abs();

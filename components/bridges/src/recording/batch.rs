@@ -1,4 +1,4 @@
-//! Batches of messages on their way to the file.
+//! Batches of messages to be written to the file.
 
 use std::collections::VecDeque;
 
@@ -12,11 +12,11 @@ use super::file::Writer;
 pub(super) struct Batch {
     bytes: Vec<u8>,
     messages: Vec<Message>,
-    /// An error was reported in the run meanwhile.
+    /// `true` if an error was reported in the run meanwhile.
     pub(super) has_failed: bool,
 }
 
-/// A message, as a part of the bytes of its batch.
+/// A message as a range of the bytes of its batch.
 pub(super) struct Message {
     pub(super) time_ns: u64,
     publish_ns: u64,
@@ -56,13 +56,13 @@ impl Batch {
         self.messages.is_empty() && !self.has_failed
     }
 
-    /// Bytes of its messages.
+    /// Size of its messages, bytes.
     pub(super) fn len(&self) -> usize {
         self.bytes.len()
     }
 
-    /// Writes its messages in the order of their times, to the file, or into a ring if there is one; it is
-    /// empty then.
+    /// Writes its messages in order of time to the file, or to a ring if there is one. The batch is empty
+    /// afterwards.
     pub(super) fn write(
         &mut self,
         writer: &mut Writer,
@@ -81,14 +81,14 @@ impl Batch {
     }
 }
 
-/// Messages of the last moments, oldest first.
+/// The most recent messages, oldest first.
 pub(super) struct Ring {
     pub(super) span_ns: u64,
     pub(super) messages: VecDeque<(Message, Box<[u8]>)>,
 }
 
 impl Ring {
-    /// Room for the messages of a time \[ns\].
+    /// Creates a ring for the messages of a time span \[ns\].
     pub(super) fn new(span_ns: u64) -> Self {
         Self { span_ns, messages: VecDeque::new() }
     }

@@ -45,8 +45,8 @@ pub struct RecordConfig {
     /// Names of the topics; `*` matches any characters. Default: all topics of single values.
     #[serde(default = "all")]
     pub topics: Vec<String>,
-    /// Least time between two messages of a channel for viewers, such as the poses of links; exact channels
-    /// hold every sample. Default 20 ms.
+    /// Minimum interval between two messages of a viewer channel, such as link poses; exact channels contain
+    /// every sample. Default 20 ms.
     #[serde(default = "drawn_every")]
     pub drawn_every: TimeSpan,
     /// Time for which the graph keeps values of each state, 1 ms to 10 s. The recorder polls four times
@@ -54,10 +54,10 @@ pub struct RecordConfig {
     #[serde(default = "bridges")]
     pub bridges: TimeSpan,
     /// Length of the period before a failure that is kept in memory and written when the run ends with an
-    /// error. After a successful run no file is left. Default none: the whole run is written.
+    /// error. After a successful run no file is left. By default the whole run is written.
     #[serde(default)]
     pub last: Option<TimeSpan>,
-    /// Files to attach to the recording. Default none.
+    /// Files to attach to the recording. Default: an empty list.
     #[serde(default)]
     #[schemars(extend("format" = "path"))]
     pub attach: Vec<PathBuf>,
@@ -202,7 +202,7 @@ impl Component for Record {
 }
 
 impl Record {
-    /// Records in lockstep; in real time a thread does.
+    /// Records in lockstep; in real time a thread records.
     fn drain(&mut self) {
         let Some(recorder) = &mut self.recorder else { return };
         if let Err(error) = set_apart(|| recorder.drain()) {
@@ -242,9 +242,9 @@ mod tests {
             poll(Some(Duration::from_millis(bridged)), Duration::from_millis(bridges)).as_micros()
         };
         assert_eq!(looks(200, 200), 50_000);
-        assert_eq!(looks(5_000, 5_000), 50_000, "a page that looks at the file sees it grow");
+        assert_eq!(looks(5_000, 5_000), 50_000, "a viewer of the file sees it grow");
         assert_eq!(looks(66, 200), 16_500, "a camera with room for two pictures");
-        assert_eq!(looks(4, 200), 5_000, "what comes so fast may be lost; the processor is left to others");
+        assert_eq!(looks(4, 200), 5_000, "very fast topics may lose samples to save processor time");
         assert_eq!(looks(200, 8), 2_000);
         assert_eq!(looks(0, 1), 250, "a topic without a known period");
         assert_eq!(poll(None, Duration::from_millis(200)), POLL, "nothing is recorded");

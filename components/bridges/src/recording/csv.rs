@@ -7,7 +7,7 @@ use motorium::state::{Decoder, FieldValue, Number};
 use super::Recording;
 use super::signals::SignalsError;
 
-/// The error of writing a table.
+/// Error of writing a table.
 #[derive(Debug, thiserror::Error)]
 pub enum TableError {
     /// The recording cannot be read.
@@ -31,7 +31,7 @@ pub enum TableError {
 /// per entry in use in the first sample. Numbers can be read back bit for bit.
 ///
 /// # Errors
-/// The recording cannot be read, or the table cannot be written.
+/// If the recording cannot be read or the table cannot be written.
 pub fn write_csv(recording: &Recording, topic: usize, out: &mut impl Write) -> Result<u64, TableError> {
     let decoder = Decoder::new(&recording.topics()[topic].layout).map_err(SignalsError::from)?;
     let mut widths: Option<Vec<usize>> = None;

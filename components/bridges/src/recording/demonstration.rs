@@ -1,11 +1,11 @@
-//! Demonstrations of a task: observations with the actions that answered them.
+//! Demonstrations of a task: observations with the resulting actions.
 
 use motorium::nearest::{list, suggest};
 use motorium::state::{Action, Observation, StateBuffer, from_bytes};
 
 use super::{ReadError, Recording};
 
-/// Observations of a recording, each with the action that answered it.
+/// Observations of a recording, each with the resulting action.
 ///
 /// ```no_run
 /// use motorium_bridges::recording::{Demonstration, Recording};
@@ -21,9 +21,9 @@ pub struct Demonstration {
     pub inputs: usize,
     /// Length of an action.
     pub outputs: usize,
-    /// The observations in order of time, one after the other.
+    /// Observations in order of time, concatenated.
     pub observations: Vec<f64>,
-    /// The action of each, one after the other.
+    /// Action for each observation, concatenated.
     pub actions: Vec<f64>,
 }
 
@@ -38,7 +38,7 @@ pub enum DemonstrationError {
     NoTopic {
         /// The topic.
         topic: String,
-        /// The one that was probably meant, or all.
+        /// Suggested topic, or all topics.
         advice: String,
     },
     /// The topic has another type.
@@ -98,10 +98,11 @@ fn choice(type_name: &str, topics: &[String]) -> String {
 }
 
 impl Demonstration {
-    /// Reads a demonstration by its topics of observations and actions. `None` is the only topic of the type.
+    /// Reads a demonstration from its topics of observations and actions. `None` selects the only topic of
+    /// the type.
     ///
-    /// An action answers the newest observation at its time, if both have the same episode. Of several
-    /// actions before the next observation, the first counts; observations without one are left out.
+    /// An action belongs to the latest observation at its time, if both have the same episode. If several
+    /// actions precede the next observation, the first is used. Observations without an action are skipped.
     ///
     /// # Errors
     ///
@@ -116,8 +117,8 @@ impl Demonstration {
         let topics = [observed, acted].map(|topic| recording.topics()[topic].name.clone());
         let mut shown = Self { inputs: 0, outputs: 0, observations: Vec::new(), actions: Vec::new() };
         let mut waiting: Option<Observation> = None;
-        // all values of a lockstep tick have one time: an action answers the observation of its tick, even
-        // one that follows it in the file
+        // all values of a lockstep tick have the same time: an action belongs to the observation of its tick,
+        // even if the observation follows it in the file
         let mut early: Option<(u64, Action)> = None;
         for sample in recording.in_order() {
             let sample = sample?;
@@ -148,12 +149,12 @@ impl Demonstration {
         self.actions.len().checked_div(self.outputs).unwrap_or(0)
     }
 
-    /// True without actions.
+    /// Returns `true` if there are no actions.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Adds the waiting observation with the action, if it is of the same episode.
+    /// Adds the pending observation with the action if both have the same episode.
     fn push(
         &mut self,
         waiting: &mut Option<Observation>,
@@ -180,7 +181,7 @@ impl Demonstration {
     }
 }
 
-/// The topic of a name, or the only one of a type.
+/// Returns the topic with a name, or the only one of a type.
 fn topic<T: StateBuffer>(recording: &Recording, name: Option<&str>) -> Result<usize, DemonstrationError> {
     let topics = recording.topics();
     if let Some(name) = name {
@@ -247,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn actions_answer_the_newest_observation_of_their_episode() {
+    fn actions_belong_to_the_latest_observation_in_episode() {
         let folder = tempfile::tempdir().unwrap();
         let recording = recorded(
             &folder.path().join("a.mcap"),

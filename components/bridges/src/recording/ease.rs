@@ -1,5 +1,5 @@
-//! Joint commands before the first that was recorded and behind the last: a robot is brought to the start
-//! pose, and to rest, within limits of its joints.
+//! Joint commands before the first and after the last recorded command: they move a robot to the start pose,
+//! and to rest, within the limits of its joints.
 
 use motorium::declare::RobotReference;
 use motorium::state::{JointCommand, JointState, StateBuffer as _, from_bytes};
@@ -13,7 +13,7 @@ const SHARE: f64 = 0.5;
 /// Time to reach the velocity limit for a joint without an acceleration limit, s; the same as in its command
 /// gate.
 const TO_SPEED: f64 = 0.2;
-/// Largest velocity and acceleration of the quintic of least jerk, for a distance of 1 in a time of 1.
+/// Largest velocity and acceleration of the minimum-jerk quintic, for a distance of 1 in a time of 1.
 const QUINTIC: [f64; 2] = [1.875, 5.773_502_691_896_258];
 
 /// The limits of a joint.
@@ -26,7 +26,7 @@ pub(super) struct Rates {
     acceleration: f64,
 }
 
-/// The error of leading a robot to a recording, or out of it.
+/// Error of moving a robot to the start of a recording or to rest after it.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum EaseError {
     /// The robot's files can no longer be read.
@@ -78,9 +78,9 @@ type Due = (JointCommand, u64);
 struct Ends {
     first: Due,
     last: Due,
-    /// Both as they were recorded.
+    /// Both as recorded.
     bytes: [Vec<u8>; 2],
-    /// Time for coming to rest, s.
+    /// Deceleration time, s.
     ramp: f64,
 }
 
@@ -90,12 +90,12 @@ pub(super) struct Ease {
     /// First and last command of each episode; `None` for an episode without commands.
     episodes: Vec<Option<Ends>>,
     episode: usize,
-    /// The positions that were measured at the beginning of the episode, and the time, ns.
+    /// Measured joint state at the start of the episode, and its time, ns.
     start: Option<(JointState, u64)>,
     /// Offsets of position, velocity and effort.
     offsets: [usize; 3],
     bytes: Vec<u8>,
-    /// Commands made so far.
+    /// Number of commands generated so far.
     pub(super) made: u64,
 }
 
@@ -110,7 +110,7 @@ impl Ease {
         Some(Self { rates, episodes: Vec::new(), episode: 0, start: None, offsets, bytes, made: 0 })
     }
 
-    /// Adds an episode: first and last command with their due times, ns, and the time for coming to rest.
+    /// Adds an episode: first and last command with their due times, ns, and the deceleration time.
     pub(super) fn push(
         &mut self,
         ends: Option<[(&[u8], u64); 2]>,
@@ -150,7 +150,7 @@ impl Ease {
         self.episodes.get(self.episode)?.as_ref()
     }
 
-    /// Goes to the beginning of an episode.
+    /// Selects the start of an episode.
     pub(super) fn reset(&mut self, episode: u64) {
         self.episode = usize::try_from(episode).unwrap_or(usize::MAX);
         self.start = None;
@@ -224,7 +224,7 @@ impl Ease {
     }
 }
 
-/// A time to name in a message: in hundredths of a second, and not less than needed.
+/// Rounds a time up to hundredths of a second for a message.
 fn rounded_up(seconds: f64) -> TimeSpan {
     TimeSpan { ns: (seconds * 1e2).ceil() as u64 * 10_000_000 }
 }
@@ -237,7 +237,7 @@ fn put(bytes: &mut [u8], offset: usize, entry: usize, value: f64) {
     }
 }
 
-/// The quintic of least jerk from 0 to 1, and its slope, at a part of its time.
+/// Returns the minimum-jerk quintic from 0 to 1, and its slope, at a fraction of its duration.
 fn quintic(part: f64) -> (f64, f64) {
     let t = part.clamp(0.0, 1.0);
     (t.powi(3) * (10.0 + t * (6.0 * t - 15.0)), 30.0 * (t * (1.0 - t)).powi(2))

@@ -4,7 +4,7 @@ use super::*;
 
 const MS: u64 = 1_000_000;
 
-/// Two joints; 1 rad/s and 4 rad/s^2 are used, half of their limits.
+/// Limits of two joints; half of them, 1 rad/s and 4 rad/s^2, are used.
 fn limits() -> Vec<Rates> {
     ["shoulder", "elbow"].map(|name| Rates { name: name.into(), velocity: 2.0, acceleration: 8.0 }).to_vec()
 }
@@ -96,7 +96,7 @@ fn velocity_ramps_down_after_the_last_command() {
 }
 
 #[test]
-fn commands_of_effort_alone_bring_a_robot_nowhere() {
+fn effort_only_commands_are_rejected() {
     assert_eq!(eased(0.0, 2000, 500).err(), Some(EaseError::Limp { joint: "elbow".into() }));
 }
 

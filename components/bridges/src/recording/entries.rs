@@ -31,7 +31,7 @@ pub struct RecordedSample {
 pub struct RecordedPicture {
     /// Index of its camera among [`Recording::pictures`].
     pub pictures: usize,
-    /// Time in the file, as of a sample, ns.
+    /// Time in the file, as for a sample, ns.
     pub time_ns: u64,
     /// The stored message, a `foxglove.RawImage`.
     pub message: Vec<u8>,
@@ -95,11 +95,11 @@ impl Recording {
         Entries::new(self)
     }
 
-    /// Returns the newest sample of each topic and the newest image of each camera at a time, and the
+    /// Returns the latest sample of each topic and the latest image of each camera at a time, and the
     /// following entries in file order. Earlier entries are skipped without decoding.
     ///
     /// # Errors
-    /// A message is damaged.
+    /// If a message is damaged.
     pub fn newest_at(&self, time_ns: u64) -> Result<(Vec<Entry>, Entries<'_>), ReadError> {
         let mut entries = self.entries();
         let newest = entries.pass(time_ns)?;

@@ -1,4 +1,4 @@
-//! Writing an MCAP file that survives a power cut.
+//! Writer of MCAP files that survive a power cut.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -13,12 +13,12 @@ use mcap::{Attachment, McapError, WriteOptions};
 use super::PROFILE;
 use crate::foxglove::Schema;
 
-/// Longest time before a message is handed to the system.
+/// Longest time before a message is passed to the operating system.
 const FLUSH_EVERY: Duration = Duration::from_millis(500);
 /// Size at which a chunk is written, bytes.
 const CHUNK: u64 = 1 << 20;
 
-/// A recording that is being written: chunks of a megabyte, or of half a second if they fill more slowly.
+/// An open recording. Chunks contain one megabyte, or half a second of data if they fill more slowly.
 pub(super) struct Writer {
     mcap: mcap::Writer<BufWriter<File>>,
     flushed: Instant,
@@ -54,7 +54,7 @@ impl Writer {
         Ok(Self { mcap, flushed: Instant::now(), bytes: 0 })
     }
 
-    /// Adds a channel; gives its number.
+    /// Adds a channel and returns its number.
     pub(super) fn channel(
         &mut self,
         name: &str,
@@ -79,7 +79,7 @@ impl Writer {
         self.mcap.write_to_known_channel(&header, data)
     }
 
-    /// Adds a file within the file.
+    /// Attaches a file.
     pub(super) fn attach(
         &mut self,
         name: &str,
@@ -96,7 +96,7 @@ impl Writer {
         })
     }
 
-    /// Adds names and values.
+    /// Adds a metadata record.
     pub(super) fn metadata(&mut self, name: &str, values: BTreeMap<String, String>) -> Result<(), McapError> {
         self.mcap.write_metadata(&Metadata { name: name.to_string(), metadata: values })
     }
@@ -109,13 +109,13 @@ impl Writer {
         self.flush()
     }
 
-    /// Flushes to the system.
+    /// Flushes to the operating system.
     pub(super) fn flush(&mut self) -> Result<(), McapError> {
         self.flushed = Instant::now();
         self.mcap.flush()
     }
 
-    /// Ends the file with its summary and index.
+    /// Completes the file with its summary and index.
     pub(super) fn finish(mut self) -> Result<(), McapError> {
         self.mcap.finish()?;
         let file = self.mcap.into_inner().into_inner().map_err(io::IntoInnerError::into_error)?;

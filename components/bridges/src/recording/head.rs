@@ -1,4 +1,4 @@
-//! The beginning of a file: facts of the run, its plan, machine and graph, the descriptions of its robots,
+//! First records of a file: facts of the run, its plan, machine and graph, the descriptions of its robots,
 //! and its world.
 
 use std::collections::BTreeMap;
@@ -11,7 +11,7 @@ use super::settings::{Settings, unix_ns};
 use super::{PLAN, RUN, machine};
 use crate::foxglove::{WORLD_SCENE, descriptions, world_scene};
 
-/// Writes the head; its times are the start of the run.
+/// Writes the first records, with the start of the run as their time.
 pub(super) fn head(
     writer: &mut Writer,
     plan: &Plan,

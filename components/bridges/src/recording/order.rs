@@ -1,4 +1,4 @@
-//! The samples of a recording in the order of their times, without all of them in memory.
+//! Samples of a recording in order of time, without loading all of them.
 
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
@@ -20,7 +20,7 @@ pub struct InOrder<'r> {
     is_over: bool,
 }
 
-/// A sample, and its place in the file.
+/// A sample and its position in the file.
 struct Waiting(RecordedSample, u64);
 
 impl Waiting {
@@ -75,7 +75,7 @@ impl Recording {
     /// Returns all samples in time order as a list.
     ///
     /// # Errors
-    /// A message is damaged.
+    /// If a message is damaged.
     pub fn sorted(&self) -> Result<Vec<RecordedSample>, ReadError> {
         self.in_order().collect()
     }
@@ -133,7 +133,7 @@ mod tests {
         }
         writer.finish().unwrap();
         let recording = Recording::open(&file).unwrap();
-        assert_eq!(recording.disorder_ns(), 5, "4 comes behind 9");
+        assert_eq!(recording.disorder_ns(), 5, "4 follows 9");
         let found = recording.in_order().map(Result::unwrap);
         let found: Vec<(u64, u64)> = found.map(|sample| (sample.time_ns, sample.stamp.sequence)).collect();
         assert_eq!(found, [(3, 2), (4, 5), (5, 1), (9, 3), (9, 4), (11, 8), (12, 6), (12, 7), (20, 9)]);

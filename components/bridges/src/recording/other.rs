@@ -37,7 +37,7 @@ pub struct OtherLog {
 /// Opens an MCAP file of motorium or of another program.
 ///
 /// # Errors
-/// The file cannot be read, is no MCAP file, or has no channels.
+/// If the file cannot be read, is not an MCAP file, or has no channels.
 pub fn open(path: &Path) -> Result<Opened, ReadError> {
     match opened(path)? {
         Ok(recording) => Ok(Opened::Run(Box::new(recording))),
@@ -85,11 +85,11 @@ impl OtherLog {
         times
     }
 
-    /// The curves of signals, in their order; an array is a curve for each entry. The field of a signal is a
-    /// path such as `pose.position.x` or `transforms[0].transform.translation`.
+    /// Returns the curves of signals, in their order; an array has one curve per entry. The field of a signal
+    /// is a path such as `pose.position.x` or `transforms[0].transform.translation`.
     ///
     /// # Errors
-    /// The file has no such channel, field or entries, or cannot be decoded.
+    /// If the file has no such channel, field or entries, or cannot be decoded.
     pub fn curves(&self, signals: &[Signal]) -> Result<Vec<Curve>, SignalsError> {
         let mut wanted = Vec::new();
         for signal in signals {
@@ -201,7 +201,7 @@ impl OtherLog {
     /// every number and text. Arrays of bytes are left out. Returns the number of rows.
     ///
     /// # Errors
-    /// The messages cannot be decoded, or the table cannot be written.
+    /// If the messages cannot be decoded, or the table cannot be written.
     pub fn write_csv(&self, channel: usize, out: &mut impl Write) -> Result<u64, TableError> {
         let (columns, rows) = self.columns(channel)?;
         write!(out, "time_ns")?;
@@ -232,7 +232,7 @@ impl OtherLog {
     /// number of rows.
     ///
     /// # Errors
-    /// As of `write_csv`.
+    /// See [`write_csv`](Self::write_csv).
     pub fn write_parquet(&self, channel: usize, out: &mut impl Write) -> Result<u64, TableError> {
         let (names, rows) = self.columns(channel)?;
         let mut times = Vec::with_capacity(rows);
@@ -304,7 +304,7 @@ impl Kind {
         }
     }
 
-    /// The kind that holds both.
+    /// Returns the kind that can hold both.
     fn with(self, other: Self) -> Self {
         match (self, other) {
             (a, b) if a == b => a,

@@ -1,4 +1,4 @@
-//! The robots of a recording at some of its times.
+//! Poses of the robots of a recording at selected times.
 
 use motorium::declare::RobotReference;
 use motorium::plan::Plan;
@@ -23,7 +23,7 @@ pub struct Postures {
 /// robot's first states.
 ///
 /// # Errors
-/// A message is damaged.
+/// If a message is damaged.
 pub fn postures(recording: &Recording, plan: &Plan, count: usize) -> Result<Vec<Postures>, ReadError> {
     let (begin_ns, end_ns) = recording.times().unwrap_or_default();
     let mut followed: Vec<Followed> =
@@ -47,12 +47,12 @@ pub fn postures(recording: &Recording, plan: &Plan, count: usize) -> Result<Vec<
     Ok(followed.filter(|postures| !postures.configurations.is_empty()).collect())
 }
 
-/// A robot at the time that has been read.
+/// State of a robot at the current reading position.
 struct Followed {
     joints: usize,
     base: Option<usize>,
     q: Vec<f64>,
-    /// True once the joints, and the base, have been read.
+    /// `true` once the joints, and the base, have been read.
     seen: (bool, bool),
     postures: Postures,
 }

@@ -1,4 +1,4 @@
-//! Reading recordings.
+//! Reader of recordings.
 
 #![allow(unsafe_code)] // a file is mapped rather than read: recordings are larger than memory
 
@@ -109,7 +109,7 @@ impl Recording {
     /// Opens a complete or truncated recording and reads everything except the samples.
     ///
     /// # Errors
-    /// The file cannot be read, or is not a recording.
+    /// If the file cannot be read or is not a recording.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         opened(path)?.map_err(|map| {
             let path = path.to_path_buf();
@@ -133,7 +133,7 @@ impl Recording {
         self.scan.disorder_ns
     }
 
-    /// True if the file has its end: its writer was not interrupted.
+    /// Returns `true` if the file is complete: its writer was not interrupted.
     pub fn is_whole(&self) -> bool {
         self.scan.is_whole
     }
@@ -213,7 +213,7 @@ impl Recording {
     /// Returns the plan of the run.
     ///
     /// # Errors
-    /// The file has no plan that this version can read.
+    /// If the file has no plan that this version can read.
     pub fn plan(&self) -> Result<Plan, ReadError> {
         let foreign = |reason: String| ReadError::Foreign { path: self.path.clone(), reason };
         let missing = || match (self.scan.is_whole, self.fact("version")) {
@@ -225,7 +225,7 @@ impl Recording {
     }
 }
 
-/// Opens a recording; gives back the bytes of a file of another program.
+/// Opens a recording, or returns the bytes of a file of another program.
 pub(super) fn opened(path: &Path) -> Result<Result<Recording, Mmap>, ReadError> {
     let map = map_file(path)?;
     let summary = Summary::read(&map);

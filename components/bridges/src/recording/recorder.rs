@@ -1,4 +1,4 @@
-//! A recorder: the taps of a run, and the file that their samples go to.
+//! A recorder: the taps of a run, and the output file.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -17,7 +17,7 @@ use super::taps::{Clock, Events, Readers, Recorded, Topic};
 use super::{EVENTS, HASH, LAYOUT, TOPIC};
 use crate::foxglove::{Channel, Content, Derived, Schema, channels};
 
-/// The taps of a run and the file that their samples go to, in one thread.
+/// The taps of a run and the output file, in one thread.
 pub(super) struct Recorder {
     readers: Readers,
     sink: Sink,

@@ -1,4 +1,4 @@
-//! Repairing a recording that is torn or damaged.
+//! Repair of truncated or damaged recordings.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -75,7 +75,7 @@ impl Recovered {
 /// ```
 ///
 /// # Errors
-/// One of the files cannot be read or written, or the first is not an MCAP file or ends before its first
+/// If one of the files cannot be read or written, or the first is not an MCAP file or ends before its first
 /// record.
 pub fn recover(torn: &Path, whole: &Path) -> Result<Recovered, ReadError> {
     let io = |path: &Path| {
@@ -91,8 +91,7 @@ pub fn recover(torn: &Path, whole: &Path) -> Result<Recovered, ReadError> {
     }
     let file = File::create(whole).map_err(io(whole))?;
     let recovered = Copy::new(&source, &summary).write(file).map_err(|error| {
-        // Part of a complete recording would look like all of it. Anything other than a file, such as a
-        // device, is kept.
+        // A part of a complete recording would look complete. Devices and other non-files are kept.
         if std::fs::symlink_metadata(whole).is_ok_and(|there| there.is_file()) {
             let _ = std::fs::remove_file(whole);
         }
@@ -196,7 +195,7 @@ impl<'a> Copy<'a> {
         let file = writer.into_inner().file.into_inner().map_err(std::io::IntoInnerError::into_error)?;
         for chunk in indexes.iter().map(|index| index.chunk_start_offset) {
             if unsummed.iter().any(|range| range.contains(&chunk)) {
-                // Behind the kind and the length of the record, its times and its size: 0 is no sum.
+                // After the kind and the length of the record, its times and its size: 0 means no checksum.
                 file.write_all_at(&[0; 4], chunk + 9 + 24)?;
             }
         }
@@ -255,7 +254,7 @@ impl<'a> Channels<'a> {
     }
 }
 
-/// A file whose writing position can be read from outside of its writer.
+/// A file whose write position can be read from outside its writer.
 struct Tracked {
     file: BufWriter<File>,
     position: Rc<Cell<u64>>,

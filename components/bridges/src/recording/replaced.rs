@@ -17,7 +17,7 @@ use crate::foxglove::robot_of_topic;
 /// activation and order.
 ///
 /// # Errors
-/// The recording has no plan, or the plan has no such component.
+/// If the recording has no plan, or the plan has no such component.
 pub fn replaced(recording: &Recording, names: &[String]) -> Result<Plan, ReadError> {
     let mut plan = recording.plan()?;
     let missing = |reason| ReadError::Missing { path: recording.path().to_path_buf(), reason };
@@ -44,7 +44,7 @@ pub fn replaced(recording: &Recording, names: &[String]) -> Result<Plan, ReadErr
 /// `log.replay`. The run lasts as long as the recorded episode, or all episodes.
 ///
 /// # Errors
-/// The recording has no plan, it cannot be read, or it has no such component or episode.
+/// If the recording has no readable plan, or no such component or episode.
 pub fn replayed(recording: &Recording, live: &[String], episode: Option<u64>) -> Result<Plan, ReadError> {
     let recorded = recording.plan()?;
     let missing = |reason| ReadError::Missing { path: recording.path().to_path_buf(), reason };

@@ -1,4 +1,4 @@
-//! `log.replay`: publishes the recorded values of a component in its place.
+//! `log.replay`: publishes the recorded values of a component, which it replaces.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -29,7 +29,7 @@ pub struct ReplayConfig {
     /// The recording, relative to the folder of the graph.
     #[schemars(extend("format" = "path"))]
     pub recording: PathBuf,
-    /// Name of the component in the recorded graph, whose ports this component has.
+    /// Name of the component in the recorded graph; this component has the same ports.
     pub component: String,
     /// Index of the only episode to replay. Default: all, in order.
     #[serde(default)]
@@ -40,8 +40,8 @@ pub struct ReplayConfig {
     /// Time after the end of the recording. Default 0.
     #[serde(default)]
     pub ramp_down: TimeSpan,
-    /// Ports of joint commands that bring a robot to the start pose within the lead and to rest within
-    /// `ramp_down`. Default none.
+    /// Ports of joint commands that move a robot to the start pose within the lead time and to rest within
+    /// `ramp_down`. Default: an empty list.
     #[serde(default)]
     pub eased: Vec<Eased>,
 }
@@ -69,7 +69,7 @@ pub struct Replay {
     inputs: Vec<(String, RawInput)>,
     is_lockstep: bool,
     episode: u64,
-    /// Times at which episodes ended earlier than planned, ns, and the right to end them.
+    /// Times at which episodes ended earlier than planned, ns, and the permission to end them.
     ends: Vec<Option<u64>>,
     end: Option<EpisodeEnd>,
     counts: Counts,

@@ -43,7 +43,7 @@ impl Scan {
     /// Scans a file.
     ///
     /// # Errors
-    /// A channel of motorium has a layout that this version does not read.
+    /// If a channel of motorium has a layout that this version cannot read.
     pub(super) fn of_file(file: &[u8], summary: &Summary) -> Result<Self, String> {
         let mut scan = Self::default();
         let mut records = Records::new(file, summary, true);
@@ -79,7 +79,7 @@ impl Scan {
         !self.channels.is_empty()
     }
 
-    /// Defines a channel as the end of the file does.
+    /// Defines a channel from its definition at the end of the file.
     fn define(&mut self, summary: &Summary, channel: u16) -> Result<(), String> {
         for record in &summary.definitions {
             match record {
@@ -136,8 +136,8 @@ impl Scan {
         self.disorder_ns = self.disorder_ns.max(last.saturating_sub(time_ns));
     }
 
-    /// Messages that the counts at the end of the file state and the file does not hold: the index counts
-    /// every channel, the recorder its topics.
+    /// Number of messages stated at the end of the file but missing from it: the index counts every channel,
+    /// the recorder its topics.
     fn missing_messages(&self, summary: &Summary) -> u64 {
         let stated = summary.statistics.iter().flat_map(|statistics| &statistics.channel_message_counts);
         let by_index: u64 = stated

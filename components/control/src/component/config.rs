@@ -25,10 +25,10 @@ with_defaults! {
     #[serde(default, deny_unknown_fields)]
     pub struct QpControllerConfig;
 
-    /// Tasks, as a weighted sum, at least one. Default: the only end effector follows `target`, the joints
-    /// stay near the home pose.
+    /// Tasks, combined as a weighted sum, at least one. Default: the only end effector follows `target`, and
+    /// the joints stay near the home pose.
     pub tasks: Option<Vec<TaskConfig>> = None;
-    /// Settings per level. Default: none.
+    /// Settings per level. Default: an empty list.
     pub levels: Vec<LevelConfig> = Vec::new();
     /// Limits of the commanded motion.
     pub limits: LimitsConfig = LimitsConfig::default();
@@ -47,7 +47,7 @@ with_defaults! {
     pub inertia_compensation: bool = false;
     /// Gravity in the world frame, m/s^2. Default [0, 0, -9.81].
     pub gravity: [f64; 3] = [0.0, 0.0, -9.81];
-    /// Ground and objects that `limits.collision` is about, in a graph without a `[world]`.
+    /// World with the ground and the objects that `limits.collision` uses, in a graph without a `[world]`.
     pub world: World = World::default();
     /// Joint positions at which the tasks are evaluated. Default "measured".
     pub feedback: Feedback = Feedback::Measured;
@@ -57,8 +57,8 @@ with_defaults! {
     /// Tikhonov regularisation of the joint velocity, 1/(rad/s)^2, 1e-12 to 1, of all levels without their
     /// own. Default 1e-7.
     pub damping: f64 = 1e-7;
-    /// Maximum age of the joint state. Beyond it nothing is commanded, and the drives enter their safe state.
-    /// Default 10 ms.
+    /// Maximum age of the joint state. When it is older, the controller publishes no command, and the drives
+    /// enter their safe state. Default 10 ms.
     pub state_timeout: TimeSpan = TimeSpan { ns: 10_000_000 };
     /// Age beyond which a target is treated as stationary. Default 50 ms.
     pub target_timeout: TimeSpan = TimeSpan { ns: 50_000_000 };
@@ -88,7 +88,7 @@ impl QpControllerConfig {
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LevelConfig {
-    /// Number of the level, which at least one task must have.
+    /// Number of the level. At least one task must be on it.
     pub level: u32,
     /// Tikhonov regularisation of the level, replacing `damping`, 1e-12 to 1: cost of joint velocities,
     /// 1/(rad/s)^2, or with `inverse_dynamics` of accelerations and contact forces. It smooths this level and
@@ -100,7 +100,7 @@ pub struct LevelConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Feedback {
-    /// The measured ones: errors of the drives are corrected.
+    /// Measured positions and velocities: errors of the drives are corrected.
     Measured,
     /// Commanded positions and velocities: free of sensor noise, but drive errors remain.
     Setpoint,

@@ -107,7 +107,7 @@ impl Component for QpController {
     }
 }
 
-/// A controller in one formulation.
+/// A controller with one formulation.
 struct Controller<F> {
     measured: MeasuredState,
     joint_command: Output<JointCommand>,
@@ -203,7 +203,7 @@ impl<F: Formulation> Controller<F> {
         self.publish_diagnostics(solved)
     }
 
-    /// Begins at the measured state.
+    /// Starts at the measured state.
     fn begin(&mut self) {
         self.formulation.begin(&self.measured, &mut self.setpoint);
         let start = self.measured.robot();
@@ -229,8 +229,8 @@ impl<F: Formulation> Controller<F> {
         Ok(bounds)
     }
 
-    /// Moves the setpoint by one step. The error contains the conflict, if contradictory constraints left the
-    /// step without a solution.
+    /// Moves the setpoint by one step. If contradictory constraints leave the step without a solution, the
+    /// error contains the conflict.
     fn solve(&mut self, bounds: &TaskBounds) -> Result<(), Option<Conflicting>> {
         let solved = self.solve_parts(bounds);
         let Self { formulation, measured, setpoint, tasks, figures, .. } = self;
@@ -248,7 +248,7 @@ impl<F: Formulation> Controller<F> {
         solved
     }
 
-    /// Decides the motion: by one solution, or while tasks fade by a mixture of some.
+    /// Computes the motion from one solution or, while tasks fade, from a mixture of several.
     fn solve_parts(&mut self, bounds: &TaskBounds) -> Result<(), Option<Conflicting>> {
         let parts = self.fades.parts();
         self.diagnostics.begin_step();
@@ -317,7 +317,7 @@ impl<F: Formulation> Controller<F> {
 
     fn publish(&mut self, solved: bool, dt: f64) -> Result<(), StepError> {
         let Self { formulation, measured, setpoint, gains, fingers, .. } = self;
-        // held joints are driven by their gains only
+        // held joints are driven only by the gains of their drives
         let share = if solved { formulation.gain_share() } else { 1.0 };
         let mut command = self.joint_command.loan()?;
         command.set_count(measured.model.joint_count());
@@ -330,7 +330,7 @@ impl<F: Formulation> Controller<F> {
         let (kp_scale, kd_scale) = (self.kp_scale.get(), self.kd_scale.get());
         scale(&gains.kp, share * kp_scale, command.kp_mut());
         scale(&gains.kd, share * kd_scale, command.kd_mut());
-        // the grip of a finger with a goal comes from its gains
+        // the grip force of a finger with a goal comes from its gains
         for joint in fingers.moved() {
             command.kp_mut()[joint] = kp_scale * gains.kp[joint];
             command.kd_mut()[joint] = kd_scale * gains.kd[joint];

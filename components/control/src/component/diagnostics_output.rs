@@ -35,12 +35,12 @@ impl DiagnosticsOutput {
         self.solve_ns = 0;
     }
 
-    /// The solver begins.
+    /// Starts measuring the solver time.
     pub(super) fn begin_solve(&mut self) {
         self.began = (self.timed && self.output.is_wired()).then(Instant::now);
     }
 
-    /// The solver has ended.
+    /// Stops measuring the solver time.
     pub(super) fn end_solve(&mut self) {
         self.solve_ns += self.began.take().map_or(0, |began| began.elapsed().as_nanos() as u64);
     }

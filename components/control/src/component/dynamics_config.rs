@@ -14,8 +14,8 @@ use crate::inverse_dynamics::{
 };
 use crate::limits::LimitsConfig;
 
-/// Fraction of the acceleration limits in the robot's profile that is used. Drives that follow the integrated
-/// accelerations overshoot them.
+/// Fraction of the profile's acceleration limits to use. Drives that follow the integrated accelerations
+/// overshoot them.
 const PROFILE_SHARE: f64 = 0.9;
 
 with_defaults! {
@@ -35,7 +35,7 @@ with_defaults! {
     pub unknowns: Unknowns = Unknowns::AccelerationsAndForces;
     /// Contacts with the ground. Default: all feet of the robot's profile.
     pub contacts: Option<Vec<ContactConfig>> = None;
-    /// Cost of a contact force, 1/N, 0 to 1000: spreads the load over the contact points. Default 1e-3.
+    /// Cost of a contact force, 1/N, 0 to 1000, which spreads the load over the contact points. Default 1e-3.
     pub force_weight: f64 = 1e-3;
     /// Deceleration with which a joint can always stop before its limits, rad/s2 or m/s2, 1e-3 to 1e6, and
     /// at most the joint's largest acceleration. Default 20.
@@ -126,7 +126,7 @@ pub struct WrenchConfig {
 }
 
 impl WrenchConfig {
-    /// The limits, checked, of a contact.
+    /// Converts the limits of a contact and checks them.
     fn cone(&self, contact: &Contact, key: &dyn Fn(&str) -> String) -> Result<WrenchCone, ConfigError> {
         let ContactShape::Sole { sides } = contact.shape else {
             return Err(ConfigError::key(key("wrench"), "of a contact that is no sole")
@@ -155,15 +155,15 @@ impl WrenchConfig {
     }
 }
 
-/// The refusal of a key without an effect.
+/// Returns the error for a key that has no effect with `unknowns`.
 fn no_use(unknowns: &str, key: impl Into<String>) -> ConfigError {
-    let message = format!("with `unknowns = \"{unknowns}\"`, which has no use for it");
+    let message = format!("with `unknowns = \"{unknowns}\"`, where it has no effect");
     ConfigError::key(key, message)
         .advise("leave it out, or decide both: unknowns = \"accelerations_and_forces\"")
 }
 
 impl InverseDynamicsConfig {
-    /// The contacts, checked.
+    /// Converts the contacts and checks them.
     pub(super) fn contacts(
         &self,
         model: &Model,
@@ -189,8 +189,8 @@ impl InverseDynamicsConfig {
         Ok(contacts)
     }
 
-    /// Largest acceleration of each joint by the robot's profile; `None` if the table defines one for all
-    /// joints, or the robot has no profile.
+    /// Returns the largest acceleration of each joint from the robot's profile, or `None` if the table
+    /// defines one for all joints or the robot has no profile.
     pub(super) fn profile_acceleration(
         &self,
         model: &Model,
@@ -202,7 +202,7 @@ impl InverseDynamicsConfig {
         Ok(Some(limit * PROFILE_SHARE))
     }
 
-    /// Fraction of the gains with which the drives follow the integrated accelerations.
+    /// Returns the fraction of the gains with which the drives follow the integrated accelerations.
     pub(super) fn impedance(&self) -> f64 {
         self.impedance.unwrap_or(if self.unknowns == Unknowns::Accelerations { 1.0 } else { 0.0 })
     }
@@ -227,7 +227,7 @@ impl InverseDynamicsConfig {
         if let Some((key, _)) = unused.iter().find(|(_, given)| *given) {
             return Err(no_use(words, format!("inverse_dynamics.{key}")));
         }
-        // accelerations may require no force at all
+        // accelerations may be feasible without any contact force
         let has_least = |config: &ContactConfig| {
             config.wrench.is_some_and(|wrench| wrench.min_force.is_some_and(|force| force != 0.0))
         };
@@ -251,7 +251,7 @@ impl InverseDynamicsConfig {
         }
     }
 
-    /// The settings, checked.
+    /// Converts the settings and checks them.
     pub(super) fn settings(
         &self,
         gravity: [f64; 3],

@@ -6,7 +6,7 @@ use super::formulation::{Formulation, SolveStats};
 use crate::inverse_dynamics::{Conflicting, ConstraintName, Slack};
 use crate::tasks::Held;
 
-/// Sum and maximum of a figure of each step.
+/// Sum and maximum of a figure over the steps.
 #[derive(Clone, Copy, Debug, Default)]
 struct Figure {
     sum: f64,
@@ -56,7 +56,7 @@ impl Figures {
         *self = Self { residuals, ..Self::default() };
     }
 
-    /// A step with a solution.
+    /// Adds a step with a solution.
     pub(super) fn solved(&mut self, stats: &SolveStats, formulation: &impl Formulation, tasks: &mut [Held]) {
         self.iterations.add(f64::from(stats.iterations));
         self.undecided += u64::from(stats.undecided);
@@ -84,7 +84,7 @@ impl Figures {
         self.at_joint_limit += u64::from(joint);
     }
 
-    /// A step without a solution.
+    /// Adds a step without a solution.
     pub(super) fn failed(&mut self, conflict: Option<Conflicting>) {
         self.unsolved += 1;
         if let Some(conflict) = conflict {
@@ -92,7 +92,7 @@ impl Figures {
         }
     }
 
-    /// Their entries in the result of a run.
+    /// Adds the figures to the result of a run.
     pub(super) fn add_to(
         &self,
         result: &mut Value,

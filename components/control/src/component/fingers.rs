@@ -6,8 +6,8 @@ use motorium::state::MotionGoal;
 use super::setup::{ControllerSetup, FINGERS_INPUT};
 use crate::SetpointIntegrator;
 
-/// The fingers of the robot's end effectors. A goal of the input `fingers` moves its fingers at constant
-/// speed to their positions, where they stay. Before its first goal a finger is moved by the tasks.
+/// Goals of the fingers of the robot's end effectors. A goal of the input `fingers` moves its fingers at
+/// constant speed to their positions, where they stay. Before its first goal a finger is moved by the tasks.
 ///
 /// A goal with a pose, a joint other than a finger's, a position outside of the joint's range, or a negative
 /// duration is refused.
@@ -17,7 +17,7 @@ pub(super) struct FingerGoals {
     fingers: Vec<Finger>,
     /// Velocities of the fingers with a goal.
     velocities: Vec<JointVelocity>,
-    /// The newest goal: repeating it has no effect.
+    /// The latest goal; repeating it has no effect.
     newest: Option<MotionGoal>,
     received: u64,
     refused: u64,
@@ -38,7 +38,7 @@ struct FingerGoal {
     speed: f64,
 }
 
-/// A velocity that a joint has whatever the tasks demand.
+/// A prescribed joint velocity, independent of the tasks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct JointVelocity {
     pub(super) joint: usize,
@@ -68,8 +68,8 @@ impl FingerGoals {
         })
     }
 
-    /// Reads the newest goal, and returns the velocities of the fingers with a goal for a step of `dt`
-    /// seconds, up to this fraction of their limits.
+    /// Reads the latest goal and returns the velocities of the fingers with a goal for a step of `dt`
+    /// seconds, limited to `fraction` of their limits.
     pub(super) fn step(
         &mut self,
         setpoint: &SetpointIntegrator,
@@ -111,13 +111,13 @@ impl FingerGoals {
         }
     }
 
-    /// Forgets all goals, for a new episode.
+    /// Removes all goals at the start of an episode.
     pub(super) fn reset(&mut self) {
         self.fingers.iter_mut().for_each(|finger| finger.goal = None);
         (self.newest, self.received, self.refused) = (None, 0, 0);
     }
 
-    /// Their entries in the result of a run.
+    /// Adds the goals to the result of a run.
     pub(super) fn add_to(&self, result: &mut serde_json::Value) {
         if self.input.as_ref().is_some_and(Input::is_wired) {
             result["finger_goals"] = self.received.into();
@@ -138,7 +138,7 @@ fn accepts(fingers: &[Finger], goal: &MotionGoal) -> bool {
             .all(|joint| goal.joint_at(joint).is_none_or(|position| is_in_range(joint, position)))
 }
 
-/// The fingers of all end effectors, each once.
+/// Returns the fingers of all end effectors, without duplicates.
 fn fingers(parts: &ControllerSetup) -> Vec<Finger> {
     let model = &parts.model;
     let ends = parts.profile.iter().flat_map(|profile| profile.end_effectors.values());

@@ -1,4 +1,4 @@
-//! The robot of a controller, and its measured state from topics.
+//! The robot of a controller, and its state measured by topics.
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
@@ -7,13 +7,13 @@ use motorium_robots::{BasePose, Kinematics, Loaded, Model, RobotSource};
 use crate::RobotState;
 use crate::inverse_dynamics::MotionState;
 
-/// The robot of a component that needs one.
+/// Returns the robot of a component that requires one.
 ///
 /// # Errors
-/// [`ConfigError`] if the graph assigns none to it.
+/// [`ConfigError`] if the graph assigns no robot to the component.
 pub fn required_robot(declare: &Declare) -> Result<&RobotReference, ConfigError> {
     declare.robot().ok_or_else(|| {
-        ConfigError::new("the component names no robot, but needs one")
+        ConfigError::new("the component requires a robot, but names none")
             .advise("add `robot = \"NAME\"` to the component")
     })
 }
@@ -21,7 +21,7 @@ pub fn required_robot(declare: &Declare) -> Result<&RobotReference, ConfigError>
 /// Loads the robot that the graph assigns to a component.
 ///
 /// # Errors
-/// [`ConfigError`] of the key `robot` if it does not load, or has more than [`MAX_JOINTS`] joints.
+/// [`ConfigError`] of the key `robot` if the robot does not load or has more than [`MAX_JOINTS`] joints.
 pub fn load_robot(robot: &RobotReference) -> Result<Loaded, ConfigError> {
     let source = RobotSource {
         name: &robot.name,
@@ -41,7 +41,7 @@ pub fn load_robot(robot: &RobotReference) -> Result<Loaded, ConfigError> {
     }
 }
 
-/// Configuration and velocity of a robot, with its kinematics, from the newest states of its joints and its
+/// Configuration and velocity of a robot with its kinematics, from the latest states of its joints and its
 /// base.
 pub struct MeasuredState {
     joint_state: Input<JointState>,
@@ -55,7 +55,7 @@ pub struct MeasuredState {
     timeout_ns: u64,
     /// Time of the last step with a fresh state, ns since the start of the run.
     last_ns: Option<u64>,
-    /// Number of steps without a fresh state, after the first.
+    /// Number of steps without a fresh state, not counting those before the first one.
     stale: u64,
     /// `true` if the kinematics include velocities.
     velocities: bool,
@@ -64,7 +64,7 @@ pub struct MeasuredState {
 /// A step with a fresh state.
 #[derive(Clone, Copy, Debug)]
 pub struct FreshStep {
-    /// `true` at the start, and after a break.
+    /// `true` at the start and after an interruption.
     pub begins: bool,
     /// Time since the last step, s: several periods after missed steps, so that setpoints do not fall behind
     /// the robot.
@@ -79,7 +79,7 @@ pub fn period_ns(tick: &Tick) -> u64 {
 /// Checks the number of joints of a message.
 ///
 /// # Errors
-/// [`StepError`] if it is not the expected one.
+/// [`StepError`] if the numbers differ.
 pub fn check_joint_count(found: usize, expected: usize) -> Result<(), StepError> {
     if found == expected {
         return Ok(());
@@ -90,7 +90,7 @@ pub fn check_joint_count(found: usize, expected: usize) -> Result<(), StepError>
 }
 
 impl MeasuredState {
-    /// Opens the inputs of the state, which is fresh up to an age of `timeout_ns`.
+    /// Opens the state inputs. A state is fresh up to an age of `timeout_ns`.
     ///
     /// # Errors
     /// [`ConfigureError`] if a topic cannot be opened.
@@ -111,12 +111,12 @@ impl MeasuredState {
         })
     }
 
-    /// The same, with kinematics that include velocities or not.
+    /// Sets whether the kinematics include velocities.
     pub fn velocities(self, velocities: bool) -> Self {
         Self { velocities, ..self }
     }
 
-    /// Starts a step with the newest state. `None` without a fresh one.
+    /// Starts a step with the latest state. Returns `None` without a fresh state.
     ///
     /// # Errors
     /// [`StepError`] if a message does not fit the robot.
@@ -129,7 +129,7 @@ impl MeasuredState {
         Ok(Some(FreshStep { begins: last.is_none(), dt }))
     }
 
-    /// Reads the newest state of joints and base; the time of the joint state, ns, if it is fresh.
+    /// Reads the latest state of joints and base. Returns the time of the joint state, ns, if it is fresh.
     fn read(&mut self) -> Result<Option<u64>, StepError> {
         let Some(state) = self.joint_state.latest() else { return Ok(None) };
         let time_ns = state.time_ns();
@@ -147,7 +147,7 @@ impl MeasuredState {
             self.v[..3].copy_from_slice(&state.linear_velocity);
             self.v[3..6].copy_from_slice(&state.angular_velocity);
             let length = self.q[3..7].iter().map(|part| part * part).sum::<f64>().sqrt();
-            // half the length of a unit quaternion is no rounding error
+            // a quaternion half as long as a unit quaternion is not a rounding error
             if !(0.5..2.0).contains(&length) {
                 return Err(StepError::failed("the orientation of the base state is not a unit quaternion"));
             }
@@ -170,22 +170,22 @@ impl MeasuredState {
         self.stale
     }
 
-    /// Starts over with the next state.
+    /// Restarts with the next state.
     pub fn reset(&mut self) {
         (self.last_ns, self.stale) = (None, 0);
     }
 
-    /// The state that was read last.
+    /// Returns the state read last.
     pub fn motion(&self) -> MotionState<'_> {
         MotionState { model: &self.model, kinematics: &self.kinematics, q: &self.q, v: &self.v }
     }
 
-    /// The same without its velocity.
+    /// Returns the state read last without its velocity.
     pub fn robot(&self) -> RobotState<'_> {
         RobotState { model: &self.model, kinematics: &self.kinematics, q: &self.q }
     }
 
-    /// Positions and velocities of the joints.
+    /// Returns the positions and velocities of the joints.
     pub fn joints(&self) -> (&[f64], &[f64]) {
         (self.model.joints_of_q(&self.q), self.model.joints_of_v(&self.v))
     }

@@ -1,4 +1,4 @@
-//! Moving objects of the world from which limits keep links away.
+//! Moving objects of the world that links must stay away from.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -23,7 +23,7 @@ const LOOK: Duration = Duration::from_millis(50);
 pub(super) struct MovingObjects {
     /// `None` if no limit involves a moving object.
     input: Option<Input<ObjectPoses>>,
-    /// Pose of each object of the world at the start.
+    /// Initial pose of each object of the world.
     starts: Vec<Isometry3<f64>>,
     refusals: Arc<Refusals>,
     /// Number of rejected poses in this episode, and the first of them.
@@ -55,12 +55,10 @@ impl Refusals {
             let count = self.counts[object].load(Ordering::Relaxed);
             let more = count > reported[object];
             if more && !is_refused[object] {
-                eprintln!(
-                    "object `{name}`: an invalid pose is refused; the object counts as being where its last valid pose was"
-                );
+                eprintln!("object `{name}`: invalid pose rejected; the last valid pose is used");
             }
             if !more && is_refused[object] {
-                eprintln!("object `{name}`: no more poses are refused, {count} were");
+                eprintln!("object `{name}`: poses are valid again after {count} rejected ones");
             }
             (reported[object], is_refused[object]) = (count, more);
         }
@@ -71,14 +69,11 @@ impl MovingObjects {
     /// Declares the input if a limit requires it.
     pub(super) fn declare(config: &QpControllerConfig, parts: &ControllerSetup, declare: &mut Declare) {
         if Self::are_needed(config, parts) {
-            declare.input::<ObjectPoses>(
-                OBJECTS_INPUT,
-                "poses of the objects of the world that the links keep away from",
-            );
+            declare.input::<ObjectPoses>(OBJECTS_INPUT, "poses of the objects that the links stay away from");
         }
     }
 
-    /// Opens it.
+    /// Opens the input.
     pub(super) fn configure(
         config: &QpControllerConfig,
         parts: &ControllerSetup,
@@ -120,8 +115,8 @@ impl MovingObjects {
             || parts.tasks(0.0).any(|(_, task)| task.has_moving_objects(world))
     }
 
-    /// Moves the obstacles of the limits visited by `each`, if there is a newer message. Before the first
-    /// message the objects are at their poses in the world description.
+    /// Moves the obstacles of the limits visited by `each` if there is a newer message. Before the first
+    /// message the objects are at the poses in the world description.
     pub(super) fn update(
         &mut self,
         mut each: impl FnMut(&mut dyn FnMut(&mut dyn RowLimit)),
@@ -159,7 +154,7 @@ impl MovingObjects {
         }
     }
 
-    /// Entry in the result of a run.
+    /// Adds the number of rejected poses to the result of a run.
     pub(super) fn add_to(&self, result: &mut Value) {
         if self.input.is_some() {
             let first = self.first.map(|Refused { object, position, orientation }| {

@@ -1,4 +1,4 @@
-//! The checked parts of a controller that need no topic. Every mistake is named by its key.
+//! The checked parts of a controller that need no topics. Every error names its key.
 
 use std::path::Path;
 
@@ -18,10 +18,10 @@ use crate::tasks::{
 };
 use crate::{FeedForward, check_gains};
 
-/// Time constant of the acceleration that is fed forward, s.
+/// Time constant of the feed-forward acceleration, s.
 const ACCELERATION_SMOOTHING: f64 = 0.004;
 
-/// Levels that tasks may have.
+/// Number of levels available to tasks.
 const LEVELS: u32 = 8;
 
 /// Range of every regularisation.
@@ -38,7 +38,7 @@ pub(super) struct ControllerSetup {
     torque: bool,
     unknowns: Unknowns,
     gravity: Vector3<f64>,
-    /// The world with the things of its file.
+    /// The world, including the objects of its file.
     pub(super) world: World,
     contacts: Vec<Contact>,
     tasks: Vec<TaskConfig>,
@@ -144,7 +144,7 @@ impl ControllerSetup {
         (1..=LEVELS).filter(move |level| (bare && *level == 1) || is_used(*level))
     }
 
-    /// The regularisation of each of its levels, the highest first.
+    /// Regularisation of each level, highest first.
     pub(super) fn level_damping(&self, config: &QpControllerConfig) -> Result<Vec<f64>, ConfigError> {
         let mut found: Vec<(u32, f64)> = self.levels().map(|level| (level, config.damping)).collect();
         for (index, LevelConfig { level, damping }) in config.levels.iter().enumerate() {
@@ -218,7 +218,7 @@ impl ControllerSetup {
             }
             names.push(name);
             if !(1..=LEVELS).contains(&level) {
-                let message = format!("level {level} of task `{name}`, where 1 to {LEVELS} are possible");
+                let message = format!("level {level} of task `{name}`, expected 1 to {LEVELS}");
                 return Err(
                     ConfigError::key(context.key("level"), message).advise("1 is the highest priority")
                 );
@@ -341,12 +341,12 @@ fn refuse_velocity_keys(config: &QpControllerConfig) -> Result<(), ConfigError> 
     }
     match given.into_iter().find(|(_, given)| *given) {
         None => Ok(()),
-        Some((key, _)) => Err(ConfigError::key(key, "with `inverse_dynamics`, which has no use for it")
+        Some((key, _)) => Err(ConfigError::key(key, "with `inverse_dynamics`, where it has no effect")
             .advise("leave it out: torques balance gravity and inertia, and joints accelerate by `inverse_dynamics.max_acceleration` and brake at `inverse_dynamics.braking`")),
     }
 }
 
-/// Gains of the configuration, else of the profile.
+/// Returns the gains of the configuration, or else of the profile.
 fn gains(
     config: &QpControllerConfig,
     model: &Model,

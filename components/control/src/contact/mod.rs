@@ -39,19 +39,19 @@ pub enum ContactShape {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contact {
-    /// Its name, for messages.
+    /// Name for messages.
     pub name: String,
     /// Frame of the robot.
     pub frame: FrameId,
-    /// Point of contact.
+    /// Shape of the contact.
     pub shape: ContactShape,
     /// Coefficient of friction. Default 0.6.
     pub friction: f64,
     /// Largest normal force at each of its points \[N\]. Default infinite.
     pub max_force: f64,
-    /// Distance that the centre of pressure of a sole keeps from its edges \[m\]: forces act at the corners
-    /// of a rectangle that is smaller by it on each side. At most half of the shorter side counts. Default 0:
-    /// the sole is about to tip at its edge.
+    /// Distance that the centre of pressure of a sole keeps from its edges \[m\]. Forces act at the corners
+    /// of a rectangle that is smaller by this distance on each side. Limited to half of the shorter side.
+    /// Default 0: the sole may be about to tip at its edge.
     pub margin: f64,
     /// Limits of the total wrench of a sole, in addition to its points. Default none; ignored for other
     /// shapes.
@@ -60,7 +60,7 @@ pub struct Contact {
     pub normal: Vector3<f64>,
 }
 
-/// A foot of a profile that cannot be a contact.
+/// Error of a foot that cannot be a contact.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ContactError {
     /// The robot does not have the frame.
@@ -69,16 +69,16 @@ pub enum ContactError {
 }
 
 impl Contact {
-    /// A contact of this frame and shape, with the defaults of its other fields.
+    /// Creates a contact of this frame and shape, with defaults for all other fields.
     pub fn new(name: impl Into<String>, frame: FrameId, shape: ContactShape) -> Self {
         let (friction, max_force, margin, normal) = (0.6, f64::INFINITY, 0.0, Vector3::z());
         Self { name: name.into(), frame, shape, friction, max_force, margin, wrench: None, normal }
     }
 
-    /// The contact of a foot of the robot's profile: a sole, a ball, or a point.
+    /// Creates the contact of a foot in the robot's profile: a sole, a ball or a point.
     ///
     /// # Errors
-    /// [`ContactError`].
+    /// [`ContactError`] if the robot lacks the foot's frame.
     pub fn of_foot(model: &Model, name: &str, foot: &Foot) -> Result<Self, ContactError> {
         let shape = match (foot.sole, foot.radius) {
             (Some(sides), _) => ContactShape::Sole { sides },
@@ -105,7 +105,7 @@ impl Contact {
         }
     }
 
-    /// Place of a point relative to the origin of the frame, in world axes \[m\].
+    /// Returns the position of a point relative to the origin of the frame, in world axes \[m\].
     pub(crate) fn arm(&self, point: usize, axes: &Matrix3<f64>) -> Vector3<f64> {
         match self.shape {
             ContactShape::Point => Vector3::zeros(),

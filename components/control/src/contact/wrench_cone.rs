@@ -1,4 +1,4 @@
-//! Limits of the whole wrench of a sole.
+//! Limits of the total wrench of a sole.
 
 with_defaults! {
     /// Limits of the wrench that the world exerts on a sole, force `f` and torque `t` about the origin of its
@@ -46,10 +46,11 @@ with_defaults! {
 }
 
 impl WrenchCone {
-    /// Number of its rows.
+    /// Number of rows.
     pub(crate) const ROWS: usize = 18;
 
-    /// Coefficients of row `row` on the wrench, force then torque, with its least and its largest value.
+    /// Returns the coefficients of row `row` for the wrench, force then torque, and the row's lower and upper
+    /// bound.
     pub(crate) fn row(&self, row: usize) -> ([f64; 6], f64, f64) {
         let [x, y] = self.sides.map(|side| 0.5 * side);
         let mu = self.friction * std::f64::consts::FRAC_1_SQRT_2;
@@ -73,8 +74,8 @@ impl WrenchCone {
         }
     }
 
-    /// Amount by which a wrench, force \[N\] then torque \[Nm\], exceeds the limit that it exceeds most; at
-    /// most 0 for one within.
+    /// Returns the largest excess of a wrench, force \[N\] then torque \[Nm\], over any of the limits. It is
+    /// at most 0 within all limits.
     pub fn excess(&self, wrench: &[f64; 6]) -> f64 {
         (0..Self::ROWS).fold(f64::NEG_INFINITY, |most, row| {
             let (coefficients, least, largest) = self.row(row);

@@ -8,24 +8,24 @@ use super::impedance::Impedance;
 use super::response::Response;
 
 impl Equation {
-    /// Replaces the feedback of accelerations by springs and dampers: a stiffness and a damping for each row.
-    /// The rows request the accelerations that the forces `f = K e + D e'` cause on a robot without contacts,
-    /// `J M^-1 J' f`.
+    /// Replaces the acceleration feedback by springs and dampers, with a stiffness and a damping for each
+    /// row. The rows request the accelerations that the forces `f = K e + D e'` cause on a robot without
+    /// contacts, `J M^-1 J' f`.
     ///
     /// # Panics
-    /// If one of them has not one entry per row.
+    /// If the length of either differs from the number of rows.
     pub(crate) fn set_impedance(&mut self, model: &Model, stiffness: &[f64], damping: &[f64]) {
         assert_eq!([stiffness.len(), damping.len()], [self.rows(); 2], "length of the impedance");
         let springs = [stiffness, damping].map(DVector::from_column_slice);
         self.impedance = Some(Impedance::new(model, springs));
     }
 
-    /// Stiffness and damping of the rows, to be written; `None` without an impedance.
+    /// Returns the stiffness and damping of the rows for writing, or `None` without an impedance.
     pub(crate) fn springs_mut(&mut self) -> Option<(&mut DVector<f64>, &mut DVector<f64>)> {
         self.impedance.as_mut().map(|impedance| (&mut impedance.stiffness, &mut impedance.damping))
     }
 
-    /// Gives the impedance a separate Jacobian, at whose rows the forces act, instead of `J`.
+    /// Gives the impedance a separate Jacobian that replaces `J` for its forces.
     pub(crate) fn separate_force_jacobian(&mut self) {
         let shape = self.cost.matrix().shape();
         if let Some(impedance) = &mut self.impedance {
@@ -33,8 +33,8 @@ impl Equation {
         }
     }
 
-    /// Copies `J` as it is now to the Jacobian of the impedance, if it has its own, with both halves of its
-    /// rows rotated by `rotation`.
+    /// Copies the current `J` to the impedance's separate Jacobian, if there is one, and rotates both halves
+    /// of its rows by `rotation`.
     pub(crate) fn copy_force_jacobian(&mut self, rotation: Option<&Matrix3<f64>>) {
         let own = self.impedance.as_mut().and_then(|impedance| impedance.jacobian.as_mut());
         let Some(own) = own else { return };
@@ -49,7 +49,7 @@ impl Equation {
         }
     }
 
-    /// Writes `b` for accelerations of a robot with this mass matrix.
+    /// Writes `b` for the accelerations of a robot with this mass matrix.
     pub(crate) fn request_acceleration(&mut self, mass: &DMatrix<f64>) {
         let Self { error, error_rate, response, cost, impedance, correction, .. } = self;
         let Response { feedback, max_speeds, .. } = *response;

@@ -6,7 +6,7 @@ use super::impedance::Impedance;
 use super::response::Response;
 use crate::cost::Cost;
 
-/// The equation of a task at a state, and the cost that a formulation makes of it.
+/// The equation of a task at a state, and the cost that a formulation derives from it.
 #[derive(Clone, Debug)]
 pub struct Equation {
     /// `e`, one entry per row; zero for a task without a position.
@@ -15,30 +15,33 @@ pub struct Equation {
     pub rate: DVector<f64>,
     /// `nu'`.
     pub rate_derivative: DVector<f64>,
-    /// `e'` at the velocity of the robot.
+    /// `e'` at the robot's velocity.
     pub error_rate: DVector<f64>,
-    /// `J' v`, the part of `(J v)'` that no acceleration changes.
+    /// `J' v`, the part of `(J v)'` that does not depend on the acceleration.
     pub drift: DVector<f64>,
     /// The requested motion of the error.
     pub response: Response,
-    /// Factors `S` of the first and the following three rows, which the error `e` and its rate do not
-    /// contain; `J`, `nu`, `nu'` and `J' v` do. A formulation requests `S e`. Default: the identity.
+    /// Selection matrices `S` of the first three and the following three rows. They apply to the error `e`
+    /// and its rate, but not to `J`, `nu`, `nu'` and `J' v`: a formulation requests `S e`. Default: the
+    /// identity.
     pub selection: Option<[Matrix3<f64>; 2]>,
     pub(super) cost: Cost,
-    /// `gain e`, slowed to the largest speeds.
+    /// `gain e`, limited to the largest speeds.
     pub(super) correction: DVector<f64>,
-    /// Levenberg-Marquardt damping as of the last update.
+    /// Levenberg-Marquardt damping of the last update.
     pub(super) damping: f64,
     pub(super) impedance: Option<Impedance>,
 }
 
 impl Equation {
-    /// `rows` rows on `width` velocities from `first` on: everything zero, all weights 1.
+    /// Creates an equation of `rows` rows on `width` velocities from `first` on: everything zero, all weights
+    /// 1.
     pub fn dense(rows: usize, first: usize, width: usize) -> Self {
         Self::new(Cost::dense(rows, first, width))
     }
 
-    /// `count` velocities from `first` on themselves: `J` the identity, everything else zero, all weights 1.
+    /// Creates an equation of `count` velocities from `first` on: `J` the identity, everything else zero, all
+    /// weights 1.
     pub fn identity(first: usize, count: usize) -> Self {
         Self::new(Cost::identity(first, count))
     }
@@ -65,7 +68,7 @@ impl Equation {
         self.error.len()
     }
 
-    /// `J`, to be written.
+    /// Returns `J` for writing.
     ///
     /// # Panics
     /// If `J` is the identity.
@@ -73,7 +76,7 @@ impl Equation {
         self.cost.matrix_mut()
     }
 
-    /// `J` as of the last evaluation.
+    /// Returns `J` of the last evaluation.
     ///
     /// # Panics
     /// If `J` is the identity.
@@ -81,12 +84,12 @@ impl Equation {
         self.cost.matrix()
     }
 
-    /// The diagonal of `W`, to be written.
+    /// Returns the diagonal of `W` for writing.
     pub fn weights_mut(&mut self) -> &mut DVector<f64> {
         self.cost.weights_mut()
     }
 
-    /// Replaces `correction` by `S correction`, or by `S' correction`.
+    /// Replaces `correction` by `S correction` or, if `transposed`, by `S' correction`.
     pub(super) fn select(&mut self, transposed: bool) {
         let Some(factors) = &self.selection else { return };
         for (block, factor) in factors.iter().enumerate() {
@@ -96,7 +99,7 @@ impl Equation {
         }
     }
 
-    /// The cost as of the last update by a formulation.
+    /// Returns the cost of the last update by a formulation.
     pub fn cost(&self) -> &Cost {
         &self.cost
     }

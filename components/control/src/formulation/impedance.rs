@@ -6,13 +6,13 @@ use nalgebra::{DMatrix, DVector};
 use super::response::length;
 use crate::cost::Cost;
 
-/// Springs and dampers, and the accelerations that their forces cause on a robot without contacts.
+/// Springs and dampers, and the accelerations caused by their forces on a robot without contacts.
 #[derive(Clone, Debug)]
 pub(super) struct Impedance {
     pub(super) stiffness: DVector<f64>,
     pub(super) damping: DVector<f64>,
     force: DVector<f64>,
-    /// Jacobian at whose rows the forces act; `None` for the task's own.
+    /// Jacobian of the points where the forces act; `None` for the task's `J`.
     pub(super) jacobian: Option<DMatrix<f64>>,
     factor: MassFactor,
     moving: DVector<f64>,
@@ -24,8 +24,8 @@ impl Impedance {
         Self { stiffness, damping, force, jacobian: None, factor: MassFactor::new(model), moving }
     }
 
-    /// Computes the forces `K e + D e'`; `K e` of a block of three rows is at most `D` times its largest
-    /// speed.
+    /// Computes the forces `K e + D e'`. `K e` of a block of three rows is limited to `D` times the block's
+    /// largest speed.
     pub(super) fn exert(&mut self, error: &DVector<f64>, rate: &DVector<f64>, max_speeds: [f64; 2]) {
         let Self { stiffness, damping, force, .. } = self;
         for row in 0..force.len() {
@@ -44,7 +44,7 @@ impl Impedance {
         }
     }
 
-    /// Writes `J M^-1 J' f`; zero for a robot without inertia somewhere.
+    /// Writes `J M^-1 J' f`, or zero if the mass matrix is singular.
     pub(super) fn write(&mut self, mass: &DMatrix<f64>, cost: &Cost, acceleration: &mut DVector<f64>) {
         let Self { force, jacobian, factor, moving, .. } = self;
         match &*jacobian {

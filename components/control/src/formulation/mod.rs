@@ -1,14 +1,14 @@
-//! Formulations: costs made of the equations of tasks.
+//! Formulations: costs derived from the equations of tasks.
 //!
-//! A [`Task`] states an error `e` of the robot, and how it changes with the joint velocity `v`:
+//! A [`Task`] defines an error `e` of the robot, and how it changes with the joint velocity `v`:
 //!
 //! ```text
 //! e'  = nu  - J v                    nu: rate of the target
 //! e'' = nu' - J' v - J a             at the acceleration a
 //! ```
 //!
-//! It does not know the unknowns of the controller. A formulation turns the equation into a least-squares
-//! cost `1/2 |W (J x - b)|^2` on its unknowns `x`:
+//! A task is independent of the controller's unknowns. A formulation turns its equation into a least-squares
+//! cost `1/2 |W (J x - b)|^2` on the unknowns `x`:
 //!
 //! | formulation | unknowns | desired value |
 //! |---|---|---|
@@ -17,8 +17,8 @@
 //!
 //! [`AccelerationTask`]: crate::inverse_dynamics::AccelerationTask
 //!
-//! Each task is both. Costs on contact forces, torques or bounds implement one of the two traits directly, so
-//! their types say which controller they are for.
+//! Every task implements both traits. Costs on contact forces, torques or bounds implement one of the two
+//! directly, so their types determine which controller accepts them.
 
 mod acceleration;
 mod equation;
@@ -34,20 +34,19 @@ use crate::state::{MotionState, RobotState};
 
 /// A motion of the robot with an error, whose equation holds for velocities and for accelerations.
 ///
-/// A task keeps its [`Equation`], whose memory is allocated at construction. A tick evaluates it with
-/// [`evaluate`](Self::evaluate), and for accelerations with [`differentiate`](Self::differentiate)
-/// afterwards.
+/// A task owns its [`Equation`], whose memory is allocated at construction. A tick calls
+/// [`evaluate`](Self::evaluate) and then, for accelerations, [`differentiate`](Self::differentiate).
 pub trait Task {
     /// Evaluates `e`, `J`, `nu` and the weights `W` at `state`.
     fn evaluate(&mut self, state: &RobotState<'_>);
 
-    /// Evaluates `e'`, `nu'` and `J' v` at `state`, which was [evaluated](Self::evaluate) before.
+    /// Evaluates `e'`, `nu'` and `J' v` at `state`, which must already be [evaluated](Self::evaluate).
     fn differentiate(&mut self, state: &MotionState<'_>);
 
-    /// The equation as of the last evaluation.
+    /// Returns the equation of the last evaluation.
     fn equation(&self) -> &Equation;
 
-    /// The equation, to be written.
+    /// Returns the equation for writing.
     fn equation_mut(&mut self) -> &mut Equation;
 }
 

@@ -1,4 +1,4 @@
-//! The requested motions of errors.
+//! Requested motions of task errors.
 
 use nalgebra::Vector3;
 
@@ -19,7 +19,7 @@ pub struct Feedback {
 }
 
 impl Feedback {
-    /// Critically damped, both eigenvalues of the error at `-rate` \[1/s\].
+    /// Creates critically damped feedback, with both eigenvalues of the error at `-rate` \[1/s\].
     pub fn critical(rate: f64) -> Self {
         Self { kp: rate * rate, kd: 2.0 * rate }
     }
@@ -32,7 +32,7 @@ impl Feedback {
         found
     }
 
-    /// The same for any number of rows.
+    /// Writes the acceleration for any number of rows.
     pub(super) fn write(&self, error: &[f64], rate: &[f64], max_speed: f64, acceleration: &mut [f64]) {
         let Self { kp, kd } = *self;
         for (out, error) in acceleration.iter_mut().zip(error) {
@@ -57,22 +57,22 @@ pub struct Response {
     pub gain: f64,
     /// Feedback by which accelerations reduce the error.
     pub feedback: Feedback,
-    /// Largest speeds of the correction: of the first three rows, and of the following three \[units of `e`
-    /// per second\]. The direction is kept. Default infinite.
+    /// Largest correction speeds of the first three rows and of the following three \[units of `e` per
+    /// second\]. Limiting keeps the direction. Default infinite.
     pub max_speeds: [f64; 2],
     /// Levenberg-Marquardt damping per speed of the correction, for velocities. Default 0.
     pub damping: f64,
 }
 
 impl Response {
-    /// An error that decays at the rate `gain` \[1/s\]: exponentially by velocities, critically damped by
+    /// An error that decays at the rate `gain` \[1/s\]: exponential for velocities, critically damped for
     /// accelerations.
     pub fn decay(gain: f64) -> Self {
         let (feedback, max_speeds) = (Feedback::critical(gain), [f64::INFINITY; 2]);
         Self { gain, feedback, max_speeds, damping: 0.0 }
     }
 
-    /// The velocity `nu` without an error of the position: reached at once by velocities, at the `rate`
+    /// The velocity `nu` without a position error: reached immediately by velocities, and at the `rate`
     /// \[1/s\] by accelerations.
     pub fn velocity(rate: f64) -> Self {
         Self { gain: 0.0, feedback: Feedback { kp: 0.0, kd: rate }, ..Self::decay(0.0) }

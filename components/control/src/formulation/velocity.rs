@@ -10,7 +10,8 @@ use crate::state::RobotState;
 
 /// A cost on the joint velocity `v` \[rad/s or m/s\]: `1/2 |W (A v - b)|^2`, convex and finite for every `v`.
 ///
-/// Every [`Task`] is one: with `c = gain e`, scaled down as a whole where it would exceed a largest speed,
+/// Every [`Task`] implements it. With `c = gain e`, scaled down as a whole where it would exceed a largest
+/// speed:
 ///
 /// ```text
 /// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2
@@ -20,19 +21,19 @@ pub trait VelocityTask {
     /// Maximum number of rows of `A`.
     fn rows(&self) -> usize;
 
-    /// Evaluates error, `A` and `b` at this state.
+    /// Evaluates the error, `A` and `b` at this state.
     fn update(&mut self, state: &RobotState<'_>);
 
-    /// Length of `A v - b` as of the last update over the rows with a weight, in the units of the task \[m/s,
-    /// rad/s\].
+    /// Norm of `A v - b` of the last update over the rows with nonzero weight, in the units of the task
+    /// \[m/s, rad/s\].
     fn residual(&self, velocity: &[f64]) -> f64;
 
-    /// Adds the cost as of the last update to the quadratic and the linear part of `problem` (upper triangle
-    /// of the Hessian), whose unknowns are the joint velocities.
+    /// Adds the cost of the last update to the quadratic and the linear part of `problem`, whose unknowns are
+    /// the joint velocities. Only the upper triangle of the Hessian is written.
     fn add_to(&self, problem: &mut Problem);
 
-    /// Appends the rows of `W A`, and of `W b`, as of the last update: at most [`rows`](Self::rows) of them,
-    /// for a row without weight may be left out.
+    /// Appends the rows of `W A` and `W b` of the last update, at most [`rows`](Self::rows). Rows without
+    /// weight may be omitted.
     fn write_rows(&self, rows: &mut Rows);
 }
 

@@ -1,11 +1,11 @@
-//! The report of contradictory constraints of inverse kinematics.
+//! Report of contradictory constraints of inverse kinematics.
 
 use motorium_qp::{Conflict, Constraint, QpSolver};
 
 use super::DifferentialIk;
 use crate::conflict::{Conflicting, ConstraintName};
 
-/// Contradictory constraints that no velocity satisfies, and the relaxed solution of the tick.
+/// Contradictory constraints without a common solution, and the relaxed solution of the tick.
 ///
 /// ```
 /// use motorium_control::{DifferentialIk, IkRows, IkSettings, RobotState, tasks::{PostureSettings, PostureTask, VelocityTask}};
@@ -52,7 +52,7 @@ impl IkConflict {
     }
 }
 
-/// The name of a constraint of a problem with this number of velocities.
+/// Returns the name of a constraint in a problem with this number of velocities.
 fn name(constraint: Constraint, motions: usize) -> Option<ConstraintName> {
     match constraint {
         Constraint::Equality(row) => Some(ConstraintName::Task { row }),

@@ -34,7 +34,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     }
 
     /// Updates `task` at `state` and makes it a constraint above all levels: `A v = b` holds exactly for the
-    /// rows that have a weight. A task that no velocity within the limits fulfils leaves the tick without a
+    /// rows with nonzero weight. If no velocity within the limits satisfies the task, the tick has no
     /// solution.
     ///
     /// ```
@@ -73,12 +73,11 @@ impl<S: QpSolver> DifferentialIk<S> {
         levels::write_exact(&self.constrained, &mut self.problem, first, &mut self.below);
     }
 
-    /// Adds the rows of `limit` for a tick of `dt` seconds as a soft limit of a level. Where tasks above or
-    /// on the same level demand more, the limit is violated by `s`, at the cost `1/2 weight^2 |s|^2` on its
-    /// level.
+    /// Adds the rows of `limit` for a tick of `dt` seconds as a soft limit of a level. Tasks on the same or a
+    /// higher level may violate the limit by `s`, at the cost `1/2 weight^2 |s|^2` on its level.
     ///
     /// # Panics
-    /// If there is no such level, or the solver was built for fewer soft rows in total.
+    /// If the level does not exist, or the solver was built for fewer soft rows in total.
     pub fn add_soft_limit(
         &mut self,
         state: &RobotState<'_>,
@@ -119,8 +118,8 @@ impl<S: QpSolver> DifferentialIk<S> {
     }
 
     /// Narrows the bounds by `limit` for a tick of `dt` seconds, after all limits of positions and
-    /// velocities; `before` are the velocities of the previous tick. If constraints contradict it, it is the
-    /// first limit to be given up for the tick: for braking joints, and for accelerating joints if a contact
+    /// velocities; `before` are the velocities of the previous tick. If other constraints contradict this
+    /// limit, it is dropped first for the tick: for braking joints, and for accelerating joints if a contact
     /// or an exact task requires it.
     ///
     /// ```
@@ -166,8 +165,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         limit.narrow(state, before, dt, &mut self.problem);
     }
 
-    /// Prescribes a velocity \[rad/s or m/s\] by its index in `v`. Replaces the limits that were added to it
-    /// before.
+    /// Prescribes a velocity \[rad/s or m/s\] by its index in `v`. It replaces the limits already added for
+    /// this index.
     pub fn prescribe(&mut self, index: usize, velocity: f64) {
         let Self { problem, wide_bounds: [lower, upper], .. } = self;
         for bounds in [&mut problem.lower, &mut problem.upper, lower, upper] {

@@ -1,4 +1,4 @@
-//! Differential inverse kinematics: tasks and limits into one joint velocity.
+//! Differential inverse kinematics: computes one joint velocity from tasks and limits.
 
 mod conflict;
 mod constraints;
@@ -34,10 +34,10 @@ with_defaults! {
     pub relaxation: Option<f64> = None;
 }
 
-/// The tick has no joint velocity. The safe reaction is not to move.
+/// Error of a tick without a joint velocity. The safe reaction is to stop.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum IkError {
-    /// The state, a target or a setting is not a number, or the limits cross.
+    /// The state, a target or a setting is not a number, or limits cross.
     #[error("inverse kinematics cannot be posed: {0}")]
     Pose(#[from] UpdateError),
     /// The solver found no solution.
@@ -53,14 +53,14 @@ pub enum IkError {
 /// subject to lower <= v <= upper,   lower <= G v <= upper,   A_c v = b_c
 /// ```
 ///
-/// `A_c` contains the rows of [held](Self::hold) contacts, whose frames rest exactly, and of
+/// `A_c` contains the rows of [held](Self::hold) contacts, whose frames do not move, and of
 /// [constraint](Self::constrain) tasks. Limits may be soft, as a [task](Self::add_soft_limit) of any level.
 ///
 /// [`levels`](Self::levels) adds strict priorities: each level minimises its own sum over the velocities that
 /// leave `A v` of all higher levels unchanged.
 ///
-/// The unknown is the velocity rather than the step `v dt`, because steps are so small that a solver's
-/// absolute tolerances would exceed the limits.
+/// The unknown is the velocity rather than the step `v dt`: a solver's absolute tolerances would exceed the
+/// limits of such small steps.
 #[derive(Debug)]
 pub struct DifferentialIk<S = ActiveSetSolver> {
     settings: IkSettings,
@@ -85,7 +85,7 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     is_narrowed: bool,
     /// Velocities of the previous tick, if any.
     before: DVector<f64>,
-    /// `true` if the last solution exceeds it.
+    /// `true` if the last solution exceeds the acceleration limit.
     exceeds_acceleration: bool,
     /// For each row, `true` if its limit is soft.
     is_soft: Vec<bool>,
@@ -94,7 +94,7 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     undecided: u32,
 }
 
-/// Numbers of rows that a [`DifferentialIk`] has room for besides the bounds of the joints.
+/// Capacity of a [`DifferentialIk`] in rows, in addition to the bounds of the joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct IkRows {
     /// Rows of held contacts and of constraint tasks.
@@ -271,8 +271,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         self
     }
 
-    /// Poses the problem of one tick of `dt` seconds: [`begin`](Self::begin), every task on the first level,
-    /// every limit.
+    /// Builds the problem of one tick of `dt` seconds: [`begin`](Self::begin), then every task on the first
+    /// level, then every limit.
     pub fn assemble(
         &mut self,
         state: &RobotState<'_>,
@@ -312,7 +312,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// Updates `task` at `state` and adds its cost to a level, 0 for the highest.
     ///
     /// # Panics
-    /// If there is no such level, or its tasks have more rows than it was made for.
+    /// If the level does not exist, or its tasks have more rows than its capacity.
     pub fn add_task(&mut self, state: &RobotState<'_>, level: usize, task: &mut dyn VelocityTask) {
         task.update(state);
         let (cost, rows) = levels::level(&mut self.below, &mut self.problem, level);
@@ -322,7 +322,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Forgets the tick before, at the beginning of an episode.
+    /// Clears the state of the previous tick at the start of an episode.
     pub fn reset(&mut self) {
         self.solver.reset();
         self.relaxed.iter_mut().for_each(Relaxation::reset);
@@ -342,13 +342,13 @@ impl<S: QpSolver> DifferentialIk<S> {
         &self.velocity
     }
 
-    /// Makes these unknowns, such as a [mixture](crate::Mixture) of solutions, the solution.
+    /// Replaces the solution by these unknowns, such as a [mixture](crate::Mixture) of solutions.
     pub fn set_unknowns(&mut self, unknowns: &[f64]) {
         self.velocity.copy_from_slice(unknowns);
     }
 
-    /// Total iterations of the last [`solve`](Self::solve): all solutions of the first level, relaxed or not,
-    /// and the levels below.
+    /// Total iterations of the last [`solve`](Self::solve), over all solutions of the first level, relaxed or
+    /// not, and of the levels below.
     pub fn iterations(&self) -> u32 {
         self.iterations
     }
@@ -359,7 +359,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         self.undecided
     }
 
-    /// The problem as posed.
+    /// Returns the current problem.
     pub fn problem(&self) -> &Problem {
         &self.problem
     }

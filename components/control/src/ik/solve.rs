@@ -5,12 +5,13 @@ use motorium_qp::{Conflict, Constraint, QpSolver, Side, SolveError};
 use super::{DifferentialIk, IkConflict, IkError};
 use crate::limits::are_alike;
 
-/// Maximum number of solutions in which only constraints named by a conflict are relaxed; then all are.
+/// Maximum number of solutions in which only constraints named by a conflict are relaxed. After that, all
+/// are.
 const NAMED: u32 = 8;
-/// Fraction of the maximum velocity change by which a return behind a limit may accelerate in a tick; the
-/// rest is left for other rows.
+/// Fraction of the maximum velocity change that a row beyond its limit may use per tick to return. The rest
+/// is left for other rows.
 const HASTE: f64 = 0.5;
-/// Number of times this change is halved before returns are given up.
+/// Number of times this change is halved before returns are dropped.
 const EASED: u32 = 2;
 
 impl<S: QpSolver> DifferentialIk<S> {
@@ -88,7 +89,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         for constraint in conflict.constraints() {
             let Constraint::Row(row, _) = constraint else { continue };
             let desired = self.problem.row_lower[row].max(-self.problem.row_upper[row]);
-            // among equally fast ones, the nearest pairs, which are first, return
+            // among equally fast rows, the nearest pairs return; they come first
             let less =
                 least.is_none_or(|(other, before)| desired < other || desired == other && row > before);
             if self.returns(row) && less {
@@ -113,7 +114,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         brakes
     }
 
-    /// Lets everything beyond a limit stay there. Returns `false` if nothing has to return.
+    /// Lets every row beyond its limit stay there. Returns `false` if no row has to return.
     fn give_up_return(&mut self) -> bool {
         let mut stays = false;
         for row in 0..self.next_row {
@@ -122,7 +123,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         stays
     }
 
-    /// The same for one row.
+    /// Lets one row beyond its limit stay there. Returns `false` if it does not have to return.
     fn give_up_return_of(&mut self, row: usize) -> bool {
         let returns = self.returns(row);
         if returns {
@@ -132,7 +133,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         returns
     }
 
-    /// Returns `true` if a row has to return. Soft limits yield anyway.
+    /// Returns `true` if a row has to return. Soft limits are violated anyway.
     fn returns(&self, row: usize) -> bool {
         !self.is_soft[row] && (self.problem.row_lower[row] > 0.0 || self.problem.row_upper[row] < 0.0)
     }
@@ -205,8 +206,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         })
     }
 
-    /// The same for one joint: a bound that excludes rest moves to zero, which all limits except the
-    /// acceleration limit admit.
+    /// Lets one joint brake as fast as required: a bound that excludes rest moves to zero, which all limits
+    /// except the acceleration limit admit.
     fn brake_at(&mut self, variable: usize, side: Side) -> bool {
         let excludes_rest = match side {
             Side::Lower => self.problem.lower[variable] > 0.0,

@@ -4,7 +4,7 @@ use super::control::InverseDynamics;
 use super::{FrictionModel, MotionState, Unknowns};
 
 impl InverseDynamics {
-    /// Writes equations of motion, contacts and limits at this state into the problem.
+    /// Writes the equations of motion, contacts and limits at this state into the problem.
     pub(super) fn pose(&mut self, state: &MotionState<'_>, dt: f64) {
         let MotionState { model, kinematics, q, v } = *state;
         self.dynamics.crba(model, q, &mut self.mass);
@@ -130,7 +130,7 @@ impl InverseDynamics {
 }
 
 impl InverseDynamics {
-    /// Removes the constraints that a reduced formulation does not decide. With forces only, joints rest and
+    /// Removes the constraints that do not apply to a reduced formulation. With forces only, joints rest and
     /// contacts have no motion. With accelerations only, torques have no limits.
     pub(super) fn leave_out(&mut self) {
         let Self { order, problem, settings, .. } = self;

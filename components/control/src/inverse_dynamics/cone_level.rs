@@ -23,7 +23,7 @@ impl LowerSolver {
         }
     }
 
-    /// Adds to `x` the motion that is best for the level, within the limits and the friction of the contacts.
+    /// Adds to `x` the best motion for the level, within the limits and the friction of the contacts.
     pub(super) fn solve(
         &mut self,
         level: &mut Level,

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Matrix6xX, Vector3, Vector6};
 
 use crate::contact::{Contact, ContactShape};
 
-/// A contact at one state of the robot.
+/// Position, Jacobian and velocity of a contact at one state of the robot.
 #[derive(Clone, Debug)]
 pub(crate) struct ContactPlace {
     pub(crate) contact: Contact,
@@ -42,11 +42,11 @@ impl ContactPlace {
         }
     }
 
-    /// Evaluates places, Jacobian, velocity and drift.
+    /// Evaluates position, Jacobian, velocity and drift.
     ///
-    /// The contact point of a ball is at a constant `c` from its centre, in world axes: where it rolls, the
-    /// velocity `v + w x c` of the point of the ball that touches is zero, and stays zero if `dv/dt + dw/dt x
-    /// c` is.
+    /// The contact point of a ball is at a constant offset `c` from its centre, in world axes. While the ball
+    /// rolls, the velocity `v + w x c` of its touching point is zero, and remains zero if `dv/dt + dw/dt x c`
+    /// is zero.
     pub(super) fn update(&mut self, model: &Model, kinematics: &Kinematics) {
         let frame = self.contact.frame;
         kinematics.jacobian(model, frame, Reference::LocalWorldAligned, &mut self.jacobian);

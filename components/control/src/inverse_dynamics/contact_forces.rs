@@ -1,4 +1,4 @@
-//! Contacts of an inverse dynamics: forces of the last solution, and settings that change between ticks.
+//! Contacts of inverse dynamics: forces of the last solution, and settings that change between ticks.
 
 use motorium_robots::Twist;
 use nalgebra::Vector3;
@@ -7,8 +7,8 @@ use super::InverseDynamics;
 use crate::contact::{Contact, ContactShape};
 
 impl InverseDynamics {
-    /// Force of a contact and its torque about the origin of the contact's frame, world axes \[N, Nm\], at
-    /// the last solution.
+    /// Force of a contact and its torque about the origin of the contact's frame in the last solution, world
+    /// axes \[N, Nm\].
     pub fn wrench(&self, contact: usize) -> Twist {
         let place = &self.contacts[contact];
         let mut wrench = Twist::zero();
@@ -21,7 +21,7 @@ impl InverseDynamics {
         wrench
     }
 
-    /// Centre of pressure of a sole \[m\] along x and y of its frame, from the frame's origin, at the last
+    /// Centre of pressure of a sole \[m\] along x and y of its frame, from the frame's origin, in the last
     /// solution: the point about which its normal forces have no torque. `None` for other shapes and unloaded
     /// contacts.
     ///

@@ -18,8 +18,8 @@ use crate::formulation::Task;
 use crate::levels::{self, LowerLevels, Rows};
 use crate::relaxation::{Relaxable, Relaxation};
 
-/// Inverse dynamics of a whole body: the accelerations and contact forces that minimise a weighted sum of
-/// task costs within all constraints, and the torques for them; see the [module](super). Nothing allocates
+/// Whole-body inverse dynamics: computes the accelerations and contact forces that minimise a weighted sum of
+/// task costs within all constraints, and the resulting torques; see the [module](super). Nothing allocates
 /// after construction.
 #[derive(Debug)]
 pub struct InverseDynamics {
@@ -52,17 +52,17 @@ pub struct InverseDynamics {
 }
 
 impl InverseDynamics {
-    /// Creates an inverse dynamics for `model` on `contacts`, with default settings. All contacts are active.
+    /// Creates inverse dynamics for `model` on `contacts`, with default settings. All contacts are active.
     pub fn new(model: &Model, contacts: Vec<Contact>) -> Self {
         Self::with_settings(model, contacts, InverseDynamicsSettings::default())
     }
 
-    /// With these settings.
+    /// Creates inverse dynamics with these settings.
     pub fn with_settings(model: &Model, contacts: Vec<Contact>, settings: InverseDynamicsSettings) -> Self {
         Self::with_room(model, contacts, settings, DynamicsRows::default())
     }
 
-    /// Creates an inverse dynamics with these settings and capacity for limits and constraint tasks.
+    /// Creates inverse dynamics with these settings and capacity for limits and constraint tasks.
     pub fn with_room(
         model: &Model,
         contacts: Vec<Contact>,
@@ -142,7 +142,7 @@ impl InverseDynamics {
     }
 
     /// Sets levels of strict priority, highest first. Each entry is the maximum total number of rows of the
-    /// level's tasks ([`AccelerationTask::rows`]). A relaxed tick decides the first level only.
+    /// level's tasks ([`AccelerationTask::rows`]). A relaxed tick solves the first level only.
     #[must_use]
     pub fn levels(mut self, rows: &[usize]) -> Self {
         let cones = has_cones(&self.settings);
@@ -163,7 +163,8 @@ impl InverseDynamics {
         self
     }
 
-    /// Starts a tick of `dt` seconds with no task: equations of motion, contacts and limits at this state.
+    /// Starts a tick of `dt` seconds without tasks: writes the equations of motion, contacts and limits at
+    /// this state.
     pub fn begin(&mut self, state: &MotionState<'_>, dt: f64) {
         self.pose(state, dt);
         let damping = self.settings.damping;
@@ -192,7 +193,7 @@ impl InverseDynamics {
     /// Updates `task` at `state` and adds its cost to a level, 0 for the highest.
     ///
     /// # Panics
-    /// If there is no such level, or its tasks have more rows than it was made for.
+    /// If the level does not exist, or its tasks have more rows than its capacity.
     pub fn add_task(&mut self, state: &MotionState<'_>, level: usize, task: &mut dyn AccelerationTask) {
         task.update(state, self);
         let (cost, rows) = levels::level(&mut self.below, &mut self.problem, level);
@@ -202,7 +203,7 @@ impl InverseDynamics {
         }
     }
 
-    /// Accelerations, forces and torques of `x`.
+    /// Writes the accelerations, forces and torques of `x` to the solution.
     pub(super) fn write(&mut self) {
         let Self { order, x, solution, problem, bias, torque_limit, .. } = self;
         solution.acceleration.copy_from(&x.rows(0, order.velocities));
@@ -234,8 +235,8 @@ impl InverseDynamics {
         self.x.as_slice()
     }
 
-    /// Makes these unknowns, such as a [mixture](crate::Mixture) of solutions, the
-    /// [`solution`](Self::solution), with their torques.
+    /// Replaces the [`solution`](Self::solution) by these unknowns, such as a [mixture](crate::Mixture) of
+    /// solutions, and updates the torques.
     pub fn set_unknowns(&mut self, unknowns: &[f64]) {
         self.x.copy_from_slice(unknowns);
         self.write();
@@ -257,7 +258,7 @@ impl InverseDynamics {
         &self.bias
     }
 
-    /// The problem as posed.
+    /// Returns the current problem.
     pub fn problem(&self) -> &Problem {
         &self.problem
     }
@@ -285,7 +286,7 @@ impl InverseDynamics {
         });
     }
 
-    /// Forgets the tick before, at the beginning of an episode.
+    /// Clears the state of the previous tick at the start of an episode.
     pub fn reset(&mut self) {
         self.solver.reset();
         self.reduced.iter_mut().for_each(Reduced::reset);
@@ -296,16 +297,16 @@ impl InverseDynamics {
 
 /// A cost on the unknowns `x = (a, f)` of [`InverseDynamics`]: `1/2 |W (A x - b)|^2`.
 ///
-/// Every [`Task`] is one, on the accelerations:
+/// Every [`Task`] implements it, on the accelerations:
 ///
 /// ```text
 /// A = J,   b = kp e + kd e' + nu' - J' v          kp e: no faster than the largest speeds
 /// ```
 pub trait AccelerationTask {
-    /// Evaluates error, `A` and `b` at this state, at which `dynamics` has begun its tick.
+    /// Evaluates the error, `A` and `b` at this state, at which `dynamics` has started its tick.
     fn update(&mut self, state: &MotionState<'_>, dynamics: &InverseDynamics);
 
-    /// The cost as of the last update.
+    /// Returns the cost of the last update.
     fn cost(&self) -> &Cost;
 
     /// Number of rows of `A`.

@@ -4,15 +4,15 @@ use super::MotionState;
 use super::control::InverseDynamics;
 
 impl InverseDynamics {
-    /// Writes the torques \[Nm or N, one for each independent joint\] that bear the weight of the robot at
+    /// Writes the torques \[Nm or N, one per independent joint\] that support the weight of the robot at
     /// rest, within the torque limits:
     ///
     /// ```text
     /// tau = g(q) - J_a' f        f: the contact forces of the last solution, of the contacts that are active
     /// ```
     ///
-    /// `state` is the state of the last [`begin`](Self::begin). These torques are the feed-forward of joints
-    /// held because a tick has no solution; the previous torques would continue to accelerate them.
+    /// `state` is the state of the last [`begin`](Self::begin). These torques are the feed-forward of held
+    /// joints in a tick without a solution; the previous torques would continue to accelerate them.
     ///
     /// ```
     /// use motorium_control::inverse_dynamics::{InverseDynamics, MotionState};

@@ -38,16 +38,16 @@ with_defaults! {
     pub braking: f64 = 20.0;
     /// Largest acceleration and deceleration, rad/s2 or m/s2, at least `braking`. Default 1000.
     pub max_acceleration: f64 = 1000.0;
-    /// Distance kept from the position limits of the robot, rad or m, at least 0; at most half the range is
-    /// taken. Default 0.
+    /// Distance kept from the position limits of the robot, rad or m, at least 0; limited to half the range.
+    /// Default 0.
     pub margin: f64 = 0.0;
     /// Fraction of the robot's velocity limits that may be used, more than 0, at most 1. Default 1.
     pub velocity_fraction: f64 = 1.0;
 }
 
 impl JointAccelerationLimits {
-    /// Lower and upper bound of the acceleration \[rad/s2 or m/s2\] of a joint at position `q` and velocity
-    /// `v`, whose limits are `range` and `speed`, for a tick of `dt` seconds.
+    /// Returns the lower and upper bound of the acceleration \[rad/s2 or m/s2\] of a joint at position `q`
+    /// and velocity `v`, with limits `range` and `speed`, for a tick of `dt` seconds.
     pub fn bounds(&self, q: f64, v: f64, range: (f64, f64), speed: f64, dt: f64) -> (f64, f64) {
         let margin = self.margin.min(0.5 * (range.1 - range.0));
         let speed = self.velocity_fraction * speed;
@@ -61,7 +61,7 @@ impl JointAccelerationLimits {
         (middle, middle)
     }
 
-    /// The bound towards a limit at the distance `room`, with the velocity `v` towards it.
+    /// Returns the bound towards a limit at the distance `room`, with the velocity `v` towards it.
     fn upper(&self, room: f64, v: f64, speed: f64, dt: f64) -> f64 {
         // with v+ = v + a dt: v+^2 + braking dt v+ - braking (2 room - v dt) <= 0
         let half = 0.5 * self.braking * dt;
@@ -73,13 +73,13 @@ impl JointAccelerationLimits {
         bound.clamp(-self.max_acceleration, self.max_acceleration)
     }
 
-    /// The limits of a joint that accelerates and brakes at `most` or less.
+    /// Returns limits whose acceleration and braking are at most `most`.
     fn up_to(&self, most: f64) -> Self {
         Self { braking: self.braking.min(most), max_acceleration: self.max_acceleration.min(most), ..*self }
     }
 
-    /// Writes the bounds of all joints of `model` at `q` (nq) and `v` (nv), which accelerate by `most` or
-    /// less: one entry per independent joint.
+    /// Writes the acceleration bounds of all joints of `model` at `q` (nq) and `v` (nv), each at most `most`:
+    /// one entry per independent joint.
     pub(super) fn write(
         &self,
         model: &Model,

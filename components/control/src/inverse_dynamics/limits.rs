@@ -1,4 +1,4 @@
-//! Further constraints of a tick: velocity limits at acceleration level, and exact tasks.
+//! Additional constraints of a tick: velocity limits at acceleration level, and exact tasks.
 
 use motorium_qp::{Conflict, Constraint, SolveError, UpdateError};
 use nalgebra::{DVector, Vector3};
@@ -11,7 +11,7 @@ use crate::contact::WrenchCone;
 use crate::levels;
 use crate::limits::{LimitRows, RowLimit, are_alike};
 
-/// Maximum number of solutions in which only returns named by a conflict are relaxed; then all are.
+/// Maximum number of solutions in which only returns named by a conflict are relaxed. After that, all are.
 const NAMED: u32 = 8;
 
 impl InverseDynamics {
@@ -27,8 +27,8 @@ impl InverseDynamics {
         self
     }
 
-    /// Sets the acceleration of a joint to zero for this tick, in place of its limits. For a joint that is
-    /// moved by the gains of its drive.
+    /// Sets the acceleration of a joint to zero for this tick and ignores its limits. Used for a joint moved
+    /// by the gains of its drive.
     pub fn coast(&mut self, joint: usize) {
         let variable = self.order.base + joint;
         (self.problem.lower[variable], self.problem.upper[variable]) = (0.0, 0.0);
@@ -47,11 +47,11 @@ impl InverseDynamics {
     /// G(q') a <= e / dt                        else: back within the tick
     /// ```
     ///
-    /// so that `e >= 0` and with it `h >= 0` hold from every state in which they do, up to `a dt^2 / 2`.
-    /// (Nguyen and Sreenath, *Exponential control barrier functions for enforcing high relative-degree
-    /// safety-critical constraints*, 2016.) For contradictory constraints, the involved row that is least
-    /// beyond its limit returns more slowly or stays in place. If torques or contacts do not permit even
-    /// that, limits are relaxed like joint limits.
+    /// so that `e >= 0`, and therefore `h >= 0`, remain true up to `a dt^2 / 2` once they hold. (Nguyen and
+    /// Sreenath, *Exponential control barrier functions for enforcing high relative-degree safety-critical
+    /// constraints*, 2016.) For contradictory constraints, the involved row that is least beyond its limit
+    /// returns more slowly or stays in place. If torques or contacts do not permit even that, limits are
+    /// relaxed like joint limits.
     ///
     /// ```
     /// use motorium_control::inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings, MotionState};
@@ -145,11 +145,11 @@ impl InverseDynamics {
         let named =
             |row| conflict.constraints().any(|found| matches!(found, Constraint::Row(of, _) if of == row));
         let asking = predicted.returning.iter().filter(|way| way.share > 0.0 && named(way.row));
-        // among equally fast ones, the nearest pairs, which come first, return
+        // among equally fast rows, the nearest pairs return; they come first
         let Some(slowest) = asking.rev().min_by(|a, b| a.speed.total_cmp(&b.speed)).map(|way| way.row) else {
             return false;
         };
-        // distance limits that contradict each other do so at any acceleration
+        // contradictory distance limits conflict at any acceleration
         let first = self.order.first_limit();
         let eases =
             !conflict.constraints().all(|found| matches!(found, Constraint::Row(row, _) if row >= first));
@@ -162,7 +162,7 @@ impl InverseDynamics {
         true
     }
 
-    /// Lets everything beyond a limit stay there. Returns `false` if nothing has to return.
+    /// Lets every row beyond its limit stay there. Returns `false` if no row has to return.
     fn give_up_return(&mut self) -> bool {
         let Some(predicted) = &mut self.predicted else { return false };
         let mut gave_up = false;
@@ -174,7 +174,7 @@ impl InverseDynamics {
         gave_up
     }
 
-    /// Computes the unknowns by the first level alone.
+    /// Solves for the unknowns with the first level alone.
     fn solve_first(&mut self) -> Result<Result<(), SolveError>, UpdateError> {
         let posed = match &mut self.reduced {
             Some(reduced) => reduced.pose(&self.order, &mut self.problem),
@@ -223,8 +223,8 @@ impl InverseDynamics {
         );
     }
 
-    /// Calls `visit` with each point of the active contacts, in the world, as of the last
-    /// [`begin`](Self::begin) at `state`.
+    /// Calls `visit` with each point of the active contacts, in the world, at the last [`begin`](Self::begin)
+    /// with `state`.
     pub fn visit_support(&self, state: &MotionState<'_>, visit: &mut dyn FnMut(Vector3<f64>)) {
         for place in self.contacts.iter().filter(|place| place.active) {
             let origin = state.kinematics.pose(state.model, place.contact.frame).translation.vector;
@@ -252,7 +252,7 @@ impl InverseDynamics {
         }
     }
 
-    /// The rows of the wrench cones of the soles.
+    /// Writes the rows of the soles' wrench cones.
     pub(super) fn pose_wrenches(&mut self) {
         let Self { order, problem, contacts, .. } = self;
         let mut row = order.joints + 4 * order.points.len();

@@ -1,4 +1,4 @@
-//! Whole-body inverse dynamics: tasks at acceleration level, contacts, torque limits, for fixed-base and
+//! Whole-body inverse dynamics: tasks at acceleration level, contacts and torque limits, for fixed-base and
 //! floating-base robots.
 //!
 //! Each control tick is one quadratic program in the generalised accelerations `a` and the contact forces
@@ -16,15 +16,15 @@
 //! ```
 //!
 //! with the mass matrix `M`, the bias `h = C(q, v) v + g(q)`, and the Jacobian `J` of the contact points. The
-//! torques `tau = M_a a - J_a' f + h_a` are eliminated: they are computed from the solution. The friction
-//! pyramid is inscribed in Coulomb's cone; the cone itself is [available](FrictionModel) as well.
+//! torques `tau = M_a a - J_a' f + h_a` are eliminated and computed from the solution. The friction pyramid
+//! is inscribed in Coulomb's cone; the exact cone is [available](FrictionModel) as well.
 //!
 //! - [Tasks](crate::tasks) are costs on `a` or `f`, with weights or in [levels](InverseDynamics::levels).
 //! - [`Contact`] is a point, a ball or a sole on the ground.
 //! - [`WrenchCone`] limits the total wrench of a sole: normal force, friction, centre of pressure, yaw
 //!   torque.
-//! - [Limits of velocities](InverseDynamics::add_row_limit) are second-order barriers; a
-//!   [task](InverseDynamics::constrain) may be a constraint.
+//! - [Limits of velocities](InverseDynamics::add_row_limit) are second-order barriers. A
+//!   [task](InverseDynamics::constrain) can be a constraint.
 //! - [`JointAccelerationLimits`] convert position and velocity limits to acceleration bounds.
 //! - [`Unknowns`] selects accelerations and forces, accelerations only, or forces only.
 //! - [`InverseDynamics`] assembles and solves. If the constraints are infeasible, it returns the conflicting

@@ -1,13 +1,13 @@
-//! The order of the constraints of inverse dynamics in its problem.
+//! Order of the constraints in a problem of inverse dynamics.
 
 use motorium_qp::{Conflict, Constraint};
 
 use crate::conflict::{Conflicting, ConstraintName};
 
-/// The order of the constraints in a problem.
+/// Order of the constraints in a problem.
 #[derive(Clone, Debug)]
 pub(crate) struct Order {
-    /// Equations of motion of the base: 6 or none.
+    /// Equations of motion of the base: 6 for a floating base, otherwise 0.
     pub(super) base: usize,
     /// Velocities, base and joints.
     pub(crate) velocities: usize,
@@ -46,7 +46,7 @@ impl Order {
         self.joints + 4 * self.points.len() + self.wrenches.len()
     }
 
-    /// The name of a constraint of the problem.
+    /// Returns the name of a constraint of the problem.
     pub(super) fn name(&self, constraint: Constraint) -> Option<ConstraintName> {
         match constraint {
             Constraint::Equality(row) if row < self.base => Some(ConstraintName::Base { axis: row }),

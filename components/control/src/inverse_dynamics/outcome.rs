@@ -18,8 +18,8 @@ with_defaults! {
     /// Tikhonov regularisation: cost of any acceleration \[1/(rad/s2)^2\] and of any contact force \[1/N^2\].
     /// Default 1e-7.
     pub damping: f64 = 1e-7;
-    /// Cost of a contact force \[1/N\] in every level: spreads the load over the contact points, and closes
-    /// no motion to the levels below. Default 1e-3.
+    /// Cost of a contact force \[1/N\] in every level. It spreads the load over the contact points and blocks
+    /// no motion of lower levels. Default 1e-3.
     pub force_weight: f64 = 1e-3;
     /// Decay rate of the velocity of a slipping contact \[1/s\]. Default 20.
     pub contact_damping: f64 = 20.0;
@@ -53,13 +53,13 @@ pub enum Unknowns {
     /// Accelerations and contact forces: inverse dynamics, which couples motions and forces.
     #[default]
     AccelerationsAndForces,
-    /// Accelerations of base and joints alone: contacts stay at rest, joints and velocities keep their
-    /// limits, and nothing limits forces and torques. Contact forces for the accelerations that were decided
-    /// are chosen after it, within friction, and the torques by the model: `tau = M_a a - J_a' f + h_a`.
+    /// Accelerations of base and joints only. Contacts stay at rest, and joints and velocities keep their
+    /// limits; forces and torques are not limited. Afterwards, contact forces within friction are chosen for
+    /// these accelerations, and torques are computed from the model: `tau = M_a a - J_a' f + h_a`.
     Accelerations,
-    /// Contact forces alone, by which the base of a robot moves whose joints rest: `M_b a_b = J_b' f - h_b`.
-    /// Friction, forces that only push, wrenches of soles and torque limits hold. A task on a motion of the
-    /// body is a task on the forces; as a [constraint](super::InverseDynamics::constrain) it is an equality
+    /// Contact forces only. They move the base of a robot whose joints rest: `M_b a_b = J_b' f - h_b`.
+    /// Friction, unilateral forces, wrenches of soles and torque limits apply. A motion task of the body
+    /// becomes a task on the forces; as a [constraint](super::InverseDynamics::constrain) it is an equality
     /// of the floating base. Torques are `tau = M_ab a_b - J_a' f + h_a`.
     Forces,
 }
@@ -68,8 +68,8 @@ pub enum Unknowns {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FrictionModel {
-    /// Four faces inscribed in the cone, `|f_x|, |f_y| <= mu / sqrt(2) f_n`: loses 29 % of the friction along
-    /// the tangents, nothing between them. Solved by the active-set method.
+    /// Four faces inscribed in the cone, `|f_x|, |f_y| <= mu / sqrt(2) f_n`: 29 % less friction along the
+    /// tangents, none lost between them. Solved by the active-set method.
     #[default]
     Pyramid,
     /// The exact cone, solved by Clarabel: full friction in every direction, at tens of times the cost of a
@@ -77,21 +77,21 @@ pub enum FrictionModel {
     Cone,
 }
 
-/// A tick without a solution.
+/// Error of a tick without a solution.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum InverseDynamicsError {
     /// The state, a target or a setting is not a number, or limits cross.
     #[error("inverse dynamics cannot be posed: {0}")]
     Pose(#[from] UpdateError),
     /// The constraints contradict each other.
-    #[error("no motion satisfies all constraints; relax one of those that conflict")]
+    #[error("no motion satisfies all constraints; relax one of the conflicting ones")]
     Infeasible(Conflicting),
     /// The solver found no solution.
     #[error("inverse dynamics has no solution: {0}")]
     Solve(SolveError),
 }
 
-/// Amounts by which a relaxed tick misses its constraints.
+/// Violations of the constraints in a relaxed tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Slack {
     /// Largest violation of a contact's acceleration \[m/s2 or rad/s2\].
@@ -107,7 +107,7 @@ pub struct Slack {
 }
 
 impl Slack {
-    /// The larger amount of each, with the conflict of the first.
+    /// Returns the larger violation of each kind, with the conflict of the first.
     pub(crate) fn worse(&self, other: &Self) -> Self {
         Self {
             contact: self.contact.max(other.contact),
@@ -135,6 +135,6 @@ pub struct InverseDynamicsSolution {
     /// Number of levels below the first left undecided because their solver reached its limit; they cause no
     /// motion.
     pub undecided: u32,
-    /// Constraints with a force on the solution: torque limits, faces of friction pyramids, bounds.
+    /// Number of constraints that act on the solution: torque limits, faces of friction pyramids, bounds.
     pub active: usize,
 }

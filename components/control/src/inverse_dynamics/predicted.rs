@@ -1,9 +1,9 @@
-//! The robot one tick ahead, and rows that return behind their limits.
+//! The robot one tick ahead, and rows that return towards their limits.
 
 use motorium_robots::{Kinematics, Model};
 
-/// Numbers of rows that an [`InverseDynamics`](super::InverseDynamics) has room for besides contacts, torques
-/// and joints.
+/// Capacity of an [`InverseDynamics`](super::InverseDynamics) in rows, in addition to contacts, torques and
+/// joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DynamicsRows {
     /// Rows of tasks that are constraints.
@@ -12,33 +12,33 @@ pub struct DynamicsRows {
     pub limits: usize,
 }
 
-/// The robot one tick ahead, at its present velocity.
+/// State of the robot one tick ahead, at its present velocity.
 #[derive(Debug)]
 pub(super) struct Predicted {
     pub(super) kinematics: Kinematics,
     pub(super) q: Vec<f64>,
     pub(super) step: Vec<f64>,
-    /// True if it was computed in this tick.
+    /// `true` if it was computed in this tick.
     pub(super) ready: bool,
-    /// Rows that must return behind their limit.
+    /// Rows beyond their limit, which must return to it.
     pub(super) returning: Vec<Return>,
 }
 
-/// A row that must return behind its limit.
+/// A row beyond its limit, which must return to it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Return {
     pub(super) row: usize,
-    /// Speed of its return.
+    /// Speed of the return.
     pub(super) speed: f64,
     /// Acceleration bounds that reach this speed, and bounds that keep the row in place.
     pub(super) back: (f64, f64),
     pub(super) stay: (f64, f64),
-    /// Requested fraction of the former; 0 to stay in place.
+    /// Requested fraction of the return bounds; 0 to stay in place.
     pub(super) share: f64,
 }
 
 impl Return {
-    /// Reduces the request if that can help, else lets the row stay in place.
+    /// Reduces the requested return if that can help; otherwise lets the row stay in place.
     pub(super) fn give_way(&mut self, eases: bool) {
         self.share = if eases && self.share > LEAST { self.share * EASE } else { 0.0 };
     }

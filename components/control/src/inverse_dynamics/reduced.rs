@@ -9,7 +9,7 @@ use super::order::Order;
 use super::outcome::{InverseDynamicsSettings, Unknowns};
 use super::solver::FirstLevel;
 
-/// The problem in fewer unknowns `z`, of which all accelerations and forces follow: `x = offset + map z`.
+/// The problem in fewer unknowns `z`, which determine all accelerations and forces: `x = offset + map z`.
 ///
 /// ```text
 /// accelerations alone   x = (a, 0)
@@ -18,7 +18,7 @@ use super::solver::FirstLevel;
 #[derive(Debug)]
 pub(super) struct Reduced {
     unknowns: Unknowns,
-    /// Index of the first unknown that is kept.
+    /// Index of the first unknown kept.
     first: usize,
     map: DMatrix<f64>,
     offset: DVector<f64>,
@@ -30,7 +30,7 @@ pub(super) struct Reduced {
 }
 
 impl Reduced {
-    /// The reduced problem, and its structure; `None` with all unknowns.
+    /// Creates the reduced problem and its structure; `None` if all unknowns are kept.
     pub(super) fn new(
         order: &Order,
         settings: &InverseDynamicsSettings,
@@ -80,7 +80,7 @@ impl Reduced {
         &self.map
     }
 
-    /// Evaluates the map at a state: forces move the base of a robot whose joints rest.
+    /// Evaluates the map at a state: contact forces move the base of a robot whose joints rest.
     pub(super) fn update_map(&mut self, order: &Order, mass: &DMatrix<f64>, posed: &Problem) {
         if self.unknowns != Unknowns::Forces || order.base != 6 {
             return;
@@ -98,7 +98,7 @@ impl Reduced {
         self.offset.rows_mut(0, 6).copy_from(&at_rest);
     }
 
-    /// Writes the reduced problem of `posed`, whose Hessian is symmetrised.
+    /// Writes the reduced problem of `posed`, and symmetrises the Hessian of `posed`.
     pub(super) fn pose(&mut self, order: &Order, posed: &mut Problem) -> &Problem {
         let Self { unknowns, first, map, offset, problem, product, slope, .. } = self;
         posed.hessian.fill_lower_triangle_with_upper_triangle();
@@ -151,7 +151,7 @@ impl Reduced {
     /// Computes the forces for the accelerations of `x`, if they are not unknowns, within `most` iterations.
     ///
     /// # Errors
-    /// The solver reached its limit.
+    /// If the solver reached its limit.
     pub(super) fn distribute(
         &mut self,
         order: &Order,

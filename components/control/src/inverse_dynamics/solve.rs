@@ -12,8 +12,8 @@ impl InverseDynamics {
     /// Solves the assembled problem.
     ///
     /// # Errors
-    /// [`InverseDynamicsError`]: the constraints are infeasible and may not be relaxed, or the solver reached
-    /// its limit.
+    /// [`InverseDynamicsError`] if the constraints are infeasible and may not be relaxed, or the solver
+    /// reached its limit.
     pub fn solve(&mut self) -> Result<&InverseDynamicsSolution, InverseDynamicsError> {
         (self.solution.slack, self.solution.undecided, self.solution.iterations) = (None, 0, 0);
         match self.solve_returning()? {
@@ -89,8 +89,8 @@ impl InverseDynamics {
     }
 }
 
-/// Adjusts a relaxed problem so that it always has a solution, without torques and forces: no sole has to be
-/// loaded. Friction cones become the inscribed pyramids that the active-set solver supports.
+/// Adjusts a relaxed problem so that zero torques and forces are always a solution: soles have no minimum
+/// load. Friction cones become the inscribed pyramids that the active-set solver supports.
 fn unload(order: &Order, posed: &Problem, relaxed: &mut Problem) {
     for wrench in order.first_limit() - order.wrenches.len()..order.first_limit() {
         relaxed.row_lower[wrench] = relaxed.row_lower[wrench].min(0.0);
@@ -103,7 +103,7 @@ fn unload(order: &Order, posed: &Problem, relaxed: &mut Problem) {
     }
 }
 
-/// Number of inequalities with a force on the solution.
+/// Number of inequalities that act on the solution.
 fn active(solution: &Solution) -> usize {
     solution.row_dual.iter().chain(solution.bound_dual.iter()).filter(|dual| **dual != 0.0).count()
 }

@@ -48,7 +48,7 @@ impl FirstLevel {
         Self::Cones(Box::new(solver))
     }
 
-    /// Sides on which faces of pyramids bound.
+    /// Sides on which the faces of pyramids are bounded.
     pub(super) fn faces(cones: bool) -> Sides {
         if cones { Sides::Neither } else { Sides::Upper }
     }
@@ -86,7 +86,7 @@ impl FirstLevel {
         }
     }
 
-    /// The rows and bounds of the working set with their multipliers, as the last solve left them.
+    /// Rows and bounds in the working set after the last solve, with their multipliers.
     pub(super) fn working_set(&self) -> impl Iterator<Item = (Constraint, f64)> {
         let solver = match self {
             Self::Pyramids(solver) => Some(solver),
@@ -102,7 +102,7 @@ impl FirstLevel {
         }
     }
 
-    /// Calls `visit` with each inequality and cone that has a force on the last solution.
+    /// Calls `visit` with each inequality and cone that acts on the last solution.
     pub(super) fn visit_active(&self, visit: &mut dyn FnMut(Constraint)) {
         match self {
             Self::Pyramids(solver) => solver.solution().visit_active(visit),

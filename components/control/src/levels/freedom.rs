@@ -1,8 +1,9 @@
-//! The motions that the levels above leave open.
+//! The motions left free by the levels above.
 
 use nalgebra::{DMatrix, DVector};
 
-/// A direction is free if the rows of a level have less of it than this, relative to the longest row.
+/// A direction is free if its component in the rows of a level is smaller than this, relative to the longest
+/// row.
 const UNSEEN: f64 = 1e-7;
 
 /// Weighted rows `W A` of the tasks of one level, and `W b`, up to a fixed capacity.
@@ -16,7 +17,7 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// Room for `most` rows over `variables` unknowns.
+    /// Creates a buffer for `most` rows over `variables` unknowns.
     pub(crate) fn new(variables: usize, most: usize) -> Self {
         Self { transposed: DMatrix::zeros(variables, most), desired: DVector::zeros(most), count: 0 }
     }
@@ -31,7 +32,7 @@ impl Rows {
         rows.zip(self.desired.iter().copied()).take(self.count)
     }
 
-    /// Appends a zero row with the target `desired`, to be filled.
+    /// Appends a zero row with the target `desired` and returns it for writing.
     ///
     /// # Panics
     /// If a task writes more rows than declared.
@@ -45,7 +46,8 @@ impl Rows {
     }
 }
 
-/// A basis of the motions that no level has decided so far; orthonormal if all motions were free initially.
+/// A basis of the motions that no level has determined so far; orthonormal if all motions were free
+/// initially.
 #[derive(Clone, Debug)]
 pub(crate) struct Freedom {
     /// n x n; the first `count` columns are the basis, the others zero.
@@ -67,20 +69,20 @@ impl Freedom {
         }
     }
 
-    /// Every motion is open.
+    /// Makes every motion free.
     pub(crate) fn open(&mut self) {
         self.basis.fill_with_identity();
         self.count = self.basis.nrows();
     }
 
-    /// The motions that the columns of `map` span are open, n x at most n.
+    /// Makes the motions spanned by the columns of `map` free, n x at most n.
     pub(crate) fn open_to(&mut self, map: &DMatrix<f64>) {
         self.basis.fill(0.0);
         self.basis.columns_mut(0, map.ncols()).copy_from(map);
         self.count = map.ncols();
     }
 
-    /// Number of open directions.
+    /// Number of free directions.
     pub(crate) fn count(&self) -> usize {
         self.count
     }
@@ -185,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn levels_close_one_after_the_other_until_nothing_is_open() {
+    fn levels_remove_directions_until_none_is_free() {
         let mut freedom = Freedom::new(3, 2);
         for (level, open) in
             [(rows(&[&[1.0, 1.0, 0.0]]), 2), (rows(&[&[1.0, 1.0, 1.0], &[2.0, 2.0, 0.0]]), 1)]

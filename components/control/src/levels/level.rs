@@ -7,12 +7,12 @@ use nalgebra::DVector;
 
 use super::{Freedom, Rows};
 
-/// A level has no solution.
+/// Error of a level without a solution.
 #[derive(Debug)]
 pub(crate) enum LevelError {
-    /// Its numbers cannot be used.
+    /// Its numbers are invalid.
     Pose(UpdateError),
-    /// The solver found none.
+    /// The solver found no solution.
     Solve(SolveError),
 }
 
@@ -34,13 +34,13 @@ pub(crate) trait SolveLevel {
     fn reset(&mut self);
 }
 
-/// Tasks of one level: their cost on the joint velocity, and the rows that decide motions.
+/// Tasks of one level: their cost on the joint velocity, and the rows that determine motions.
 #[derive(Debug)]
 pub(crate) struct Level {
     /// Cost on the joint velocity, without limits.
     pub(crate) cost: Problem,
     pub(crate) rows: Rows,
-    /// Regularisation: cost of each unknown. It decides no motion.
+    /// Regularisation: cost of each unknown. It determines no motion.
     pub(crate) damping: f64,
 }
 
@@ -50,7 +50,7 @@ impl Level {
         Self { cost: Problem::new(&Structure::new(variables)), rows: Rows::new(variables, rows), damping }
     }
 
-    /// Starts a tick without a task.
+    /// Starts a tick without tasks.
     pub(crate) fn begin(&mut self) {
         self.cost.hessian.fill(0.0);
         self.cost.hessian.fill_diagonal(self.damping);
@@ -59,10 +59,10 @@ impl Level {
     }
 }
 
-/// Solves a level within the motions that are open to it.
+/// Solves a level within the motions that are free for it.
 ///
-/// With `v` the velocity decided so far and `Z` the basis of the open motions, the level decides `z` of `v +
-/// Z z`:
+/// With `v` the velocity determined so far and `Z` the basis of the free motions, the level computes `z` of
+/// `v + Z z`:
 ///
 /// ```text
 /// minimise   1/2 z' (Z'PZ) z + (Z'(P v + q))' z
@@ -102,7 +102,7 @@ impl LevelSolver {
     /// Adds to `velocity` the optimal motion of the level, within the bounds and rows of `limits`.
     ///
     /// # Errors
-    /// The level has no solution; `velocity` keeps the solution of the levels above.
+    /// If the level has no solution; `velocity` keeps the solution of the levels above.
     pub(crate) fn solve(
         &mut self,
         level: &mut Level,
@@ -125,7 +125,7 @@ impl LevelSolver {
         let problem = &mut self.problem;
         problem.hessian.fill_with_identity();
         problem.gradient.fill(0.0);
-        // column by column: a product of whole matrices would allocate
+        // column by column, because a product of whole matrices would allocate
         for (j, direction) in basis.column_iter().enumerate() {
             self.product.gemv(1.0, &cost.hessian, &direction, 0.0);
             for (i, other) in basis.columns(0, j + 1).column_iter().enumerate() {
@@ -168,7 +168,7 @@ impl LevelSolver {
         Ok(())
     }
 
-    /// Bounds the iterations of the next solve.
+    /// Limits the iterations of the next solve.
     pub(crate) fn set_max_iterations(&mut self, most: u32) {
         self.solver.set_max_iterations(Some(most));
     }

@@ -18,7 +18,7 @@ use nalgebra::DMatrix;
 /// The levels below the first, with their solvers.
 #[derive(Debug)]
 pub(crate) struct LowerLevels<S> {
-    /// Rows that the first level decides: exact rows and its tasks.
+    /// Rows determined by the first level: exact rows and its tasks.
     pub(crate) first: Rows,
     levels: Vec<Level>,
     solvers: Vec<S>,
@@ -26,8 +26,8 @@ pub(crate) struct LowerLevels<S> {
 }
 
 impl<S: SolveLevel> LowerLevels<S> {
-    /// Creates levels whose tasks have at most `rows` rows, highest first; the first one has `exact` rows in
-    /// addition. `None` if there is only one level.
+    /// Creates levels whose tasks have at most `rows` rows each, highest first. The first level has `exact`
+    /// rows in addition. Returns `None` if there is only one level.
     pub(crate) fn new(
         variables: usize,
         exact: usize,
@@ -45,23 +45,23 @@ impl<S: SolveLevel> LowerLevels<S> {
         })
     }
 
-    /// Starts a tick without a task.
+    /// Starts a tick without tasks.
     pub(crate) fn begin(&mut self) {
         self.first.clear();
         self.levels.iter_mut().for_each(Level::begin);
     }
 
-    /// The costs of the levels, to be written.
+    /// Returns the costs of the levels for writing.
     pub(crate) fn costs_mut(&mut self) -> impl Iterator<Item = &mut Problem> {
         self.levels.iter_mut().map(|level| &mut level.cost)
     }
 
-    /// Decides the levels one after the other by `solve`, which adds the motion of a level to the solution.
-    /// Motions are open if the columns of `open` span them; `None` for all. Returns the number of levels
-    /// without a solution: those above keep theirs.
+    /// Solves the levels in order with `solve`, which adds the motion of a level to the solution. The columns
+    /// of `open` span the motions that are free initially; `None` for all. Returns the number of levels
+    /// without a solution; the levels above them keep theirs.
     ///
     /// # Errors
-    /// The numbers of a level cannot be used.
+    /// If the numbers of a level are invalid.
     pub(crate) fn solve(
         &mut self,
         open: Option<&DMatrix<f64>>,
@@ -110,10 +110,10 @@ pub(crate) fn set_damping<S>(below: &mut Option<LowerLevels<S>>, damping: &[f64]
     damping[0]
 }
 
-/// Cost of a level, 0 for the highest, and its rows if there are levels below the first.
+/// Returns the cost of a level, 0 for the highest, and its rows if there are levels below the first.
 ///
 /// # Panics
-/// If there is no such level.
+/// If the level does not exist.
 pub(crate) fn level<'a, S>(
     below: &'a mut Option<LowerLevels<S>>,
     first: &'a mut Problem,

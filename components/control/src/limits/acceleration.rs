@@ -22,10 +22,10 @@ use crate::checks::{in_range, per_joint};
 /// ```
 ///
 /// `b` is the speed from which a deceleration of `a` joins the exponential approach of [`PositionLimit`],
-/// whose `rate` and `margin` it shares. Limits of positions and velocities take precedence. Unlike those,
-/// this limit excludes immediate rest of a moving joint;
+/// with the same `rate` and `margin`. Limits of positions and velocities take precedence. Unlike them, this
+/// limit does not let a moving joint stop immediately.
 /// [`DifferentialIk::add_acceleration_limit`](crate::DifferentialIk::add_acceleration_limit) drops it if
-/// constraints contradict it.
+/// other constraints contradict it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AccelerationLimit {
     position: PositionLimit,
@@ -66,10 +66,10 @@ impl AccelerationLimit {
         }
     }
 
-    /// Maximum speed `b` of approach to a position limit at a distance.
+    /// Returns the maximum speed `b` of approach to a position limit at a distance.
     fn approach(&self, left: f64, most: f64, dt: f64) -> f64 {
         let (left, rate) = (left.max(0.0), self.position.rate.min(dt.recip()));
-        // in discrete steps the parabola requires slightly more than its own deceleration
+        // in discrete steps the parabola requires slightly more than the nominal deceleration
         let most = most * (1.0 - 0.5 * rate * dt);
         let slow = most / rate;
         if left * rate <= slow { rate * left } else { (2.0 * most * left - slow * slow).sqrt() }
@@ -94,7 +94,7 @@ with_defaults! {
 }
 
 impl AccelerationConfig {
-    /// The limit, checked.
+    /// Converts and checks the limit.
     pub(crate) fn build(
         &self,
         model: &Model,

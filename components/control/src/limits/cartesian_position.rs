@@ -1,4 +1,4 @@
-//! The origin of a frame stays on one side of planes.
+//! Keeps the origin of a frame on one side of planes.
 
 use motorium_robots::{FrameId, Model, Reference};
 use nalgebra::{Matrix6xX, Unit, Vector3};
@@ -28,14 +28,14 @@ pub struct CartesianPositionLimit {
 }
 
 impl CartesianPositionLimit {
-    /// A limit for `frame` of `model` and these planes: the normal, which points out of the half-space, and
-    /// the offset `d` along it \[m\]. The default rate is 5 1/s.
+    /// Creates a limit for `frame` of `model` and these planes, each with the normal that points out of the
+    /// half-space and the offset `d` along it \[m\]. The default rate is 5 1/s.
     pub fn new(model: &Model, frame: FrameId, planes: Vec<(Unit<Vector3<f64>>, f64)>) -> Self {
         Self { frame, rate: 5.0, margin: 0.0, planes, jacobian: Matrix6xX::zeros(model.nv()) }
     }
 
-    /// Within a box along the axes of the world, between two corners \[m\]; an infinite coordinate does not
-    /// bound.
+    /// Creates a limit to a box along the axes of the world, between two corners \[m\]. An infinite
+    /// coordinate is not limited.
     pub fn within(model: &Model, frame: FrameId, lower: Vector3<f64>, upper: Vector3<f64>) -> Self {
         let mut planes = Vec::with_capacity(6);
         for (axis, unit) in [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()].into_iter().enumerate()

@@ -1,4 +1,4 @@
-//! Frames stay within a largest velocity.
+//! Velocity limits of frames.
 
 use motorium_robots::{FrameId, Model, Reference};
 use nalgebra::Matrix6xX;
@@ -6,14 +6,14 @@ use nalgebra::Matrix6xX;
 use super::{LimitRows, RowLimit};
 use crate::RobotState;
 
-/// The velocity of a frame stays within bounds along each axis of the world:
+/// Keeps the velocity of a frame within bounds along each axis of the world:
 ///
 /// ```text
 /// -linear  <= J_v v <= linear                     m/s
 /// -angular <= J_w v <= angular                    rad/s
 /// ```
 ///
-/// (OpenSoT's constraint.) An infinite bound leaves its three rows out.
+/// (OpenSoT's constraint.) An infinite bound omits its three rows.
 #[derive(Clone, Debug)]
 pub struct CartesianVelocityLimit {
     frame: FrameId,
@@ -23,8 +23,8 @@ pub struct CartesianVelocityLimit {
 }
 
 impl CartesianVelocityLimit {
-    /// A limit for `frame` of `model`: `linear` \[m/s\] and `angular` \[rad/s\], at least 0, along and about
-    /// each axis.
+    /// Creates a limit for `frame` of `model`: `linear` \[m/s\] and `angular` \[rad/s\], at least 0, along
+    /// and about each axis.
     pub fn new(model: &Model, frame: FrameId, linear: f64, angular: f64) -> Self {
         Self { frame, linear, angular, jacobian: Matrix6xX::zeros(model.nv()) }
     }

@@ -1,4 +1,4 @@
-//! The centre of mass stays within a largest velocity.
+//! Velocity limits of the centre of mass.
 
 use motorium::declare::ConfigError;
 use motorium_robots::Model;
@@ -10,13 +10,13 @@ use super::{LimitRows, RowLimit};
 use crate::RobotState;
 use crate::checks::in_range;
 
-/// The velocity of the centre of mass stays within bounds along each axis of the world:
+/// Keeps the velocity of the centre of mass within bounds along each axis of the world:
 ///
 /// ```text
 /// -most <= J_com v <= most                                m/s
 /// ```
 ///
-/// (OpenSoT's constraint.) An infinite bound leaves its axis free.
+/// (OpenSoT's constraint.) An infinite bound omits its axis.
 #[derive(Clone, Debug)]
 pub struct CentreOfMassVelocityLimit {
     most: Vector3<f64>,
@@ -24,7 +24,7 @@ pub struct CentreOfMassVelocityLimit {
 }
 
 impl CentreOfMassVelocityLimit {
-    /// A limit for `model`: the largest speeds along x, y and z of the world \[m/s\], at least 0.
+    /// Creates a limit for `model` with the largest speeds along x, y and z of the world \[m/s\], at least 0.
     pub fn new(model: &Model, most: Vector3<f64>) -> Self {
         Self { most, jacobian: Matrix3xX::zeros(model.nv()) }
     }
@@ -58,7 +58,7 @@ pub struct CentreOfMassLimitConfig {
 }
 
 impl CentreOfMassLimitConfig {
-    /// The limit, checked.
+    /// Converts and checks the limit.
     pub(crate) fn build(&self, model: &Model) -> Result<CentreOfMassVelocityLimit, ConfigError> {
         let key = "limits.centre_of_mass_velocity";
         let axis = |name: &str, speed: Option<f64>| {
@@ -67,7 +67,7 @@ impl CentreOfMassLimitConfig {
         let most = Vector3::new(axis("x", self.x)?, axis("y", self.y)?, axis("z", self.z)?);
         if most.iter().all(|speed| speed.is_infinite()) {
             return Err(ConfigError::key(key, "it limits nothing")
-                .advise("give the largest speed along some axis, such as `x = 0.2`"));
+                .advise("give the largest speed along at least one axis, such as `x = 0.2`"));
         }
         if model.mass() <= 0.0 {
             let message = format!("robot `{}` has no mass, so no centre of mass", model.name());

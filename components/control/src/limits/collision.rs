@@ -27,7 +27,7 @@ with_defaults! {
     pub rate: f64 = 5.0;
     /// Maximum separation speed of pairs that are too close \[m/s\]. Default 0.01.
     pub recovery: f64 = 0.01;
-    /// Largest number of pairs, the nearest ones. Default 16.
+    /// Maximum number of pairs; the nearest ones are used. Default 16.
     pub pairs: usize = 16;
 }
 
@@ -40,14 +40,15 @@ const WITNESSES: usize = 32;
 /// dd/dq v  >=  -min(rate, 1/dt) (d - distance)                    m/s, at most recovery
 /// ```
 ///
-/// with the distance `d` of a pair and its slope (Faverjon and Tournassoud, *A local based approach for path
-/// planning of manipulators with a high number of degrees of freedom*, 1987). Pairs that are too close
-/// separate at up to `recovery`, or stay if other limits prevent this. The motion of an obstacle is not part
-/// of `dd/dq v`: the robot does not approach the obstacle, and evades it at up to `recovery`.
+/// with the distance `d` of a pair and its gradient (Faverjon and Tournassoud, *A local based approach for
+/// path planning of manipulators with a high number of degrees of freedom*, 1987). Pairs that are too close
+/// separate at up to `recovery`, or stay if other limits prevent this. `dd/dq v` does not include the motion
+/// of an obstacle: the robot does not approach the obstacle, and evades it at up to `recovery`.
 ///
 /// For pairs with flat faces or edges, the gradient at the nearest points does not cover the corner that is
 /// nearest after the next step. The nearest pairs therefore have an additional row per
-/// [witness](Collisions::witnesses), 32 in total: two pairs all of them, a third at least eight.
+/// [witness](Collisions::witnesses), 32 in total: enough for all witnesses of two pairs, and at least eight
+/// of a third.
 ///
 /// If only a [bound](Proximity::is_bound) of a distance is known, the solids neither approach each other
 /// beyond it nor separate.
@@ -74,7 +75,7 @@ pub struct CollisionLimit {
     nearest: Vec<Proximity>,
     witnesses: Vec<Proximity>,
     row: Vec<f64>,
-    /// Objects of the world that move, each with its solid.
+    /// Moving objects of the world, each with its solid.
     objects: Vec<(usize, usize, Isometry3<f64>)>,
 }
 
@@ -92,8 +93,8 @@ impl CollisionLimit {
         }
     }
 
-    /// The same limit with obstacles that [`move_object`](RowLimit::move_object) moves: index of the object
-    /// in the world, of its solid in the collision model, and frame of the solid in the object.
+    /// Adds obstacles that [`move_object`](RowLimit::move_object) moves: index of the object in the world,
+    /// index of its solid in the collision model, and frame of the solid in the object.
     #[must_use]
     pub fn objects(mut self, objects: impl IntoIterator<Item = (usize, usize, Isometry3<f64>)>) -> Self {
         self.objects = objects.into_iter().collect();
@@ -121,7 +122,7 @@ impl RowLimit for CollisionLimit {
         for points in nearest.iter().chain(&*witnesses) {
             collisions.distance_jacobian(state.model, state.kinematics, points, row);
             let left = points.distance - settings.distance;
-            // a bound may be far below the distance and is no reason to separate
+            // a bound may be far below the actual distance and does not justify a separation
             let left = if points.is_bound { left.max(0.0) } else { left };
             rows.push_barrier(row.iter().copied(), left, rate, settings.recovery);
         }
@@ -158,19 +159,19 @@ with_defaults! {
     pub range: f64 = CollisionSettings::default().range;
     /// Fraction of the remaining distance that may be covered per second, 1/s, at least 1e-3. Default 5.
     pub rate: f64 = CollisionSettings::default().rate;
-    /// Speed with which pairs that are nearer than `distance` part, m/s, at most, 0 to 1. Default 0.01.
+    /// Maximum speed at which pairs nearer than `distance` separate, m/s, 0 to 1. Default 0.01.
     pub recovery: f64 = CollisionSettings::default().recovery;
-    /// Largest number of pairs of solids, the nearest ones, 1 to 256. Default 16.
+    /// Maximum number of pairs of solids; the nearest ones are used, 1 to 256. Default 16.
     pub pairs: usize = CollisionSettings::default().pairs;
-    /// Level ground for the minimum distances: its height, m, or "world", the ground of the world. Default:
-    /// no ground.
+    /// Level ground for the minimum distances: its height, m, or "world" for the ground of the world.
+    /// Default: no ground.
     pub ground: Option<LevelGround> = None;
     /// Objects of the world for the minimum distances: a list of names, or "all". If one of them has a mass,
-    /// the input `object_poses` is required. Default: none.
+    /// the input `object_poses` is required. Default: no objects.
     pub objects: Option<WorldObjects> = None;
-    /// Pairs of links, or of a link and "ground" or an object, that do not count. Pairs of links, and of
-    /// links and the ground, that are nearer than `distance` at home never count: they are so by the build of
-    /// the robot.
+    /// Pairs of links, or of a link and "ground" or an object, to ignore. Pairs of links, and of links and
+    /// the ground, that are nearer than `distance` at the home pose are always ignored: the robot is built
+    /// like this.
     pub ignore: Vec<[String; 2]> = Vec::new();
 }
 
@@ -188,7 +189,7 @@ pub enum LevelGround {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OfWorld {
-    /// As the world has it.
+    /// Ground of the world.
     World,
 }
 
@@ -348,7 +349,7 @@ impl LevelGround {
             (Self::Height(height), ..) => Ok(height),
             (Self::World(_), Some(ground), _) => Ok(ground.height),
             (Self::World(_), None, terrain) => {
-                let found = if terrain.is_some() { "a terrain, no level ground" } else { "no ground" };
+                let found = if terrain.is_some() { "a terrain instead of level ground" } else { "no ground" };
                 Err(ConfigError::key(key, format!("the world has {found}"))
                     .advise("give the height of a level ground instead, such as 0.0"))
             }
@@ -356,8 +357,8 @@ impl LevelGround {
     }
 }
 
-/// Leaves out the pairs of links, and of links and the ground, that are nearer than `distance` at home. A
-/// link so near to an object is refused by `refusal`: a limit for it would be lost without a word.
+/// Removes the pairs of links, and of links and the ground, that are nearer than `distance` at the home pose.
+/// A link that is this near to an object is an error, since its limit would be dropped silently.
 fn leave_out_near(
     solids: &mut CollisionModel,
     model: &Model,

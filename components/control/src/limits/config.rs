@@ -16,7 +16,7 @@ pub struct LimitsConfig {
     pub position: PositionLimit,
     /// Joint velocities.
     pub velocity: VelocityLimit,
-    /// Joint accelerations, without `inverse_dynamics`. Default: none are limited.
+    /// Joint accelerations, without `inverse_dynamics`. Default: no limits.
     pub acceleration: Option<AccelerationConfig>,
     /// Boxes and speeds of frames.
     pub frames: Vec<FrameLimitConfig>,

@@ -10,19 +10,19 @@ use super::{CartesianPositionLimit, CartesianVelocityLimit, RowLimit};
 use crate::checks::in_range;
 
 with_defaults! {
-    /// Limits of one frame, in all levels of tasks: a box of the world that its origin does not leave, and
-    /// largest velocities.
+    /// Limits of one frame, in all levels of tasks: a box of the world for its origin, and largest
+    /// velocities.
     #[derive(Debug, Clone, Deserialize, JsonSchema)]
     #[serde(default, deny_unknown_fields)]
     pub struct FrameLimitConfig;
 
     /// Link whose frame is limited. Default: the robot's only end effector.
     pub frame: Option<String> = None;
-    /// Least and largest coordinate of its origin along x of the world, m. Default: no limit.
+    /// Smallest and largest coordinate of its origin along x of the world, m. Default: no limit.
     pub x: Option<[f64; 2]> = None;
-    /// The same along y.
+    /// Smallest and largest coordinate along y, m. Default: no limit.
     pub y: Option<[f64; 2]> = None;
-    /// The same along z.
+    /// Smallest and largest coordinate along z, m. Default: no limit.
     pub z: Option<[f64; 2]> = None;
     /// Distance kept from the sides of the box, m, at least 0. Default 0.
     pub margin: f64 = 0.0;
@@ -55,9 +55,8 @@ impl FrameLimitConfig {
             let Some([least, most]) = range else { continue };
             if most - least < 2.0 * margin {
                 let message = format!("from {least} to {most}, with a margin of {margin}");
-                return Err(
-                    ConfigError::key(key(name), message).advise("the least first, and room between both")
-                );
+                return Err(ConfigError::key(key(name), message)
+                    .advise("give the smaller one first, with room between them"));
             }
             (lower[axis], upper[axis]) = (least, most);
         }

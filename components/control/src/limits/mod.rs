@@ -33,8 +33,8 @@ use motorium_qp::Problem;
 
 use crate::RobotState;
 
-/// Bounds on the joint velocity `v` \[rad/s or m/s\] that always admit `v = 0`, so that any set of limits has
-/// a solution whatever the state.
+/// Bounds on the joint velocity `v` \[rad/s or m/s\] that always admit `v = 0`. Any set of such limits is
+/// therefore feasible in every state.
 pub trait Limit {
     /// Intersects the bounds of `problem`, whose unknowns are the joint velocities, with this limit for a
     /// tick of `dt` seconds.

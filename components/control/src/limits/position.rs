@@ -1,4 +1,4 @@
-//! Joints stay within their position limits.
+//! Position limits of joints.
 
 use motorium_qp::Problem;
 use schemars::JsonSchema;
@@ -23,8 +23,8 @@ with_defaults! {
 
     /// Fraction of the remaining distance that may be covered per second, 1/s, at least 1e-3. Default 20.
     pub rate: f64 = 20.0;
-    /// Distance kept from the limits of the robot, rad or m, at least 0; at most half the range is taken.
-    /// Default 0.
+    /// Distance kept from the limits of the robot, rad or m, at least 0; limited to half the range. Default
+    /// 0.
     pub margin: f64 = 0.0;
 }
 

@@ -5,8 +5,8 @@ use nalgebra::{DMatrix, Isometry3};
 
 use crate::RobotState;
 
-/// Bounds on combinations of the velocities, `lower <= G v <= upper`. They admit `v = 0`, except where
-/// something beyond its limit must [return](LimitRows::push_barrier).
+/// Bounds on combinations of the velocities, `lower <= G v <= upper`. They admit `v = 0`, except where a row
+/// beyond its limit must [return](LimitRows::push_barrier).
 pub trait RowLimit {
     /// Maximum number of rows of `G`.
     fn rows(&self) -> usize;
@@ -36,11 +36,11 @@ impl<'a> LimitRows<'a> {
         Self { problem, next: first, end: first + count }
     }
 
-    /// Appends the row `lower <= row v <= upper`, where `row` has an entry for each velocity. Zero is kept
-    /// within the bounds.
+    /// Appends the row `lower <= row v <= upper`, where `row` has an entry for each velocity. The bounds are
+    /// widened to include zero.
     ///
     /// # Panics
-    /// If the limit has no more rows.
+    /// If the limit has no rows left.
     pub fn push(&mut self, row: impl IntoIterator<Item = f64>, lower: f64, upper: f64) {
         self.write(row, lower.min(0.0), upper.max(0.0));
     }
@@ -58,16 +58,17 @@ impl<'a> LimitRows<'a> {
     /// place. A distance that is NaN counts as 0.
     ///
     /// # Panics
-    /// If the limit has no more rows.
+    /// If the limit has no rows left.
     pub fn push_barrier(&mut self, row: impl IntoIterator<Item = f64>, left: f64, rate: f64, recovery: f64) {
         let left = if left.is_nan() { 0.0 } else { left };
         self.write(row, (-rate * left).min(recovery), f64::INFINITY);
     }
 
-    /// The same for a `row` along which the distance shrinks: `row v <= max(rate left, -recovery)`.
+    /// Appends a control barrier for a `row` along which the distance shrinks: `row v <= max(rate left,
+    /// -recovery)`.
     ///
     /// # Panics
-    /// If the limit has no more rows.
+    /// If the limit has no rows left.
     pub fn push_upper_barrier(
         &mut self,
         row: impl IntoIterator<Item = f64>,
@@ -80,7 +81,7 @@ impl<'a> LimitRows<'a> {
     }
 
     fn write(&mut self, row: impl IntoIterator<Item = f64>, lower: f64, upper: f64) {
-        assert!(self.next < self.end, "a limit writes more rows than it has");
+        assert!(self.next < self.end, "limit writes more rows than its capacity");
         for (entry, value) in self.problem.row_matrix.row_mut(self.next).iter_mut().zip(row) {
             *entry = value;
         }

@@ -1,4 +1,4 @@
-//! The centre of mass, or the capture point, stays above the support.
+//! Keeps the centre of mass, or the capture point, above the support.
 
 use motorium::declare::ConfigError;
 use motorium_robots::{Model, convex_corners};
@@ -16,7 +16,7 @@ pub enum Supported {
     /// Centre of mass, which may cover this fraction of the remaining distance to an edge per second \[1/s\].
     CentreOfMass(f64),
     /// The capture point `c + c' / o`, with `o = sqrt(gravity / h)` and the height `h` of the centre of mass
-    /// above the ground: the robot can always come to rest without a step.
+    /// above the ground. The robot can always come to rest without a step.
     CapturePoint {
         /// Acceleration of free fall \[m/s2\].
         gravity: f64,
@@ -25,16 +25,16 @@ pub enum Supported {
     },
 }
 
-/// The centre of mass `c` of the robot, or its capture point, stays above the convex hull of some points of
-/// the ground, less a margin. For each edge of the hull, with its outward normal `n` of length 1 and its
-/// place `d = n' p`,
+/// Keeps the centre of mass `c` of the robot, or its capture point, above the convex hull of points on the
+/// ground, less a margin. For each edge of the hull, with its outward unit normal `n` and its offset `d = n'
+/// p`,
 ///
 /// ```text
 /// n' J_com v  <=  rate max(d - margin - n' c, 0)       x and y of the world; rate of the centre of mass, 1/s
 /// ```
 ///
-/// (OpenSoT's convex hull and capture point: `n' (c + c' / o) <= d - margin` is the same with the rate `o`).
-/// No rate is larger than one step allows. Outside of the hull it may stay or come back.
+/// (OpenSoT's convex hull and capture point: `n' (c + c' / o) <= d - margin` is equivalent with the rate
+/// `o`.) Rates are limited to what one step allows. Outside the hull the point may stay or return.
 ///
 /// ```
 /// use motorium_control::limits::{SupportLimit, Supported};
@@ -55,13 +55,13 @@ pub struct SupportLimit {
     /// Points in order, and the corners of their hull, counter-clockwise.
     points: Vec<Vector2<f64>>,
     corners: Vec<Vector2<f64>>,
-    /// Outward normals and places of the edges.
+    /// Outward normals and offsets of the edges.
     edges: Vec<(Vector2<f64>, f64)>,
     jacobian: Matrix3xX<f64>,
 }
 
 impl SupportLimit {
-    /// Creates a limit for `model` with up to `most` support points. Without a support it does not bound.
+    /// Creates a limit for `model` with up to `most` support points. Without support points it has no effect.
     pub fn new(model: &Model, most: usize, supported: Supported) -> Self {
         Self {
             supported,
@@ -74,7 +74,7 @@ impl SupportLimit {
         }
     }
 
-    /// Keeps a distance from the edges \[m\].
+    /// Sets the distance kept from the edges \[m\].
     #[must_use]
     pub fn margin(mut self, margin: f64) -> Self {
         self.margin = margin;
@@ -82,12 +82,12 @@ impl SupportLimit {
     }
 
     /// Sets the points of the support \[m, x and y of the world\] in any order. Fewer than three points, or
-    /// collinear points, do not bound. Does not allocate.
+    /// collinear points, disable the limit. Does not allocate.
     ///
     /// # Panics
     /// If there are more points than the capacity.
     pub fn set_support(&mut self, points: &[Vector2<f64>]) {
-        assert!(points.len() <= self.most, "{} points of a support of {}", points.len(), self.most);
+        assert!(points.len() <= self.most, "{} support points, expected at most {}", points.len(), self.most);
         self.points.clear();
         self.points.extend_from_slice(points);
         let corners = &mut self.corners;
@@ -133,12 +133,12 @@ impl RowLimit for SupportLimit {
 }
 
 with_defaults! {
-    /// A point of the robot that stays above the convex hull of its support, in all levels.
+    /// A point of the robot that must stay above the convex hull of its support, in all levels.
     #[derive(Debug, Clone, Deserialize, JsonSchema)]
     #[serde(default, deny_unknown_fields)]
     pub struct SupportConfig;
 
-    /// The point. Default "centre_of_mass".
+    /// Point to keep above the support. Default "centre_of_mass".
     pub of: SupportedPoint = SupportedPoint::CentreOfMass;
     /// Distance kept from the edges of the hull, m, at least 0. Default 0.01.
     pub margin: f64 = 0.01;
@@ -147,12 +147,12 @@ with_defaults! {
     pub rate: f64 = 5.0;
     /// For the capture point: height of the ground, m. Default 0.
     pub ground: f64 = 0.0;
-    /// Points of the support, x and y of the world, m. Default: the points of the contacts of
-    /// `inverse_dynamics` that are switched on.
+    /// Points of the support, x and y of the world, m. Default: the points of the active contacts of
+    /// `inverse_dynamics`.
     pub points: Option<Vec<[f64; 2]>> = None;
 }
 
-/// A point that stays above the support.
+/// Point to keep above the support.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SupportedPoint {
@@ -195,11 +195,11 @@ impl SupportConfig {
         let mut limit = SupportLimit::new(model, most, supported).margin(margin);
         limit.set_support(&points);
         if !follows && limit.edges().is_empty() {
-            let message = format!("{} points without an area between them", points.len());
+            let message = format!("{} points that span no area", points.len());
             return Err(ConfigError::key(key("points"), message).advise("give at least three corners"));
         }
         if follows && most < 3 {
-            let message = format!("the contacts have {most} points, which support no area");
+            let message = format!("the contacts have {most} points, which span no area");
             return Err(ConfigError::key(key("points"), message)
                 .advise("give at least three `points`, or add contacts to `inverse_dynamics`"));
         }

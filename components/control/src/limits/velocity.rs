@@ -1,4 +1,4 @@
-//! Joints stay within their velocity limits.
+//! Velocity limits of joints.
 
 use motorium_qp::Problem;
 use schemars::JsonSchema;
@@ -8,7 +8,7 @@ use super::Limit;
 use crate::RobotState;
 
 with_defaults! {
-    /// Joint velocities stay within a fraction of the model's limits:
+    /// Keeps joint velocities within a fraction of the model's limits:
     ///
     /// ```text
     /// -fraction v_max <= v <= fraction v_max

@@ -33,7 +33,7 @@ with_defaults! {
     pub rotational_stiffness: f64 = 10.0;
     /// Largest displacement \[m\]. Default 0.2.
     pub max_displacement: f64 = 0.2;
-    /// Largest turn \[rad\], less than half a turn. Default 0.8.
+    /// Largest rotation \[rad\], less than pi. Default 0.8.
     pub max_rotation: f64 = 0.8;
 }
 
@@ -67,7 +67,7 @@ with_defaults! {
 #[derive(Clone, Debug)]
 pub struct Admittance {
     settings: AdmittanceSettings,
-    /// The length of the step that the transitions are for, s.
+    /// Step length for which the transitions were computed, s.
     dt: f64,
     linear: Transition,
     angular: Transition,
@@ -79,8 +79,8 @@ pub struct Admittance {
     acceleration: Twist,
 }
 
-/// The step of one mass: the next position and velocity are these combinations of position, velocity and
-/// force.
+/// Exact transition of one mass over a step: the next position and velocity as linear combinations of
+/// position, velocity and force.
 #[derive(Clone, Copy, Debug, Default)]
 struct Transition {
     position: [f64; 3],
@@ -103,7 +103,7 @@ impl Transition {
     }
 }
 
-/// Ends the motion of `x` at the length `most`.
+/// Stops the motion of `x` at the length `most`.
 fn stop(x: &mut Vector3<f64>, v: &mut Vector3<f64>, most: f64) {
     let length = x.norm();
     if length > most {
@@ -146,8 +146,8 @@ impl Admittance {
         *self = Self::new(self.settings);
     }
 
-    /// Advances by `dt` \[s\] under the force \[N\] and the torque about the origin of the frame \[Nm\] that
-    /// the world exerts on it, in world axes. A wrench that is not finite is ignored.
+    /// Advances by `dt` \[s\] under the force \[N\] that the world exerts on the robot and the torque about
+    /// the origin of the frame \[Nm\], in world axes. A wrench that is not finite is ignored.
     pub fn step(&mut self, force: &Vector3<f64>, torque: &Vector3<f64>, dt: f64) {
         if dt != self.dt {
             let AdmittanceSettings { mass, damping, stiffness, .. } = self.settings;
@@ -212,7 +212,7 @@ task_config! {
         /// Link in whose frame the wrench is measured. Default: `frame`.
         sensor: Option<String> = None;
         /// Name of the input port of its target, the pose of the frame without a wrench. The input is
-        /// optional: without a target it is the pose at the start. Default "target".
+        /// optional: without a target, the initial pose is used. Default "target".
         target: String = "target".to_owned() => target(
             optional PoseTarget, "pose and velocity of the frame without a wrench, in the world frame"
         );
@@ -226,11 +226,11 @@ task_config! {
         gain: f64 = 20.0 => live(GAINS, "1/s", "rate at which the frame follows");
         /// Mass, kg, 1e-3 to 1e6. Default 4.
         mass: f64 = AdmittanceSettings::default().mass => live(
-            MASSES, "kg", "mass that the frame seems to have"
+            MASSES, "kg", "apparent mass of the frame"
         );
         /// Damping, N s/m, 0 to 1e6. Default 40.
         damping: f64 = AdmittanceSettings::default().damping => live(
-            SPRINGS, "N s/m", "damping of its motion"
+            SPRINGS, "N s/m", "damping of the frame's motion"
         );
         /// Stiffness, N/m, 0 to 1e6; with 0 the frame stays where it was pushed. Default 100.
         stiffness: f64 = AdmittanceSettings::default().stiffness => live(
@@ -244,7 +244,7 @@ task_config! {
         rotational_stiffness: f64 = AdmittanceSettings::default().rotational_stiffness => within(SPRINGS);
         /// Largest displacement, m, 0 to 10. Default 0.2.
         max_displacement: f64 = AdmittanceSettings::default().max_displacement => within(0.0..=10.0);
-        /// Largest turn, rad, 0 to 3. Default 0.8.
+        /// Largest rotation, rad, 0 to 3. Default 0.8.
         max_rotation: f64 = AdmittanceSettings::default().max_rotation => within(0.0..=3.0);
         /// Cost of a velocity error, 1/(m/s), 0 to 1000. Default 1.
         position_weight: f64 = CartesianSettings::default().position_weight => within(WEIGHTS);
@@ -300,7 +300,7 @@ impl TaskKind for AdmittanceConfig {
     }
 }
 
-/// A frame that yields to the wrenches of one input.
+/// A running admittance task, driven by the wrenches of one input.
 struct HeldAdmittance {
     task: CartesianTask,
     law: Admittance,
@@ -311,12 +311,12 @@ struct HeldAdmittance {
     parameters: [Ramped; 4],
     /// The target without a wrench, and its velocity.
     goal: (Isometry3<f64>, Twist),
-    /// Origin of the frame, and pose of the sensor, as last measured.
+    /// Origin of the frame and pose of the sensor, last measured values.
     origin: Vector3<f64>,
     sensed: Isometry3<f64>,
     /// Largest displacement so far, m.
     largest: f64,
-    /// Steps without a fresh wrench.
+    /// Number of steps without a fresh wrench.
     silent: u64,
 }
 
@@ -326,8 +326,8 @@ impl HeldAdmittance {
         self.sensed = state.kinematics.pose(state.model, self.sensor);
     }
 
-    /// The newest force and torque, in world axes about the origin of the frame; zero if the sensor is
-    /// silent.
+    /// Returns the latest force and torque, in world axes about the origin of the frame; zero if the sensor
+    /// is silent.
     fn push(&mut self, timeout_ns: u64) -> (Vector3<f64>, Vector3<f64>) {
         let reading = self.wrench.latest().filter(|reading| reading.age_ns() <= timeout_ns);
         let Some(reading) = reading else {

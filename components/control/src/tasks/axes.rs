@@ -1,4 +1,4 @@
-//! Weights of a pose by axis.
+//! Weights of a pose per axis.
 
 use motorium::declare::ConfigError;
 use motorium_robots::Twist;
@@ -8,10 +8,10 @@ use serde::Deserialize;
 
 use super::context::TaskContext;
 
-/// Relative weight below which a direction counts as free.
+/// Relative weight below which a direction is free.
 const FREE: f64 = 1e-9;
 
-/// The axes in which a task counts the error of a pose.
+/// Axes in which a task evaluates the error of a pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PoseAxes {
@@ -24,8 +24,8 @@ pub enum PoseAxes {
     World,
 }
 
-/// Factors of the weights of a pose by axis: a matrix for the position and one for the orientation, in
-/// selectable axes.
+/// Weight factors of a pose per axis: one matrix for the position and one for the orientation, in selectable
+/// axes.
 ///
 /// With `R` from these axes to the world the error is
 ///
@@ -55,7 +55,7 @@ pub struct AxisShares {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Part {
     shares: Matrix3<f64>,
-    /// Projector onto the directions that a row sees.
+    /// Projector onto the directions covered by a row.
     seen: Matrix3<f64>,
 }
 
@@ -84,7 +84,7 @@ impl AxisShares {
         Self::matrices(axes, position, orientation)
     }
 
-    /// Whole matrices, each row a direction whose error costs.
+    /// Creates factors from matrices, each row a direction whose error has a cost.
     pub fn matrices(axes: PoseAxes, position: Matrix3<f64>, orientation: Matrix3<f64>) -> Self {
         Self { axes, position: Part::new(position), orientation: Part::new(orientation) }
     }
@@ -94,12 +94,12 @@ impl AxisShares {
         self.axes
     }
 
-    /// True if any direction of the position counts.
+    /// Returns `true` if any direction of the position has a cost.
     pub fn has_position(&self) -> bool {
         self.position.seen != Matrix3::zeros()
     }
 
-    /// True if any direction of the orientation counts.
+    /// Returns `true` if any direction of the orientation has a cost.
     pub fn has_orientation(&self) -> bool {
         self.orientation.seen != Matrix3::zeros()
     }
@@ -113,7 +113,7 @@ impl AxisShares {
         (self.position.seen * (from_world * offset), self.orientation.seen * (from_world * turn))
     }
 
-    /// `R'`, from the world to the axes.
+    /// `R'`, the rotation from the world to the axes.
     pub(crate) fn world_to_axes(&self, pose: &Isometry3<f64>, target: &Isometry3<f64>) -> Matrix3<f64> {
         match self.axes {
             PoseAxes::Frame => pose.rotation.inverse().to_rotation_matrix().into_inner(),
@@ -131,12 +131,12 @@ impl AxisShares {
         }
     }
 
-    /// True if the axes turn with the frame.
+    /// Returns `true` if the axes turn with the frame.
     pub(crate) fn follow_frame(&self) -> bool {
         self.axes == PoseAxes::Frame
     }
 
-    /// `S v` of a vector in the axes.
+    /// Returns `S v` for a vector in the axes.
     pub(crate) fn weigh(&self, linear: &Vector3<f64>, angular: &Vector3<f64>) -> Vector6<f64> {
         stacked((self.position.shares * linear, self.orientation.shares * angular))
     }
@@ -146,7 +146,7 @@ impl AxisShares {
         [self.position.shares, self.orientation.shares]
     }
 
-    /// 1 for each row of `S` that has a factor, else 0.
+    /// Returns 1 for each row of `S` with a factor, otherwise 0.
     pub(crate) fn rows(&self) -> Vector6<f64> {
         let counts = |part: &Part| {
             let of =
@@ -163,7 +163,7 @@ pub(super) fn stacked((linear, angular): (Vector3<f64>, Vector3<f64>)) -> Vector
 }
 
 with_defaults! {
-    /// Factors of the weights of a pose by axis.
+    /// Weight factors of a pose per axis.
     ///
     /// ```toml
     /// axes = { of = "world", position = [0.0, 0.0, 1.0], orientation = [1.0, 1.0, 0.0] }
@@ -172,7 +172,7 @@ with_defaults! {
     #[serde(default, deny_unknown_fields)]
     pub struct AxesConfig;
 
-    /// Axes in which the error is counted. Default "frame".
+    /// Axes in which the error is evaluated. Default "frame".
     pub of: PoseAxes = PoseAxes::default();
     /// Factors of `position_weight`: one for each axis, 0 to 1, or a matrix, each row a direction, -1 to 1.
     /// Default [1, 1, 1].
@@ -187,7 +187,7 @@ with_defaults! {
 pub enum SharesConfig {
     /// One factor per axis; 0 leaves the axis free.
     Each([f64; 3]),
-    /// A matrix: each row a direction whose error costs.
+    /// A matrix whose rows are directions whose error has a cost.
     Matrix([[f64; 3]; 3]),
 }
 
@@ -218,14 +218,15 @@ impl SharesConfig {
 }
 
 impl AxesConfig {
-    /// The factors, checked.
+    /// Converts and checks the factors.
     pub(super) fn shares(&self, context: &TaskContext<'_>) -> Result<AxisShares, ConfigError> {
         let position = self.position.matrix(context, "position")?;
         let shares =
             AxisShares::matrices(self.of, position, self.orientation.matrix(context, "orientation")?);
         if !shares.has_position() && !shares.has_orientation() {
-            return Err(ConfigError::key(context.key("axes"), "they leave the whole pose free")
-                .advise("give some axis a factor, such as `position = [1, 1, 0]`, or leave the task out"));
+            return Err(ConfigError::key(context.key("axes"), "they leave the whole pose free").advise(
+                "give at least one axis a factor, such as `position = [1, 1, 0]`, or leave the task out",
+            ));
         }
         Ok(shares)
     }

@@ -1,4 +1,4 @@
-//! The capture point follows a point, by the acceleration of the centre of mass.
+//! Makes the capture point follow a point, by accelerating the centre of mass.
 
 use motorium::prelude::*;
 use motorium_robots::Model;
@@ -13,11 +13,11 @@ use super::target::TargetInput;
 use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 use crate::{GoalTolerance, MotionState, RobotState};
 
-/// Minimum height of the centre of mass above the contacts \[m\]; lower values are replaced by it.
+/// Minimum height of the centre of mass above the contacts \[m\]; lower heights are raised to it.
 const LOWEST: f64 = 0.05;
 
-/// Moves the capture point `k`, where the robot would have to step to come to rest, to a point `k*` \[m, axes
-/// of the world\], both on the ground:
+/// Moves the capture point `k`, where the robot would have to step to come to rest, to a point `k*` on the
+/// ground \[m, world axes\]:
 ///
 /// ```text
 /// h = height of the centre of mass above the active contacts (their mean)   m
@@ -28,12 +28,11 @@ const LOWEST: f64 = 0.05;
 /// W = weight                                                                1/(m/s2)
 /// ```
 ///
-/// for a height that changes slowly (Pratt, Carff, Drakunov and Goswami, *Capture point: a step toward
-/// humanoid push recovery*, 2006; Englsberger, Ott and Albu-Schäffer, *Three-dimensional bipedal walking
-/// control based on divergent component of motion*, 2015). The capture point converges to its target at the
-/// rate `gain`, and the centre of mass follows it at the rate `o`, so no velocity has to be specified. This
-/// requires a zero-moment point at `k + gain / o (k - k*)` within the support. The task is inactive without
-/// an active contact.
+/// for a slowly changing height (Pratt, Carff, Drakunov and Goswami, *Capture point: a step toward humanoid
+/// push recovery*, 2006; Englsberger, Ott and Albu-Schäffer, *Three-dimensional bipedal walking control based
+/// on divergent component of motion*, 2015). The capture point converges to its target at the rate `gain`,
+/// and the centre of mass follows it at the rate `o`, so no velocity has to be specified. The zero-moment
+/// point `k + gain / o (k - k*)` must be within the support. The task is inactive without an active contact.
 ///
 /// ```
 /// use motorium_control::{inverse_dynamics::{Contact, InverseDynamics, MotionState}, tasks::CapturePoint};
@@ -69,7 +68,8 @@ pub struct CapturePoint {
 methods!(CapturePoint: weight("1/(m/s2)"), set);
 
 impl CapturePoint {
-    /// A task for `model` with a gain \[1/s\], the world's origin as target, and weight 1 \[1/(m/s2)\].
+    /// Creates a task for `model` with a gain \[1/s\], the world's origin as target, and weight 1
+    /// \[1/(m/s2)\].
     pub fn new(model: &Model, gain: f64) -> Self {
         Self {
             gain,
@@ -143,14 +143,14 @@ task_config! {
     /// A capture-point task: the point where the robot would have to step to come to rest follows a point on
     /// the ground.
     CapturePointConfig "capture_point" {
-        /// Name of the input port of its target, of which x and y of position and linear velocity count. The
-        /// input is optional: without a target the point stays below where the centre of mass was at the
-        /// start. Default "capture_point_target".
+        /// Name of the input port of its target; only x and y of position and linear velocity are used. The
+        /// input is optional: without a target, the point stays below the initial centre of mass. Default
+        /// "capture_point_target".
         target: String = "capture_point_target".to_owned() => target(
             optional PoseTarget,
             "position and linear velocity of the capture point on the ground, in the world frame"
         );
-        /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 3.
+        /// Rate at which the error decays, 1/s, 0 to 1000; limited to half the tick rate. Default 3.
         gain: f64 = 3.0 => live(GAINS, "1/s", "rate at which the error decays");
         /// Cost of an acceleration error of the centre of mass, 1/(m/s2), 0 to 1000. Default 1.
         weight: f64 = 1.0 => live(
@@ -178,7 +178,7 @@ impl TaskKind for CapturePointConfig {
     }
 }
 
-/// A capture point that follows the positions of one input.
+/// A running capture-point task that follows the positions of one input.
 struct HeldCapturePoint {
     task: CapturePoint,
     target: TargetInput,

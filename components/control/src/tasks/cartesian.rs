@@ -1,4 +1,4 @@
-//! A frame follows a pose.
+//! Makes a frame follow a pose.
 
 use motorium::prelude::*;
 use motorium_robots::{
@@ -19,7 +19,7 @@ use super::target::TargetInput;
 use super::{AxesConfig, AxisShares, Cost, Equation, Feedback, PoseAxes, PoseError, Response, Task};
 use crate::{GoalError, GoalRecord, GoalTolerance, MotionState, RobotState};
 
-/// Half the time over which an error is differenced \[s\].
+/// Half the time step of numerical differentiation of an error \[s\].
 const STEP: f64 = 1e-4;
 
 with_defaults! {
@@ -41,16 +41,16 @@ with_defaults! {
     pub max_linear_speed: f64 = f64::INFINITY;
     /// Largest angular speed at which the error is corrected \[rad/s\]. Default infinite.
     pub max_angular_speed: f64 = f64::INFINITY;
-    /// Levenberg-Marquardt damping per speed of correction \[s m/rad^2\]: keeps the robot calm where the
-    /// target is out of reach, and vanishes at the target. Should exceed half the tick period times the reach
-    /// of the robot. Default 5e-3.
+    /// Levenberg-Marquardt damping per speed of correction \[s m/rad^2\]. Prevents oscillation if the target
+    /// is out of reach, and vanishes at the target. Should exceed half the tick period times the reach of the
+    /// robot. Default 5e-3.
     pub damping: f64 = 5e-3;
-    /// Factors of the weights by axis. Default: none, the whole pose counts.
+    /// Weight factors per axis. Default `None`: the whole pose is controlled.
     pub shares: Option<AxisShares> = None;
 }
 
 impl CartesianSettings {
-    /// The defaults, with a [geometric](PoseError::Geometric) error.
+    /// Returns the defaults with a [geometric](PoseError::Geometric) error.
     pub fn geometric() -> Self {
         Self { error: PoseError::Geometric, ..Self::default() }
     }
@@ -61,11 +61,11 @@ impl CartesianSettings {
     }
 }
 
-/// A frame `b` of the robot follows a target pose `t`.
+/// Makes a frame `b` of the robot follow a target pose `t`.
 ///
 /// With `T_bt` the pose of the target in the frame, a [logarithmic](PoseError::Logarithm) error is the twist
-/// that would carry the frame onto the target in one unit of time, linear \[m\] then angular \[rad\], in the
-/// axes of the frame:
+/// that moves the frame onto the target in one unit of time, linear \[m\] then angular \[rad\], in the axes
+/// of the frame:
 ///
 /// ```text
 /// e  = log(T_bt)
@@ -74,34 +74,34 @@ impl CartesianSettings {
 /// ```
 ///
 /// where `J_b` is the Jacobian of the frame in its own axes, `nu_t` the velocity of the target in the
-/// target's axes, and `Jlog` the derivative of the logarithm (Pink's frame task). Its derivatives at the
-/// level of accelerations are differences along the motion.
+/// target's axes, and `Jlog` the derivative of the logarithm (Pink's frame task). At acceleration level, the
+/// derivatives are finite differences along the motion.
 ///
-/// A [geometric](PoseError::Geometric) error is in the axes of the world, at the origin of the frame. With
-/// the orientations `R` of the frame and `R*` of the target, and the classical accelerations of both,
+/// A [geometric](PoseError::Geometric) error is in world axes, at the origin of the frame. With the
+/// orientations `R` of the frame and `R*` of the target, and the classical accelerations of both,
 ///
 /// ```text
 /// e  = (p* - p, log(R* R'))                       m, rad
 /// nu = (v*, w*),   J = J_world                    geometric Jacobian of the frame
 /// ```
 ///
-/// (OpenSoT's and TSID's task). Near the target both are the same.
+/// (the task of OpenSoT and TSID). Near the target both errors are the same.
 ///
-/// With [`shares`](CartesianSettings::shares) position and rotation are separate, so that one may be free
+/// With [`shares`](CartesianSettings::shares) position and rotation are separate, so that one can be free
 /// without affecting the other. [`AxisShares`] defines `e`, in axes `A` that may turn with an angular
-/// velocity `u`. With the error `p` of the position in the axes of the world,
+/// velocity `u`. With the position error `p` in world axes,
 ///
 /// ```text
 /// J  = S A'(J_v - [p]x J_w; J_w)                  the term of p for the axes of the frame alone
 /// nu = S A'(v* - w* x p; w*)                      the term of p for the axes of the target alone
 /// ```
 ///
-/// and rows of the orientation multiplied by the derivative of the rotation vector for a logarithmic error.
+/// and, for a logarithmic error, rows of the orientation multiplied by the derivative of the rotation vector.
 ///
-/// Levenberg-Marquardt damping follows the error, not its square: an error that no motion can reduce bends
-/// the cost by about `|W^2 c|` times the reach of the robot, which a step of `dt` must not overshoot. With
-/// less damping than `dt reach / 2` a stretched arm chatters between its velocity limits, however slow the
-/// correction.
+/// Levenberg-Marquardt damping is proportional to the error, not to its square. An error that no motion can
+/// reduce bends the cost by about `|W^2 c|` times the reach of the robot, which a step of `dt` must not
+/// overshoot. With less damping than `dt reach / 2` a stretched arm chatters between its velocity limits,
+/// however slow the correction is.
 #[derive(Clone, Debug)]
 pub struct CartesianTask {
     frame: FrameId,
@@ -117,7 +117,7 @@ pub struct CartesianTask {
 settings!(CartesianTask, CartesianSettings);
 
 impl CartesianTask {
-    /// A task for `frame` of `model`, with the world's origin as target and default settings.
+    /// Creates a task for `frame` of `model`, with the world's origin as target and default settings.
     pub fn new(model: &Model, frame: FrameId) -> Self {
         let settings = CartesianSettings::default();
         let mut equation = Equation::dense(6, 0, model.nv());
@@ -134,7 +134,7 @@ impl CartesianTask {
         }
     }
 
-    /// The same task with a spring and a damper in place of the feedback of accelerations.
+    /// Replaces the acceleration feedback by a spring and a damper.
     #[must_use]
     pub fn impedance(mut self, model: &Model, impedance: CartesianImpedance) -> Self {
         self.equation.set_impedance(model, &[0.0; 6], &[0.0; 6]);
@@ -143,10 +143,10 @@ impl CartesianTask {
         self
     }
 
-    /// Changes spring and damper from the next update on.
+    /// Changes the spring and the damper from the next update on.
     ///
     /// # Panics
-    /// If the task was built without them.
+    /// If the task was built without an impedance.
     pub fn set_impedance(&mut self, impedance: CartesianImpedance) {
         let CartesianImpedance { stiffness, damping, rotational_stiffness, rotational_damping } = impedance;
         let (k, d) = self.equation.springs_mut().expect("a task with an impedance");
@@ -169,7 +169,7 @@ impl CartesianTask {
         (self.target, self.velocity, self.acceleration) = (target, velocity, acceleration);
     }
 
-    /// The frame that is controlled.
+    /// Returns the controlled frame.
     pub fn frame(&self) -> FrameId {
         self.frame
     }
@@ -179,8 +179,8 @@ impl CartesianTask {
         &self.target
     }
 
-    /// `e` at the last update: linear \[m\], angular \[rad\], in the axes of the frame or of the world, or of
-    /// the shares without free directions.
+    /// `e` at the last update: linear \[m\], angular \[rad\]. In the axes of the frame or of the world, or of
+    /// the shares, without free directions.
     pub fn error(&self) -> Vector6<f64> {
         self.equation.error.fixed_rows::<6>(0).into()
     }
@@ -195,7 +195,7 @@ impl CartesianTask {
         self.orientation_error
     }
 
-    /// `J` at the last update, 6 x nv. The error changes at the rate `-J v` for a target at rest; with
+    /// `J` at the last update, 6 x nv. For a target at rest the error changes at the rate `-J v`; with
     /// shares, `S e` does.
     pub fn jacobian(&self) -> JacobianView<'_, 6> {
         self.equation.jacobian().fixed_rows::<6>(0)
@@ -243,7 +243,7 @@ impl CartesianTask {
         equation.copy_force_jacobian(None);
     }
 
-    /// Error of the directions that have a share.
+    /// Error of the directions with a share.
     fn evaluate_axes(&mut self, state: &RobotState<'_>, pose: &Isometry3<f64>, shares: &AxisShares) {
         let Twist { linear, angular } = self.velocity;
         let from_world = shares.world_to_axes(pose, &self.target);
@@ -274,8 +274,8 @@ impl CartesianTask {
         }
     }
 
-    /// Derivatives of the rotation vector in the axes by the angular velocities of frame and target, world
-    /// axes.
+    /// Returns the derivatives of the rotation vector with respect to the angular velocities of frame and
+    /// target, world axes.
     fn turn_derivatives(
         &self,
         pose: &Isometry3<f64>,
@@ -284,7 +284,7 @@ impl CartesianTask {
     ) -> [Matrix3<f64>; 2] {
         let turn = from_world * so3::log(&(self.target.rotation * pose.rotation.inverse()));
         let (left, right) = (so3::left_jacobian_inverse(&turn), so3::right_jacobian_inverse(&turn));
-        // in the axes of frame and target the rotation vector is the same
+        // the rotation vector is the same in the axes of frame and target
         let to_own = |rotation: UnitQuaternion<f64>| rotation.inverse().to_rotation_matrix().into_inner();
         match shares.axes() {
             PoseAxes::World => [right, left],
@@ -369,8 +369,8 @@ impl Task for CartesianTask {
     equation!();
 }
 
-/// First and second derivative of an error along the motions of two poses, by central differences: their
-/// velocities and accelerations in world axes.
+/// Returns the first and second derivative of an error along the motions of two poses, by central
+/// differences. Velocities and accelerations are in world axes.
 pub(super) fn differentiate_error(
     error: impl Fn([Isometry3<f64>; 2]) -> Vector6<f64>,
     poses: [Isometry3<f64>; 2],
@@ -430,12 +430,12 @@ task_config! {
     CartesianConfig "cartesian" {
         /// Link whose frame follows the target. Default: the robot's only end effector.
         frame: Option<String> = None;
-        /// Name of the input port of its target. Without a target the frame stays where it was at the start.
-        /// Default "target".
+        /// Name of the input port of its target. Without a target, the frame keeps its initial pose. Default
+        /// "target".
         target: String = "target".to_owned() => target(
             required PoseTarget, "pose and velocity of the frame, in the world frame"
         );
-        /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
+        /// Rate at which the error decays, 1/s, 0 to 1000; limited to half the tick rate. Default 10.
         gain: f64 = CartesianSettings::default().gain => live(GAINS, "1/s", "rate at which the error decays");
         /// Spring and damper replacing the gain. Default: none.
         impedance: Option<CartesianImpedanceConfig> = None;
@@ -450,7 +450,7 @@ task_config! {
         /// Contact of `inverse_dynamics`, such as a foot: the task is active only while it is lifted.
         /// Default: always active.
         while_lifted: Option<String> = None;
-        /// Factors of both weights per axis; an axis without a factor is free. Default: all axes.
+        /// Weight factors per axis; an axis without a factor is free. Default: all axes.
         axes: Option<AxesConfig> = None;
         /// Maximum linear speed of the correction, m/s. Default: no limit.
         max_linear_speed: Option<f64> = None;
@@ -487,7 +487,7 @@ pub struct CartesianImpedanceConfig {
 }
 
 impl CartesianImpedanceConfig {
-    /// Spring and damper, checked.
+    /// Converts and checks the spring and the damper.
     fn build(&self, context: &TaskContext<'_>) -> Result<CartesianImpedance, ConfigError> {
         let figure = |name: &str, value| context.in_range(&format!("impedance.{name}"), value, SPRINGS);
         Ok(CartesianImpedance {
@@ -500,7 +500,7 @@ impl CartesianImpedanceConfig {
 }
 
 impl CartesianSettings {
-    /// `true` for the position, and for the orientation, if it is controlled.
+    /// Returns `true` for the position, and for the orientation, if they are controlled.
     fn counts(&self) -> [bool; 2] {
         let Self { position_weight, orientation_weight, shares, .. } = self;
         [
@@ -579,7 +579,7 @@ impl TaskKind for CartesianConfig {
     }
 }
 
-/// The pull of an error.
+/// Feedback of an error.
 enum Pull {
     /// Rate of decay of the error.
     Gain(Ramped),
@@ -587,7 +587,7 @@ enum Pull {
     Spring { spring: CartesianImpedance, stiffness: Ramped, damping: Ramped },
 }
 
-/// A frame that follows the poses of one input.
+/// A running Cartesian task that follows the poses of one input.
 struct HeldCartesian {
     task: CartesianTask,
     target: TargetInput,

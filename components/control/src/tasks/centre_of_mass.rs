@@ -1,4 +1,4 @@
-//! The centre of mass follows a point.
+//! Makes the centre of mass follow a point.
 
 use motorium::prelude::*;
 use motorium_robots::Model;
@@ -25,9 +25,9 @@ with_defaults! {
     pub shares: [f64; 3] = [1.0; 3];
     /// Largest speed at which the error is corrected \[m/s\]. Default infinite.
     pub max_speed: f64 = f64::INFINITY;
-    /// Levenberg-Marquardt damping per speed of correction \[s m/rad^2\]: keeps the robot calm where the
-    /// target is out of reach, and vanishes at the target. Should exceed half the tick period times the reach
-    /// of the robot. Default 5e-3.
+    /// Levenberg-Marquardt damping per speed of correction \[s m/rad^2\]. Prevents oscillation if the target
+    /// is out of reach, and vanishes at the target. Should exceed half the tick period times the reach of the
+    /// robot. Default 5e-3.
     pub damping: f64 = 5e-3;
 }
 
@@ -38,14 +38,14 @@ impl CentreOfMassSettings {
     }
 }
 
-/// The centre of mass `c` of the robot follows a point `c*` \[m, world axes\]:
+/// Makes the centre of mass `c` of the robot follow a point `c*` \[m, world axes\]:
 ///
 /// ```text
 /// e = c* - c(q),   nu = c*',   J = J_com          Jacobian of the centre of mass, 3 x nv
 /// W = weight diag(shares)
 /// ```
 ///
-/// (the task of OpenSoT, Pink and TSID). Links fixed to the world do not count.
+/// (the task of OpenSoT, Pink and TSID). Links fixed to the world are ignored.
 ///
 /// ```
 /// use motorium_control::{RobotState, tasks::{CentreOfMassTask, VelocityTask}};
@@ -74,7 +74,7 @@ settings!(CentreOfMassTask, CentreOfMassSettings);
 weight!(CentreOfMassTask);
 
 impl CentreOfMassTask {
-    /// A task for `model`, with the world's origin as target and default settings.
+    /// Creates a task for `model`, with the world's origin as target and default settings.
     pub fn new(model: &Model) -> Self {
         let settings = CentreOfMassSettings::default();
         let mut equation = Equation::dense(3, 0, model.nv());
@@ -145,13 +145,13 @@ impl Task for CentreOfMassTask {
 task_config! {
     /// A centre-of-mass task: the centre of mass of the robot follows a point.
     CentreOfMassConfig "centre_of_mass" {
-        /// Name of the input port of its target, of which position and linear velocity count. The input is
-        /// optional: without a target the centre of mass stays where it was at the start. Default
+        /// Name of the input port of its target; only position and linear velocity are used. The input is
+        /// optional: without a target, the centre of mass keeps its initial position. Default
         /// "centre_of_mass_target".
         target: String = "centre_of_mass_target".to_owned() => target(
             optional PoseTarget, "position and linear velocity of the centre of mass, in the world frame"
         );
-        /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
+        /// Rate at which the error decays, 1/s, 0 to 1000; limited to half the tick rate. Default 10.
         gain: f64 = CentreOfMassSettings::default().gain => live(GAINS, "1/s", "rate at which the error decays");
         /// Cost of a velocity error, 1/(m/s), 0 to 1000. Default 1.
         weight: f64 = CentreOfMassSettings::default().weight => live(
@@ -207,7 +207,7 @@ impl TaskKind for CentreOfMassConfig {
             follow: |task, point, velocity| task.set_moving_target(point, velocity, Vector3::zeros()),
             error: |task, measured| {
                 let mut error = task.target() - measured.kinematics.centre_of_mass(measured.model).position;
-                // free axes do not count
+                // free axes are ignored
                 for (error, share) in error.iter_mut().zip(task.settings().shares) {
                     *error = if share == 0.0 { 0.0 } else { *error };
                 }

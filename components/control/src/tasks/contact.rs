@@ -14,8 +14,8 @@ use crate::RobotState;
 /// W = weight                            1/(m/s), 1/(rad/s)
 /// ```
 ///
-/// (OpenSoT's contact task.) On the first of several [levels](crate::DifferentialIk::levels) it holds the
-/// feet of a floating-base robot.
+/// (OpenSoT's contact task.) It holds the feet of a floating-base robot on the first of several
+/// [levels](crate::DifferentialIk::levels).
 #[derive(Clone, Debug)]
 pub struct ContactTask {
     frame: FrameId,
@@ -25,24 +25,24 @@ pub struct ContactTask {
 }
 
 impl ContactTask {
-    /// Point contact: the origin of `frame` rests; the frame may rotate.
+    /// Creates a point contact: the origin of `frame` rests; the frame may rotate.
     pub fn point(model: &Model, frame: FrameId) -> Self {
         Self { frame, weight: 1.0, turns: true, cost: Cost::dense(6, 0, model.nv()) }
     }
 
-    /// Surface contact: `frame` neither translates nor rotates.
+    /// Creates a surface contact: `frame` neither translates nor rotates.
     pub fn surface(model: &Model, frame: FrameId) -> Self {
         Self { turns: false, ..Self::point(model, frame) }
     }
 
-    /// The same task with a weight \[1/(m/s), 1/(rad/s)\].
+    /// Sets the weight \[1/(m/s), 1/(rad/s)\].
     #[must_use]
     pub fn weight(mut self, weight: f64) -> Self {
         self.weight = weight;
         self
     }
 
-    /// The cost as of the last update.
+    /// Returns the cost of the last update.
     pub fn cost(&self) -> &Cost {
         &self.cost
     }

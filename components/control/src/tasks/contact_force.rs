@@ -1,4 +1,4 @@
-//! Contact forces that are small, or follow a target.
+//! Tasks for contact forces: minimum, or target tracking.
 
 use motorium_robots::Model;
 use nalgebra::Vector3;
@@ -8,7 +8,7 @@ use crate::MotionState;
 use crate::contact::Contact;
 use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 
-/// Contact forces are small, which spreads the load evenly over the points of all contacts:
+/// Minimises contact forces, which spreads the load evenly over the points of all contacts:
 ///
 /// ```text
 /// A = the identity on all contact forces,   b = 0,   W = weight      1/N
@@ -24,13 +24,13 @@ pub struct ForceRegularisation {
 methods!(ForceRegularisation: weight("1/N"), set_weight);
 
 impl ForceRegularisation {
-    /// A task for the contacts of `dynamics`, with weight 1e-3 \[1/N\].
+    /// Creates a task for the contacts of `dynamics`, with weight 1e-3 \[1/N\].
     pub fn new(dynamics: &InverseDynamics) -> Self {
         let first = dynamics.mass().nrows();
         Self { weight: 1e-3, cost: Cost::identity(first, dynamics.variables() - first) }
     }
 
-    /// The same for an inverse dynamics of `model` with these contacts.
+    /// Creates a task for inverse dynamics of `model` with these contacts.
     pub(crate) fn for_contacts(model: &Model, contacts: &[Contact]) -> Self {
         let points: usize = contacts.iter().map(Contact::points).sum();
         Self { weight: 1e-3, cost: Cost::identity(model.nv(), 3 * points) }
@@ -48,7 +48,7 @@ impl AccelerationTask for ForceRegularisation {
     }
 }
 
-/// The force of one contact follows a target, in world axes \[N\]: the sum over its points.
+/// Makes the force of one contact, the sum over its points, follow a target in world axes \[N\].
 ///
 /// ```text
 /// A = (R R ... R)                          R: axes of the contact, on the forces of its points, 3 x 3 points
@@ -65,10 +65,10 @@ pub struct ContactForce {
 methods!(ContactForce: weight("1/N"));
 
 impl ContactForce {
-    /// A task for a contact of `dynamics`, with target zero and weight 1 \[1/N\].
+    /// Creates a task for a contact of `dynamics`, with target zero and weight 1 \[1/N\].
     ///
     /// # Panics
-    /// If there is no such contact.
+    /// If the contact does not exist.
     pub fn new(dynamics: &InverseDynamics, contact: usize) -> Self {
         let place = &dynamics.contacts[contact];
         let first = dynamics.order.velocities + 3 * place.first_point;
@@ -76,7 +76,7 @@ impl ContactForce {
         Self { contact, weight: 1.0, target: Vector3::zeros(), cost }
     }
 
-    /// Sets the target, the force of the world on the robot \[N, world axes\].
+    /// Sets the target: the force that the world exerts on the robot \[N, world axes\].
     pub fn set_target(&mut self, force: Vector3<f64>) {
         self.target = force;
     }

@@ -1,4 +1,4 @@
-//! The wrench of a contact follows a target.
+//! Makes the wrench of a contact follow a target.
 
 use motorium::prelude::*;
 use motorium_robots::{Model, Twist};
@@ -22,7 +22,7 @@ use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 /// W = diag(f, f, f, n, n, n)            1/N, 1/Nm
 /// ```
 ///
-/// (PyRoboLearn's wrench task.) A point or a ball has only the torque of its lever arm.
+/// (PyRoboLearn's wrench task.) A point or a ball transmits only the torque of its lever arm.
 #[derive(Clone, Debug)]
 pub struct ContactWrench {
     contact: usize,
@@ -33,10 +33,10 @@ pub struct ContactWrench {
 }
 
 impl ContactWrench {
-    /// A task for a contact of `dynamics`, with target zero and weights 1 \[1/N, 1/Nm\].
+    /// Creates a task for a contact of `dynamics`, with target zero and weights 1 \[1/N, 1/Nm\].
     ///
     /// # Panics
-    /// If there is no such contact.
+    /// If the contact does not exist.
     pub fn new(dynamics: &InverseDynamics, contact: usize) -> Self {
         let place = &dynamics.contacts[contact];
         let first = dynamics.order.velocities + 3 * place.first_point;
@@ -44,14 +44,14 @@ impl ContactWrench {
         Self { contact, force_weight: 1.0, torque_weight: 1.0, target: Twist::zero(), cost }
     }
 
-    /// The same for an inverse dynamics of `model` with these contacts.
+    /// Creates a task for inverse dynamics of `model` with these contacts.
     pub(crate) fn for_contact(model: &Model, contacts: &[Contact], contact: usize) -> Self {
         let points: usize = contacts[..contact].iter().map(Contact::points).sum();
         let cost = Cost::dense(6, model.nv() + 3 * points, 3 * contacts[contact].points());
         Self { contact, force_weight: 1.0, torque_weight: 1.0, target: Twist::zero(), cost }
     }
 
-    /// The same task with weights of the force \[1/N\] and of the torque \[1/Nm\]; 0 leaves one free.
+    /// Sets the weights of the force \[1/N\] and of the torque \[1/Nm\]; 0 leaves one free.
     #[must_use]
     pub fn weights(mut self, force: f64, torque: f64) -> Self {
         (self.force_weight, self.torque_weight) = (force, torque);
@@ -102,9 +102,9 @@ task_config! {
         target: String = "wrench_target".to_owned() => target(
             optional Wrench, "force and torque of the contact on the robot, in the axes of the world"
         );
-        /// Force without a target, axes of the world, N. Default [0, 0, 0].
+        /// Force without a target, world axes, N. Default [0, 0, 0].
         force: [f64; 3] = [0.0; 3];
-        /// Torque without a target, axes of the world, Nm. Default [0, 0, 0].
+        /// Torque without a target, world axes, Nm. Default [0, 0, 0].
         torque: [f64; 3] = [0.0; 3];
         /// Cost of a force error, 1/N, 0 to 1000. Default 1e-2.
         force_weight: f64 = 1e-2 => live(WEIGHTS, "1/N", "cost of a force error");

@@ -38,7 +38,7 @@ pub(crate) struct TaskContext<'a> {
 }
 
 impl TaskContext<'_> {
-    /// The frame that the key `name` names.
+    /// Returns the frame named by the key `name`.
     pub(super) fn named_frame(&self, name: &str, link: &str) -> Result<FrameId, ConfigError> {
         if link.is_empty() {
             return Err(ConfigError::key(self.key(name), "it is missing").advise("name a link of the robot"));
@@ -46,7 +46,7 @@ impl TaskContext<'_> {
         self.model.frame(link).map_err(|error| ConfigError::key(self.key(name), error.to_string()))
     }
 
-    /// The contact that the key `name` names.
+    /// Returns the contact named by the key `name`.
     pub(super) fn contact(&self, name: &str, contact: &str) -> Result<usize, ConfigError> {
         self.contacts.iter().position(|other| other.name == contact).ok_or_else(|| {
             let names: Vec<_> = self.contacts.iter().map(|contact| contact.name.as_str()).collect();
@@ -84,7 +84,7 @@ impl TaskContext<'_> {
         })
     }
 
-    /// The value of the key `name`, if it is within `range`.
+    /// Returns the value of the key `name` if it is within `range`.
     pub(super) fn in_range(
         &self,
         name: &str,
@@ -94,21 +94,22 @@ impl TaskContext<'_> {
         checks::in_range(&self.key(name), value, range)
     }
 
-    /// The rate at which the error of a velocity decays where the controller computes torques, 1/s: the one
-    /// given, or 20, and at most half the tick rate.
+    /// Returns the decay rate of a velocity error for a torque controller, 1/s: the given one, or 20, limited
+    /// to half the tick rate.
     pub(super) fn rate(&self, given: Option<f64>) -> Result<f64, ConfigError> {
         if given.is_some() && !self.torque {
             return Err(ConfigError::key(
                 self.key("rate"),
-                "without `inverse_dynamics`, which alone has a use for it",
+                "without `inverse_dynamics`, where it has no effect",
             )
-            .advise("leave it out: velocities are commanded at once"));
+            .advise("leave it out: velocities are commanded immediately"));
         }
         let rate = self.in_range("rate", given.unwrap_or(RATE), GAINS)?;
         Ok(if self.period > 0.0 { rate.min(0.5 / self.period) } else { rate })
     }
 
-    /// The form of the errors of poses: velocities move frames along screws, torques along straight lines.
+    /// Returns the form of pose errors: velocity control moves frames along screws, torque control along
+    /// straight lines.
     pub(super) fn pose_error(&self) -> PoseError {
         if self.torque { PoseError::Geometric } else { PoseError::Logarithm }
     }
@@ -118,7 +119,7 @@ impl TaskContext<'_> {
         speed.map_or(Ok(f64::INFINITY), |speed| self.in_range(name, speed, 1e-6..=f64::MAX))
     }
 
-    /// Levenberg-Marquardt damping, s m/rad^2: the given value, else `usual`, or two tick periods times one
+    /// Levenberg-Marquardt damping, s m/rad^2: the given value, or `usual`, or two tick periods times one
     /// metre if that is larger.
     pub(super) fn damping(&self, given: Option<f64>, usual: f64) -> Result<f64, ConfigError> {
         given.map_or(Ok(usual.max(2.0 * self.period)), |damping| {

@@ -1,4 +1,4 @@
-//! An axis of a frame points at a point.
+//! Points an axis of a frame at a point.
 
 use motorium::prelude::*;
 use motorium_robots::{FrameId, Model, Reference};
@@ -28,8 +28,8 @@ with_defaults! {
     pub weight: f64 = 1.0;
     /// Largest angular speed at which the error is corrected \[rad/s\]. Default infinite.
     pub max_speed: f64 = f64::INFINITY;
-    /// Levenberg-Marquardt damping per correction speed \[s/rad\]. Prevents oscillation if the robot cannot
-    /// look at the target, and vanishes when it does. Default 5e-3.
+    /// Levenberg-Marquardt damping per correction speed \[s/rad\]. Prevents oscillation if the axis cannot
+    /// reach the target direction, and vanishes when it does. Default 5e-3.
     pub damping: f64 = 5e-3;
 }
 
@@ -53,7 +53,7 @@ impl GazeSettings {
 /// W  = weight
 /// ```
 ///
-/// (the gaze task of OpenSoT, there with two rows and for a point at rest). The point moves at a constant
+/// (OpenSoT's gaze task, which has two rows and assumes a point at rest). The point moves at a constant
 /// velocity.
 ///
 /// ```
@@ -118,7 +118,7 @@ impl GazeTask {
         (self.target, self.velocity) = (target, velocity);
     }
 
-    /// The frame whose axis points.
+    /// Returns the frame of the axis.
     pub fn frame(&self) -> FrameId {
         self.frame
     }
@@ -167,7 +167,7 @@ impl GazeTask {
     }
 }
 
-/// The rotation vector of the least turn from one unit vector to another \[rad\].
+/// Returns the rotation vector of the smallest rotation from one unit vector to another \[rad\].
 fn least_turn(from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
     let normal = from.cross(to);
     let (sine, cosine) = (normal.norm(), from.dot(to));
@@ -177,12 +177,12 @@ fn least_turn(from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
     if cosine > 0.0 {
         return normal;
     }
-    // straight behind: about any axis across, and the same one each time
+    // opposite vectors: any perpendicular axis will do, but always the same one
     let across = from.cross(&Vector3::ith(from.iamin(), 1.0)).normalize();
     across * core::f64::consts::PI
 }
 
-/// Component of `x` across the direction `u`.
+/// Component of `x` perpendicular to the direction `u`.
 fn across(u: &Vector3<f64>, x: Vector3<f64>) -> Vector3<f64> {
     x - u * u.dot(&x)
 }
@@ -239,14 +239,14 @@ task_config! {
     GazeConfig "gaze" {
         /// Link whose axis points at the target. Default: the robot's only end effector.
         frame: Option<String> = None;
-        /// The axis in the axes of the frame, of any length but 0. Default [0, 0, 1].
+        /// The axis in the axes of the frame, of any nonzero length. Default [0, 0, 1].
         axis: [f64; 3] = [0.0, 0.0, 1.0];
-        /// Name of the input port of its target, of which position and linear velocity count. The input is
-        /// optional: without a target the axis keeps its direction. Default "gaze_target".
+        /// Name of the input port of its target; only position and linear velocity are used. The input is
+        /// optional: without a target, the axis keeps its direction. Default "gaze_target".
         target: String = "gaze_target".to_owned() => target(
             optional PoseTarget, "position and linear velocity of the point to look at, in the world frame"
         );
-        /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
+        /// Rate at which the error decays, 1/s, 0 to 1000; limited to half the tick rate. Default 10.
         gain: f64 = GazeSettings::default().gain => live(GAINS, "1/s", "rate at which the error decays");
         /// Cost of an angular velocity error, 1/(rad/s), 0 to 1000. Default 1.
         weight: f64 = GazeSettings::default().weight => live(
@@ -254,8 +254,8 @@ task_config! {
         );
         /// Maximum angular speed of the correction, rad/s. Default: no limit.
         max_speed: Option<f64> = None;
-        /// Levenberg-Marquardt damping, s/rad; prevents oscillation if the robot cannot look at the target.
-        /// Default: 5e-3, or two tick periods if that is larger.
+        /// Levenberg-Marquardt damping, s/rad; prevents oscillation if the axis cannot reach the target
+        /// direction. Default: 5e-3, or two tick periods if that is larger.
         damping: Option<f64> = None;
         /// Angle from a goal within which it counts as reached, rad. Default 0.02.
         tolerance: f64 = GoalTolerance::default().orientation => within(0.0..=f64::MAX);

@@ -1,4 +1,4 @@
-//! Running tasks: their common interface, and tasks without a state.
+//! Running tasks: their common interface, and stateless tasks.
 
 use nalgebra::Vector3;
 
@@ -9,7 +9,7 @@ use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 use crate::limits::RowLimit;
 use crate::{GoalError, GoalRecord, RobotState};
 
-/// A task with its name and the place of its level.
+/// A task with its name and the index of its level.
 pub(crate) struct Held {
     pub(crate) name: String,
     /// 0 for the highest.
@@ -19,7 +19,7 @@ pub(crate) struct Held {
     pub(crate) task: Box<dyn HeldTask>,
 }
 
-/// The part of a task in a problem.
+/// Contribution of a task to a problem.
 pub(crate) enum TaskCost<'a> {
     /// A motion, for velocities and accelerations.
     Motion(&'a mut dyn Task),
@@ -50,7 +50,7 @@ impl TaskCost<'_> {
 }
 
 impl Held {
-    /// The part of the task in a problem of `control`; `None` while its contact carries a load.
+    /// Contribution of the task to a problem of `control`; `None` while its contact carries a load.
     pub(crate) fn acting(&mut self, control: &InverseDynamics) -> Option<TaskCost<'_>> {
         let rests = self.task.while_lifted().is_some_and(|contact| control.is_active(contact));
         if rests { None } else { Some(self.task.cost()) }
@@ -77,10 +77,10 @@ pub(crate) trait HeldTask {
     /// fade.
     fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades);
 
-    /// Applies the newest target, once per step, after the parameters.
+    /// Applies the latest target, once per step, after the parameters.
     fn prepare(&mut self, _bounds: &TaskBounds) {}
 
-    /// The part of the task in a problem.
+    /// Returns the contribution of the task to a problem.
     fn cost(&mut self) -> TaskCost<'_>;
 
     /// Returns the contact that must be lifted for the task to be active.
@@ -94,32 +94,32 @@ pub(crate) trait HeldTask {
     /// Records the error of the measured robot after a step of `dt` seconds.
     fn record(&mut self, _measured: &RobotState<'_>, _dt: f64) {}
 
-    /// The goals of the target, if it has any.
+    /// Returns the goals of the target, if it has any.
     fn goals(&self) -> Option<&GoalRecord> {
         None
     }
 
-    /// The entry of the task under `tasks` in the result of the run.
+    /// Returns the entry of the task under `tasks` in the result of the run.
     fn result(&self) -> Option<serde_json::Value> {
         None
     }
 }
 
-/// Sets the newest target of a task.
+/// Sets the latest target of a task.
 type Follow<T> = Box<dyn FnMut(&mut T, &TaskBounds)>;
 
-/// The point that a task moves to, and its goals.
+/// Point target of a task, and its goals.
 pub(super) struct Reach<T> {
     pub(super) target: TargetInput,
-    /// Makes the start the target, until there is one.
+    /// Makes the initial state the target, until a target is received.
     pub(super) start: fn(&mut T, &RobotState<'_>),
     /// Sets the target, with its velocity.
     pub(super) follow: fn(&mut T, Vector3<f64>, Vector3<f64>),
-    /// The error of the measured robot.
+    /// Returns the error of the measured robot.
     pub(super) error: fn(&T, &RobotState<'_>) -> GoalError,
 }
 
-/// A task whose parameters are applied before each step, then its target.
+/// A task that applies its parameters before each step, then its target.
 pub(super) struct Driven<T, const N: usize> {
     task: T,
     cost: fn(&mut T) -> TaskCost<'_>,
@@ -140,7 +140,7 @@ impl<T: 'static, const N: usize> Driven<T, N> {
         Self { task, cost, parameters, apply, follow: Box::new(|_, _| ()), reach: None, result: |_| None }
     }
 
-    /// A cost on accelerations or contact forces; `apply` sets its parameters.
+    /// Creates a cost on accelerations or contact forces; `apply` sets its parameters.
     pub(super) fn forces(task: T, parameters: [Ramped; N], apply: fn(&mut T, [f64; N], &TaskBounds)) -> Self
     where
         T: AccelerationTask,
@@ -148,7 +148,7 @@ impl<T: 'static, const N: usize> Driven<T, N> {
         Self::new(task, |task| TaskCost::Forces(task), parameters, apply)
     }
 
-    /// A task on a motion; `apply` sets its parameters.
+    /// Creates a motion task; `apply` sets its parameters.
     pub(super) fn motion(task: T, parameters: [Ramped; N], apply: fn(&mut T, [f64; N], &TaskBounds)) -> Self
     where
         T: Task,
@@ -156,17 +156,17 @@ impl<T: 'static, const N: usize> Driven<T, N> {
         Self::new(task, |task| TaskCost::Motion(task), parameters, apply)
     }
 
-    /// The same with a target, which `follow` sets.
+    /// Adds a target, set by `follow`.
     pub(super) fn following(self, follow: impl FnMut(&mut T, &TaskBounds) + 'static) -> Self {
         Self { follow: Box::new(follow), ..self }
     }
 
-    /// The same with a point to move to.
+    /// Adds a point target.
     pub(super) fn reaching(self, reach: Reach<T>) -> Self {
         Self { reach: Some(reach), ..self }
     }
 
-    /// The same with an entry in the result of the run.
+    /// Adds an entry in the result of the run.
     pub(super) fn with_result(self, result: fn(&T) -> Option<serde_json::Value>) -> Self {
         Self { result, ..self }
     }

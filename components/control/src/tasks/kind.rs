@@ -10,13 +10,13 @@ pub(super) use super::context::{GAINS, WEIGHTS};
 use super::held::HeldTask;
 use super::ramp::Ramped;
 
-/// Defines the table of a kind of task: the type of the configuration and the default name of the task, then
-/// its keys with types and defaults. A key may have a rule:
+/// Defines the table of a kind of task: the configuration type and the default name of the task, then its
+/// keys with types and defaults. A key may have a rule:
 ///
 /// - `live(range, unit, doc)`: a number that can be changed at run time as the parameter `NAME_KEY`,
 /// - `within(range)`: a number within a range,
-/// - `target(optional Message, doc)` or `target(required Message, doc)`: the name of the input of the target,
-/// - `wrench(required Message, doc)`: the name of the input of a measured wrench.
+/// - `target(optional Message, doc)` or `target(required Message, doc)`: the name of the target's input port,
+/// - `wrench(required Message, doc)`: the name of the input port for a measured wrench.
 ///
 /// The keys `name` and `level` are common to all kinds.
 macro_rules! task_config {
@@ -191,9 +191,9 @@ pub(crate) struct TaskHead<'a> {
     pub(crate) name: &'a str,
     /// Priority level; lower numbers have strict priority.
     pub(crate) level: u32,
-    /// Name of the input of its target, if it has one.
+    /// Name of the target's input, if the task has one.
     pub(crate) target: Option<&'a str>,
-    /// Name of the input of a measured wrench, if it has one.
+    /// Name of the input for a measured wrench, if the task has one.
     pub(crate) wrench: Option<&'a str>,
     /// Formulations of the controller that the task supports.
     pub(crate) formulations: Formulations,
@@ -202,7 +202,7 @@ pub(crate) struct TaskHead<'a> {
 }
 
 impl<'a> TaskHead<'a> {
-    /// A task without inputs, for velocities and torques.
+    /// Creates the head of a task without inputs, for velocities and torques.
     pub(super) fn new(name: &'a str, level: u32) -> Self {
         let (formulations, acts_on) = (Formulations::Both, ActsOn::Body);
         Self { name, level, target: None, wrench: None, formulations, acts_on }
@@ -245,7 +245,7 @@ impl TaskParameter {
         Self { name, default, range, unit, doc }
     }
 
-    /// Returns `true` for a weight, which disables something at 0.
+    /// Returns `true` for a weight: the value 0 disables it.
     fn is_weight(&self) -> bool {
         self.name.ends_with("weight")
     }
@@ -260,7 +260,7 @@ impl TaskParameter {
     }
 }
 
-/// The formulations of the controller that a kind of task has a cost for.
+/// Formulations of the controller in which a kind of task has a cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Formulations {
     /// Velocities and torques.
@@ -271,10 +271,10 @@ pub(crate) enum Formulations {
     Torque,
 }
 
-/// The unknowns of the controller that a kind of task has a part in.
+/// Unknowns of the controller that a kind of task acts on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ActsOn {
-    /// Motions of a body, which joints and contact forces both cause.
+    /// Body motion, caused by both joints and contact forces.
     Body,
     /// Joint motion only; contact forces have no effect.
     Joints,
@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn live_numbers_out_of_range_are_refused_by_their_key() {
+    fn live_numbers_out_of_range_are_rejected_by_key() {
         let panda = motorium_robots::load("panda", Path::new("."));
         let panda = panda.expect("a robot of the catalogue");
         let world = World::default();

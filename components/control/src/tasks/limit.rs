@@ -10,7 +10,7 @@ use super::ramp::{Fades, Ramped, TaskBounds};
 use crate::limits::{CollisionConfig, FrameLimitConfig, RowLimit};
 
 task_config! {
-    /// A task of soft limits: they yield to tasks of smaller level numbers, and partially to tasks of the
+    /// A task of soft limits. They yield to tasks of smaller level numbers, and partially to tasks on the
     /// same level.
     LimitConfig "limit" {
         /// Cost of a velocity beyond a limit, 1/(m/s) or 1/(rad/s), more than 0, at most 1000. Default 10.
@@ -48,7 +48,7 @@ impl LimitConfig {
 impl TaskKind for LimitConfig {
     fn head(&self) -> TaskHead<'_> {
         self.table_head().only(Formulations::Velocity(
-            "with `inverse_dynamics`, list limits under `limits`, where they yield by the policy of `on_infeasible`",
+            "with `inverse_dynamics`, list limits under `limits`, where `on_infeasible` decides how they are relaxed",
         ))
     }
 

@@ -1,4 +1,4 @@
-//! The joints move to where a frame is moved more easily, or exerts forces more easily.
+//! Moves the joints to where a frame moves, or exerts forces, more easily.
 
 use motorium::prelude::*;
 use motorium_robots::{FrameId, Model, TaskRows};
@@ -16,12 +16,12 @@ use crate::{MotionState, RobotState};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Measure {
-    /// Velocities: `sqrt(det(J J'))`, the volume of the ellipsoid of the velocities that joint velocities of
-    /// length 1 give the frame.
+    /// Velocities: `sqrt(det(J J'))`, the volume of the ellipsoid of frame velocities for joint velocities of
+    /// norm 1.
     #[default]
     Velocity,
-    /// Forces: `sqrt(det((J J')^-1))`, the volume of the ellipsoid of the forces that joint torques of length
-    /// 1 exert there.
+    /// Forces: `sqrt(det((J J')^-1))`, the volume of the ellipsoid of frame forces for joint torques of norm
+    /// 1.
     Force,
 }
 
@@ -36,9 +36,9 @@ pub enum Measure {
 ///
 /// (OpenSoT's task, and PyRoboLearn's task of force manipulability.) Velocity manipulability moves the robot
 /// away from singular configurations. Force manipulability moves it towards them, where the gradient is
-/// unbounded and the maximum speed applies. In a singular configuration there is no gradient, and the task
-/// commands zero velocity. A floating base does not change the measure and is commanded to rest.
-/// Accelerations reduce an error of a velocity at the [`rate`](Self::rate).
+/// unbounded and the maximum speed applies. A singular configuration has no gradient, and the task commands
+/// zero velocity. A floating base does not change the measure and is commanded to rest. With accelerations,
+/// velocity errors decay at the [`rate`](Self::rate).
 #[derive(Clone, Debug)]
 pub struct ManipulabilityTask {
     frame: FrameId,
@@ -59,14 +59,14 @@ methods!(ManipulabilityTask:
 );
 
 impl ManipulabilityTask {
-    /// A task for `frame` of `model` and these rows of its velocity, with gain 1 and weight 1e-2.
+    /// Creates a task for `frame` of `model` and these rows of its velocity, with gain 1 and weight 1e-2.
     pub fn new(model: &Model, frame: FrameId, rows: TaskRows) -> Self {
         let (of, mut equation) = (Measure::Velocity, Equation::identity(0, model.nv()));
         equation.response = Response::velocity(RATE);
         Self { frame, rows, of, gain: 1.0, weight: 1e-2, max_speed: f64::INFINITY, measure: 0.0, equation }
     }
 
-    /// The same task for the manipulability of forces.
+    /// Selects the manipulability of forces.
     ///
     /// ```
     /// use motorium_control::{RobotState, tasks::{ManipulabilityTask, VelocityTask}};
@@ -88,21 +88,21 @@ impl ManipulabilityTask {
         self.with_measure(Measure::Force)
     }
 
-    /// The same task for this measure.
+    /// Sets the measure.
     #[must_use]
     pub fn with_measure(mut self, measure: Measure) -> Self {
         self.of = measure;
         self
     }
 
-    /// The same task with a largest length of `nu` \[rad/s\].
+    /// Sets the largest norm of `nu` \[rad/s\].
     #[must_use]
     pub fn max_speed(mut self, speed: f64) -> Self {
         self.max_speed = speed;
         self
     }
 
-    /// The manipulability at the last update: of forces infinite in a singular configuration.
+    /// Manipulability at the last update; for forces it is infinite in a singular configuration.
     pub fn measure(&self) -> f64 {
         self.measure
     }
@@ -134,13 +134,13 @@ impl Task for ManipulabilityTask {
 }
 
 task_config! {
-    /// A manipulability task: the joints move to where a frame is moved, or exerts forces, more easily.
+    /// A manipulability task: moves the joints to where a frame moves, or exerts forces, more easily.
     ManipulabilityConfig "manipulability" {
         /// Link of the evaluated frame. Default: the robot's only end effector.
         frame: Option<String> = None;
-        /// Motions of the frame that count. Default "position".
+        /// Motions of the frame to evaluate. Default "position".
         rows: ManipulabilityRows = ManipulabilityRows::Position;
-        /// The measure that grows. Default "velocity".
+        /// The measure to increase. Default "velocity".
         of: Measure = Measure::Velocity;
         /// Speed per slope of the measure, (rad/s)^2, 0 to 1000. Default 1.
         gain: f64 = 1.0 => live(WEIGHTS, "(rad/s)^2", "speed per slope of the measure");
@@ -154,7 +154,7 @@ task_config! {
     }
 }
 
-/// Motions of a frame that count for its manipulability.
+/// Motions of a frame that its manipulability includes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ManipulabilityRows {
@@ -162,7 +162,7 @@ pub enum ManipulabilityRows {
     Position,
     /// Its angular velocity.
     Orientation,
-    /// Both; metres and radians are weighed alike.
+    /// Both; metres and radians have equal weight.
     Pose,
 }
 

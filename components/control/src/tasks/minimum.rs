@@ -1,4 +1,4 @@
-//! A quantity is small: the task kind that selects one of several costs.
+//! Minimises a quantity: the task kind that selects one of several costs.
 
 use motorium::prelude::*;
 use schemars::JsonSchema;
@@ -14,9 +14,9 @@ use super::{
 use crate::RobotState;
 
 task_config! {
-    /// A minimum task: velocities, accelerations, efforts, torques or contact forces are small.
+    /// A minimum task: minimises velocities, accelerations, efforts, torques or contact forces.
     MinimumConfig "minimum" {
-        /// The quantity that is small. Default "acceleration".
+        /// The quantity to minimise. Default "acceleration".
         of: MinimumOf = MinimumOf::Acceleration;
         /// Cost of the quantity, in the inverse of its unit, 0 to 1000. Default 1e-2.
         weight: f64 = 1e-2 => live(WEIGHTS, "", "cost of the quantity, in the inverse of its unit");
@@ -38,7 +38,7 @@ pub enum MinimumOf {
     Acceleration,
     /// Efforts that hold the robot's weight, relative to their limits; for robots with a fixed base.
     Effort,
-    /// Torques of the drives, as shares of their limits; with `inverse_dynamics`.
+    /// Torques of the drives, as fractions of their limits; with `inverse_dynamics`.
     Torque,
     /// Contact forces; with `inverse_dynamics`.
     Force,
@@ -54,7 +54,7 @@ impl TaskKind for MinimumConfig {
         }
     }
 
-    /// The weight, and the gain of efforts.
+    /// Parameters: the weight, and the gain of efforts.
     fn parameters(&self) -> Vec<TaskParameter> {
         self.live().into_iter().take(if self.of == MinimumOf::Effort { 2 } else { 1 }).collect()
     }
@@ -64,16 +64,15 @@ impl TaskKind for MinimumConfig {
             MinimumOf::Velocity | MinimumOf::Effort => context.rate(self.rate).map(drop)?,
             _ if self.rate.is_some() => {
                 let message =
-                    "of a quantity other than `velocity` and `effort`, which alone have a use for it";
+                    "of a quantity other than `velocity` and `effort`, the only ones with an effect";
                 return Err(ConfigError::key(context.key("rate"), message).advise("leave it out"));
             }
             _ => {}
         }
         if self.of == MinimumOf::Effort && context.model.base().floating {
-            let message =
-                "`effort` of a robot whose base floats: what its drives hold depends on its contact forces";
+            let message = "`effort` of a robot with a floating base: the load of its drives depends on its contact forces";
             return Err(ConfigError::key(context.key("of"), message)
-                .advise("of = \"torque\" makes the torques of the drives themselves small"));
+                .advise("of = \"torque\" minimises the torques of the drives instead"));
         }
         Ok(())
     }
@@ -110,7 +109,7 @@ impl TaskKind for MinimumConfig {
     }
 }
 
-/// Velocities that change little from step to step.
+/// Minimises the change of velocities from step to step.
 struct Smooth {
     task: MinimumVelocityTask,
     weight: Ramped,

@@ -1,4 +1,4 @@
-//! Accelerations are small.
+//! Minimises accelerations.
 
 use motorium_robots::Model;
 
@@ -23,7 +23,7 @@ pub struct AccelerationMinimum {
 methods!(AccelerationMinimum: weight("1/(rad/s2) or 1/(m/s2)"), set_weight);
 
 impl AccelerationMinimum {
-    /// A task for all accelerations of `model`, a floating base included, with weight 1e-2.
+    /// Creates a task for all accelerations of `model`, including a floating base, with weight 1e-2.
     pub fn new(model: &Model) -> Self {
         Self { weight: 1e-2, shares: vec![1.0; model.nv()], cost: Cost::identity(0, model.nv()) }
     }

@@ -1,4 +1,4 @@
-//! The joints move to where the weight of the robot loads their drives less.
+//! Moves the joints to where the robot's weight loads its drives less.
 
 use motorium_robots::{Dynamics, Model};
 use nalgebra::Vector3;
@@ -17,9 +17,9 @@ const STEP: f64 = 1e-5;
 /// J = 1 on all velocities,   nu = -gain dm/dq,   W = weight      1/(rad/s)
 /// ```
 ///
-/// (OpenSoT's task.) Since `dg/dq` of the joints is symmetric, the second derivative of the potential energy,
-/// the gradient is the change of `g` along the scaled efforts: one central difference for any number of
-/// joints. A floating base is commanded to rest. Accelerations reduce an error of a velocity at the
+/// (OpenSoT's task.) `dg/dq` of the joints is the second derivative of the potential energy and therefore
+/// symmetric. The gradient is thus the change of `g` along the scaled efforts: one central difference for any
+/// number of joints. A floating base is commanded to rest. With accelerations, velocity errors decay at the
 /// [`rate`](Self::rate).
 ///
 /// ```
@@ -45,7 +45,7 @@ pub struct MinimumEffortTask {
     /// `1 / tau_max^2` of each joint.
     shares: Vec<f64>,
     dynamics: Dynamics,
-    /// Efforts, the direction, a configuration near `q` and the efforts there.
+    /// Efforts, the direction, a configuration near `q`, and the efforts there.
     effort: Vec<f64>,
     direction: Vec<f64>,
     stepped: Vec<f64>,
@@ -61,7 +61,7 @@ methods!(MinimumEffortTask:
 );
 
 impl MinimumEffortTask {
-    /// A task for `model` under this acceleration of free fall \[m/s2\], with gain 1 and weight 1e-2.
+    /// Creates a task for `model` under this acceleration of free fall \[m/s2\], with gain 1 and weight 1e-2.
     pub fn new(model: &Model, gravity: Vector3<f64>) -> Self {
         let share = |limit: &f64| if limit.is_finite() && *limit > 0.0 { limit.powi(-2) } else { 1.0 };
         let mut equation = Equation::identity(0, model.nv());

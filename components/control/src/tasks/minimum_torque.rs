@@ -1,4 +1,4 @@
-//! Torques of the drives are small.
+//! Minimises drive torques.
 
 use motorium_robots::Model;
 
@@ -7,7 +7,7 @@ use crate::MotionState;
 use crate::contact::Contact;
 use crate::inverse_dynamics::{AccelerationTask, InverseDynamics};
 
-/// Torques of the drives are small:
+/// Minimises drive torques:
 ///
 /// ```text
 /// A = (M_a, -J_a')                         the rows of the joints, on accelerations and contact forces
@@ -24,12 +24,12 @@ pub struct TorqueMinimum {
 methods!(TorqueMinimum: weight("1"), set_weight);
 
 impl TorqueMinimum {
-    /// A task for all drives of `model`, the robot of `dynamics`, with weight 1.
+    /// Creates a task for all drives of `model`, the robot of `dynamics`, with weight 1.
     pub fn new(model: &Model, dynamics: &InverseDynamics) -> Self {
         Self::with_variables(model, dynamics.variables())
     }
 
-    /// The same for an inverse dynamics with these contacts.
+    /// Creates a task for inverse dynamics with these contacts.
     pub(crate) fn for_contacts(model: &Model, contacts: &[Contact]) -> Self {
         let points: usize = contacts.iter().map(Contact::points).sum();
         Self::with_variables(model, model.nv() + 3 * points)

@@ -1,4 +1,4 @@
-//! Velocities are small.
+//! Minimises velocities.
 
 use motorium_robots::Model;
 
@@ -6,16 +6,16 @@ use super::velocities::{RATE, differentiate_velocities};
 use super::{Cost, Equation, Response, Task};
 use crate::{MotionState, RobotState};
 
-/// Velocities are small, or near given ones:
+/// Minimises velocities, or their distance from given ones:
 ///
 /// ```text
 /// J = 1 on all velocities,   nu = v*,   W = weight diag(shares)     1/(rad/s) or 1/(m/s)
 /// ```
 ///
 /// (OpenSoT's and PyRoboLearn's tasks of minimum velocity, `v* = 0`, and of minimum acceleration, `v*` the
-/// velocity of the tick before.) Shares let some joints, or a floating base, move more than others.
-/// Accelerations damp the joints: they reduce an error of a velocity at the [`rate`](Self::rate), and leave a
-/// floating base to other tasks.
+/// velocity of the previous tick.) Shares let some joints, or a floating base, move more than others. With
+/// accelerations the task damps the joints: velocity errors decay at the [`rate`](Self::rate), and a floating
+/// base is left to other tasks.
 ///
 /// ```
 /// use motorium_control::tasks::MinimumVelocityTask;
@@ -42,7 +42,7 @@ methods!(
 );
 
 impl MinimumVelocityTask {
-    /// A task for all velocities of `model`, a floating base included, with weight 1e-2.
+    /// Creates a task for all velocities of `model`, including a floating base, with weight 1e-2.
     pub fn new(model: &Model) -> Self {
         let mut equation = Equation::identity(0, model.nv());
         equation.response = Response::velocity(RATE);
@@ -52,7 +52,7 @@ impl MinimumVelocityTask {
     /// Sets `v*`, one entry per velocity.
     ///
     /// # Panics
-    /// If the length differs.
+    /// If the length differs from the number of velocities.
     pub fn set_target(&mut self, velocity: &[f64]) {
         self.equation.rate.copy_from_slice(velocity);
     }

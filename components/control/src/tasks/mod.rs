@@ -1,12 +1,12 @@
-//! Tasks of the robot: the equations of their errors, from which the formulations make costs.
+//! Tasks of the robot: equations of their errors, which the formulations convert to costs.
 //!
-//! Most tasks are a [`Task`], for velocities and for accelerations alike. Those that implement only
-//! [`VelocityTask`] are for velocities.
+//! Most tasks are a [`Task`], which works for velocities and accelerations. Tasks that implement only
+//! [`VelocityTask`] work for velocities.
 
 #[macro_use]
 mod kind;
 
-/// Defines methods that several tasks have, for their fields `weight`, `gain` and `equation`.
+/// Defines methods common to several tasks, for their fields `weight`, `gain` and `equation`.
 macro_rules! methods {
     ($task:ident: $( $method:ident $(($($about:literal),+))? ),+) => {
         impl $task {
@@ -54,7 +54,7 @@ macro_rules! method {
         }
     };
     (feedback($setter:literal)) => {
-        /// The same task with another feedback of accelerations.
+        /// Replaces the feedback of accelerations.
         #[doc = concat!("[`", $setter, "`](Self::", $setter, ") replaces it.")]
         #[must_use]
         pub fn feedback(mut self, feedback: Feedback) -> Self {
@@ -63,7 +63,7 @@ macro_rules! method {
         }
     };
     (cost) => {
-        /// The cost as of the last update.
+        /// Returns the cost of the last update.
         pub fn cost(&self) -> &Cost {
             self.equation.cost()
         }
@@ -74,14 +74,14 @@ macro_rules! method {
 macro_rules! settings {
     ($task:ident, $settings:ident) => {
         impl $task {
-            /// The same task with these settings.
+            /// Sets the settings.
             #[must_use]
             pub fn with(mut self, settings: $settings) -> Self {
                 self.set_settings(settings);
                 self
             }
 
-            /// Changes the settings from the next update on. Accelerations reduce the error critically
+            /// Changes the settings from the next update on. With accelerations, the error decays critically
             /// damped at the gain.
             pub fn set_settings(&mut self, settings: $settings) {
                 self.settings = settings;
@@ -102,7 +102,7 @@ macro_rules! settings {
 macro_rules! weight {
     ($task:ident) => {
         impl $task {
-            /// The same task with another weight.
+            /// Sets the weight.
             #[must_use]
             pub fn weight(mut self, weight: f64) -> Self {
                 self.settings.weight = weight;
@@ -206,14 +206,14 @@ macro_rules! task_kinds {
         #[derive(Debug, Clone, Deserialize, JsonSchema)]
         pub enum TaskConfig {
             $( $(#[$doc])* #[serde(rename = $key)] $variant($config), )*
-            /// A task holds exactly, above all levels.
+            /// A task that holds exactly, above all levels.
             #[serde(rename = "constraint")]
             Constraint(ConstraintConfig),
             $( $(#[$other_doc])* #[serde(rename = $other_key)] $other($other_config), )*
         }
 
         impl TaskConfig {
-            /// The key of the task and its table, or the task that is a constraint.
+            /// Returns the key of the task and its table, or the task that is a constraint.
             fn table(&self) -> Result<(&'static str, &dyn TaskKind), &TaskConfig> {
                 match self {
                     $( Self::$variant(config) => Ok(($key, config)), )*
@@ -243,7 +243,7 @@ task_kinds! {
     "limit" => Limit(limit::LimitConfig),
     /// The joints move to where a frame is moved, or exerts forces, more easily.
     "manipulability" => Manipulability(manipulability::ManipulabilityConfig),
-    /// Velocities, accelerations, efforts, torques or contact forces are small.
+    /// Velocities, accelerations, efforts, torques or contact forces are minimised.
     "minimum" => Minimum(minimum::MinimumConfig),
     /// The momentum about the centre of mass decays to zero; torques only.
     "momentum" => Momentum(momentum::MomentumConfig),
@@ -259,7 +259,7 @@ task_kinds! {
     "unicycle" => Unicycle(unicycle::UnicycleConfig),
 }
 
-/// A task as a constraint: it holds exactly, above all levels. Rows with zero weight stay free; otherwise
+/// A task as a constraint, which holds exactly, above all levels. Rows with zero weight stay free; otherwise
 /// weights and damping are ignored.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -277,10 +277,10 @@ pub(crate) struct Configured<'a> {
 }
 
 impl TaskConfig {
-    /// The table of the task with this index in the configuration.
+    /// Returns the table of the task with this index in the configuration.
     ///
     /// # Errors
-    /// The task cannot hold exactly.
+    /// If the task cannot be a constraint.
     pub(crate) fn configured(&self, index: usize) -> Result<Configured<'_>, ConfigError> {
         let task = match self.table() {
             Ok((key, kind)) => {

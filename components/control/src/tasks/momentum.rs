@@ -1,4 +1,4 @@
-//! The centroidal momentum follows a target.
+//! Makes the centroidal momentum follow a target.
 
 use motorium::prelude::*;
 use motorium_robots::{Dynamics, Model, Momentum};
@@ -12,8 +12,8 @@ use crate::{MotionState, RobotState};
 
 const REST: Momentum = Momentum { linear: Vector3::new(0.0, 0.0, 0.0), angular: Vector3::new(0.0, 0.0, 0.0) };
 
-/// The momentum `h` of the whole robot about its centre of mass follows a target, in world axes: linear \[kg
-/// m/s\] and angular \[kg m2/s\].
+/// Makes the momentum `h` of the whole robot about its centre of mass follow a target, in world axes: linear
+/// \[kg m/s\] and angular \[kg m2/s\].
 ///
 /// ```text
 /// J  = A_G(q)                                     centroidal momentum matrix, 6 x nv
@@ -21,9 +21,9 @@ const REST: Momentum = Momentum { linear: Vector3::new(0.0, 0.0, 0.0), angular: 
 /// W  = diag(l, l, l, g, g, g)                     1/(kg m/s) and 1/(kg m2/s); of accelerations 1/N and 1/Nm
 /// ```
 ///
-/// (OpenSoT's tasks of linear and angular momentum in one.) Accelerations reduce an error of the momentum at
-/// the [`rate`](Self::rate). Without a target the momentum comes to rest. A weight of zero leaves a part
-/// free: an angular weight alone keeps the body from turning while the limbs move. Orin, Goswami and Lee,
+/// (OpenSoT's tasks of linear and angular momentum in one.) Momentum errors decay at the
+/// [`rate`](Self::rate). Without a target the momentum decays to zero. A weight of zero leaves a part free:
+/// an angular weight alone keeps the body from turning while the limbs move. Orin, Goswami and Lee,
 /// *Centroidal dynamics of a humanoid robot*, 2013.
 #[derive(Clone, Debug)]
 pub struct MomentumTask {
@@ -50,7 +50,7 @@ impl MomentumTask {
         }
     }
 
-    /// The same task with a weight of the linear and the angular part.
+    /// Sets the weights of the linear and the angular part.
     #[must_use]
     pub fn weights(mut self, linear: f64, angular: f64) -> Self {
         (self.linear_weight, self.angular_weight) = (linear, angular);
@@ -63,7 +63,7 @@ impl MomentumTask {
         (self.linear_weight, self.angular_weight) = (linear_weight, angular_weight);
     }
 
-    /// Sets the target `h*`, which stays as it is.
+    /// Sets the constant target `h*`.
     pub fn set_target(&mut self, target: Momentum) {
         self.set_moving_target(target, REST);
     }
@@ -100,9 +100,9 @@ impl Task for MomentumTask {
 }
 
 task_config! {
-    /// A momentum task: the momentum of the whole robot about its centre of mass comes to rest.
+    /// A momentum task: the momentum of the whole robot about its centre of mass decays to zero.
     MomentumConfig "momentum" {
-        /// Rate at which the momentum decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 5.
+        /// Rate at which the momentum decays, 1/s, 0 to 1000; limited to half the tick rate. Default 5.
         gain: f64 = 5.0 => live(GAINS, "1/s", "rate at which the momentum decays");
         /// Cost of a force, the rate of the linear momentum, 1/N, 0 to 1000. Default 0.
         linear_weight: f64 = 0.0 => live(WEIGHTS, "1/N", "cost of a force, the rate of the linear momentum");

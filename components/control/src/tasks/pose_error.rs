@@ -1,6 +1,6 @@
-//! Forms of the error of a pose.
+//! Forms of the pose error.
 
-/// Form of the error of a pose.
+/// Form of the pose error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PoseError {
     /// Logarithm of the pose of the target in the frame, with its exact derivative: the frame moves along a

@@ -42,11 +42,11 @@ impl PostureSettings {
 /// ```
 ///
 /// A floating base is not affected. In a weighted sum the task determines the directions that other tasks
-/// leave free. Where they conflict the result is a compromise: at rest a Cartesian task of weight `w` and
-/// gain `g` keeps an error of about `(weight^2 gain) / (w^2 g)` times the posture's own.
+/// leave free. Conflicting tasks compromise: at rest, a Cartesian task of weight `w` and gain `g` keeps an
+/// error of about `(weight^2 gain) / (w^2 g)` times the posture error.
 ///
-/// With an [impedance](Self::impedance) the joints accelerate as springs and dampers would move a robot
-/// without contacts: `M^-1 (K (q* - q) + D (q*' - q'))` instead of `kp (q* - q) + kd (q*' - q')`.
+/// With an [impedance](Self::impedance) the joints accelerate like a robot without contacts under springs and
+/// dampers: `M^-1 (K (q* - q) + D (q*' - q'))` instead of `kp (q* - q) + kd (q*' - q')`.
 #[derive(Clone, Debug)]
 pub struct PostureTask {
     settings: PostureSettings,
@@ -59,10 +59,10 @@ settings!(PostureTask, PostureSettings);
 weight!(PostureTask);
 
 impl PostureTask {
-    /// A task for all joints of `model`, with default settings.
+    /// Creates a task for all joints of `model`, with default settings.
     ///
     /// # Panics
-    /// If `target` has not one entry per independent joint.
+    /// If the length of `target` differs from the number of independent joints.
     pub fn new(model: &Model, target: &[f64]) -> Self {
         let joints = model.joint_count();
         assert_eq!(target.len(), joints, "length of the posture");
@@ -77,11 +77,11 @@ impl PostureTask {
         }
     }
 
-    /// The same task with springs and dampers in place of the feedback of accelerations: a stiffness \[N
-    /// m/rad or N/m\] and a damping \[N m s/rad or N s/m\] for each independent joint.
+    /// Replaces the acceleration feedback by springs and dampers, with a stiffness \[N m/rad or N/m\] and a
+    /// damping \[N m s/rad or N s/m\] for each independent joint.
     ///
     /// # Panics
-    /// If one of them has not one entry per independent joint.
+    /// If the length of either differs from the number of independent joints.
     #[must_use]
     pub fn impedance(mut self, model: &Model, stiffness: &[f64], damping: &[f64]) -> Self {
         self.equation.set_impedance(model, stiffness, damping);
@@ -91,7 +91,7 @@ impl PostureTask {
     /// Sets the posture `q*`, at rest.
     ///
     /// # Panics
-    /// If `target` has not one entry per independent joint.
+    /// If the length of `target` differs from the number of independent joints.
     pub fn set_target(&mut self, target: &[f64]) {
         self.target.copy_from_slice(target);
         self.equation.rate.fill(0.0);
@@ -101,7 +101,7 @@ impl PostureTask {
     /// Sets the posture, its velocity and its acceleration.
     ///
     /// # Panics
-    /// If one of them has not one entry per independent joint.
+    /// If any length differs from the number of independent joints.
     pub fn set_moving_target(&mut self, target: &[f64], velocity: &[f64], acceleration: &[f64]) {
         self.target.copy_from_slice(target);
         self.equation.rate.copy_from_slice(velocity);
@@ -156,9 +156,9 @@ task_config! {
         /// A pose of the robot's profile. Default: its home pose, or the first measured pose if it has no
         /// profile.
         pose: Option<String> = None;
-        /// The posture itself, rad or m: one number for all joints, or one for each. This or `pose`.
+        /// Posture, rad or m: one number for all joints, or one per joint. Excludes `pose`.
         positions: Option<PerJoint> = None;
-        /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 1.
+        /// Rate at which the error decays, 1/s, 0 to 1000; limited to half the tick rate. Default 1.
         gain: f64 = PostureSettings::default().gain => live(GAINS, "1/s", "rate at which the error decays");
         /// Springs and dampers replacing the gain. Default: none.
         impedance: Option<JointImpedanceConfig> = None;
@@ -184,7 +184,7 @@ pub struct JointImpedanceConfig {
 }
 
 impl JointImpedanceConfig {
-    /// Stiffness and damping of each joint, checked.
+    /// Converts and checks the stiffness and damping of each joint.
     fn build(&self, context: &TaskContext<'_>) -> Result<[DVector<f64>; 2], ConfigError> {
         let of = |name: &str, given: &PerJoint| {
             let key = format!("impedance.{name}");

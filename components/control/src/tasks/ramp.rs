@@ -2,7 +2,7 @@
 
 use motorium::prelude::*;
 
-/// Bounds that a controller sets to its tasks.
+/// Step settings that a controller passes to its tasks.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TaskBounds {
     /// True in the first step at a state.
@@ -17,15 +17,15 @@ pub(crate) struct TaskBounds {
     pub(crate) target_timeout_ns: u64,
 }
 
-/// Difference of two presences that is rounding.
+/// Difference between two presences that is treated as rounding.
 const SAME: f64 = 1e-9;
 
-/// A ramped task parameter: a change is applied linearly over [`TaskBounds::ramp`], so that enabling,
-/// disabling or reweighting a task at run time causes no jump.
+/// A ramped task parameter. A change is applied linearly over [`TaskBounds::ramp`], so that enabling,
+/// disabling or reweighting a task at run time causes no discontinuity.
 ///
-/// A weight of 0 disables a task. Under strict priorities a small weight acts like a large one, so a weight
-/// ramped to 0 would still end in a jump. Instead the weight keeps its value while its presence falls from 1
-/// to 0, and the controller mixes the solutions with and without the task by its [`Fades`].
+/// A weight of 0 disables a task. Under strict priorities a small weight acts like a large one, so ramping a
+/// weight to 0 would still end in a discontinuity. Instead, the weight keeps its value while its presence
+/// falls from 1 to 0, and the controller mixes the solutions with and without the task by its [`Fades`].
 pub(crate) struct Ramped {
     parameter: Parameter<f64>,
     value: Change,
@@ -40,7 +40,7 @@ impl Ramped {
         Self { parameter, value: Change::constant(value), presence }
     }
 
-    /// The value for this step, and for this part of the mixture.
+    /// Returns the value for this step and this part of the mixture.
     pub(super) fn follow(&mut self, bounds: &TaskBounds, fades: &mut Fades) -> f64 {
         if fades.begins {
             self.advance(self.parameter.get(), bounds);
@@ -67,7 +67,7 @@ impl Ramped {
             Some(present) => {
                 present.follow(presence(desired), dt, ramp);
                 match desired {
-                    // it fades as it was
+                    // it fades out with its previous value
                     0.0 => self.value = Change::constant(self.value.value),
                     desired if absent => self.value = Change::constant(desired),
                     desired => self.value.follow(desired, dt, ramp),
@@ -83,14 +83,14 @@ fn presence(weight: f64) -> f64 {
 }
 
 /// Mixture of solutions while weights fade. For presences `1 > a_1 > ... > a_n > 0`, the solution without the
-/// fading weights has the share `1 - a_1`. The solution with the weights of at least presence `a_1` has
-/// `a_1 - a_2`, and so on; the solution with all weights has `a_n`.
+/// fading weights has the share `1 - a_1`. The solution with the weights whose presence is at least `a_1` has
+/// the share `a_1 - a_2`, and so on. The solution with all weights has the share `a_n`.
 ///
 /// The mixture is continuous in all presences (the Lovasz extension of a set function). As a convex
 /// combination it satisfies every limit that all its solutions satisfy, and preserves the solution of higher
 /// levels.
 pub(crate) struct Fades {
-    /// Presences, each once, in falling order.
+    /// Distinct presences in descending order.
     presences: Vec<f64>,
     /// Minimum presence of a participating weight.
     threshold: f64,
@@ -99,7 +99,7 @@ pub(crate) struct Fades {
 }
 
 impl Fades {
-    /// Room for `most` weights.
+    /// Creates a mixture with capacity for `most` weights.
     pub(crate) fn new(most: usize) -> Self {
         Self { presences: Vec::with_capacity(most), threshold: 0.0, begins: true }
     }
@@ -125,7 +125,7 @@ impl Fades {
         self.presences.len() + 1
     }
 
-    /// Begins a part; its share.
+    /// Starts a part of the mixture and returns its share.
     pub(crate) fn part(&mut self, part: usize) -> f64 {
         let above = if part == 0 { 1.0 } else { self.presences[part - 1] };
         (self.threshold, self.begins) = (above, false);
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_ramp_a_change_takes_effect_at_once() {
+    fn without_a_ramp_a_change_takes_effect_immediately() {
         let mut change = Change::constant(1.0);
         change.follow(5.0, 1e-3, 0.0);
         assert_eq!(change.value, 5.0);
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mixture_is_a_function_of_all_presences_without_a_jump() {
+    fn mixture_is_a_continuous_function_of_all_presences() {
         // a set function without any structure
         let of = |set: &[bool]| {
             let number = set.iter().enumerate().map(|(place, is)| usize::from(*is) << place).sum::<usize>();

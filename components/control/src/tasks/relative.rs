@@ -1,4 +1,4 @@
-//! A frame reaches a pose relative to another frame.
+//! Makes a frame reach a pose relative to another frame.
 
 use motorium::prelude::*;
 use motorium_robots::{FrameId, Model, Reference, lie::se3};
@@ -31,7 +31,7 @@ with_defaults! {
 }
 
 impl RelativeSettings {
-    /// The defaults, with a [geometric](PoseError::Geometric) error.
+    /// Returns the defaults with a [geometric](PoseError::Geometric) error.
     pub fn geometric() -> Self {
         Self { error: PoseError::Geometric, ..Self::default() }
     }
@@ -42,7 +42,7 @@ impl RelativeSettings {
 }
 
 /// Moves a frame `b` to a pose `t` relative to a frame `a` of the same robot, such as one hand relative to
-/// the other. The target rests in `a`, and the motion of a floating base cancels.
+/// the other. The target is at rest in `a`; the motion of a floating base has no effect.
 ///
 /// With `T_ab` the pose of `b` in `a`, and `T_bt = T_ab^-1 T_at`, a [logarithmic](PoseError::Logarithm) error
 /// is in the axes of `b`:
@@ -54,8 +54,8 @@ impl RelativeSettings {
 /// ```
 ///
 /// (Pink's relative frame task). A [geometric](PoseError::Geometric) error is in the axes of `a`. With the
-/// vector `d` from `a` to `b`, the velocities `v`, `w` of both frames, and their accelerations `v'`, `w'`
-/// without accelerations of the joints,
+/// vector `d` from `a` to `b`, the velocities `v`, `w` of both frames, and their accelerations `v'`, `w'` for
+/// zero joint accelerations,
 ///
 /// ```text
 /// e    = (p* - R_a' d, log(R* R_ab'))
@@ -91,7 +91,7 @@ pub struct RelativeTask {
 settings!(RelativeTask, RelativeSettings);
 
 impl RelativeTask {
-    /// A task for the frame `b` relative to `a`, with the frame `a` as target and default settings.
+    /// Creates a task for the frame `b` relative to `a`, with the frame `a` as target and default settings.
     pub fn new(model: &Model, a: FrameId, b: FrameId) -> Self {
         let settings = RelativeSettings::default();
         let mut equation = Equation::dense(6, 0, model.nv());
@@ -209,7 +209,7 @@ task_config! {
         target: String = "relative_target".to_owned() => target(
             optional PoseTarget, "pose of the frame in the other frame"
         );
-        /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
+        /// Rate at which the error decays, 1/s, 0 to 1000; limited to half the tick rate. Default 10.
         gain: f64 = RelativeSettings::default().gain => live(GAINS, "1/s", "rate at which the error decays");
         /// Cost of a velocity error, 1/(m/s), 0 to 1000. Default 1.
         position_weight: f64 = RelativeSettings::default().position_weight => live(
@@ -255,7 +255,7 @@ impl TaskKind for RelativeConfig {
     }
 }
 
-/// A frame that follows poses relative to another frame.
+/// A running relative task, which follows poses relative to another frame.
 struct HeldRelative {
     task: RelativeTask,
     input: Input<PoseTarget>,
@@ -265,14 +265,14 @@ struct HeldRelative {
     is_set: bool,
     /// Number of invalid target poses: the orientation is not a unit quaternion, or a number is not finite.
     refused: u64,
-    /// `true` for the position, and for the orientation, if it is controlled.
+    /// `true` for the position, and for the orientation, if they are controlled.
     counts: [bool; 2],
     /// Error of the measured robot at the last step: position \[m\], orientation \[rad\].
     error: Option<[f64; 2]>,
 }
 
 impl HeldRelative {
-    /// The pose of the frame in the other one.
+    /// Returns the pose of the frame in the other frame.
     fn pose(&self, state: &RobotState<'_>) -> Isometry3<f64> {
         let [a, b] = self.task.frames().map(|frame| state.kinematics.pose(state.model, frame));
         a.inv_mul(&b)

@@ -18,7 +18,7 @@ const STANDING: f64 = 1e-6;
 /// steered wheels of a base then roll about the same instantaneous centre of rotation.
 ///
 /// With the axis `d` of the wheel, the normal `n` of the ground, the centre `p` of the wheel and `o` of the
-/// base, all in the axes of the world, and the twist `(V, W)` of the base,
+/// base, all in world axes, and the twist `(V, W)` of the base,
 ///
 /// ```text
 /// f = d x n / |d x n|                             direction in which the wheel rolls
@@ -28,7 +28,7 @@ const STANDING: f64 = 1e-6;
 /// nu = W                                          the base keeps its velocity
 /// ```
 ///
-/// (OpenSoT's task, with the turning of the base as feed-forward.) The task is inactive for a standing or
+/// (OpenSoT's task, with the rotation of the base as feed-forward.) The task is inactive for a standing or
 /// flat wheel.
 #[derive(Clone, Debug)]
 pub struct RigidRotationTask {
@@ -46,8 +46,9 @@ pub struct RigidRotationTask {
 methods!(RigidRotationTask: with("1/s", "1/(rad/s) or 1/(rad/s2)"), feedback("set"), cost);
 
 impl RigidRotationTask {
-    /// A task for the wheel whose centre is the origin of the frame `wheel`, with its axis in the axes of
-    /// that frame, on a base with the frame `base` at rest on level ground; with gain 10 and weight 1.
+    /// Creates a task for the wheel whose centre is the origin of the frame `wheel`, with its axis in the
+    /// axes of that frame. The base has the frame `base` and is at rest on level ground. The gain is 10 and
+    /// the weight 1.
     pub fn new(model: &Model, wheel: FrameId, base: FrameId, axis: Unit<Vector3<f64>>) -> Self {
         let mut equation = Equation::dense(1, 0, model.nv());
         equation.response = Response::decay(10.0);
@@ -55,13 +56,13 @@ impl RigidRotationTask {
         Self { wheel, base, axis, normal, twist: [0.0; 3], weight: 1.0, frame_jacobian, equation }
     }
 
-    /// Changes gain and weight from the next update on. Accelerations reduce the error critically damped at
-    /// the gain.
+    /// Changes gain and weight from the next update on. With accelerations, the error decays critically
+    /// damped at the gain.
     pub fn set(&mut self, gain: f64, weight: f64) {
         (self.equation.response, self.weight) = (Response::decay(gain), weight);
     }
 
-    /// The same task on ground with another normal, world axes.
+    /// Sets the ground normal, world axes.
     #[must_use]
     pub fn on(mut self, normal: Unit<Vector3<f64>>) -> Self {
         self.normal = normal;
@@ -78,8 +79,8 @@ impl RigidRotationTask {
         self.equation.error[0]
     }
 
-    /// Angle about the normal from the rolling direction of the wheel to the velocity of its centre, or to
-    /// the opposite if that is closer \[rad\]; `None` for a standing or flat wheel.
+    /// Returns the angle about the normal from the rolling direction of the wheel to the velocity of its
+    /// centre, or to the opposite if that is closer \[rad\]. `None` for a standing or flat wheel.
     fn angle(&self, state: &RobotState<'_>) -> Option<f64> {
         let [wheel, base] = [self.wheel, self.base].map(|frame| state.kinematics.pose(state.model, frame));
         let (normal, [x, y, yaw]) = (self.normal.into_inner(), self.twist);
@@ -123,24 +124,23 @@ impl Task for RigidRotationTask {
 }
 
 task_config! {
-    /// A rigid rotation task: a steered wheel turns until it rolls in the direction in which its base moves
-    /// it.
+    /// A rigid rotation task: steers a wheel until it rolls in the direction in which its base moves it.
     RigidRotationConfig "rigid_rotation" {
-        /// Link of the wheel: the origin of its frame is the centre of the wheel.
+        /// Link of the wheel, whose frame has its origin at the centre of the wheel.
         frame: String = String::new();
-        /// Link of the base, in whose axes the target is given.
+        /// Link of the base; the target is in its axes.
         base: String = String::new();
         /// Axis of the wheel, in the axes of its frame. Default [0, 1, 0].
         axis: [f64; 3] = [0.0, 1.0, 0.0];
-        /// Normal of the ground, in the axes of the world. Default [0, 0, 1].
+        /// Normal of the ground, in world axes. Default [0, 0, 1].
         normal: [f64; 3] = [0.0, 0.0, 1.0];
-        /// Name of the input port of the velocity of the base: `linear` x and y and `angular` z, in the axes
+        /// Name of the input port for the velocity of the base: `linear` x and y and `angular` z, in the axes
         /// of `base`. Without a target, or with a stale one (`target_timeout`), the task is inactive. Default
         /// "base_target".
         target: String = "base_target".to_owned() => target(
             optional TwistTarget, "velocity of the base: linear x and y, angular z, in its own axes"
         );
-        /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
+        /// Rate at which the error decays, 1/s, 0 to 1000; limited to half the tick rate. Default 10.
         gain: f64 = 10.0 => live(GAINS, "1/s", "rate at which the error decays");
         /// Cost of an angular velocity error, 1/(rad/s), 0 to 1000. Default 1.
         weight: f64 = 1.0 => live(WEIGHTS, "1/(rad/s)", "cost of an angular velocity error");

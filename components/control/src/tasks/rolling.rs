@@ -1,4 +1,4 @@
-//! A wheel rolls without slipping.
+//! Makes a wheel roll without slipping.
 
 use motorium::prelude::*;
 use motorium_robots::{FrameId, Model, Reference};
@@ -11,14 +11,14 @@ use super::velocities::RATE;
 use super::{Cost, Equation, Response, Task};
 use crate::{MotionState, RobotState};
 
-/// Sine of the angle between wheel axis and ground normal below which the wheel counts as flat.
+/// Sine of the angle between wheel axis and ground normal below which the wheel is treated as flat.
 const FLAT: f64 = 1e-6;
 
 /// Keeps the contact point of a wheel at rest: the wheel rolls without slipping or sliding.
 ///
-/// In the axes of the world, with the axis `d` of the wheel, the normal `n` of the ground, the vector `c`
-/// from its centre to the contact, the velocity `v`, `w` of the wheel and its acceleration `v'`, `w'` without
-/// accelerations of the joints,
+/// In world axes, with the axis `d` of the wheel, the normal `n` of the ground, the vector `c` from its
+/// centre to the contact, the velocity `v`, `w` of the wheel and its acceleration `v'`, `w'` for zero joint
+/// accelerations,
 ///
 /// ```text
 /// u    = (n - d d' n) / |n - d d' n|,   c = -radius u
@@ -29,7 +29,7 @@ const FLAT: f64 = 1e-6;
 /// W    = weight                                   1/(m/s) or 1/(m/s2)
 /// ```
 ///
-/// (OpenSoT's pure rolling.) Accelerations reduce the slip at the [`rate`](Self::rate). On the first of
+/// (OpenSoT's pure rolling.) With accelerations, slip decays at the [`rate`](Self::rate). On the first of
 /// several levels it couples a base to the rotation of its wheels. The task is inactive for a flat wheel,
 /// which has no contact point.
 #[derive(Clone, Debug)]
@@ -48,8 +48,8 @@ pub struct RollingTask {
 #[derive(Clone, Copy, Debug)]
 struct RollingContact {
     axis: Vector3<f64>,
-    /// Direction from the ground to the centre of the wheel, and the length of the normal's component across
-    /// the axis.
+    /// Direction from the ground to the centre of the wheel, and the length of the normal's component
+    /// perpendicular to the axis.
     up: Vector3<f64>,
     length: f64,
     /// Vector from the centre of the wheel to the contact \[m\].
@@ -59,8 +59,8 @@ struct RollingContact {
 methods!(RollingTask: weight("1/(m/s) or 1/(m/s2)"), rate("the slip"), set_weight, cost);
 
 impl RollingTask {
-    /// A task for the wheel whose centre is the origin of `frame`, with its axis in the axes of the frame and
-    /// its radius \[m\], on level ground, with weight 1 and a rate of 20/s.
+    /// Creates a task for the wheel whose centre is the origin of `frame`, with its axis in the axes of the
+    /// frame and its radius \[m\], on level ground, with weight 1 and a rate of 20/s.
     pub fn new(model: &Model, frame: FrameId, axis: Unit<Vector3<f64>>, radius: f64) -> Self {
         let mut equation = Equation::dense(3, 0, model.nv());
         equation.response = Response::velocity(RATE);
@@ -68,7 +68,7 @@ impl RollingTask {
         Self { frame, axis, radius, normal, weight: 1.0, contact: None, frame_jacobian, equation }
     }
 
-    /// The same task on ground with another normal, world axes.
+    /// Sets the ground normal, world axes.
     #[must_use]
     pub fn on(mut self, normal: Unit<Vector3<f64>>) -> Self {
         self.normal = normal;
@@ -80,7 +80,7 @@ impl RollingTask {
         self.contact.map_or(Vector3::zeros(), |contact| contact.arm)
     }
 
-    /// The contact in a state; `None` for a flat wheel.
+    /// Returns the contact in a state; `None` for a flat wheel.
     fn contact_in(&self, state: &RobotState<'_>) -> Option<RollingContact> {
         let axis = state.kinematics.pose(state.model, self.frame).rotation * self.axis.into_inner();
         let across = self.normal.into_inner() - axis * axis.dot(&self.normal);
@@ -122,15 +122,15 @@ impl Task for RollingTask {
 }
 
 task_config! {
-    /// A rolling task: the point of a wheel that touches the ground rests.
+    /// A rolling task: the contact point of a wheel rests on the ground.
     RollingConfig "rolling" {
-        /// Link of the wheel: the origin of its frame is the centre of the wheel.
+        /// Link of the wheel, whose frame has its origin at the centre of the wheel.
         frame: String = String::new();
         /// Axis of the wheel, in the axes of its frame. Default [0, 1, 0].
         axis: [f64; 3] = [0.0, 1.0, 0.0];
         /// Radius of the wheel, m, more than 0.
         radius: f64 = 0.0 => within(1e-6..=1e3);
-        /// Normal of the ground, in the axes of the world. Default [0, 0, 1].
+        /// Normal of the ground, in world axes. Default [0, 0, 1].
         normal: [f64; 3] = [0.0, 0.0, 1.0];
         /// Cost of a velocity of the contact point, 1/(m/s), 0 to 1000. Default 1.
         weight: f64 = 1.0 => live(WEIGHTS, "1/(m/s)", "cost of a velocity of the contact point");

@@ -8,10 +8,10 @@ use super::ramp::TaskBounds;
 use crate::checks::pose_of;
 use crate::{GoalError, GoalRecord, GoalTolerance};
 
-/// The target of a task from an input, and the error at its goals.
+/// Pose target from an input, and the errors at its goals.
 pub(super) struct TargetInput {
     input: Input<PoseTarget>,
-    /// The newest valid target.
+    /// The latest valid target.
     current: Option<PoseTarget>,
     /// Number of invalid target poses: the orientation is not a unit quaternion, or a number is not finite.
     refused: u64,
@@ -38,7 +38,7 @@ impl TargetInput {
         self.refused
     }
 
-    /// Position and linear velocity of the newest target; a stale one rests.
+    /// Position and linear velocity of the latest target; a stale target is at rest.
     pub(super) fn point(&mut self, bounds: &TaskBounds) -> Option<(Vector3<f64>, Vector3<f64>)> {
         let reading = self.input.latest()?;
         let fresh = reading.age_ns() <= bounds.target_timeout_ns;
@@ -47,7 +47,7 @@ impl TargetInput {
         Some((Vector3::from(reading.position), velocity))
     }
 
-    /// Pose and velocity of the newest target, if they are valid; a stale one rests.
+    /// Pose and velocity of the latest target, if valid; a stale target is at rest.
     pub(super) fn pose(&mut self, bounds: &TaskBounds) -> Option<(Isometry3<f64>, Twist)> {
         let reading = self.input.latest()?;
         let velocity = Twist {
@@ -76,7 +76,7 @@ impl TargetInput {
         &self.goals
     }
 
-    /// The entry of a task in the result of a run: goals, and errors of the quantities with a tolerance.
+    /// Entry of a task in the result of a run: goals, and errors of the quantities with a tolerance.
     pub(super) fn result(&self) -> serde_json::Value {
         let (summary, latest) = (self.goals.summary(), self.goals.latest());
         let mut result =

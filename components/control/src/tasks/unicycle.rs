@@ -1,4 +1,4 @@
-//! A base drives like a unicycle.
+//! Makes a base drive like a unicycle.
 
 use motorium::prelude::*;
 use motorium::state::TwistTarget;
@@ -23,7 +23,7 @@ with_defaults! {
     pub yaw_rate: f64 = 0.0;
     /// Cost of an error of the forward speed \[1/(m/s)\]; 0 leaves it to other tasks. Default 1.
     pub forward_weight: f64 = 1.0;
-    /// Cost of a motion sideways \[1/(m/s)\]. Default 1.
+    /// Cost of sideways motion \[1/(m/s)\]. Default 1.
     pub sideways_weight: f64 = 1.0;
     /// Cost of an error of the yaw rate \[1/(rad/s)\]; 0 leaves it to other tasks. Default 1.
     pub yaw_weight: f64 = 1.0;
@@ -37,9 +37,9 @@ with_defaults! {
 /// W  = diag(f, s, y)
 /// ```
 ///
-/// Position drift is not corrected. Accelerations reduce a velocity error at the [`rate`](Self::rate).
+/// Position drift is not corrected. With accelerations, velocity errors decay at the [`rate`](Self::rate).
 /// (OpenSoT's task, whose wheel is a [`RollingTask`](super::RollingTask) here.) With zero forward and yaw
-/// weights only sideways motion is excluded, so that a base moved by other tasks behaves like one on an axle.
+/// weights only sideways motion is excluded: a base moved by other tasks behaves as if on an axle.
 ///
 /// ```
 /// use motorium_control::{RobotState, tasks::{UnicycleSettings, UnicycleTask, VelocityTask}};
@@ -77,7 +77,7 @@ impl UnicycleTask {
         Self { frame, settings: UnicycleSettings::default(), frame_jacobian, equation }
     }
 
-    /// The same task with these speeds and weights.
+    /// Sets speeds and weights.
     #[must_use]
     pub fn with(mut self, settings: UnicycleSettings) -> Self {
         self.settings = settings;
@@ -128,7 +128,7 @@ impl Task for UnicycleTask {
 task_config! {
     /// A unicycle task: a frame moves forward and turns as commanded, and never sideways.
     UnicycleConfig "unicycle" {
-        /// Link whose frame drives along its x and turns about its z.
+        /// Link whose frame drives along its x axis and turns about its z axis.
         frame: String = String::new();
         /// Name of the input port of the target, of which `linear` x and `angular` z are used, in the axes of
         /// the frame. Without a target, or with a stale one (`target_timeout`), the frame stands still.
@@ -138,7 +138,7 @@ task_config! {
         );
         /// Cost of an error of the forward speed, 1/(m/s), 0 to 1000. Default 1.
         forward_weight: f64 = 1.0 => live(WEIGHTS, "1/(m/s)", "cost of an error of the forward speed");
-        /// Cost of a motion sideways, 1/(m/s), 0 to 1000. Default 1.
+        /// Cost of sideways motion, 1/(m/s), 0 to 1000. Default 1.
         sideways_weight: f64 = 1.0 => live(WEIGHTS, "1/(m/s)", "cost of a motion sideways");
         /// Cost of an error of the yaw rate, 1/(rad/s), 0 to 1000. Default 1.
         yaw_weight: f64 = 1.0 => live(WEIGHTS, "1/(rad/s)", "cost of an error of the yaw rate");

@@ -1,13 +1,13 @@
-//! Errors of velocities.
+//! Velocity errors.
 
 use crate::formulation::Equation;
 use crate::state::MotionState;
 
-/// Rate at which accelerations reduce an error of a velocity, unless another is set \[1/s\].
+/// Default rate at which velocity errors decay with accelerations \[1/s\].
 pub(super) const RATE: f64 = 20.0;
 
-/// Differentiates the equation of a task on all velocities. At the level of accelerations a floating base is
-/// left to other tasks.
+/// Differentiates the equation of a task on all velocities. At acceleration level, a floating base is left to
+/// other tasks.
 pub(super) fn differentiate_velocities(equation: &mut Equation, state: &MotionState<'_>) {
     let base = state.model.nv() - state.model.joint_count();
     equation.weights_mut().rows_mut(0, base).fill(0.0);

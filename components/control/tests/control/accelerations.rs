@@ -1,4 +1,4 @@
-//! Joints that accelerate and brake no faster than they can, by velocities.
+//! Acceleration limits of joints under velocity control.
 
 use motorium::prelude::*;
 use motorium::testing::Probe;
@@ -16,8 +16,8 @@ use crate::robot::{Panda, Random};
 
 const DT: f64 = 1e-3;
 
-/// Moves the Panda towards postures for 1.5 s each; calls `check` with the velocities of the tick before and
-/// of this one.
+/// Moves the Panda towards postures for 1.5 s each, and calls `check` with the velocities of the previous and
+/// the current tick.
 fn move_to(
     panda: &Panda,
     postures: &[Vec<f64>],
@@ -73,14 +73,14 @@ fn no_joint_exceeds_its_acceleration_even_at_its_limits() {
             }
         });
         assert!(largest <= most * (1.0 + 1e-3), "{largest} of {most} rad/s2");
-        assert!(largest > 0.99 * most, "it is used: {largest} of {most} rad/s2");
+        assert!(largest > 0.99 * most, "the limit is used: {largest} of {most} rad/s2");
         assert!((-1e-12..1e-3).contains(&nearest), "limits are reached and kept: {nearest} rad");
         assert!(fastest <= 1.0 + 1e-12, "{fastest}");
     }
 }
 
 #[test]
-fn a_joint_without_a_largest_acceleration_is_as_fast_as_before() {
+fn joints_without_acceleration_limit_are_not_slowed() {
     let panda = Panda::new();
     let posture: Vec<f64> = panda.home.iter().map(|q| q + 0.2).collect();
     let mut most = DVector::repeat(8, 1.0);
@@ -92,8 +92,8 @@ fn a_joint_without_a_largest_acceleration_is_as_fast_as_before() {
     assert!(first[3] > 2.0 && (first[0] - 1e-3).abs() < 1e-9, "{first:?}");
 }
 
-/// Ground below the hand but not below the links that carry it: pairs of links whose names contain one of
-/// these words.
+/// Ground below the hand but not below its supporting links. Pairs of links whose names contain one of these
+/// words are checked.
 fn ground_below(panda: &Panda, words: &[&str]) -> CollisionModel {
     let options = CollisionOptions { self_collision: false, ..CollisionOptions::default() };
     let mut solids = CollisionModel::new(&panda.model, &options).unwrap();
@@ -110,7 +110,7 @@ fn ground_below(panda: &Panda, words: &[&str]) -> CollisionModel {
 }
 
 #[test]
-fn a_distance_may_brake_joints_harder_but_not_speed_them_up() {
+fn distances_may_brake_joints_harder_but_not_accelerate() {
     let panda = Panda::new();
     let most = 1.0;
     let limit = AccelerationLimit::new(&panda.model, DVector::repeat(8, most), PositionLimit::default());
@@ -134,7 +134,7 @@ fn a_distance_may_brake_joints_harder_but_not_speed_them_up() {
             for (now, before) in v.iter().zip(before) {
                 speeding_up = speeding_up.max((now.abs() - before.abs()) / DT);
             }
-            // the fingers have no part in the distances of the hand
+            // the fingers are not involved in the distances of the hand
             apart = apart.max((v[7] - before[7]).abs() / DT);
         });
         assert!(smallest > 0.03 - 1e-4 && smallest < 0.04, "{smallest}");
@@ -144,7 +144,7 @@ fn a_distance_may_brake_joints_harder_but_not_speed_them_up() {
     }
 }
 
-/// A table so far below the fingers that their distance from it is `distance`.
+/// A table below the fingers at a distance of `distance`.
 fn table_below(panda: &Panda, distance: f64) -> CollisionModel {
     let options = CollisionOptions { self_collision: false, ..CollisionOptions::default() };
     let with = |height: f64| {
@@ -170,7 +170,7 @@ fn a_hand_close_to_a_table_returns_at_joint_acceleration() {
     let postures = |posture: &DVector<f64>| vec![posture.as_slice().to_vec(); 4];
     for most in [20.0, 0.5, 0.05] {
         let limit = AccelerationLimit::new(&panda.model, DVector::repeat(8, most), PositionLimit::default());
-        // it is to stay where it is, or presses on the table
+        // the hand is to stay in place, or presses on the table
         for posture in [&panda.home, &down] {
             let solids = table_below(&panda, 0.01);
             let (mut kinematics, mut measure) = (Kinematics::new(&panda.model), Collisions::new(&solids));
@@ -186,8 +186,8 @@ fn a_hand_close_to_a_table_returns_at_joint_acceleration() {
             assert!(largest <= most * (1.0 + 1e-3), "{largest} of {most}");
             let (last, fastest) = (distances[distances.len() - 1], distances.windows(2));
             let fastest = fastest.map(|pair| (pair[1] - pair[0]) / DT).fold(0.0, f64::max);
-            assert!(last > 0.03 - 1e-4, "{most}: it comes back: {last}");
-            assert!(fastest < 0.0105, "{most}: no faster than it is to: {fastest}");
+            assert!(last > 0.03 - 1e-4, "{most}: must return: {last}");
+            assert!(fastest < 0.0105, "{most}: returns no faster than required: {fastest}");
             let nearest = distances.iter().copied().fold(f64::INFINITY, f64::min);
             assert!(nearest > 0.01 - 1e-4, "{most}: {nearest}");
         }
@@ -203,7 +203,7 @@ fn a_controller_uses_the_accelerations_of_the_profile() {
     };
     let panda = motorium_robots::load("panda", std::path::Path::new(".")).unwrap();
     let profile = panda.profile.unwrap().acceleration_limit(&panda.model).unwrap();
-    // of the accelerations of the profile, the largest share that a joint uses
+    // largest fraction that any joint uses of its profile acceleration
     let used = |commands: &[JointCommand]| {
         let changes = commands.windows(2).flat_map(|pair| {
             let velocities = pair[0].velocity().iter().zip(pair[1].velocity());
@@ -212,14 +212,14 @@ fn a_controller_uses_the_accelerations_of_the_profile() {
         changes.fold(0.0, f64::max)
     };
     let (_, free) = with("");
-    assert!(used(&free) > 0.2, "without a limit they are faster: {}", used(&free));
+    assert!(used(&free) > 0.2, "faster without a limit: {}", used(&free));
     for fraction in [1.0, 0.1] {
         let (report, commands) = with(&format!("limits = {{ acceleration = {{ fraction = {fraction} }} }}"));
         let result = &report.results["controller"];
         assert_eq!(result["solver"]["steps_beyond_acceleration"], 0, "{result}");
         assert!(used(&commands) <= fraction * (1.0 + 1e-3), "{} of {fraction}", used(&commands));
         assert!(fraction == 1.0 || used(&commands) > 0.99 * fraction, "{} of {fraction}", used(&commands));
-        // with a tenth of them the hand is late
+        // with a tenth of the accelerations the hand arrives late
         assert!(fraction < 1.0 || number(&result["position_error_m"]) < 1e-4, "{result}");
         let component = report.components.iter().find(|component| component.name == "controller").unwrap();
         assert_eq!((component.allocations, component.allocations_apart), (Some(0), Some(0)));
@@ -227,10 +227,11 @@ fn a_controller_uses_the_accelerations_of_the_profile() {
 }
 
 #[test]
-fn accelerations_that_no_joint_has_are_refused() {
+fn invalid_acceleration_limits_are_refused() {
     let refused = |config: &str, words: &[&str]| {
-        let error =
-            graph("{}", Targets::default(), controller(config)).check().expect_err("it must be refused");
+        let error = graph("{}", Targets::default(), controller(config))
+            .check()
+            .expect_err("the configuration must be refused");
         let error = error.render(false);
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
     };

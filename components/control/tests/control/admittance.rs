@@ -1,5 +1,4 @@
-//! A frame that yields to a wrench: the response of a mass on a spring and a damper, finite differences, and
-//! a Panda in a graph.
+//! Admittance: the response of a mass on a spring and a damper, finite differences, and a Panda in a graph.
 
 use approx::assert_abs_diff_eq;
 use motorium::launcher::Report;
@@ -78,7 +77,7 @@ fn a_rotation_has_the_same_response_and_is_bounded() {
     }
     assert_abs_diff_eq!(hand.displacement().x, 0.2, epsilon = 1e-12);
     assert_abs_diff_eq!(hand.velocity().x, 0.0, epsilon = 1e-12);
-    // what is no number pushes nobody
+    // a wrench that is not finite is ignored
     hand.step(&Vector3::new(f64::NAN, 0.0, 0.0), &torque, 1e-3);
     assert!(hand.displacement().iter().all(|x| x.is_finite()));
 }
@@ -97,7 +96,7 @@ fn the_displaced_velocity_is_the_derivative_of_the_pose() {
             hand.step(&force, &torque, 1e-3);
         }
         let h = 1e-5;
-        // the pose a little later: of the target, and of the mass under another push
+        // the pose shortly afterwards: of the target, and of the mass under another push
         let torque = torque * 0.3 + any(1.0);
         let at = |steps: f64| {
             let mut hand = hand.clone();
@@ -171,7 +170,7 @@ fn the_displaced_task_has_the_derivative_of_its_error() {
 
 const TASKS: &str = "tasks = [{ admittance = { stiffness = 200.0, damping = 60.0 } }, { posture = { level = 2, weight = 1.0 } }]";
 
-/// A run in which the hand of the Panda is pushed with 10 N along its own x from 0.5 s until a time.
+/// A run in which the hand of the Panda is pushed with 10 N along its x axis from 0.5 s until `until`.
 fn pushed(config: &str, until: f64, seconds: &str) -> Report {
     let push = Source::new("push", "panda/wrench", move |tick| {
         let force = if (0.5..until).contains(&tick.time()) { 10.0 } else { 0.0 };
@@ -206,7 +205,7 @@ fn a_pushed_hand_yields_by_force_over_stiffness_and_returns() {
 }
 
 #[test]
-fn admittances_that_cannot_work_are_refused_by_their_key() {
+fn invalid_admittances_are_refused_by_key() {
     let refused = |config: &str, words: &[&str]| {
         let graph = graph("{}", Targets::default(), controller(config).subscribe("wrench", "panda/target"));
         let error = graph.check().expect_err("it must be refused").render(false);

@@ -1,4 +1,4 @@
-//! A control tick allocates nothing; Clarabel, the reference, once in a solve.
+//! A control tick does not allocate; Clarabel, the reference, allocates once per solve.
 
 use crate::robot::{ClosedLoop, Panda};
 use motorium::testing::allocations;

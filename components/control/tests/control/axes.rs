@@ -1,4 +1,4 @@
-//! Weights of a pose by axis, compared with finite differences; free axes.
+//! Pose weights per axis, compared with finite differences; free axes.
 
 use motorium_control::{
     DifferentialIk, RobotState,
@@ -113,8 +113,8 @@ fn a_weighted_error_decays_within_its_maximum_speed() {
         task.set_settings(CartesianSettings { max_linear_speed: 0.1, ..settings });
         update(&mut task, &panda.model, &q);
         let scale = task.desired().norm() / (error * 4.0).norm();
-        assert!((task.desired() - error * 4.0 * scale).amax() < 1e-12, "it keeps its direction");
-        // what is free, however far away, slows nothing down
+        assert!((task.desired() - error * 4.0 * scale).amax() < 1e-12, "the direction is kept");
+        // free directions, however far away, do not slow down the rest
         let shares = AxisShares::new(axes, [1.0, 0.0, 0.0], [0.0; 3]);
         task.set_settings(CartesianSettings { max_linear_speed: 1e3, shares: Some(shares), ..settings });
         task.set_target(Isometry3::from(Vector3::new(0.0, 1e6, 1e6)) * target);
@@ -142,7 +142,7 @@ fn a_hand_reaches_a_height_and_leaves_other_axes_free() {
     assert!((end.translation.z - start.translation.z - 0.1).abs() < 1e-6, "{}", end.translation);
     let up = |pose: &Isometry3<f64>| pose.rotation.inverse() * Vector3::z();
     assert!(up(&end).angle(&up(&start)) < 1e-6, "as upright as at the start");
-    // the posture turned the base, which neither the target nor a free axis hindered
+    // the posture turned the base; neither the target nor a free axis prevented it
     let turned = (end.rotation * start.rotation.inverse()).scaled_axis();
     assert!((turned.z - 0.6).abs() < 0.05, "{turned}");
     assert_eq!(reach.task.error().fixed_rows::<2>(0).amax(), 0.0);
@@ -164,7 +164,7 @@ fn a_row_of_a_matrix_holds_the_hand_in_a_plane() {
     reach.run(3.0, 1e-3);
     let moved = panda.hand_at(reach.setpoint.position()).translation.vector - start.translation.vector;
     assert!((normal.dot(&moved) - normal.dot(&offset)).abs() < 1e-6, "{moved}");
-    assert!((moved - offset).norm() > 0.02, "it did not go where nothing asked it to: {moved}");
+    assert!((moved - offset).norm() > 0.02, "must move within the plane: {moved}");
 }
 
 #[test]
@@ -200,7 +200,7 @@ fn a_controller_uses_its_axes_and_refuses_empty_ones() {
     let along = |axes: &str| {
         let report = run(graph("{}", Targets::default(), controller(&tasks(axes))));
         let result = report.results["controller"].clone();
-        assert_eq!(result["goals_reached"], 2, "what is free is not missed: {result}");
+        assert_eq!(result["goals_reached"], 2, "free axes have no error: {result}");
         let component = report.components.iter().find(|component| component.name == "controller").unwrap();
         assert_eq!((component.allocations, component.allocations_apart), (Some(0), Some(0)));
         (number(&report.results["plant"]["hand"][1]), result)

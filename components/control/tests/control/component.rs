@@ -12,7 +12,7 @@ pub(crate) fn number(value: &serde_json::Value) -> f64 {
 }
 
 #[test]
-fn the_hand_comes_to_its_goals_within_limits() {
+fn hand_reaches_its_goals_within_limits() {
     let report = run(graph("{}", Targets::default(), controller("{}")));
     let result = &report.results["controller"];
     assert_eq!(result["goals_reached"], 2);
@@ -20,7 +20,7 @@ fn the_hand_comes_to_its_goals_within_limits() {
     assert!(number(&result["orientation_error_rad"]) < 1e-4, "{result}");
     assert_eq!(result["steps_without_solution"], 0);
     assert_eq!(report.results["plant"]["broken_limits"], 0);
-    // an independent look at where the hand is
+    // the position of the hand, computed independently
     let hand = &report.results["plant"]["hand"];
     let home = number(&run(graph("{}", resting(), controller("{}"))).results["plant"]["hand"][1]);
     assert!((number(&hand[1]) - home + 0.2).abs() < 1e-5, "{hand}");
@@ -43,7 +43,7 @@ fn a_step_allocates_nothing() {
 }
 
 #[test]
-fn parameters_change_what_the_configuration_says() {
+fn parameters_override_the_configuration() {
     let configured = "{ tasks = [{ cartesian = { gain = 5.0 } }, { posture = { weight = 0.01 } }] }";
     let configured = run(graph("{}", Targets::default(), controller(configured)));
     let set = controller("{}").parameter("cartesian_gain", 5.0).parameter("posture_weight", 0.01);
@@ -78,7 +78,7 @@ fn a_regularised_level_is_calmer_and_leaves_higher_ones() {
     };
     let (usual, calm) = (ran("levels = []"), ran("levels = [{ level = 2, damping = 0.5 }]"));
     let elbow = |report: &Report| number(&report.results["plant"]["q"][2]).abs();
-    // with fifty times its weight against it the posture has hardly moved the elbow
+    // weighted against fifty times its weight, the posture has hardly moved the elbow
     assert!(elbow(&usual) > 0.03 && elbow(&calm) < 0.2 * elbow(&usual), "{} {}", elbow(&calm), elbow(&usual));
     for report in [&usual, &calm] {
         assert!(number(&report.results["controller"]["position_error_m"]) < 1e-4);
@@ -114,13 +114,13 @@ fn feedback_corrects_sagging_drives() {
 fn no_command_is_sent_without_a_joint_state() {
     let report = run(graph("{ silent_from = 0.5, silent_to = 0.8 }", Targets::default(), controller("{}")));
     let result = &report.results["controller"];
-    // the controller is triggered by the state: it does not even step
+    // the controller is triggered by the state, so it does not step
     let steps = report.components.iter().find(|component| component.name == "controller").unwrap().steps;
     assert!((3_690..=3_702).contains(&steps), "{steps} steps");
     let commands = report.results["plant"]["commands"].as_u64().unwrap();
     assert!((3_690..=3_715).contains(&commands), "{commands} fresh commands");
     assert!(number(&result["position_error_m"]) < 1e-3, "{result}");
-    // the arm was let go and fell: it is led back from where it was found, without a jump
+    // the arm was released and fell; it continues from its measured position without a discontinuity
     assert_eq!(report.results["plant"]["broken_limits"], 0);
     assert!(number(&report.results["plant"]["largest_lead"]) < 0.05, "{}", report.results["plant"]);
 }
@@ -136,13 +136,13 @@ fn a_timed_controller_does_not_act_on_a_stale_state() {
 }
 
 #[test]
-fn a_target_that_falls_silent_stands_still_where_it_was() {
+fn silent_target_stands_still_at_its_last_position() {
     let targets = Targets { offsets: vec![[0.0, 0.3, 0.0]], silent_from: 0.5, ..Targets::default() };
     let report = run(graph("{}", targets, controller("{}")));
-    // half way, at 0.56 m/s: a velocity that were believed for ever would leave an error of 56 mm
+    // half-way, at 0.56 m/s: extrapolating the velocity would leave an error of 56 mm
     let last = number(&report.results["controller"]["tasks"]["cartesian"]["last_position_error_m"]);
     assert!(last < 1e-4, "{last}");
-    assert!(report.results["controller"]["position_error_m"].is_null(), "it was never at a goal");
+    assert!(report.results["controller"]["position_error_m"].is_null(), "the target must not rest at a goal");
 }
 
 #[test]
@@ -156,7 +156,7 @@ fn a_blocked_joint_is_pushed_with_no_more_than_the_lead_allows() {
 }
 
 #[test]
-fn the_same_graph_publishes_the_same_to_the_last_bit() {
+fn same_graph_publishes_identical_bits() {
     let once = run(graph("{}", Targets::default(), controller("{}")));
     let twice = run(graph("{}", Targets::default(), controller("{}")));
     assert!(once.state_hash.is_some());
@@ -166,7 +166,7 @@ fn the_same_graph_publishes_the_same_to_the_last_bit() {
     assert_ne!(once.state_hash, weaker.state_hash);
 }
 
-/// A target that stays at its start.
+/// A target that stays at its initial position.
 fn resting() -> Targets {
     Targets { offsets: vec![[0.0; 3]], ..Targets::default() }
 }
@@ -203,7 +203,7 @@ fn the_centre_of_mass_comes_to_its_goals_within_limits() {
 }
 
 #[test]
-fn a_centre_of_mass_without_a_target_keeps_its_place() {
+fn centre_of_mass_without_a_target_keeps_its_position() {
     // the posture moves the elbow and cannot move the centre of mass
     let posture = "{ posture = { positions = [0.3, -0.6, -0.3, -2.0, 0.2, 1.8, 0.5, 0.02], weight = 0.01 } }";
     let unwired = |tasks: &str| {
@@ -232,12 +232,12 @@ fn a_hand_keeps_its_box_and_speed_for_any_target() {
     let boxed = limited(&format!("{{ frames = [{{ y = [{wall}, 10.0] }}] }}"));
     let hand = position(&boxed.results["plant"]["hand"]);
     assert!(hand[1] > wall - 1e-4 && hand[1] < wall + 2e-3, "{hand:?}, free {free:?}");
-    // what the box leaves open it does
+    // motion that the box allows is unaffected
     assert!((hand[0] - free[0]).abs() < 1e-2 && (hand[2] - free[2]).abs() < 1e-2, "{hand:?}, free {free:?}");
     assert_eq!(boxed.results["controller"]["steps_without_solution"], 0);
     let component = boxed.components.iter().find(|component| component.name == "controller").unwrap();
     assert_eq!((component.allocations, component.allocations_apart), (Some(0), Some(0)));
-    // at 0.05 m/s it has not come far in 4 s
+    // at 0.05 m/s it has not moved far in 4 s
     let slow = position(&limited("{ frames = [{ max_linear = 0.05 }] }").results["plant"]["hand"]);
     let start = position(&run(graph("{}", resting(), controller("{}"))).results["plant"]["hand"]);
     for axis in 0..3 {
@@ -267,7 +267,7 @@ fn commands_carry_the_gains_of_the_profile_or_those_configured() {
     assert_eq!(given.results["plant"]["kd"][7], 57.0);
 }
 
-/// The message of a graph that is refused.
+/// Returns the error message of a refused graph.
 #[track_caller]
 fn refused(graph: Graph) -> String {
     graph.check().expect_err("it must be refused").render(false)

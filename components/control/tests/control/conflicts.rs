@@ -1,5 +1,4 @@
-//! Constraints of an inverse kinematics that contradict each other: named, and followed by the policy of the
-//! graph.
+//! Contradictory constraints of inverse kinematics: they are named, and the graph's policy applies.
 
 use motorium::launcher::Report;
 use motorium_control::{
@@ -19,7 +18,7 @@ use crate::robot::Panda;
 /// Result of a step, its conflict, and its distance from the least-squares solution.
 type Contradiction = (Result<DVector<f64>, IkError>, Option<(f64, Vec<ConstraintName>)>, f64);
 
-/// The hand is to stay where it is, and all joints are to move at 0.1 rad/s: no velocity does both.
+/// The hand is to stay in place while all joints move at 0.1 rad/s: no velocity satisfies both.
 fn contradiction(relaxation: Option<f64>) -> Contradiction {
     let panda = Panda::new();
     let model = &panda.model;
@@ -75,7 +74,7 @@ fn relaxed_contradictions_are_missed_by_least_squares() {
     assert!(slack >= missed - 1e-12 && slack < 1.0 && !named.is_empty(), "{slack} {missed}");
 }
 
-/// A hand that is to follow its target exactly, faster than its joints may move.
+/// Runs a hand that must follow its target exactly, faster than its joints can move.
 fn rushed(policy: &str) -> Report {
     let config = format!(
         "{{ {policy} limits = {{ velocity = {{ fraction = 0.1 }} }}, tasks = [{{ constraint = {{ task = {{ cartesian = {{ name = \"hand\", gain = 20.0 }} }} }} }}, {{ posture = {{}} }}] }}"
@@ -84,14 +83,14 @@ fn rushed(policy: &str) -> Report {
 }
 
 #[test]
-fn the_policy_decides_and_the_result_names_the_conflict() {
+fn policy_applies_and_the_result_names_the_conflict() {
     let (hold, named, relax, stop) = (
         rushed(""),
         rushed("on_infeasible = \"hold\","),
         rushed("on_infeasible = \"relax\","),
         rushed("on_infeasible = \"safe_stop\","),
     );
-    assert_eq!(hold.state_hash, named.state_hash, "it is the default");
+    assert_eq!(hold.state_hash, named.state_hash, "this is the default policy");
     let result = |report: &Report| report.results["controller"].clone();
     let unsolved = |report: &Report| result(report)["steps_without_solution"].as_u64().unwrap();
     for report in [&hold, &relax, &stop] {
@@ -104,10 +103,10 @@ fn the_policy_decides_and_the_result_names_the_conflict() {
     assert_eq!(unsolved(&relax), 0);
     assert!(result(&relax)["solver"]["steps_relaxed"].as_u64().unwrap() > 100);
     assert!(number(&result(&relax)["solver"]["largest_slack"]["task"]) > 1e-3);
-    // as fast as the joints may, it comes nearer to its goal than by standing still
+    // moving as fast as the joints can brings it nearer to its goal than standing still
     let last = |report: &Report| number(&result(report)["tasks"]["hand"]["last_position_error_m"]);
     assert!(last(&relax) < 0.5 * last(&hold), "{} {}", last(&relax), last(&hold));
-    // the limits of the joints hold in each
+    // the joint limits hold under each policy
     for report in [&hold, &relax, &stop] {
         assert_eq!(report.results["plant"]["broken_limits"], 0, "{}", report.results["plant"]);
     }
@@ -125,7 +124,7 @@ fn a_lone_constraint_uses_the_smallest_velocities() {
 }
 
 #[test]
-fn the_policy_of_torques_stands_in_their_table() {
+fn policy_for_torques_belongs_in_their_table() {
     let config = "{ on_infeasible = \"hold\", inverse_dynamics = {} }";
     let error = graph("{}", Targets::default(), controller(config)).check().expect_err("it must be refused");
     let error = error.render(false);

@@ -29,7 +29,7 @@ fn a_velocity_step_reports_residuals_and_active_limits() {
         assert!(step.constraint().iter().all(|kind| *kind == ControlDiagnostics::JOINT));
         assert!(step.index().iter().all(|joint| *joint < 8));
         assert!(step.side().iter().all(|side| side.abs() == 1));
-        // without an active limit the hand does what it is asked to
+        // without an active limit the hand follows its target
         assert!(step.constraints > 0 || step.residual()[0] < 1e-2, "{step:?}");
     }
     assert!(steps.iter().any(|step| step.residual()[0] > 0.1), "slower than its target");
@@ -38,8 +38,8 @@ fn a_velocity_step_reports_residuals_and_active_limits() {
 }
 
 #[test]
-fn a_relaxed_step_tells_the_iterations_of_its_own_solution() {
-    // the hand is to rest, and all joints are to move: each step is relaxed, from the first on
+fn relaxed_step_reports_iterations_of_its_own_solution() {
+    // the hand is to rest while all joints move, so every step is relaxed from the first one on
     let config = "{ on_infeasible = \"relax\", limits = { velocity = { fraction = 0.01 } }, tasks = [\
         { constraint = { task = { cartesian = { gain = 0.0 } } } },\
         { constraint = { task = { posture = { name = \"away\", gain = 5.0, weight = 1.0, positions = [0.6, -0.5, 0.3, -2.0, 0.2, 1.8, 0.5, 0.02] } } } },\

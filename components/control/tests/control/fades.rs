@@ -1,4 +1,4 @@
-//! Tasks that are switched off and on in a running controller.
+//! Tasks that are switched off and on while the controller runs.
 
 use std::time::Duration;
 
@@ -7,14 +7,14 @@ use motorium::prelude::*;
 
 use crate::graph::session;
 
-/// Time within which a task fades, s, and time of a step, s.
+/// Time in which a task fades, s, and duration of a step, s.
 const RAMP: f64 = 0.2;
 const DT: f64 = 1e-3;
 
 /// Posture that moves the whole arm, in the level below or next to the switched task.
 const AWAY: &str = "positions = [0.4, -0.5, -0.3, -2.0, 0.2, 1.8, 0.5, 0.02], gain = 0.5";
 
-/// Numbers of the command of each step, where parameters change at their times, ms.
+/// Returns numbers of the command in each step; parameters change at their times, ms.
 fn commands(
     config: &str,
     number: fn(&JointCommand) -> &[f64],
@@ -42,13 +42,13 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
 }
 
-/// The largest change from one step to the next, between these steps.
+/// Largest change between consecutive steps in this range of steps.
 fn jump(commands: &[Vec<f64>], from: usize, to: usize) -> f64 {
     commands[from..to].windows(2).map(|pair| distance(&pair[0], &pair[1])).fold(0.0, f64::max)
 }
 
-/// Asserts that a weight that falls to 0 at 0.5 s and rises again at 1 s changes the command evenly, and by a
-/// jump without a ramp.
+/// Asserts that a weight that falls to 0 at 0.5 s and rises again at 1 s changes the command evenly, and
+/// abruptly without a ramp.
 #[track_caller]
 fn assert_fades(tasks: &str, number: fn(&JointCommand) -> &[f64], weight: (&str, f64)) {
     let run = |ramp: &str| {
@@ -58,13 +58,13 @@ fn assert_fades(tasks: &str, number: fn(&JointCommand) -> &[f64], weight: (&str,
     let (sudden, even) = (run("0 ms"), run("200 ms"));
     for at in [498, 998] {
         let change = jump(&sudden, at, at + 5);
-        assert!(change > 0.02, "it changes something: {change}");
-        // an even change takes the share of a step in the time of the ramp; as the task fades its error
-        // grows, and with it what it would have the robot do
+        assert!(change > 0.02, "the weight must have an effect: {change}");
+        // an even change per step is the step's share of the ramp duration; the error grows while the task
+        // fades, and with it the requested motion
         let bound = 3.0 * change * DT / RAMP + 2.0 * jump(&even, at - 100, at);
         let found = jump(&even, at, at + 300);
         assert!(found < bound, "{found}, bound {bound}, sudden {change}");
-        assert!(bound < 0.1 * change, "a bound that says something: {bound} {change}");
+        assert!(bound < 0.1 * change, "the bound must be meaningful: {bound} {change}");
     }
 }
 
@@ -77,14 +77,14 @@ fn effort(command: &JointCommand) -> &[f64] {
 }
 
 #[test]
-fn a_single_task_in_a_level_fades_without_a_jump() {
+fn single_task_in_a_level_fades_without_a_jump() {
     let below = format!("{{ posture = {{ level = 2, weight = 1.0, {AWAY} }} }}");
     let tasks = format!("tasks = [{{ centre_of_mass = {{}} }}, {below}]");
     assert_fades(&tasks, velocity, ("centre_of_mass_weight", 1.0));
-    // the last level, below which only the regularisation decides
+    // the last level, below which only the regularisation acts
     let tasks = "tasks = [{ centre_of_mass = { shares = [0.0, 0.0, 1.0] } }, ".to_owned() + &below + "]";
     assert_fades(&tasks, velocity, ("posture_weight", 1.0));
-    // and a sum whose other task is much weaker
+    // a sum whose other task is much weaker
     let beside = format!("{{ posture = {{ weight = 1e-3, {AWAY} }} }}");
     let tasks = format!("tasks = [{{ centre_of_mass = {{}} }}, {beside}]");
     assert_fades(&tasks, velocity, ("centre_of_mass_weight", 1.0));
@@ -102,7 +102,7 @@ fn constraints_and_torque_tasks_fade_without_a_jump() {
 }
 
 #[test]
-fn tasks_that_leave_in_turn_change_the_velocity_evenly() {
+fn tasks_that_fade_in_sequence_change_the_velocity_evenly() {
     let tasks = format!(
         "tasks = [{{ centre_of_mass = {{}} }}, {{ relative = {{ level = 2, other = \"panda_link2\" }} }}, \
          {{ posture = {{ level = 3, weight = 1.0, {AWAY} }} }}]"
@@ -119,5 +119,5 @@ fn tasks_that_leave_in_turn_change_the_velocity_evenly() {
     let (sudden, even) = (run("0 ms"), run("200 ms"));
     let (change, found) = (jump(&sudden, 490, 1200), jump(&even, 490, 1200));
     assert!(found < 0.05 * change, "{found}, sudden {change}");
-    assert!(distance(&sudden[1199], &even[1199]) < 0.05 * change, "they end at the same");
+    assert!(distance(&sudden[1199], &even[1199]) < 0.05 * change, "both end at the same velocity");
 }

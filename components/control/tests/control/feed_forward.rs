@@ -1,4 +1,4 @@
-//! Feed-forward efforts against energies, and gains that a drive cannot use.
+//! Feed-forward efforts compared with energies, and gains that a drive cannot use.
 
 use crate::robot::{Panda, Random};
 use approx::assert_abs_diff_eq;
@@ -89,7 +89,7 @@ fn inertia_compensation_feeds_the_kinetic_energy_forward() {
 }
 
 #[test]
-fn a_setpoint_that_begins_anew_has_no_acceleration() {
+fn restarted_setpoint_has_no_acceleration() {
     let panda = Panda::new();
     let mut feed_forward = FeedForward::new(&panda.model, None).with_inertia(0.004);
     let mut setpoint = SetpointIntegrator::new(&panda.model, panda.home.as_slice());

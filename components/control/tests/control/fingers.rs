@@ -38,7 +38,7 @@ fn fingers_follow_their_goals_while_the_hand_moves() {
         assert_eq!(plant["broken_limits"], 0, "{config}");
         assert_eq!((&result["finger_goals"], &result["finger_goals_refused"]), (&2.into(), &0.into()));
         assert_eq!(result["goals_reached"], 2, "{config}: {result}");
-        // the gains of the profile, whatever the share of the arm's
+        // the gains of the profile, independent of the arm's fraction
         assert_eq!(number(&plant["kp"][FINGER]), 1000.0, "{config}");
     }
 }

@@ -1,4 +1,4 @@
-//! An axis that points at a point, compared with finite differences and the requested decay.
+//! Gaze tasks, compared with finite differences and the requested decay.
 
 use approx::assert_abs_diff_eq;
 use motorium::testing::allocations;
@@ -33,7 +33,7 @@ fn direction(panda: &Panda, q: &[f64], point: Vector3<f64>) -> Vector3<f64> {
 }
 
 #[test]
-fn its_rows_are_the_derivatives_of_the_direction() {
+fn rows_are_the_derivatives_of_the_direction() {
     let panda = Panda::new();
     let mut random = Random(31);
     let h = 1e-6;
@@ -63,7 +63,7 @@ fn its_rows_are_the_derivatives_of_the_direction() {
 }
 
 #[test]
-fn the_error_turns_the_axis_even_from_straight_behind() {
+fn error_turns_the_axis_even_from_directly_opposite() {
     let panda = Panda::new();
     let q = panda.home.as_slice();
     let hand = panda.hand_at(q);
@@ -80,7 +80,7 @@ fn the_error_turns_the_axis_even_from_straight_behind() {
         let turned = nalgebra::Rotation3::new(task.error()) * axis;
         assert_abs_diff_eq!(turned, ahead.normalize(), epsilon = 1e-9);
     }
-    // a point at the very origin of the frame is looked at whatever the direction
+    // a point at the origin of the frame has no direction, so there is no error
     let mut task = gaze(&panda.model, Vector3::z());
     task.set_target(hand.translation.vector);
     update(&mut task, &panda.model, q);
@@ -89,7 +89,7 @@ fn the_error_turns_the_axis_even_from_straight_behind() {
 }
 
 #[test]
-fn its_cost_is_its_weighted_square() {
+fn cost_is_the_weighted_square_of_the_error() {
     let panda = Panda::new();
     let q = panda.near_home(0.5, &mut Random(5));
     for max_speed in [f64::INFINITY, 0.3] {

@@ -1,4 +1,4 @@
-//! A graph to try a controller in: a simulated Panda and smooth targets, hosted in the test's own process.
+//! A graph for testing controllers: a simulated Panda and smooth targets, in the test's process.
 
 use std::path::Path;
 
@@ -12,8 +12,8 @@ use motorium_robots::{Dynamics, Kinematics, Model, load};
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use serde::Deserialize;
 
-/// A Panda with ideal drives, integrated implicitly; it reports the exact place of its hand and its centre of
-/// mass.
+/// A Panda with ideal drives, integrated implicitly. It reports the exact position of its hand and its centre
+/// of mass.
 struct Plant {
     command: Input<JointCommand>,
     state: Output<JointState>,
@@ -34,11 +34,11 @@ struct Plant {
 #[derive(Clone, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct PlantConfig {
-    /// Gravity the plant really has, m/s^2.
+    /// Actual gravity of the plant, m/s^2.
     gravity: f64,
-    /// Time at which it stops to publish, s.
+    /// Time at which it stops publishing, s.
     silent_from: f64,
-    /// Time at which it publishes again, s.
+    /// Time at which it resumes publishing, s.
     silent_to: f64,
     /// Joint that is blocked.
     blocked: Option<usize>,
@@ -163,15 +163,15 @@ impl Component for Plant {
     }
 }
 
-/// Targets that move along smooth segments to goals next to the start, one after the other.
+/// Targets that move along smooth segments to goals near the start, in sequence.
 pub(crate) struct Targets {
     /// Offsets of the goals from the start, m.
     pub(crate) offsets: Vec<[f64; 3]>,
-    /// The start, m; by default the position of the hand at home.
+    /// Start, m; by default the position of the hand at the home pose.
     pub(crate) start: Option<[f64; 3]>,
-    /// Time of one segment, half of it at rest at its goal, s.
+    /// Duration of one segment, half of it at rest at the goal, s.
     pub(crate) segment: f64,
-    /// Time from which nothing is published, s.
+    /// Time at which publishing stops, s.
     pub(crate) silent_from: f64,
 }
 
@@ -258,7 +258,7 @@ pub(crate) fn graph(plant: &str, targets: Targets, controller: Instance) -> Grap
         .with(controller)
 }
 
-/// A simulated Panda and a controller without a target, driven by the test; the commands go to
+/// A simulated Panda and a controller without a target, stepped by the test. Commands go to
 /// `panda/joint_command`.
 pub(crate) fn session(config: &str) -> Session<'static> {
     let graph = Graph::new("control-test")
@@ -283,7 +283,7 @@ pub(crate) fn run(graph: Graph) -> Report {
     report
 }
 
-/// Asserts that the controller has not allocated and has found a solution in every step.
+/// Asserts that the controller did not allocate and found a solution in every step.
 #[track_caller]
 pub(crate) fn checked(report: Report) -> Report {
     let component = report.components.iter().find(|component| component.name == "controller").unwrap();

@@ -27,7 +27,7 @@ fn the_hand_reaches_goals_from_home_within_ten_micrometres() {
 }
 
 #[test]
-fn limits_hold_on_the_way_to_any_goal_in_reach_or_not() {
+fn limits_hold_for_reachable_and_unreachable_goals() {
     let panda = Panda::new();
     let mut random = Random(2);
     let mut reach = ClosedLoop::new(&panda, panda.home.as_slice());
@@ -62,7 +62,7 @@ fn a_joint_slows_down_towards_its_limit_and_keeps_its_margin() {
 }
 
 #[test]
-fn targets_out_of_reach_leave_the_arm_calm() {
+fn arm_is_calm_at_unreachable_targets() {
     let panda = Panda::new();
     let home = panda.hand_at(panda.home.as_slice());
     for far in [Vector3::new(2.0, 0.0, 0.0), Vector3::new(0.0, 0.0, 3.0), Vector3::new(-1.5, 0.3, -1.0)] {
@@ -155,7 +155,7 @@ fn a_joint_outside_its_limits_comes_back() {
 }
 
 #[test]
-fn joints_that_may_not_move_at_all_stand_still() {
+fn fixed_joints_stand_still() {
     let panda = Panda::new();
     let mut reach = ClosedLoop::new(&panda, panda.home.as_slice());
     reach.velocity = VelocityLimit { fraction: 0.0 };
@@ -204,7 +204,7 @@ fn bounds_are_the_tightest_limits_and_allow_rest() {
     assert_eq!((problem.lower[0], problem.lower[1], problem.upper[1]), (-half, -half, 0.0));
     assert_eq!((problem.lower[2], problem.upper[2]), (0.0, half));
 
-    // a rate faster than the tick would jump over the limit
+    // a rate faster than the tick would overshoot the limit
     let mut problem = Problem::new(&motorium_control::DifferentialIk::structure(&panda.model));
     PositionLimit { rate: 1e6, margin: 0.0 }.intersect(&state, 0.001, &mut problem);
     approx::assert_abs_diff_eq!(problem.upper[0], 10.0, epsilon = 1e-9);

@@ -1,11 +1,11 @@
-//! The less usual kinds of tasks and limits of `control.qp`, in a graph in lockstep.
+//! The less common kinds of tasks and limits of `control.qp`, in a graph in lockstep.
 
 use motorium::launcher::Report;
 
 use crate::component::number;
 use crate::graph::{Targets, bare_controller, checked, controller, graph, run};
 
-/// A run of a Panda with this configuration, without a target: nothing allocates, every step has a solution.
+/// Runs a Panda with this configuration, without a target. Nothing allocates, and every step has a solution.
 #[track_caller]
 fn ran(config: &str) -> Report {
     let targets = Targets { offsets: vec![[0.0; 3]], ..Targets::default() };
@@ -34,12 +34,12 @@ const AWAY: &str =
     "{ posture = { positions = [0.4, -0.5, -0.3, -2.0, 0.2, 1.8, 0.5, 0.02], weight = 0.1, gain = 3.0 } }";
 
 #[test]
-fn a_frame_keeps_its_pose_in_another_without_a_target() {
+fn relative_task_without_a_target_keeps_the_initial_pose() {
     let with = ran(&format!(
         "{{ tasks = [{{ relative = {{ frame = \"panda_hand_tcp\", other = \"panda_link2\" }} }}, {AWAY}] }}"
     ));
     let result = &with.results["controller"]["tasks"]["relative"];
-    // relative to the second link the last joints stay as they are in a sum with a weak posture
+    // in a sum with a weak posture the last joints keep their positions relative to the second link
     assert!(number(&result["last_position_error_m"]) < 0.02, "{result}");
     let free = ran(&format!("{{ tasks = [{AWAY}] }}"));
     assert!(distance(hand(&with), hand(&free)) > 0.02);
@@ -72,7 +72,7 @@ fn velocity_and_force_manipulability_move_opposite_ways() {
 }
 
 #[test]
-fn what_is_to_be_least_grows_less() {
+fn minimum_tasks_reduce_their_quantity() {
     // the effort of the weight falls
     let load = |config: &str| {
         let report = ran(config);
@@ -110,7 +110,7 @@ fn what_is_to_be_least_grows_less() {
 #[test]
 fn wheels_roll_steer_and_drive() {
     let start = hand(&ran("{ tasks = [{ minimum = { of = \"velocity\" } }] }"));
-    // a hand that may not move sideways, and stands without a target
+    // a hand that must not move sideways, and stands still without a target
     let driven = ran(&format!(
         "{{ tasks = [{{ unicycle = {{ frame = \"panda_hand_tcp\", forward_weight = 100.0, sideways_weight = 100.0 }} }}, {AWAY}] }}"
     ));
@@ -127,7 +127,7 @@ fn wheels_roll_steer_and_drive() {
         "{{ tasks = [{{ rigid_rotation = {{ frame = \"panda_hand\", base = \"panda_link0\" }} }}, {AWAY}] }}"
     ));
     let result = &steered.results["controller"]["tasks"]["rigid_rotation"];
-    assert_eq!(result["last_error_rad"], 0.0, "without a target it is asked for nothing");
+    assert_eq!(result["last_error_rad"], 0.0, "inactive without a target");
     refused("{ tasks = [{ rolling = { frame = \"panda_hand\" } }] }", &["tasks[0].rolling.radius"]);
     refused(
         "{ tasks = [{ rolling = { frame = \"panda_hand\", radius = 0.1, axis = [0, 0, 0] } }] }",
@@ -164,7 +164,7 @@ fn a_constraint_task_is_kept_by_velocities_and_torques() {
 }
 
 #[test]
-fn a_limit_task_yields_to_a_higher_level_only() {
+fn limit_task_yields_only_to_higher_levels() {
     let free = hand(&checked(run(graph("{}", Targets::default(), controller("{}")))));
     let wall = free[1] + 0.05;
     let end = |limit: u32, reach: u32| {
@@ -180,7 +180,7 @@ fn a_limit_task_yields_to_a_higher_level_only() {
 }
 
 #[test]
-fn limits_of_frames_hold_for_torques_too() {
+fn frame_limits_hold_for_torques() {
     let free = hand(&run(graph("{}", Targets::default(), controller("{ inverse_dynamics = {} }"))));
     let wall = free[1] + 0.05;
     let config = format!("{{ inverse_dynamics = {{}}, limits = {{ frames = [{{ y = [{wall}, 10.0] }}] }} }}");
@@ -217,7 +217,7 @@ fn a_support_is_points_or_the_contacts() {
     for of in ["centre_of_mass", "capture_point"] {
         ran(&format!("{{ tasks = [{AWAY}], limits = {{ support = {{ of = \"{of}\", {points} }} }} }}"));
     }
-    // the centre of mass of the arm may not go to the side
+    // the centre of mass of the arm cannot move to the side
     let narrow = "points = [[-1.0, -0.005], [1.0, -0.005], [1.0, 0.005], [-1.0, 0.005]], margin = 0.0";
     let held = ran(&format!("{{ tasks = [{AWAY}], limits = {{ support = {{ {narrow} }} }} }}"));
     let side = number(&held.results["plant"]["centre_of_mass"][1]);
@@ -258,7 +258,7 @@ fn wrenches_of_contacts_are_named_by_their_contact() {
 }
 
 #[test]
-fn friction_cones_take_several_levels() {
+fn friction_cones_support_several_levels() {
     let config = "{ inverse_dynamics = { friction_model = \"cone\", contacts = [] }, tasks = [{ cartesian = {} }, { posture = { level = 2 } }] }";
     let report = run(graph("{}", Targets::default(), controller(config)));
     assert_eq!(report.results["controller"]["steps_without_solution"], 0);
@@ -266,7 +266,7 @@ fn friction_cones_take_several_levels() {
 }
 
 #[test]
-fn an_orientation_that_is_not_controlled_has_no_error() {
+fn uncontrolled_orientation_has_no_error() {
     let config = "{ tasks = [{ cartesian = { orientation_weight = 0.0 } }, { posture = {} }] }";
     let report = checked(run(graph("{}", Targets::default(), controller(config))));
     let result = &report.results["controller"];
@@ -281,7 +281,7 @@ fn an_orientation_that_is_not_controlled_has_no_error() {
 
 #[test]
 fn the_centre_of_mass_keeps_its_speed_limit() {
-    // at 1 cm/s it has not come farther than 4 cm in 4 s, where without a limit it goes much farther
+    // at 1 cm/s it moves at most 4 cm in 4 s; without a limit it moves much farther
     let moved = |config: &str| {
         let report = ran(config);
         let centre = |axis: usize| number(&report.results["plant"]["centre_of_mass"][axis]);

@@ -1,5 +1,5 @@
-//! Levels of strict priority, compared with projections and with a solver that fixes higher decisions by
-//! equalities.
+//! Levels of strict priority, compared with projections and with a solver that fixes the results of higher
+//! levels by equalities.
 
 use motorium_control::{
     DifferentialIk, RobotState,
@@ -15,7 +15,7 @@ use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
 
 use crate::robot::Random;
 
-/// A task without a meaning: any rows, any right-hand side.
+/// A task with arbitrary rows and an arbitrary right-hand side.
 struct Numbers {
     a: DMatrix<f64>,
     b: DVector<f64>,
@@ -77,7 +77,7 @@ fn numbers(rows: usize, columns: usize, random: &mut Random) -> DMatrix<f64> {
     DMatrix::from_fn(rows, columns, |_, _| random.within(1.0))
 }
 
-/// A hand that is off its target, and its Jacobian and desired velocity.
+/// A hand with an offset from its target, and its Jacobian and desired velocity.
 fn hand(model: &Model, state: &RobotState<'_>, off: Vector3<f64>) -> CartesianTask {
     let mut hand = CartesianTask::new(model, model.frame("panda_hand_tcp").unwrap());
     let mut settings = *hand.settings();
@@ -114,7 +114,7 @@ fn a_posture_below_a_hand_moves_in_the_null_space_of_the_hand() {
 }
 
 #[test]
-fn a_level_changes_nothing_of_what_is_decided_above_it() {
+fn lower_levels_do_not_change_higher_ones() {
     let (model, home) = panda();
     let mut kinematics = Kinematics::new(&model);
     kinematics.update(&model, home.as_slice());
@@ -135,7 +135,7 @@ fn a_level_changes_nothing_of_what_is_decided_above_it() {
     assert!((above.jacobian() * (&all - &alone)).amax() < 1e-9);
     assert!((&all - &alone).amax() > 1e-2, "the posture moves the elbow");
     let posture_only = solve(&[6, model.nv()], &mut [&mut above, &mut posture]);
-    assert!((&all - &posture_only).amax() < 1e-6, "a level that finds nothing open changes nothing");
+    assert!((&all - &posture_only).amax() < 1e-6, "a level without free motions changes nothing");
 }
 
 #[test]
@@ -153,7 +153,7 @@ fn levels_within_limits_match_a_sequence_of_equalities() {
             b: DVector::from_column_slice(numbers(rows, 1, &mut random).as_slice()) * 2.0,
         });
         if case % 4 == 0 {
-            // a task that repeats a part of the one above it
+            // a task that repeats a part of the task above it
             let row = tasks[0].a.row(0).into_owned();
             tasks[1].a.set_row(0, &row);
         }
@@ -168,7 +168,7 @@ fn levels_within_limits_match_a_sequence_of_equalities() {
         assert!(found.amax() <= bound);
         active += found.iter().filter(|v| v.abs() == bound).count();
 
-        // level by level: the cost above stays what it was
+        // level by level: the costs of higher levels stay the same
         let mut held: Option<(DMatrix<f64>, DVector<f64>)> = None;
         for task in &tasks {
             let (matrix, value) = held.take().unwrap_or((DMatrix::zeros(0, n), DVector::zeros(0)));
@@ -186,7 +186,7 @@ fn levels_within_limits_match_a_sequence_of_equalities() {
             let seen = &task.a * &solution.x;
             let error = (&seen - &task.a * &found).amax();
             assert!(error < 2e-4, "case {case}: {seen} {found} {error}");
-            // what depends on other rows is left out: equalities must be independent
+            // dependent rows are omitted: equalities must be independent
             let mut matrix = matrix;
             let mut value = value.as_slice().to_vec();
             for (row, seen) in task.a.row_iter().zip(&seen) {
@@ -203,8 +203,8 @@ fn levels_within_limits_match_a_sequence_of_equalities() {
     assert!(active > 300, "{active} active limits");
 }
 
-/// Levels of random rows, whole numbers or not, that differ in scale by up to 10^6 and may repeat one
-/// another, and random bounds, some of them zero.
+/// Random levels and bounds. Rows are whole numbers or not, differ in scale by up to 10^6, and may repeat;
+/// some bounds are zero.
 fn random_levels(n: usize, random: &mut Random) -> (Vec<Numbers>, Box) {
     let below = |count: usize, random: &mut Random| ((random.within(0.5) + 0.5) * count as f64) as usize;
     let whole = below(3, random) == 0;
@@ -231,7 +231,7 @@ fn random_levels(n: usize, random: &mut Random) -> (Vec<Numbers>, Box) {
 }
 
 #[test]
-fn levels_of_any_scale_keep_the_higher_ones() {
+fn levels_of_any_scale_preserve_higher_ones() {
     let (model, home) = panda();
     let n = model.nv();
     let kinematics = Kinematics::new(&model);
@@ -286,7 +286,7 @@ fn held_feet_stay_at_rest_in_sums_and_in_levels() {
         (balance.jacobian() * &velocity - balance.desired()).amax()
     };
     let (sum, hard) = (solve(&[], 0), solve(&[3, model.joint_count()], 1));
-    assert!(hard < 1e-3 && sum < 1e-2, "the centre of mass moves as it should: {sum}, {hard}");
+    assert!(hard < 1e-3 && sum < 1e-2, "the centre of mass must move: {sum}, {hard}");
 }
 
 #[test]
@@ -310,7 +310,7 @@ fn levels_allocate_nothing() {
     assert_eq!(allocations, 0);
 }
 
-/// A task whose cost curves downwards: no solver has an answer for it.
+/// A task with a concave cost, which no solver can solve.
 struct Saddle;
 
 impl VelocityTask for Saddle {
@@ -350,7 +350,7 @@ fn a_level_without_a_solution_leaves_higher_ones_unchanged() {
         } else {
             ik.add_task(&state, 2, &mut posture);
         }
-        let velocity = DVector::from_column_slice(ik.solve().expect("the hand has an answer"));
+        let velocity = DVector::from_column_slice(ik.solve().expect("the hand has a solution"));
         let jacobian = DMatrix::from_fn(6, model.nv(), |i, j| hand.jacobian()[(i, j)]);
         (jacobian * velocity, ik.undecided())
     };
@@ -359,5 +359,5 @@ fn a_level_without_a_solution_leaves_higher_ones_unchanged() {
     let (above, undecided) = velocity(true);
     assert!((above - &whole).norm() < 1e-6, "the hand moves as before");
     assert_eq!(undecided, 1);
-    assert_eq!(velocity(false).1, 0, "the next tick is whole again");
+    assert_eq!(velocity(false).1, 0, "the next tick has a solution for all levels");
 }

@@ -1,4 +1,4 @@
-//! The Panda, and random numbers that are the same at every run.
+//! The Panda, and reproducible random numbers.
 
 use motorium_control::{
     DifferentialIk, RobotState, SetpointIntegrator,
@@ -30,7 +30,7 @@ impl Panda {
         kinematics.pose(&self.model, self.hand)
     }
 
-    /// A configuration within limits: `spread` 0 is home, 1 anywhere.
+    /// Random configuration within the limits: at `spread` 0 the home pose, at 1 any pose.
     pub(crate) fn near_home(&self, spread: f64, random: &mut Random) -> Vec<f64> {
         let (lower, upper) = (self.model.lower(), self.model.upper());
         (0..self.model.nv())
@@ -83,7 +83,7 @@ impl<'a> ClosedLoop<'a> {
         }
     }
 
-    /// One tick; afterwards the limits hold, whatever was requested.
+    /// Runs one tick and asserts that the limits hold, whatever was requested.
     pub(crate) fn tick(&mut self, dt: f64) {
         let model = &self.panda.model;
         let before = self.setpoint.position().to_vec();

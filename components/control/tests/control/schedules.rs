@@ -45,8 +45,8 @@ fn config(table: &str) -> toml::Value {
     table["config"].clone()
 }
 
-/// The last command of a controller whose body is to move far aside, so that friction decides; the schedule
-/// has the ground tilted, and falls silent after this time.
+/// Last command of a controller that is to move the body far to the side, so that friction is active. The
+/// schedule contains tilted ground, and stops after this time.
 fn pushed_on_a_slope(silent_from: f64) -> Vec<f64> {
     let commands = Probe::<JointCommand>::for_topic("command");
     let schedule = Source::new("schedule", "schedule", move |tick| {
@@ -87,18 +87,17 @@ fn pushed_on_a_slope(silent_from: f64) -> Vec<f64> {
 }
 
 #[test]
-fn the_ground_stays_tilted_when_the_schedule_falls_silent() {
+fn ground_stays_tilted_after_the_schedule_stops() {
     let apart = |one: &[f64], other: &[f64]| {
         one.iter().zip(other).map(|(one, other)| (one - other).abs()).fold(0.0, f64::max)
     };
     let (told, silent, never) =
         (pushed_on_a_slope(f64::INFINITY), pushed_on_a_slope(0.5), pushed_on_a_slope(0.0));
-    assert!(apart(&told, &never) > 0.5, "friction decides: {told:?} {never:?}");
+    assert!(apart(&told, &never) > 0.5, "friction must be active: {told:?} {never:?}");
     assert!(apart(&told, &silent) < 1e-6, "{told:?} {silent:?}");
 }
 
-/// A controller that follows a schedule by which the first foot is in the air for half a second, and which
-/// then falls silent.
+/// Runs a controller with a schedule that lifts the first foot for half a second and then stops.
 fn scheduled() -> (Report, Vec<JointCommand>, Vec<ControlDiagnostics>) {
     let (commands, steps) = (
         Probe::<JointCommand>::for_topic("command").triggered(),
@@ -149,7 +148,7 @@ fn scheduled() -> (Report, Vec<JointCommand>, Vec<ControlDiagnostics>) {
 }
 
 #[test]
-fn a_schedule_lifts_a_foot_until_it_falls_silent() {
+fn schedule_lifts_a_foot_until_it_stops() {
     let (report, commands, steps) = scheduled();
     assert_eq!(report.exit, Exit::Finished);
     let controller = report.components.iter().find(|component| component.name == "controller").unwrap();
@@ -158,23 +157,23 @@ fn a_schedule_lifts_a_foot_until_it_falls_silent() {
     let knee = |step: usize| commands[step].effort()[2].abs();
     let other = |step: usize| commands[step].effort()[5].abs();
     let (before, lifted, after, silent) = (400, 800, 1300, 1900);
-    // what the knee of a leg in the air holds is the leg itself, while its neighbour carries more
+    // the knee of a lifted leg only carries the leg, while its neighbour carries more
     assert!(knee(lifted) < 0.5 * knee(before), "{} {}", knee(lifted), knee(before));
     assert!(other(lifted) > 1.2 * other(before), "{} {}", other(lifted), other(before));
     assert!((knee(after) - knee(before)).abs() < 1e-6 && (knee(silent) - knee(before)).abs() < 1e-6);
     for (index, step) in steps.iter().enumerate() {
         let counts = step.residual()[0] > 0.0;
         if [before, after, silent].contains(&index) {
-            assert!(!counts, "{index}: a foot that stands has no task");
+            assert!(!counts, "{index}: a standing foot has no task");
         }
     }
-    assert!(steps[lifted].residual()[0] > 0.0, "a foot in the air has one");
+    assert!(steps[lifted].residual()[0] > 0.0, "a lifted foot has a task");
     let without = number(&report.results["controller"]["steps_without_fresh_schedule"]);
     assert!((440.0..=460.0).contains(&without), "{without} steps after 50 ms of silence");
 }
 
 #[test]
-fn a_task_while_a_contact_is_lifted_names_a_contact() {
+fn task_for_a_lifted_contact_requires_the_contact() {
     let controller = |table: &str| {
         Graph::new("walker").robot("walker", "quadruped").with(
             Instance::of::<QpController>("controller")

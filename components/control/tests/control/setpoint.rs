@@ -22,7 +22,7 @@ fn a_setpoint_stops_at_its_limit_and_reports_its_velocity() {
 }
 
 #[test]
-fn a_setpoint_does_not_run_away_from_a_blocked_joint() {
+fn setpoint_stays_near_a_blocked_joint() {
     let panda = Panda::new();
     let mut setpoint = SetpointIntegrator::new(&panda.model, panda.home.as_slice());
     let v = vec![-0.5; panda.model.nv()];
@@ -31,11 +31,11 @@ fn a_setpoint_does_not_run_away_from_a_blocked_joint() {
         setpoint.limit_tracking_error(panda.home.as_slice(), 0.05);
     }
     assert_abs_diff_eq!(setpoint.position()[0], panda.home[0] - 0.05, epsilon = 1e-12);
-    assert_eq!(setpoint.velocity()[0], 0.0, "it would go on pushing");
+    assert_eq!(setpoint.velocity()[0], 0.0, "a velocity would continue to push");
 }
 
 #[test]
-fn a_velocity_that_is_no_number_moves_no_joint() {
+fn nan_velocity_does_not_move_a_joint() {
     let panda = Panda::new();
     let mut setpoint = SetpointIntegrator::new(&panda.model, panda.home.as_slice());
     setpoint.integrate(&vec![f64::NAN; panda.model.nv()], 0.01);

@@ -1,4 +1,4 @@
-//! Errors, Jacobians and costs of tasks against finite differences and plain matrix products.
+//! Errors, Jacobians and costs of tasks, compared with finite differences and matrix products.
 
 use crate::robot::{Panda, Random};
 use approx::assert_abs_diff_eq;
@@ -149,7 +149,7 @@ fn errors_are_reported_in_metres_and_radians() {
 }
 
 #[test]
-fn a_fast_correction_is_slowed_and_keeps_its_direction() {
+fn fast_correction_is_slowed_in_its_direction() {
     let panda = Panda::new();
     let mut task = CartesianTask::new(&panda.model, panda.hand);
     let offset = Isometry3::new(Vector3::new(0.3, -0.1, 0.2), Vector3::new(0.5, 0.0, -1.0));
@@ -168,11 +168,11 @@ fn a_fast_correction_is_slowed_and_keeps_its_direction() {
         assert_abs_diff_eq!(desired, &(fast * scale), epsilon = 1e-12);
         assert!(l <= linear + 1e-12 && a <= angular + 1e-12, "{l} m/s, {a} rad/s");
         let at_limit = (l - linear).abs() < 1e-12 || (a - angular).abs() < 1e-12;
-        assert!(at_limit || scale > 1.0 - 1e-12, "slowed for no reason: {l} m/s, {a} rad/s");
+        assert!(at_limit || scale > 1.0 - 1e-12, "slowed without need: {l} m/s, {a} rad/s");
     }
 }
 
-/// Hessian (upper triangle mirrored) and gradient a task adds to an empty problem.
+/// Returns the Hessian (upper triangle mirrored) and the gradient that a task adds to an empty problem.
 fn cost(task: &dyn VelocityTask, joints: usize) -> (DMatrix<f64>, DVector<f64>) {
     let mut problem = Problem::new(&Structure::new(joints).bounds(Sides::Both));
     task.add_to(&mut problem);
@@ -201,7 +201,7 @@ fn the_cartesian_cost_is_its_weighted_square() {
 }
 
 #[test]
-fn the_posture_cost_asks_each_joint_for_the_decay_of_its_error() {
+fn posture_cost_requests_exponential_decay_per_joint() {
     let panda = Panda::new();
     let mut random = Random(9);
     let q = panda.near_home(0.5, &mut random);
@@ -214,7 +214,7 @@ fn the_posture_cost_asks_each_joint_for_the_decay_of_its_error() {
     for joint in 0..panda.model.nv() {
         let curvature = [0.25, 0.0, 1.0][usize::from(joint == 2) + 2 * usize::from(joint == 3)];
         assert_abs_diff_eq!(hessian[(joint, joint)], curvature, epsilon = 1e-15);
-        // the minimum of the joint's own cost is the decay of its error
+        // the minimum of each joint's cost is the decay of its error
         let decay = 3.0 * (panda.home[joint] - q[joint]);
         assert_abs_diff_eq!(gradient[joint], -curvature * decay, epsilon = 1e-12);
     }

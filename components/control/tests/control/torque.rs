@@ -1,4 +1,4 @@
-//! `control.qp` that computes torques: a Panda in a graph.
+//! `control.qp` with torques: a Panda in a graph.
 
 use motorium::launcher::Report;
 use motorium::prelude::*;
@@ -20,7 +20,7 @@ fn reach(config: &str) -> Report {
 }
 
 #[test]
-fn torques_bring_the_hand_to_its_goals_without_allocating() {
+fn hand_reaches_its_goals_by_torques_without_allocating() {
     let report = reach(&torques(""));
     let result = &report.results["controller"];
     assert_eq!(result["goals_reached"], 2, "{result}");
@@ -56,7 +56,7 @@ fn integrated_motions_keep_the_limits_of_the_profile() {
         let config = format!("{{ inverse_dynamics = {{ unknowns = \"accelerations\"{rest} }}, {tasks} }}");
         let report = run(graph("{}", Targets::default(), controller(&config)).with(&probe));
         assert_eq!(report.results["controller"]["steps_without_solution"], 0);
-        // After `stiff_start`, in which the drives hold their positions.
+        // After `stiff_start`, during which the drives hold their positions.
         let commands = probe.values().split_off(610);
         let accelerations = commands.windows(2).flat_map(|pair| {
             (0..7).map(|joint| {
@@ -71,7 +71,7 @@ fn integrated_motions_keep_the_limits_of_the_profile() {
 }
 
 #[test]
-fn the_same_torques_are_published_to_the_last_bit() {
+fn same_graph_publishes_identical_torques() {
     let (one, two) = (reach(&torques("")), reach(&torques("")));
     assert!(one.state_hash.is_some());
     assert_eq!(one.state_hash, two.state_hash);
@@ -131,16 +131,16 @@ fn invalid_torque_configurations_are_refused_by_key() {
     );
     refused(
         alone("unknowns = \"forces\", braking = 5.0", "{ cartesian = {} }"),
-        &["inverse_dynamics.braking", "no use for it"],
+        &["inverse_dynamics.braking", "has no effect"],
     );
     refused(
         alone("unknowns = \"accelerations\", torque_fraction = 0.5", "{ cartesian = {} }"),
-        &["inverse_dynamics.torque_fraction", "no use for it"],
+        &["inverse_dynamics.torque_fraction", "has no effect"],
     );
     let pressed = "unknowns = \"accelerations\", contacts = [{ frame = \"panda_hand\", sole = [0.1, 0.1], wrench = { min_force = 5.0 } }]";
     refused(
         with(&torques(pressed)),
-        &["inverse_dynamics.contacts[0].wrench.min_force", "no use for it", "accelerations_and_forces"],
+        &["inverse_dynamics.contacts[0].wrench.min_force", "has no effect", "accelerations_and_forces"],
     );
     for (limit, key) in [
         ("position = { margin = 0.1 }", "position.margin"),
@@ -149,7 +149,7 @@ fn invalid_torque_configurations_are_refused_by_key() {
         let config = format!(
             "{{ inverse_dynamics = {{ contacts = [{{ frame = \"panda_hand\" }}], {forces} }}, limits = {{ {limit} }} }}"
         );
-        refused(with(&config), &[&format!("limits.{key}"), "no use for it", "accelerations_and_forces"]);
+        refused(with(&config), &[&format!("limits.{key}"), "has no effect", "accelerations_and_forces"]);
     }
     let scaled = bare_controller(
         "{ inverse_dynamics = { unknowns = \"forces\" }, tasks = [{ centre_of_mass = {} }] }",
@@ -164,7 +164,7 @@ fn invalid_torque_configurations_are_refused_by_key() {
 }
 
 #[test]
-fn a_floating_base_asks_for_torques_and_for_its_state() {
+fn floating_base_requires_torques_and_base_state() {
     let walker = |config: &str| {
         Graph::new("walker").robot("walker", "quadruped").with(bare_controller(config).robot("walker"))
     };
@@ -190,7 +190,7 @@ fn accelerations_reach_the_goals_by_positions_or_torques() {
 }
 
 #[test]
-fn held_joints_without_a_solution_only_bear_their_weight() {
+fn held_joints_without_a_solution_only_carry_weight() {
     let config = "{ inverse_dynamics = { on_infeasible = \"hold\", stiff_start = \"0 s\" }, limits = { velocity = { fraction = 0.1 } }, \
                   tasks = [{ constraint = { task = { cartesian = { gain = 20.0 } } } }, { posture = {} }] }";
     let commands = Probe::<JointCommand>::for_topic("panda/joint_command").triggered();
@@ -208,12 +208,12 @@ fn held_joints_without_a_solution_only_bear_their_weight() {
     let (commands, states) = (commands.values(), states.values());
     let (mut held, mut accelerated) = (0, 0);
     for (index, command) in commands.iter().enumerate() {
-        // the state that the command was made of
+        // the state from which the command was computed
         let near = &states[index.saturating_sub(2)..(index + 3).min(states.len())];
         let effort = DVector::from_column_slice(command.effort());
         let far = near.iter().map(|state| (&effort - weight(state.position())).amax());
         let far = far.fold(f64::INFINITY, f64::min);
-        // joints that are held have their gains, those that are moved by torques have none
+        // held joints use their gains; joints moved by torques have none
         match command.kp()[0] > 0.0 {
             true => {
                 assert!(far < 1e-9, "{index}: {far} Nm beyond its weight");

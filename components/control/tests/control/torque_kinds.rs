@@ -1,4 +1,4 @@
-//! The kinds of tasks that were made for velocities, in torques, in a graph in lockstep.
+//! Velocity task kinds used with torques, in a graph in lockstep.
 
 use motorium::launcher::Report;
 use motorium::state::TwistTarget;
@@ -8,13 +8,13 @@ use nalgebra::Vector3;
 use crate::component::number;
 use crate::graph::{Targets, bare_controller, graph, run};
 
-/// A run of a Panda in torques with these tasks, without a target.
+/// Runs a Panda with torques and these tasks, without a target.
 #[track_caller]
 fn ran(tasks: &str) -> Report {
     driven(tasks, None)
 }
 
-/// The same with a target for `input`.
+/// Runs a Panda with torques and these tasks, with a target for `input`.
 #[track_caller]
 fn driven(tasks: &str, target: Option<(&str, TwistTarget)>) -> Report {
     let still = Targets { offsets: vec![[0.0; 3]], ..Targets::default() };
@@ -43,7 +43,7 @@ const AWAY: &str =
     "{ posture = { positions = [0.4, -0.5, -0.3, -2.0, 0.2, 1.8, 0.5, 0.02], weight = 0.1, gain = 3.0 } }";
 
 #[test]
-fn a_frame_keeps_its_pose_in_another_while_the_arm_moves() {
+fn relative_task_keeps_its_pose_while_the_arm_moves() {
     let relative = "{ relative = { frame = \"panda_hand_tcp\", other = \"panda_link2\" } }";
     let with = ran(&format!("{relative}, {AWAY}"));
     let result = &with.results["controller"]["tasks"]["relative"];
@@ -63,7 +63,7 @@ fn a_frame_drives_forward_and_never_sideways() {
 }
 
 #[test]
-fn a_wheel_is_steered_and_another_does_not_slip() {
+fn wheels_steer_and_roll_without_slip() {
     let twist = TwistTarget { linear: [0.1, 0.05, 0.0], ..TwistTarget::default() };
     let steer = format!(
         "{{ rigid_rotation = {{ frame = \"panda_hand\", base = \"panda_link0\" }} }}, {}",
@@ -72,7 +72,7 @@ fn a_wheel_is_steered_and_another_does_not_slip() {
     let steered = driven(&steer, Some(("base_target", twist)));
     let error = number(&steered.results["controller"]["tasks"]["rigid_rotation"]["last_error_rad"]);
     assert!(error.abs() < 0.02, "{error}");
-    // the contact point of a wheel of no size is its centre, which stays
+    // the contact point of a wheel of negligible radius is its centre, which must not move
     let start = hand(&ran("{ posture = {} }"));
     let held = ran(&format!(
         "{{ rolling = {{ frame = \"panda_hand_tcp\", axis = [1, 0, 0], radius = 1e-6, weight = 100.0 }} }}, {AWAY}"
@@ -81,7 +81,7 @@ fn a_wheel_is_steered_and_another_does_not_slip() {
 }
 
 #[test]
-fn what_is_to_grow_grows_and_what_is_to_be_least_grows_less() {
+fn measures_grow_or_shrink_under_their_tasks() {
     let panda = motorium_robots::load("panda", std::path::Path::new(".")).unwrap().model;
     let end = |tasks: &str| -> Vec<f64> {
         let report = ran(tasks);
@@ -110,20 +110,20 @@ fn what_is_to_grow_grows_and_what_is_to_be_least_grows_less() {
 }
 
 #[test]
-fn a_task_of_wheels_may_hold_exactly_in_torques() {
+fn wheel_task_holds_exactly_as_a_torque_constraint() {
     let held = ran(&format!(
         "{{ constraint = {{ task = {{ unicycle = {{ frame = \"panda_hand_tcp\", yaw_weight = 0.0 }} }} }} }}, {AWAY}"
     ));
     let (start, free) = (hand(&ran("{ posture = {} }")), hand(&ran(AWAY)));
-    // the axis of the hand, along which it may move, tilts with the posture
+    // the axis of the hand, along which it can move, tilts with the posture
     let (kept, away) = ((hand(&held) - start).xy().norm(), (free - start).xy().norm());
     assert!(kept < 0.2 * away, "{kept} {away}");
     let relaxed = &held.results["controller"]["solver"]["steps_relaxed"];
-    assert_eq!(relaxed, 0, "it holds exactly");
+    assert_eq!(relaxed, 0, "the constraint must hold exactly");
 }
 
 #[test]
-fn hand_and_joints_are_pulled_by_springs_instead_of_gains() {
+fn impedances_replace_the_gains_of_hand_and_joints() {
     let spring = "impedance = { stiffness = 400.0, damping = 80.0, rotational_stiffness = 10.0, rotational_damping = 1.0 }";
     let joints = "impedance = { stiffness = 20.0, damping = 4.0 }";
     let tasks = format!("{{ cartesian = {{ {spring} }} }}, {{ posture = {{ level = 2, {joints} }} }}");
@@ -141,7 +141,7 @@ fn hand_and_joints_are_pulled_by_springs_instead_of_gains() {
     let error = |report: &Report| {
         number(&report.results["controller"]["tasks"]["cartesian"]["last_position_error_m"])
     };
-    assert!(error(&report) < 0.01, "it comes to its target: {}", error(&report));
+    assert!(error(&report) < 0.01, "must reach its target: {}", error(&report));
     let softer = moving(&tasks, Some(("cartesian_stiffness", 40.0)));
     assert!(error(&softer) > 2.0 * error(&report), "{} {}", error(&softer), error(&report));
 

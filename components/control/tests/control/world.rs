@@ -1,4 +1,4 @@
-//! Links that keep their distance from objects of the world, standing and moving, in a graph in lockstep.
+//! Distances between links and objects of the world, at rest and moving, in a graph in lockstep.
 
 use std::path::Path;
 
@@ -11,12 +11,12 @@ use nalgebra::{Isometry3, Vector3};
 use crate::component::number;
 use crate::graph::{Targets, checked, controller, graph, run};
 
-/// Radius of the ball in the way, m.
+/// Radius of the ball in the path of the hand, m.
 const RADIUS: f64 = 0.08;
-/// Way of the hand from home into the middle of the ball, m.
+/// Displacement of the hand from the home pose to the centre of the ball, m.
 const INTO: [f64; 3] = [0.0, 0.25, 0.0];
 
-/// The middle of the ball: where the hand is to go.
+/// Centre of the ball, which is the hand's target.
 fn middle() -> Vector3<f64> {
     let panda = load("panda", Path::new(".")).unwrap();
     let mut kinematics = Kinematics::new(&panda.model);
@@ -25,7 +25,7 @@ fn middle() -> Vector3<f64> {
     kinematics.pose(&panda.model, hand).translation.vector + Vector3::from(INTO)
 }
 
-/// The world with the ball at a place; with a mass it moves.
+/// World with the ball at this position; with a mass it moves.
 fn world(at: Vector3<f64>, mass: &str) -> String {
     let [x, y, z] = at.into();
     format!(
@@ -33,17 +33,17 @@ fn world(at: Vector3<f64>, mass: &str) -> String {
     )
 }
 
-/// A Panda that is to reach into the middle of the ball.
+/// A Panda whose hand is to reach into the centre of the ball.
 fn reaching(config: &str) -> Graph {
     graph("{}", Targets { offsets: vec![INTO], ..Targets::default() }, controller(config))
 }
 
-/// Distance of the robot, as it ended, from a ball at its place, m.
+/// Final distance of the robot from a ball at its original position, m.
 fn distance(report: &Report) -> f64 {
     distance_from(Geometry::Sphere { radius: RADIUS }, report)
 }
 
-/// The same from another shape there.
+/// Final distance of the robot from another shape there, m.
 fn distance_from(shape: Geometry, report: &Report) -> f64 {
     let panda = load("panda", Path::new(".")).unwrap().model;
     let q: Vec<f64> = (0..8).map(|joint| number(&report.results["plant"]["q"][joint])).collect();
@@ -69,7 +69,7 @@ fn refused(config: &str, words: &[&str]) {
 const LIMIT: &str = "limits = { collision = { distance = 0.03, objects = [\"ball\"] } }";
 
 #[test]
-fn an_arm_keeps_its_distance_from_a_ball_in_its_way() {
+fn arm_keeps_its_distance_from_a_ball_in_its_path() {
     let ball = world(middle(), "");
     for level in ["", "inverse_dynamics = {},"] {
         let through = distance(&checked(run(reaching(&format!("{{ {level} {ball} }}")))));
@@ -105,7 +105,7 @@ fn an_arm_avoids_the_current_position_of_a_ball() {
         let rolled_away = ended(level, middle(), far);
         assert!(rolled_away < -0.03, "{level} {rolled_away}");
     }
-    // limits that give way know of it, too
+    // soft limits follow the moving object as well
     let soft = format!(
         "{{ {}, tasks = [{{ cartesian = {{ level = 2 }} }}, {{ limit = {{ level = 1, collision = {{ objects = \"all\" }} }} }}, {{ posture = {{ level = 3 }} }}] }}",
         world(far, ", mass = 1.0")
@@ -117,14 +117,14 @@ fn an_arm_avoids_the_current_position_of_a_ball() {
 }
 
 #[test]
-fn an_invalid_pose_is_named_and_the_last_valid_one_kept() {
+fn invalid_pose_is_reported_and_the_last_valid_one_kept() {
     let at = middle();
     let ended = |level: &str, orientation_w: f64| {
         let objects = Source::new("objects", "world/objects", move |tick| {
             let is_good = tick.time() < 0.2;
             let mut poses = ObjectPoses::default();
             poses.set_count(1);
-            // after a fifth of a second it claims to be far away, by invalid poses
+            // after 0.2 s invalid poses claim that the object is far away
             poses.position_x_mut()[0] = at.x;
             poses.position_y_mut()[0] = if is_good { at.y } else { at.y + 2.0 };
             poses.position_z_mut()[0] = at.z;
@@ -138,7 +138,7 @@ fn an_invalid_pose_is_named_and_the_last_valid_one_kept() {
         let report = checked(run(graph("{}", targets, controller).with(objects)));
         (distance(&report), report.results["controller"]["object_poses_refused"].clone())
     };
-    // numbers that are not finite no output publishes
+    // outputs do not publish numbers that are not finite
     for (level, w) in [("", 0.0), ("", 3.0), ("inverse_dynamics = {},", 0.0)] {
         let (kept, refused) = ended(level, w);
         assert!((0.028..0.05).contains(&kept), "{level} {w}: {kept}");
@@ -151,7 +151,7 @@ fn an_invalid_pose_is_named_and_the_last_valid_one_kept() {
 }
 
 #[test]
-fn the_ground_of_the_world_is_kept_away_from() {
+fn hand_stays_above_the_ground_of_the_world() {
     let down = || Targets { offsets: vec![[0.0, 0.0, -0.25]], ..Targets::default() };
     let with = |collision: &str| {
         let ignored = "ignore = [[\"panda_link1\", \"ground\"], [\"panda_link2\", \"ground\"]]";
@@ -194,14 +194,14 @@ fn missing_or_colliding_objects_and_grounds_are_refused() {
     refused(&format!("{{ {}, {LIMIT} }}", world(middle(), ", mass = -1.0")), &["world", "ball", "mass"]);
 }
 
-/// A file next to the graph; the graph counts as a file of that folder.
+/// Writes a file into a folder, which becomes the folder of the graph.
 fn beside(graph: Graph, name: &str, text: &str) -> (Graph, tempfile::TempDir) {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join(name), text).unwrap();
     (graph.at_path(&folder.path().join("graph.toml")), folder)
 }
 
-/// A world of MJCF: level ground, and a ball far away or, as `ball`, at this place.
+/// MJCF world: level ground, and a ball far away or, as `ball`, at this position.
 fn yard(at: Vector3<f64>) -> String {
     format!(
         "<mujoco model=\"yard\"><worldbody><geom name=\"floor\" type=\"plane\" size=\"0 0 1\" pos=\"0 0 -1\"/>\
@@ -230,7 +230,7 @@ fn objects_and_ground_of_a_world_file_are_avoided() {
 }
 
 #[test]
-fn moving_objects_are_counted_after_those_of_the_world() {
+fn moving_objects_are_numbered_after_those_in_the_file() {
     let at = middle();
     let poses = Source::new("objects", "world/objects", move |_| {
         let mut poses = ObjectPoses::default();
@@ -256,8 +256,8 @@ fn moving_objects_are_counted_after_those_of_the_world() {
 }
 
 #[test]
-fn a_mesh_beside_the_graph_is_avoided_like_its_shape() {
-    // a cube about the ball
+fn mesh_next_to_the_graph_is_avoided_like_its_shape() {
+    // a cube around the ball
     let mut cube = String::new();
     for corner in 0..8 {
         let side = |bit: u32| if corner & bit == 0 { -RADIUS } else { RADIUS };
@@ -278,6 +278,6 @@ fn a_mesh_beside_the_graph_is_avoided_like_its_shape() {
         kept("{ mesh = { file = \"crate.obj\" } }"),
         kept(&format!("{{ box = {{ size = [{side}, {side}, {side}] }} }}")),
     );
-    // the drives of the plant follow within half a millimetre
+    // the drives of the plant follow to within half a millimetre
     assert!(mesh > 0.0295 && solid > 0.0295 && (mesh - solid).abs() < 1e-3, "{mesh} {solid}");
 }

@@ -1,4 +1,4 @@
-//! Wheels, efforts and forces as tasks of velocities; tasks that are constraints, and limits that are tasks.
+//! Wheel, effort and force tasks for velocities; tasks as constraints; limits as tasks.
 
 use motorium_control::tasks::CartesianSettings;
 use motorium_control::tasks::Feedback;
@@ -30,7 +30,7 @@ fn moved(robot: &Robot, v: &DVector<f64>, h: f64) -> Robot {
     next
 }
 
-/// The velocity requested by a task alone.
+/// Velocity requested by a single task.
 fn alone(robot: &Robot, task: &mut dyn VelocityTask) -> DVector<f64> {
     let mut ik = DifferentialIk::new(&robot.model);
     ik.begin();
@@ -38,14 +38,14 @@ fn alone(robot: &Robot, task: &mut dyn VelocityTask) -> DVector<f64> {
     DVector::from_column_slice(ik.solve().unwrap())
 }
 
-/// The rate of a figure of the robot along a velocity.
+/// Rate of a quantity of the robot along a velocity.
 fn rate(robot: &Robot, v: &DVector<f64>, figure: impl Fn(&Robot) -> f64) -> f64 {
     let h = 1e-5;
     (figure(&moved(robot, v, h)) - figure(&moved(robot, v, -h))) / (2.0 * h)
 }
 
 #[test]
-fn force_manipulability_grows_as_velocity_one_falls() {
+fn force_manipulability_grows_as_velocity_shrinks() {
     let mut random = Random(31);
     for name in ["panda", "humanoid"] {
         let robot = Robot::new(name).moved(&mut random);
@@ -56,17 +56,17 @@ fn force_manipulability_grows_as_velocity_one_falls() {
         let of = |robot: &Robot| robot.kinematics.manipulability(&robot.model, frame, rows);
         assert!((task.measure() - of(&robot).recip()).abs() < 1e-9 * task.measure());
         let (grows, falls) = (rate(&robot, &v, |robot| of(robot).recip()), rate(&robot, &v, of));
-        // v is a hundredth of the slope: the rate is a hundred times its square
+        // v is a hundredth of the gradient, so the rate is a hundred times its square
         let expected = 100.0 * v.norm_squared();
         assert!((grows - expected).abs() < 1e-4 * (1.0 + expected), "{name}: {grows} {expected}");
         assert!(grows > 0.0 && falls < 0.0, "{name}: {grows} {falls}");
         let v = alone(&robot, &mut task.max_speed(1e-3));
-        assert!((v.norm() - 1e-3).abs() < 1e-8, "no faster than it may: {}", v.norm());
+        assert!((v.norm() - 1e-3).abs() < 1e-8, "speed above its limit: {}", v.norm());
     }
 }
 
 #[test]
-fn efforts_that_hold_the_weight_fall_along_their_task() {
+fn holding_efforts_fall_along_their_task() {
     let mut random = Random(32);
     for name in ["panda", "humanoid"] {
         let robot = Robot::new(name).moved(&mut random);
@@ -82,12 +82,12 @@ fn efforts_that_hold_the_weight_fall_along_their_task() {
         assert!((task.measure() - measure(&robot)).abs() < 1e-9 * task.measure());
         let (falls, expected) = (rate(&robot, &v, measure), -v.norm_squared());
         assert!((falls - expected).abs() < 1e-4 * -expected, "{name}: {falls} {expected}");
-        assert!(v.norm() > 1e-4, "{name}: it asks for something: {}", v.norm());
+        assert!(v.norm() > 1e-4, "{name}: the task must request motion: {}", v.norm());
     }
 }
 
 #[test]
-fn a_unicycle_drives_at_its_velocity_in_its_own_axes() {
+fn unicycle_drives_at_its_velocity_in_its_own_axes() {
     let mut random = Random(33);
     let robot = Robot::new("quadruped").moved(&mut random);
     let model = &robot.model;
@@ -101,7 +101,7 @@ fn a_unicycle_drives_at_its_velocity_in_its_own_axes() {
     let (linear, angular) = (turn * twist.linear, turn * twist.angular);
     assert!((linear.x - 0.7).abs() < 1e-5 && linear.y.abs() < 1e-5, "{linear}");
     assert!((angular.z + 0.4).abs() < 1e-5, "{angular}");
-    // what it does not count it leaves to others
+    // uncontrolled motion is left to other tasks
     let free = UnicycleSettings { forward_weight: 0.0, yaw_weight: 0.0, ..settings };
     let v = alone(&robot, &mut UnicycleTask::new(model, frame).with(free));
     assert!(v.norm() < 1e-9, "{v}");
@@ -109,7 +109,7 @@ fn a_unicycle_drives_at_its_velocity_in_its_own_axes() {
 
 #[test]
 fn a_steered_wheel_rolls_backwards_if_that_is_closer() {
-    // the hand of the arm hangs down: its last joint steers about the vertical
+    // the hand of the arm points down, so its last joint steers about the vertical
     let robot = Robot::new("panda");
     let model = &robot.model;
     let (wheel, base) = (model.frame("panda_hand").unwrap(), model.frame("panda_link0").unwrap());
@@ -131,7 +131,7 @@ fn a_steered_wheel_rolls_backwards_if_that_is_closer() {
         let across = forward.x * y - forward.y * x;
         assert!(across.abs() < 1e-4 * x.hypot(y), "{x} {y}: {forward}");
     }
-    // a base that turns carries the centre of the wheel about itself
+    // a turning base also moves the centre of the wheel
     let mut task = RigidRotationTask::new(model, wheel, base, axis).with(2.0, 1.0);
     task.set_twist(0.1, 0.0, 0.5);
     task.update(&state(&robot));
@@ -144,7 +144,7 @@ fn a_steered_wheel_rolls_backwards_if_that_is_closer() {
     assert!((task.cost().desired()[0] - (2.0 * error + 0.5)).abs() < 1e-9);
     task.set_twist(0.0, 0.0, 0.0);
     task.update(&state(&robot));
-    assert_eq!((task.error(), task.cost().weights()[0]), (0.0, 0.0), "it stands: nothing is asked for");
+    assert_eq!((task.error(), task.cost().weights()[0]), (0.0, 0.0), "a standing wheel requests nothing");
 }
 
 #[test]
@@ -171,7 +171,7 @@ fn a_task_as_a_constraint_holds_exactly() {
         assert!((held.jacobian() * &v - held.desired()).amax() < 1e-9);
         assert!((&v - alone(&robot, &mut held)).norm() > 0.1, "the posture moves the elbow");
     }
-    // what no velocity fulfils leaves no solution
+    // a constraint that no velocity satisfies leaves no solution
     target.translation.vector.x += 1.0;
     held.set_target(target);
     let mut ik = DifferentialIk::with_room(model, room, IkSettings::default());
@@ -187,7 +187,7 @@ fn a_torque_task_as_a_constraint_holds_or_is_relaxed() {
     let robot = Robot::new("humanoid").moved(&mut random);
     let model = &robot.model;
     let palm = model.frame("left_palm").unwrap();
-    // the target of the last case, ten kilometres away, asks for more than the iterations of a step
+    // the target of the last case is ten kilometres away and exceeds the iteration limit of a step
     let settings = InverseDynamicsSettings { max_iterations: 100_000, ..InverseDynamicsSettings::default() };
     for (off, levels) in [(0.01, &[][..]), (0.01, &[64, 64]), (1e4, &[])] {
         let mut target = robot.kinematics.pose(model, palm);

@@ -1,4 +1,4 @@
-//! Weights of a pose by axis, and the regularisation of levels, on accelerations.
+//! Pose weights per axis, and the regularisation of levels, with accelerations.
 
 use motorium_control::tasks::Feedback;
 use motorium_control::tasks::{CartesianSettings, CartesianTask, PostureTask};
@@ -121,7 +121,7 @@ fn orientation_rows_are_the_rotated_and_weighted_pose_rows() {
 }
 
 #[test]
-fn a_level_yields_to_its_own_regularisation_only() {
+fn level_is_affected_only_by_its_own_regularisation() {
     let robot = Robot::new("panda");
     let mut posture = PostureTask::new(&robot.model, &[0.1; 8]).feedback(Feedback::critical(1.0)).weight(0.5);
     let mut decided = |level: usize, damping: [f64; 2]| {
@@ -139,5 +139,5 @@ fn a_level_yields_to_its_own_regularisation_only() {
         assert!((found - desired * 0.25).amax() < 1e-9, "level {level}");
     }
     let (found, desired) = decided(1, [0.75, 1e-12]);
-    assert!((found - desired).amax() < 1e-9, "what is above regularises its own level alone");
+    assert!((found - desired).amax() < 1e-9, "the regularisation of a higher level has no effect below");
 }

@@ -1,5 +1,4 @@
-//! Limits as control barriers: from every state in which they hold they hold forever, whatever the tasks
-//! request.
+//! Limits as control barriers: once they hold, they continue to hold whatever the tasks request.
 
 use motorium_control::tasks::Feedback;
 use motorium_control::tasks::{CartesianSettings, CentreOfMassTask};
@@ -19,12 +18,12 @@ use crate::robots::{Random, Robot};
 
 const DT: f64 = 1e-3;
 
-/// Torques without limits, and no relaxation.
+/// Settings without torque limits and without relaxation.
 fn strict() -> InverseDynamicsSettings {
     InverseDynamicsSettings { torque_fraction: 1e6, relaxation: None, ..InverseDynamicsSettings::default() }
 }
 
-/// Panda that moves at random, within the limits of its joints.
+/// Panda in random motion within its joint limits.
 fn panda(random: &mut Random) -> Robot {
     let mut robot = Robot::new("panda");
     for joint in 0..7 {
@@ -77,7 +76,7 @@ fn joints_and_hand_keep_velocity_limits_from_every_state() {
                     "case {case}, joint {joint}"
                 );
             }
-            // a step along the tangent leaves a curved way by its square
+            // a step along the tangent leaves a curved path by the square of its length
             assert!(wall(&robot) <= place + 2e-5, "case {case}: {}", wall(&robot) - place);
         }
     }
@@ -94,7 +93,7 @@ fn torques_keep_a_hand_behind_a_wall_from_feasible_states() {
         let normal = Unit::new_normalize(random.vector(1.0) + Vector3::new(0.0, 0.0, 1e-3));
         let speed = |robot: &Robot| robot.kinematics.velocity(&model, hand).linear;
         let at = |robot: &Robot| normal.dot(&robot.kinematics.pose(&model, hand).translation.vector);
-        // admissible: h' >= -rate h, and no faster than allowed
+        // admissible: h' >= -rate h, and within the speed limit
         let (rate, most) = (5.0, speed(&robot).amax() * (1.0 + random.next()) + 0.05);
         let place = at(&robot) + normal.dot(&speed(&robot)).max(0.0) / rate + 0.02 * random.next();
         let mut wall = CartesianPositionLimit::new(&model, hand, vec![(normal, place)]).with(rate, 0.0);
@@ -122,8 +121,8 @@ fn torques_keep_a_hand_behind_a_wall_from_feasible_states() {
         }
         arrived += usize::from(place - at(&robot) < 5e-3);
     }
-    assert!(arrived > 20, "the wall is reached: {arrived} times");
-    assert!(fastest > 0.98, "the speed is used: {fastest}");
+    assert!(arrived > 20, "must reach the wall: {arrived} times");
+    assert!(fastest > 0.98, "must use the speed limit: {fastest}");
 }
 
 #[test]
@@ -194,7 +193,7 @@ fn torques_keep_links_apart() {
         smallest = smallest.min(limit.smallest_distance().unwrap_or(f64::INFINITY));
     }
     assert!(smallest > 0.0199, "{smallest} m");
-    assert!(smallest < 0.025, "it comes as near as it may: {smallest} m");
+    assert!(smallest < 0.025, "must come near the minimum distance: {smallest} m");
 }
 
 #[test]
@@ -227,11 +226,11 @@ fn torques_keep_the_centre_of_mass_above_the_feet() {
     }
     let leant = robot.kinematics.centre_of_mass(&model).position.y;
     assert!(leant < edge - 0.0199, "{leant} m, with the edge at {edge} m");
-    assert!(leant > edge - 0.03, "it leans as far as it may: {leant} m of {edge} m");
+    assert!(leant > edge - 0.03, "must lean close to the edge: {leant} m of {edge} m");
 }
 
 #[test]
-fn limits_at_the_level_of_torques_allocate_nothing() {
+fn velocity_limits_with_torques_do_not_allocate() {
     let robot = Robot::new("panda");
     let model = &robot.model;
     let hand = model.frame("panda_hand_tcp").unwrap();

@@ -40,7 +40,7 @@ fn an_arm_reaches_its_target_critically_damped_and_exactly() {
 }
 
 #[test]
-fn a_humanoid_shifts_its_weight_without_moving_its_feet() {
+fn humanoid_shifts_its_weight_without_moving_its_feet() {
     let mut robot = Robot::new("humanoid");
     let model = robot.model.clone();
     let feet = robot.feet();
@@ -92,7 +92,7 @@ fn a_held_robot_gets_static_torques() {
     let (standing, held) = decide(nalgebra::Vector3::zeros());
     let far = (&standing - &held).amax();
     assert!(standing.amax() > 1.0 && far < 0.1, "{far} Nm of {} Nm", standing.amax());
-    // the forces that push it sideways stay, its own acceleration does not
+    // the lateral contact forces remain, but the robot's own acceleration vanishes
     let (moving, held) = decide(nalgebra::Vector3::new(0.0, 0.03, 0.0));
     assert!((&moving - &standing).amax() > 1.0 && (&moving - &held).amax() > 0.1, "{moving} {held}");
 }

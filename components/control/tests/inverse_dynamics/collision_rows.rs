@@ -1,4 +1,4 @@
-//! Rows of distances: recovery of contradictory ones, witnesses, and ignored distances.
+//! Rows of distance limits: recovery from contradictory rows, witnesses, and ignored distances.
 
 use motorium_control::tasks::Feedback;
 use motorium_control::tasks::PostureTask;
@@ -24,7 +24,7 @@ fn settings() -> CollisionSettings {
     CollisionSettings { distance: 0.03, range: 0.3, ..CollisionSettings::default() }
 }
 
-/// Walls next to a plate at the origin, each by its middle and its sides.
+/// Walls next to a plate at the origin, each given by its centre and its sides.
 fn walls(model: &Model, walls: &[([f64; 3], [f64; 3])]) -> CollisionModel {
     let mut solids = CollisionModel::new(model, &CollisionOptions::default()).unwrap();
     for (middle, size) in walls {
@@ -35,12 +35,13 @@ fn walls(model: &Model, walls: &[([f64; 3], [f64; 3])]) -> CollisionModel {
     solids
 }
 
-/// 0.01 m below and above the plate, with a required distance of 0.03 m: neither allows the other to recover.
+/// 0.01 m below and above the plate, with a required distance of 0.03 m: each wall prevents recovery from the
+/// other.
 const SQUEEZE: [([f64; 3], [f64; 3]); 2] =
     [([0.0, 0.0, -0.08], [1.0, 1.0, 0.1]), ([0.0, 0.0, 0.08], [1.0, 1.0, 0.1])];
 
 #[test]
-fn a_squeezed_pair_does_not_stop_other_limits_recovering() {
+fn squeezed_pair_does_not_stop_recovery_of_other_limits() {
     let model = flying(PLATE, BaseMode::Fixed);
     let (q, mut kinematics) = (vec![0.0; 6], Kinematics::new(&model));
     kinematics.update(&model, &q);
@@ -90,7 +91,7 @@ fn three_equally_near_flat_pairs_each_have_witnesses() {
     let model = three_feet();
     let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
     for x in [-0.4, 0.0, 0.4] {
-        // a square that cuts four corners of the octagon off: as many corners as a pair has witnesses
+        // a square that cuts four corners off the octagon: as many corners as a pair has witnesses
         let at = Isometry3::translation(x, 0.0, -0.08);
         let pillar = Geometry::Box { size: Vector3::new(0.095, 0.095, 0.04) };
         solids.add_obstacle("pillar", at, pillar, MeshMode::default()).unwrap();
@@ -124,7 +125,7 @@ fn an_object_without_a_finite_pose_is_ignored() {
     assert!(v[..2].iter().all(|v| v.abs() < 1e-9) && (v[2] - 0.01).abs() < 1e-6, "{v:?}");
 }
 
-/// Moves a plate at rest at the origin by torques for `ticks`, and returns where it is.
+/// Moves a plate at rest at the origin by torques for `ticks`, and returns its final position.
 fn by_torques(walls_beside: &[([f64; 3], [f64; 3])], recovery: f64, most: f64, ticks: usize) -> Vec<f64> {
     let model = flying(PLATE, BaseMode::Fixed);
     let apart = CollisionSettings { recovery, ..settings() };
@@ -142,7 +143,7 @@ fn by_torques(walls_beside: &[([f64; 3], [f64; 3])], recovery: f64, most: f64, t
         control.begin(&state, DT);
         control.add_task(&state, 0, &mut still);
         control.add_row_limit(&state, &mut limit, DT);
-        let a = control.solve().expect("what stays where it is contradicts nothing").acceleration.clone();
+        let a = control.solve().expect("staying in place must not be a contradiction").acceleration.clone();
         assert!(a.amax() <= most + 1e-9, "{a}");
         for ((q, v), a) in q.iter_mut().zip(&mut v).zip(a.iter()) {
             *q += (*v + 0.5 * a * DT) * DT;
@@ -155,17 +156,17 @@ fn by_torques(walls_beside: &[([f64; 3], [f64; 3])], recovery: f64, most: f64, t
 #[test]
 fn a_squeezed_pair_does_not_block_others_under_torques() {
     let beside = ([0.21, 0.0, 0.0], [0.1, 0.1, 0.005]);
-    // 0.01 m is left of the 0.03 m that are to be kept beside it
+    // 0.01 m remain of the 0.03 m required from the wall beside it
     let q = by_torques(&[SQUEEZE[0], SQUEEZE[1], beside], 0.01, 1000.0, 6000);
-    assert!(q[0] < -0.02 + 1e-4 && q[0] > -0.025, "it came back from the wall beside it: {q:?}");
-    assert!(q[2].abs() < 1e-6, "it stays between the other two: {q:?}");
+    assert!(q[0] < -0.02 + 1e-4 && q[0] > -0.025, "must return from the wall beside it: {q:?}");
+    assert!(q[2].abs() < 1e-6, "must stay between the other two: {q:?}");
     let squeezed = by_torques(&SQUEEZE, 0.01, 1000.0, 1000);
     assert!(squeezed.iter().all(|q| q.abs() < 1e-6), "{squeezed:?}");
 }
 
 #[test]
-fn a_recovery_beyond_the_accelerations_takes_longer() {
-    // a tenth of a metre per second at once is 100 m/s2
+fn recovery_is_limited_by_the_accelerations() {
+    // 0.1 m/s within one tick would be 100 m/s2
     for most in [1000.0, 20.0] {
         let q = by_torques(&SQUEEZE[..1], 0.3, most, 3000);
         assert!(q[2] > 0.02 - 1e-4 && q[2] < 0.025, "{most}: {q:?}");

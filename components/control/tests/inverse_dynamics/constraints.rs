@@ -57,7 +57,7 @@ fn solutions_satisfy_an_independent_equation_of_motion() {
             let solution = match control.solve() {
                 Ok(solution) => solution.clone(),
                 Err(error) => {
-                    // a random state may ask for forces that no friction gives
+                    // a random state may require forces that friction cannot provide
                     assert!(matches!(error, InverseDynamicsError::Infeasible(_)), "{name}: {error}");
                     continue;
                 }
@@ -115,7 +115,7 @@ fn solutions_are_optimal_and_within_the_friction_cone() {
             slipping += u32::from(matches!(name, ConstraintName::Friction { .. }));
         });
     }
-    assert!(slipping > 20, "{slipping} faces of pyramids at work");
+    assert!(slipping > 20, "{slipping} active faces of pyramids");
 }
 
 fn structure(problem: &motorium_qp::Problem) -> motorium_qp::Structure {
@@ -153,7 +153,7 @@ fn an_inactive_contact_carries_no_force() {
 }
 
 #[test]
-fn a_joint_driven_to_its_end_stays_within_its_limits() {
+fn joint_driven_to_its_limit_stays_within_its_limits() {
     let mut random = Random(13);
     let limits = JointAccelerationLimits { braking: 15.0, max_acceleration: 80.0, ..Default::default() };
     for _ in 0..200 {
@@ -200,7 +200,7 @@ fn joints_keep_their_own_acceleration_limits() {
 }
 
 #[test]
-fn torques_at_their_limit_hold_and_are_named() {
+fn saturated_torques_hold_and_are_named() {
     let robot = Robot::new("panda");
     let model = &robot.model;
     let settings = InverseDynamicsSettings { torque_fraction: 0.5, ..Default::default() };
@@ -252,8 +252,8 @@ fn lower_levels_use_only_the_freedom_left_by_higher_ones() {
     let (_, summed, _) = solve(&[6 + posture_rows(model)], &mut [&mut reach, &mut posture]);
     assert!(alone[0] < 1e-3, "{alone:?}");
     assert!((stacked[0] - alone[0]).abs() < 1e-6, "the hand is not disturbed: {stacked:?} {alone:?}");
-    assert!(summed[0] > 0.1, "in a sum it is: {summed:?}");
-    // contacts, torques and equations of motion hold below, too
+    assert!(summed[0] > 0.1, "a weighted sum must disturb the hand: {summed:?}");
+    // contacts, torques and equations of motion also hold for lower levels
     for (row, tau) in tau.iter().enumerate() {
         let expected = row.checked_sub(6).map_or(0.0, |joint| both.torque[joint]);
         assert!((tau - expected).abs() < 1e-5, "row {row}: {tau} {expected}");
@@ -267,7 +267,7 @@ fn posture_rows(model: &motorium_robots::Model) -> usize {
     model.joint_count()
 }
 
-/// A state in which the legs spread faster than their joints may brake: the feet cannot stay at rest.
+/// A state in which the legs spread faster than their joints can brake, so the feet cannot stay at rest.
 fn torn() -> Robot {
     let mut robot = Robot::new("humanoid");
     for (joint, v) in [("left_hip_roll", 1.0), ("right_hip_roll", -1.0)] {
@@ -278,7 +278,7 @@ fn torn() -> Robot {
     robot
 }
 
-/// Joints that hardly accelerate.
+/// Settings whose joints accelerate very slowly.
 fn sluggish(relaxation: Option<f64>) -> InverseDynamicsSettings {
     let joints = JointAccelerationLimits { braking: 0.1, max_acceleration: 0.5, ..Default::default() };
     InverseDynamicsSettings { relaxation, joints, ..Default::default() }
@@ -290,7 +290,7 @@ fn conflicting_constraints_are_named_without_relaxation() {
     let mut control = InverseDynamics::with_settings(&robot.model, robot.feet(), sluggish(None));
     control.begin(&robot.state(), 1e-3);
     let Err(InverseDynamicsError::Infeasible(conflict)) = control.solve() else {
-        panic!("it has a solution")
+        panic!("expected no solution")
     };
     let contacts: Vec<_> = control.contacts().cloned().collect();
     let words = conflict.describe(&robot.model, &contacts);
@@ -299,7 +299,7 @@ fn conflicting_constraints_are_named_without_relaxation() {
 }
 
 #[test]
-fn a_relaxed_tick_reports_its_error_and_keeps_the_physics() {
+fn relaxed_tick_reports_its_violation_and_keeps_physics() {
     let robot = torn();
     let mut control = InverseDynamics::with_settings(&robot.model, robot.feet(), sluggish(Some(100.0)));
     let mut posture =
@@ -307,7 +307,7 @@ fn a_relaxed_tick_reports_its_error_and_keeps_the_physics() {
     control.begin(&robot.state(), 1e-3);
     control.add_task(&robot.state(), 0, &mut posture);
     let solution = control.solve().unwrap().clone();
-    let slack = solution.slack.expect("something had to give way");
+    let slack = solution.slack.expect("a constraint must be violated");
     assert!(slack.contact.max(slack.joint) > 1.0, "{slack:?}");
     assert!(slack.conflict.names().count() >= 2);
     let tau = newton_euler(&robot, &control);
@@ -317,7 +317,7 @@ fn a_relaxed_tick_reports_its_error_and_keeps_the_physics() {
     }
     let limit = robot.model.effort_limit();
     assert!(solution.torque.iter().zip(limit.iter()).all(|(tau, limit)| tau.abs() <= limit + 1e-9));
-    // once it rests nothing is relaxed any more
+    // at rest nothing is relaxed
     let calm = Robot::new("humanoid");
     control.begin(&calm.state(), 1e-3);
     control.add_task(&calm.state(), 0, &mut posture);

@@ -1,5 +1,5 @@
-//! Distances that are kept to a tenth of a millimetre, by solids with flat sides, edges, corners and round
-//! ones, without chatter.
+//! Distances kept to within a tenth of a millimetre without chatter, by solids with flat sides, edges,
+//! corners and round surfaces.
 
 use std::sync::Arc;
 
@@ -19,11 +19,11 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use crate::robots::{Random, Robot};
 
 const DT: f64 = 1e-3;
-/// Distance that is kept, and the largest amount by which it is missed, m.
+/// Required distance, and the largest permitted shortfall, m.
 const DISTANCE: f64 = 0.03;
 const MISSED: f64 = 1e-4;
 
-/// A plate, or another shape, that three slides and three hinges, or a floating base, move freely.
+/// A plate or another shape that moves freely on three slides and three hinges, or on a floating base.
 pub(crate) fn flying(shape: &str, base: BaseMode) -> Model {
     let mut text = String::from("<robot name=\"flying\"><link name=\"base\"/>");
     let (mut parent, last) = ("base".to_owned(), 5);
@@ -83,18 +83,17 @@ fn obstacles() -> [(&'static str, Geometry); 5] {
     ]
 }
 
-/// How a robot kept its distances.
+/// Distances kept by a robot.
 #[derive(Debug)]
 struct Kept {
     smallest: f64,
     /// At the end.
     last: f64,
-    /// Largest change of a velocity from one tick to the next at the end, where it is at rest \[rad/s or
-    /// m/s\].
+    /// Largest velocity change between consecutive ticks at the end, at rest \[rad/s or m/s\].
     chatter: f64,
 }
 
-/// Moves a frame to `target` in 4 s, at rest at the end, and measures the distances of `solids`.
+/// Moves a frame to `target` in 4 s, ending at rest, and measures the distances of `solids`.
 fn lead(
     (model, q): (&Model, &[f64]),
     frame: FrameId,
@@ -146,7 +145,7 @@ fn settings() -> CollisionSettings {
     CollisionSettings { distance: DISTANCE, range: 0.3, ..CollisionSettings::default() }
 }
 
-/// Presses a shape against obstacles while it rolls and pitches, from several sides.
+/// Presses a shape against obstacles from several sides while it rolls and pitches.
 fn press(shape: &str, base: BaseMode) {
     let model = flying(shape, base);
     let frame = model.frame("l5").unwrap();
@@ -180,7 +179,7 @@ fn press(shape: &str, base: BaseMode) {
             assert!(kept.smallest > DISTANCE - MISSED, "{shape}, {name}, {turn}: {kept:?}");
             assert!(
                 kept.smallest < DISTANCE + 5e-3,
-                "{shape}, {name}, {turn} came as near as it may: {kept:?}"
+                "{shape}, {name}, {turn} must come near the minimum distance: {kept:?}"
             );
             assert!(kept.chatter < 2e-3, "{shape}, {name}, {turn}: {kept:?}");
         }
@@ -347,7 +346,7 @@ fn a_plate_too_close_to_walls_returns_slowly() {
     kinematics.update(&model, &q);
     let wall =
         |z: f64| (Isometry3::translation(0.0, 0.0, z), Geometry::Box { size: Vector3::new(1.0, 1.0, 0.1) });
-    // gaps of 0.01 m, where 0.03 m are to be kept
+    // gaps of 0.01 m, where 0.03 m are required
     let between = |walls: &[f64], torques: bool| {
         let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
         for z in walls {

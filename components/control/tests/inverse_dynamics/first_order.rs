@@ -1,4 +1,4 @@
-//! Velocity tasks, compared with finite differences of their quantities, on a fixed and on a floating base.
+//! Velocity tasks, compared with finite differences of their quantities, on fixed and floating bases.
 
 use motorium_control::{
     RobotState,
@@ -18,7 +18,7 @@ fn state(robot: &Robot) -> RobotState<'_> {
     RobotState { model: &robot.model, kinematics: &robot.kinematics, q: &robot.q }
 }
 
-/// Each robot in a random state, a frame at the end of an arm of it, and a direction of its motion.
+/// Each robot in a random state, with a frame at the end of an arm and a direction of motion.
 fn cases(seed: u64) -> impl Iterator<Item = (Robot, FrameId, DVector<f64>, Random)> {
     let links = [("panda", "panda_hand_tcp"), ("humanoid", "left_palm"), ("quadruped", "hind_right_foot")];
     links.into_iter().enumerate().flat_map(move |(index, (name, link))| {
@@ -32,7 +32,7 @@ fn cases(seed: u64) -> impl Iterator<Item = (Robot, FrameId, DVector<f64>, Rando
     })
 }
 
-/// The rate of a figure of the robot along the velocity `v`.
+/// Rate of a quantity of the robot along the velocity `v`.
 fn rate<const N: usize>(
     robot: &Robot,
     v: &DVector<f64>,
@@ -48,7 +48,7 @@ fn rate<const N: usize>(
 }
 
 #[test]
-fn the_error_of_a_pose_falls_as_its_rows_say() {
+fn pose_error_falls_as_predicted_by_its_rows() {
     for (robot, frame, v, mut random) in cases(1) {
         let pose = |robot: &Robot| robot.kinematics.pose(&robot.model, frame);
         let target = pose(&robot) * Isometry3::from_parts(random.vector(1.0).into(), random.rotation());
@@ -61,12 +61,12 @@ fn the_error_of_a_pose_falls_as_its_rows_say() {
 }
 
 #[test]
-fn the_centre_of_mass_moves_as_its_rows_say() {
+fn centre_of_mass_moves_as_predicted_by_its_rows() {
     for (robot, _, v, _) in cases(2) {
         let centre = |robot: &Robot| {
             let (model, q) = (&robot.model, &robot.q);
             let mut moment = Vector3::zeros();
-            // links fixed to the world do not count, a base that floats does
+            // links fixed to the world are ignored, a floating base is not
             if model.base().floating {
                 let turned = UnitQuaternion::from_quaternion(Quaternion::new(q[6], q[3], q[4], q[5]));
                 let inertia = &model.base().inertia;
@@ -89,7 +89,7 @@ fn the_centre_of_mass_moves_as_its_rows_say() {
 }
 
 #[test]
-fn a_gaze_turns_as_its_rows_say() {
+fn gaze_turns_as_predicted_by_its_rows() {
     for (robot, frame, v, mut random) in cases(3) {
         let (point, axis) = (random.vector(2.0), Unit::new_normalize(random.vector(1.0)));
         let direction = |robot: &Robot| {
@@ -119,7 +119,7 @@ fn contact_and_posture_follow_their_residuals() {
         let moves = slides.norm().hypot(turns.norm());
         assert!((surface.cost().residual(v.as_slice()) - moves).abs() < 1e-7, "{}", robot.model.name());
 
-        // where it is at its target, any velocity of the joints is an error, and none of the base
+        // at the target any joint velocity is an error, but a base velocity is not
         let mut posture = PostureTask::new(&robot.model, robot.model.joints_of_q(&robot.q));
         posture.update(&state(&robot));
         let joints = robot.model.joints_of_v(v.as_slice()).iter().map(|v| v * v).sum::<f64>().sqrt();
@@ -131,13 +131,13 @@ fn contact_and_posture_follow_their_residuals() {
         least.set_target(&before);
         assert!(
             (least.residual(v.as_slice()) - v.norm()).abs() < 1e-12,
-            "as far from the double as from rest"
+            "residual at twice the velocity must equal the residual at rest"
         );
     }
 }
 
 #[test]
-fn a_momentum_is_that_of_all_bodies_in_motion() {
+fn momentum_equals_the_sum_over_moving_bodies() {
     for (robot, _, v, mut random) in cases(5) {
         let of = Dynamics::new(&robot.model).momentum(&robot.model, &robot.q, v.as_slice());
         let target = Momentum { linear: random.vector(1.0), angular: random.vector(1.0) };

@@ -13,7 +13,7 @@ use crate::robots::{Random, Robot};
 
 const GRAVITY: f64 = 9.81;
 
-/// A flat block of 8 kg with a small wheel on it, so that it has a joint.
+/// A flat block of 8 kg with a small wheel on it, which provides a joint.
 const BLOCK: &str = r#"<robot name="block">
     <link name="block">
         <inertial><mass value="7.9"/><inertia ixx="0.1" iyy="0.1" izz="0.2" ixy="0" ixz="0" iyz="0"/></inertial>
@@ -35,12 +35,14 @@ struct Block {
 }
 
 impl Block {
-    /// At rest on a slope of this angle \[rad\] that falls towards `azimuth` \[rad\] of the block's own axes.
+    /// At rest on a slope with this angle \[rad\] that descends towards `azimuth` \[rad\] in the block's
+    /// axes.
     fn on_slope(angle: f64, azimuth: f64) -> Self {
         let options = LoadOptions { base: BaseMode::Floating, ..LoadOptions::default() };
         let model = parse_urdf_with(BLOCK, None, &options).unwrap().model;
         let mut q = model.neutral();
-        // turned about the horizontal axis across the way down, the block goes down towards `azimuth`
+        // rotated about the horizontal axis perpendicular to the descent: the block slides down towards
+        // `azimuth`
         let across = Vector3::new(-azimuth.sin(), azimuth.cos(), 0.0);
         let tilt = UnitQuaternion::from_scaled_axis(across * angle);
         q[3..7].copy_from_slice(tilt.coords.as_slice());
@@ -50,7 +52,7 @@ impl Block {
         Self { model, kinematics, q, v }
     }
 
-    /// The force on the sole in its own axes where the block can rest with a friction of `mu`.
+    /// Force on the sole in its axes if the block can rest with a friction of `mu`.
     fn rests(&self, mu: f64, friction_model: FrictionModel) -> Result<Vector3<f64>, InverseDynamicsError> {
         let sole = self.model.frame("sole").unwrap();
         let shape = ContactShape::Sole { sides: [0.4, 0.4] };
@@ -79,7 +81,7 @@ fn a_block_rests_on_slopes_up_to_the_friction_angle() {
     let mu = 0.6;
     for eighth in 0..8 {
         let azimuth = f64::from(eighth) * std::f64::consts::FRAC_PI_4;
-        // the slope whose tangent is `share` times the friction
+        // the slope whose tangent is `share` times the friction coefficient
         let block = |share: f64| Block::on_slope((share * mu).atan(), azimuth);
         let steep = block(0.999);
         let force = steep.rests(mu, FrictionModel::Cone).unwrap_or_else(|error| panic!("{azimuth}: {error}"));
@@ -87,15 +89,15 @@ fn a_block_rests_on_slopes_up_to_the_friction_angle() {
         let normal = 8.0 * GRAVITY * angle.cos();
         assert!((force.z - normal).abs() < 1e-3, "{azimuth}: {force} {normal}");
         assert!((force.xy().norm() - 8.0 * GRAVITY * angle.sin()).abs() < 1e-3, "{azimuth}: {force}");
-        // it is held back, uphill
+        // friction points uphill
         let uphill = -Vector3::new(azimuth.cos(), azimuth.sin(), 0.0);
         assert!(force.xy().normalize().dot(&uphill.xy()) > 1.0 - 1e-6, "{azimuth}: {force}");
-        // on cones the solver does not always find the proof that there is none
+        // with cones the solver does not always prove infeasibility
         let slips = block(1.05).rests(mu, FrictionModel::Cone);
         let none = matches!(slips, Err(InverseDynamicsError::Infeasible(_) | InverseDynamicsError::Solve(_)));
         assert!(none, "{azimuth}: {slips:?}");
 
-        // of a pyramid: all of the friction on the diagonals, 71 % along the axes
+        // a pyramid provides full friction on the diagonals and 71 % along the axes
         let most = if eighth % 2 == 1 { 1.0 } else { std::f64::consts::FRAC_1_SQRT_2 };
         assert!(block(0.999 * most).rests(mu, FrictionModel::Pyramid).is_ok(), "{azimuth}");
         let slips = block(1.001 * most).rests(mu, FrictionModel::Pyramid);
@@ -103,7 +105,7 @@ fn a_block_rests_on_slopes_up_to_the_friction_angle() {
     }
 }
 
-/// A humanoid whose centre of mass is to accelerate: the controller, solved, and its cost.
+/// A humanoid whose centre of mass is to accelerate: returns the solved controller and its cost.
 fn pushed(robot: &Robot, aim: Vector3<f64>, model: FrictionModel, mu: f64) -> (InverseDynamics, f64) {
     let mut contacts = robot.feet();
     contacts.iter_mut().for_each(|contact| contact.friction = mu);
@@ -161,11 +163,11 @@ fn the_cost_of_a_cone_lies_between_inner_and_outer_pyramid() {
             }
         }
     }
-    assert!(slipping > 10, "{slipping} forces on their cones");
+    assert!(slipping > 10, "{slipping} forces on the surface of their cones");
 }
 
 #[test]
-fn a_contact_that_is_off_has_no_force_within_cones_either() {
+fn inactive_contact_has_no_force_within_cones() {
     let robot = Robot::new("humanoid");
     let settings = InverseDynamicsSettings { friction_model: FrictionModel::Cone, ..Default::default() };
     let mut control = InverseDynamics::with_settings(&robot.model, robot.feet(), settings);
@@ -209,7 +211,7 @@ fn the_centre_of_pressure_reaches_but_stays_within_the_margin() {
                 for (place, half) in pressure.iter().zip([0.1, 0.045]) {
                     assert!(place.abs() <= half - margin + 1e-9, "{margin} {direction}: {pressure:?}");
                 }
-                // the ground pushes forwards from behind
+                // the ground pushes forwards, from the rear of the soles
                 farthest = farthest.max(-pressure[0] * direction.x);
             }
             // sideways the load goes to the other foot instead
@@ -227,8 +229,8 @@ fn both_centres_of_pressure_form_the_zero_moment_point() {
         let model = &robot.model;
         let aim = Vector3::new(random.within(0.03), random.within(0.02), random.within(0.02));
         let (control, _) = pushed(&robot, aim, FrictionModel::Pyramid, 0.6);
-        // by the rate of the momentum, without a look at the forces: (c - p) x (m (c'' - g)) + L' has no x
-        // and y
+        // from the rate of the momentum, independently of the forces: x and y of (c - p) x (m (c'' - g)) + L'
+        // are zero
         let a = control.solution().acceleration.as_slice();
         let Momentum { linear, angular } = Dynamics::new(model).momentum_rate(model, &robot.q, &robot.v, a);
         let force = linear + Vector3::new(0.0, 0.0, model.mass() * GRAVITY);

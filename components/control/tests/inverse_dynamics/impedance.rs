@@ -1,4 +1,4 @@
-//! Springs and dampers in place of rates.
+//! Springs and dampers that replace decay rates.
 
 use motorium_control::inverse_dynamics::{AccelerationTask, InverseDynamics};
 use motorium_control::tasks::Feedback;
@@ -17,7 +17,7 @@ const SOFT: CartesianImpedance = CartesianImpedance {
 const NONE: Feedback = Feedback { kp: 0.0, kd: 0.0 };
 
 #[test]
-fn a_spring_asks_for_the_acceleration_of_its_force() {
+fn spring_requests_the_acceleration_caused_by_its_force() {
     let mut random = Random(71);
     for (name, link) in [("panda", "panda_hand_tcp"), ("humanoid", "left_palm")] {
         let robot = Robot::new(name).moved(&mut random);
@@ -75,8 +75,8 @@ fn a_spring_asks_for_the_acceleration_of_its_force() {
     }
 }
 
-/// The robot at rest under a constant effort `push`, controlled by `task` and by a posture for the motions
-/// that it leaves open.
+/// The robot at rest under a constant effort `push`, controlled by `task` and by a posture for the remaining
+/// motions.
 fn at_rest(
     mut robot: Robot,
     push: impl Fn(&Robot) -> DVector<f64>,
@@ -91,7 +91,7 @@ fn at_rest(
         control.add_task(&robot.state(), 0, task);
         control.add_task(&robot.state(), 1, &mut posture);
         let commanded = control.solve().unwrap().acceleration.clone();
-        // M (a - commanded) = push, which the controller does not know of
+        // M (a - commanded) = push, which is unknown to the controller
         let mut mass = control.mass().clone();
         mass.fill_lower_triangle_with_upper_triangle();
         let pushed = mass.cholesky().unwrap().solve(&push(&robot));

@@ -1,4 +1,4 @@
-//! Limits of combinations of velocities: planes, speeds, the support of the feet.
+//! Limits on combinations of velocities: planes, speeds, the support of the feet.
 
 use motorium_control::{
     DifferentialIk, RobotState,
@@ -17,7 +17,7 @@ fn state(robot: &Robot) -> RobotState<'_> {
     RobotState { model: &robot.model, kinematics: &robot.kinematics, q: &robot.q }
 }
 
-/// The problem that a limit alone poses.
+/// Problem with a single limit.
 fn posed(robot: &Robot, limit: &mut dyn RowLimit, dt: f64) -> Problem {
     let mut ik = DifferentialIk::with_rows(&robot.model, limit.rows());
     ik.begin();
@@ -25,7 +25,7 @@ fn posed(robot: &Robot, limit: &mut dyn RowLimit, dt: f64) -> Problem {
     ik.problem().clone()
 }
 
-/// A quantity of the robot after a time `h` with the velocity `v`.
+/// Quantity of the robot after a time `h` with the velocity `v`.
 fn after<T>(robot: &Robot, v: &DVector<f64>, h: f64, of: impl Fn(&Kinematics) -> T) -> T {
     let (mut q, mut kinematics) = (robot.q.clone(), Kinematics::new(&robot.model));
     robot.model.integrate(&robot.q, (v * h).as_slice(), &mut q);
@@ -139,7 +139,7 @@ fn a_reaching_humanoid_keeps_its_balance_and_its_hand_limit() {
     let mut target = robot.kinematics.pose(&model, hand);
     target.translation.vector.x += 1.0;
     reach.set_target(target);
-    // and it is asked to fall forwards
+    // and it is requested to fall forwards
     let settings = CentreOfMassSettings { weight: 1.0, ..CentreOfMassSettings::default() };
     let mut lean = CentreOfMassTask::new(&model).with(settings);
     lean.set_target(robot.kinematics.centre_of_mass(&model).position + Vector3::new(0.5, 0.0, 0.0));

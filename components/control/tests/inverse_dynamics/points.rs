@@ -1,5 +1,4 @@
-//! Tasks that move points: the gaze and the capture point, compared with finite differences and the requested
-//! decay.
+//! Tasks that move points: gaze and capture point, compared with finite differences and the requested decay.
 
 use motorium_control::inverse_dynamics::{AccelerationTask, InverseDynamics};
 use motorium_control::tasks::{CapturePoint, Feedback, ForceRegularisation};
@@ -23,7 +22,7 @@ fn direction(robot: &Robot, frame: FrameId, point: Vector3<f64>) -> Vector3<f64>
 }
 
 #[test]
-fn a_gaze_without_gains_asks_for_no_acceleration() {
+fn gaze_without_gains_requests_no_acceleration() {
     let mut random = Random(51);
     for name in ["panda", "humanoid", "quadruped"] {
         for _ in 0..5 {
@@ -60,7 +59,7 @@ fn the_angle_of_a_gaze_decays_critically_damped() {
     let (rate, dt) = (6.0, 1e-3);
     let mut gaze = GazeTask::new(&model, frame, Vector3::z_axis()).feedback(Feedback::critical(rate));
     let hand = robot.kinematics.pose(&model, frame);
-    // only the frame turns about its origin, so that the angle has one dimension
+    // the frame only turns about its origin, so that the angle has one dimension
     gaze.set_target(hand.translation.vector + hand.rotation * Vector3::new(0.3, 0.0, 1.0));
     let start = 0.3_f64.atan();
     let mut stay = CartesianTask::new(&model, frame)
@@ -95,7 +94,7 @@ fn standing(robot: &Robot) -> InverseDynamics {
 }
 
 #[test]
-fn the_capture_point_moves_as_its_task_says() {
+fn capture_point_moves_as_predicted_by_its_task() {
     let mut random = Random(53);
     for name in ["humanoid", "quadruped"] {
         let robot = Robot::new(name).moved(&mut random);
@@ -123,7 +122,7 @@ fn the_capture_point_moves_as_its_task_says() {
         let found = rows(task.cost(), &a);
         assert!((&found - expected).amax() < 1e-4, "{name}: {found} {expected}");
     }
-    // a fixed base stands on nothing: nothing is asked for
+    // a fixed base has no contacts, so the task requests nothing
     let robot = Robot::new("panda");
     let mut control = InverseDynamics::new(&robot.model, Vec::new());
     control.begin(&robot.state(), 1e-3);

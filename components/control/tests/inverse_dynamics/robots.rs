@@ -13,7 +13,7 @@ pub(crate) struct Robot {
 }
 
 impl Robot {
-    /// At home, at rest.
+    /// Creates the robot at its home pose, at rest.
     pub(crate) fn new(name: &str) -> Self {
         let loaded = load(name, std::path::Path::new(".")).unwrap();
         let (model, profile) = (loaded.model, loaded.profile.unwrap());
@@ -33,7 +33,7 @@ impl Robot {
         self.kinematics.update_with_velocity(&self.model, &self.q, &self.v);
     }
 
-    /// Near home, moving.
+    /// Moves the robot near its home pose with a random velocity.
     pub(crate) fn moved(mut self, random: &mut Random) -> Self {
         let step: Vec<f64> = self.v.iter().map(|_| random.within(0.3)).collect();
         let from = self.q.clone();
@@ -52,7 +52,7 @@ impl Robot {
         feet.map(|(name, foot)| Contact::of_foot(&self.model, name, foot).unwrap()).collect()
     }
 
-    /// The robot after `dt` with the acceleration `a`, constant.
+    /// Returns the robot after `dt` with the constant acceleration `a`.
     pub(crate) fn after(&self, a: &DVector<f64>, dt: f64) -> Self {
         let model = &self.model;
         let middle: Vec<f64> = self.v.iter().zip(a.iter()).map(|(v, a)| (v + 0.5 * a * dt) * dt).collect();

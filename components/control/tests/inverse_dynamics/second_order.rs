@@ -1,5 +1,4 @@
-//! Velocity tasks in their acceleration form, compared with finite differences of motions and the requested
-//! decay.
+//! Velocity tasks in acceleration form, compared with finite differences of motions and the requested decay.
 
 use motorium_control::tasks::Feedback;
 use motorium_control::tasks::{PostureTask, RelativeSettings, RelativeTask, RigidRotationTask, UnicycleTask};
@@ -35,7 +34,7 @@ fn begun(robot: &Robot) -> InverseDynamics {
 }
 
 #[test]
-fn a_relative_task_without_gains_asks_for_no_acceleration() {
+fn relative_task_without_gains_requests_no_acceleration() {
     let mut random = Random(61);
     for name in ROBOTS {
         for _ in 0..5 {
@@ -117,7 +116,7 @@ fn the_error_of_a_relative_task_decays_critically_damped() {
 }
 
 #[test]
-fn a_unicycle_corrects_its_velocity_in_the_turning_frame() {
+fn unicycle_corrects_velocity_in_the_turning_frame() {
     let mut random = Random(62);
     for name in ROBOTS {
         let robot = Robot::new(name).moved(&mut random);
@@ -141,7 +140,7 @@ fn a_unicycle_corrects_its_velocity_in_the_turning_frame() {
 }
 
 #[test]
-fn a_rolling_wheel_lets_the_point_at_the_contact_come_to_rest() {
+fn contact_point_of_a_rolling_wheel_comes_to_rest() {
     let mut random = Random(63);
     for name in ROBOTS {
         let robot = Robot::new(name).moved(&mut random);
@@ -153,7 +152,7 @@ fn a_rolling_wheel_lets_the_point_at_the_contact_come_to_rest() {
         let a = robot.accelerations(&mut random);
         let slip = |time: f64| {
             let next = robot.after(&a, time);
-            // the lowest point of the rim, from the definition: on the wheel's plane, furthest against the
+            // the lowest point of the rim by definition: the point in the wheel's plane farthest against the
             // normal
             let d = next.kinematics.pose(model, frame).rotation * axis.into_inner();
             let side = d.cross(&normal).normalize();
@@ -171,7 +170,7 @@ fn a_rolling_wheel_lets_the_point_at_the_contact_come_to_rest() {
         VelocityTask::update(&mut velocity, &state);
         assert!((velocity.residual(&robot.v) - slip(0.0).norm()).abs() < 1e-12);
     }
-    // a wheel that lies flat is asked for nothing
+    // a flat wheel requests nothing
     let robot = Robot::new("panda");
     let (_, frame) = frames(&robot);
     let axis = robot.kinematics.pose(&robot.model, frame).rotation.inverse() * Vector3::z();
@@ -189,7 +188,7 @@ fn a_steered_wheel_turns_to_its_course_critically_damped() {
     let (rate, dt, away) = (6.0, 1e-3, 0.5_f64);
     let mut task =
         RigidRotationTask::new(&model, wheel, base, Vector3::y_axis()).feedback(Feedback::critical(rate));
-    // the direction in which the wheel rolls, level, and a base that drives to the left of it
+    // the level direction in which the wheel rolls, and a base that drives to the left of it
     let forward = (pose.rotation * Vector3::y()).cross(&Vector3::z()).normalize();
     let way = nalgebra::UnitQuaternion::from_scaled_axis(Vector3::z() * away) * forward;
     task.set_twist(way.x, way.y, 0.0);
@@ -205,7 +204,7 @@ fn a_steered_wheel_turns_to_its_course_critically_damped() {
         let a = control.solve().unwrap().acceleration.clone();
         robot = robot.after(&a, dt);
     }
-    // against differences of the angular velocity about the normal, on a base that turns
+    // compared with differences of the angular velocity about the normal, on a turning base
     let mut random = Random(64);
     let robot = Robot::new("panda").moved(&mut random);
     task.set_twist(0.3, 0.1, 0.7);
@@ -219,7 +218,7 @@ fn a_steered_wheel_turns_to_its_course_critically_damped() {
 
 #[test]
 fn velocities_decay_at_their_rate() {
-    // at home, far from the limits of the joints
+    // at the home pose, far from the joint limits
     let (mut random, mut robot) = (Random(65), Robot::new("panda"));
     robot.v[..7].iter_mut().for_each(|v| *v = random.within(0.1));
     robot.update();
@@ -239,7 +238,7 @@ fn velocities_decay_at_their_rate() {
 }
 
 #[test]
-fn torques_lead_to_more_manipulability_and_to_less_effort() {
+fn torques_increase_manipulability_and_reduce_effort() {
     let (dt, rate) = (1e-3, 20.0);
     let tcp = |robot: &Robot| robot.model.frame("panda_hand_tcp").unwrap();
     let run = |task: &mut dyn AccelerationTask| {

@@ -1,5 +1,5 @@
-//! The work of the ticks in which a humanoid lifts a foot and sets it down again, where it was or where it
-//! falls.
+//! Iterations of the ticks in which a humanoid lifts a foot and sets it down again, at the same place or
+//! while falling.
 
 use motorium_control::inverse_dynamics::{
     AccelerationTask, Contact, InverseDynamics, InverseDynamicsError, InverseDynamicsSettings, MotionState,
@@ -14,10 +14,10 @@ use nalgebra::Vector3;
 
 const DT: f64 = 0.001;
 
-/// Iterations of each tick of six seconds, and whether it was relaxed: the humanoid leans over its left foot
-/// within a second, lifts the right one from 2.1 s to 3 s, and leans back from 3.5 s on. While it is lifted,
-/// the right foot goes up and comes down at the same place; without a task it would be set down nearer to the
-/// other one, and the humanoid would fall.
+/// Iterations of each tick over six seconds, and whether the tick was relaxed. The humanoid leans over its
+/// left foot within a second, lifts the right foot from 2.1 s to 3 s, and leans back from 3.5 s on. If
+/// `is_led`, a task moves the right foot up and down at the same place. Otherwise it would be set down nearer
+/// to the other foot, and the humanoid would fall.
 fn step(is_led: bool) -> Vec<(u32, bool)> {
     let loaded = load("humanoid", std::path::Path::new(".")).unwrap();
     let (model, profile) = (&loaded.model, loaded.profile.unwrap());
@@ -96,7 +96,7 @@ fn a_falling_humanoid_is_reported_with_bounded_work() {
     most.sort_unstable_by(|a, b| b.cmp(a));
     let relaxed = ticks.iter().filter(|(_, relaxed)| *relaxed).count();
     println!("{relaxed} ticks relaxed, most iterations {:?}", &most[..20]);
-    // no motion keeps both feet at rest as it falls
+    // no motion keeps both feet at rest while it falls
     assert!(relaxed > 300, "{relaxed}");
     assert!(most[0] < 120, "{:?}", &most[..20]);
     assert!(most[relaxed / 10] < 50, "{}", most[relaxed / 10]);

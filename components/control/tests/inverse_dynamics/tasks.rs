@@ -1,7 +1,7 @@
-//! Each task compared with finite differences, on fixed and floating bases, and with its equation.
+//! Each task, compared with finite differences on fixed and floating bases, and with its equation.
 //!
-//! A task with the request `A x = b` predicts that the second derivative of its quantity is `wanted + A x -
-//! b`; this is compared with differences of the quantity along an accelerated motion.
+//! A task with the request `A x = b` predicts the second derivative of its quantity as `wanted + A x - b`.
+//! Tests compare it with differences of the quantity along an accelerated motion.
 
 use motorium_control::inverse_dynamics::{AccelerationTask, Contact, ContactShape, InverseDynamics};
 use motorium_control::tasks::{
@@ -26,7 +26,7 @@ pub(crate) fn rows(cost: &Cost, x: &DVector<f64>) -> DVector<f64> {
     DVector::from_fn(cost.rows(), |row, _| {
         one.weights_mut().fill(0.0);
         one.weights_mut()[row] = 1.0;
-        // residuals are lengths: the sign comes from a shifted right-hand side
+        // residuals are norms, so the sign comes from a shifted right-hand side
         let length = one.residual(x.as_slice());
         one.desired_mut()[row] += 1e-3;
         let shifted = one.residual(x.as_slice());
@@ -41,7 +41,7 @@ fn frame_of(robot: &Robot) -> motorium_robots::FrameId {
 }
 
 #[test]
-fn a_cartesian_task_without_gains_asks_for_no_acceleration() {
+fn cartesian_task_without_gains_requests_no_acceleration() {
     let mut random = Random(1);
     for name in ROBOTS {
         let robot = Robot::new(name).moved(&mut random);
@@ -136,7 +136,7 @@ fn centre_of_mass_and_momentum_accelerate_as_commanded() {
 }
 
 #[test]
-fn feedback_has_the_signs_that_lead_to_the_target() {
+fn feedback_signs_move_towards_the_target() {
     let mut random = Random(3);
     let feedback = Feedback { kp: 30.0, kd: 7.0 };
     for name in ROBOTS {
@@ -193,7 +193,7 @@ fn a_correction_is_exact_below_its_maximum_speed() {
     let far = Vector3::new(3.0, 4.0, 0.0);
     let found = feedback.acceleration(&far, &Vector3::zeros(), 0.5);
     assert!((found - Vector3::new(6.0, 8.0, 0.0)).norm() < 1e-12, "{found}");
-    // at that speed there is nothing left to accelerate
+    // at that speed no acceleration remains
     let moving = feedback.acceleration(&far, &-Vector3::new(0.3, 0.4, 0.0), 0.5);
     assert!(moving.norm() < 1e-12);
     let near = feedback.acceleration(&(far * 0.01), &Vector3::zeros(), 0.5);
@@ -201,7 +201,7 @@ fn a_correction_is_exact_below_its_maximum_speed() {
 }
 
 #[test]
-fn a_task_of_the_position_alone_leaves_the_orientation_free() {
+fn position_task_leaves_the_orientation_free() {
     let robot = Robot::new("panda");
     let frame = frame_of(&robot);
     let mut control = InverseDynamics::new(&robot.model, Vec::new());
@@ -212,7 +212,7 @@ fn a_task_of_the_position_alone_leaves_the_orientation_free() {
     target.rotation *= nalgebra::UnitQuaternion::from_scaled_axis(Vector3::new(1.0, 0.0, 0.0));
     task.set_target(target);
     control.add_task(&robot.state(), 0, &mut task);
-    assert!(control.solve().unwrap().acceleration.amax() < 1e-6, "only its orientation is wrong");
+    assert!(control.solve().unwrap().acceleration.amax() < 1e-6, "only the orientation is off");
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! Contact forces alone and accelerations alone, against analytic answers and against inverse dynamics.
+//! Forces-only and accelerations-only problems, compared with analytic results and with full inverse
+//! dynamics.
 
 use motorium_control::inverse_dynamics::{
     AccelerationTask, ConstraintName, ContactShape, DynamicsRows, FrictionModel, InverseDynamics,
@@ -19,13 +20,13 @@ fn on_its_feet(robot: &Robot, unknowns: Unknowns) -> InverseDynamics {
     InverseDynamics::with_settings(&robot.model, robot.feet(), settings(unknowns))
 }
 
-/// The same with room for six rows of tasks that hold exactly.
+/// Inverse dynamics with capacity for six rows of constraint tasks.
 fn with_equalities(robot: &Robot) -> InverseDynamics {
     let rows = DynamicsRows { constrained: 6, limits: 0 };
     InverseDynamics::with_room(&robot.model, robot.feet(), settings(Unknowns::Forces), rows)
 }
 
-/// Jacobian of the contact points, world axes, from the kinematics alone: 3 rows for each.
+/// Jacobian of the contact points in world axes, from the kinematics: 3 rows per point.
 fn point_jacobian(robot: &Robot) -> DMatrix<f64> {
     let model = &robot.model;
     let mut rows = DMatrix::zeros(3 * robot.feet().len(), model.nv());
@@ -53,7 +54,7 @@ fn bias(robot: &Robot) -> DVector<f64> {
     DVector::from_vec(bias)
 }
 
-/// A task that the base stays where it is.
+/// A task that keeps the base in place.
 fn base_at_rest(robot: &Robot) -> CartesianTask {
     let frame = robot.model.frame("base").unwrap();
     let mut base = CartesianTask::new(&robot.model, frame)
@@ -64,7 +65,7 @@ fn base_at_rest(robot: &Robot) -> CartesianTask {
 }
 
 #[test]
-fn forces_at_rest_are_the_least_that_balance_the_weight() {
+fn forces_at_rest_are_the_minimum_for_the_weight() {
     let robot = Robot::new("quadruped");
     let mut control = with_equalities(&robot);
     let mut base = base_at_rest(&robot);
@@ -203,7 +204,7 @@ fn an_equality_against_friction_is_relaxed_or_named() {
 }
 
 #[test]
-fn a_foot_that_is_lifted_has_no_force_among_forces_alone() {
+fn lifted_foot_has_no_force_in_a_forces_only_problem() {
     let robot = Robot::new("quadruped");
     let mut control = on_its_feet(&robot, Unknowns::Forces);
     control.set_active(1, false);
@@ -252,7 +253,7 @@ fn both_formulations_agree_on_a_fixed_base() {
             let difference = (&both.acceleration - &alone.acceleration).amax();
             assert!(difference < 1e-5 * both.acceleration.amax().max(1.0), "{difference}");
             assert!((&both.torque - &alone.torque).amax() < 1e-5 * both.torque.amax());
-            // the torques by the model
+            // torques computed from the model
             let mut tau = vec![0.0; model.nv()];
             let gravity = Vector3::new(0.0, 0.0, -9.81);
             Dynamics::new(model).rnea(
@@ -268,7 +269,7 @@ fn both_formulations_agree_on_a_fixed_base() {
             }
         }
     }
-    // the others need more than a drive has
+    // the other cases require more than a drive can provide
     assert!(compared > 5, "{compared} of 20");
 }
 
@@ -294,7 +295,7 @@ fn accelerations_keep_feet_at_rest_and_yield_their_forces() {
         alone.acceleration
     );
     assert!((&both.forces - &alone.forces).amax() < 0.1, "{} {}", both.forces, alone.forces);
-    // the equation of motion of the base holds with forces that only push
+    // the equation of motion of the base holds with unilateral forces
     let mut tau = vec![0.0; model.nv()];
     let gravity = Vector3::new(0.0, 0.0, -9.81);
     Dynamics::new(model).rnea(model, &robot.q, &robot.v, alone.acceleration.as_slice(), gravity, &mut tau);
@@ -316,7 +317,7 @@ fn accelerations_alone_keep_the_limits_of_the_joints() {
     let mut posture = PostureTask::new(&model, &beyond).feedback(Feedback::critical(10.0)).weight(1.0);
     control.begin(&robot.state(), 1e-3);
     control.add_task(&robot.state(), 0, &mut posture);
-    // 0.3^2 / (2 0.01) = 4.5 rad/s2 and less than the 20 with which it may brake
+    // 0.3^2 / (2 0.01) = 4.5 rad/s2, less than the braking limit of 20 rad/s2
     let limits = control.settings().joints;
     let (_, most) =
         limits.bounds(robot.q[0], 0.3, (model.lower()[0], model.upper()[0]), model.velocity_limit()[0], 1e-3);

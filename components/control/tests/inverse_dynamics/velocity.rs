@@ -33,7 +33,7 @@ fn motion(robot: &Robot, random: &mut Random) -> DVector<f64> {
     DVector::from_fn(robot.model.nv(), |_, _| random.within(1.0))
 }
 
-/// `A v` of a cost with `b = 0` taken out.
+/// `A v` of a cost, computed without `b`.
 fn product(cost: &motorium_control::tasks::Cost, v: &DVector<f64>) -> DVector<f64> {
     let mut cost = cost.clone();
     cost.desired_mut().fill(0.0);
@@ -106,7 +106,7 @@ fn a_momentum_task_is_met_while_the_feet_stand() {
 }
 
 #[test]
-fn a_point_contact_holds_its_origin_and_may_turn() {
+fn point_contact_holds_its_origin_and_may_rotate() {
     let robot = Robot::new("quadruped");
     let model = &robot.model;
     let frame = model.frame("front_left_foot").unwrap();
@@ -139,7 +139,7 @@ fn manipulability_grows_and_free_velocities_are_minimal() {
         let measure =
             |robot: &Robot| robot.kinematics.manipulability(&robot.model, frame, TaskRows::POSITION);
         let rate = (measure(&moved(&robot, &v, h)) - measure(&moved(&robot, &v, -h))) / (2.0 * h);
-        // v is the slope itself: the rate is its square
+        // v is the gradient, so the rate is its square
         assert!((rate - v.norm_squared()).abs() < 1e-4 * (1.0 + rate), "{name}: {rate} {}", v.norm_squared());
         assert!(rate > 0.0);
         assert_eq!(task.measure(), measure(&robot));
@@ -147,7 +147,7 @@ fn manipulability_grows_and_free_velocities_are_minimal() {
 }
 
 #[test]
-fn a_frame_is_no_faster_than_its_limit_in_all_levels() {
+fn frame_speed_stays_within_its_limit_in_all_levels() {
     let mut random = Random(23);
     for name in ["panda", "humanoid"] {
         let robot = Robot::new(name).moved(&mut random);
@@ -186,7 +186,7 @@ fn links_stop_before_they_touch_each_other() {
     let mut robot = Robot::new("humanoid");
     let model = robot.model.clone();
     let collisions = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
-    // links that stand close to one another by the build of the robot are left out
+    // links that are close by construction are ignored
     let mut near = motorium_robots::Collisions::new(&collisions);
     near.update(&collisions, &robot.kinematics);
     let close: Vec<usize> = near.within(&collisions, 0.05).iter().map(|pair| pair.pair).collect();
@@ -200,7 +200,7 @@ fn links_stop_before_they_touch_each_other() {
     let mut limit = CollisionLimit::new(&model, collisions, settings);
     let hand = model.frame("left_palm").unwrap();
     let mut reach = CartesianTask::new(&model, hand);
-    // through the trunk
+    // through the trunk of the body
     let mut target = robot.kinematics.pose(&model, hand);
     target.translation.vector.y = -0.1;
     reach.set_target(target);
@@ -229,5 +229,5 @@ fn links_stop_before_they_touch_each_other() {
         robot.update();
     }
     assert!(smallest > 0.025, "{smallest} m");
-    assert!(smallest < 0.04, "it came as near as it may: {smallest} m");
+    assert!(smallest < 0.04, "must come near the minimum distance: {smallest} m");
 }

@@ -1,4 +1,4 @@
-//! Limits of the whole wrench of a sole, and friction cones below the first of several levels.
+//! Limits of the total wrench of a sole, and friction cones below the first of several levels.
 
 use motorium_control::inverse_dynamics::{
     Contact, ContactShape, FrictionModel, InverseDynamics, InverseDynamicsSettings, WrenchCone,
@@ -11,8 +11,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::robots::{Random, Robot};
 
-/// True if forces at the corners of the rectangle, within their friction pyramids, have this wrench as their
-/// sum.
+/// Returns `true` if forces at the corners of the rectangle, within their friction pyramids, can sum to this
+/// wrench.
 fn corners_can(cone: &WrenchCone, wrench: &[f64; 6]) -> bool {
     let structure = Structure::new(12).equalities(6).rows(16, Sides::Upper);
     let mut structure = structure;
@@ -80,7 +80,7 @@ fn in_sole(robot: &Robot, control: &InverseDynamics, contact: usize) -> [f64; 6]
 }
 
 #[test]
-fn feet_keep_within_their_wrench_cones_whatever_the_tasks_want() {
+fn feet_stay_within_wrench_cones_under_any_task() {
     let mut random = Random(52);
     let mut tight = 0;
     for _ in 0..40 {
@@ -118,7 +118,7 @@ fn feet_keep_within_their_wrench_cones_whatever_the_tasks_want() {
             tight += usize::from(cone.excess(&in_sole(&robot, &free, foot)) > 1.0);
         }
     }
-    assert!(tight > 20, "without them they would not: {tight} of 80");
+    assert!(tight > 20, "wrenches exceed their cones without limits: {tight} of 80");
 }
 
 #[test]

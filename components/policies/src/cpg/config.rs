@@ -77,7 +77,7 @@ pub struct HopfConfig {
     pub convergence: f64,
     /// Sharpness of the transition between swing and stance. Default 50.
     pub sharpness: f64,
-    /// Fraction of a stride that is stance, 0.05 to 0.95. Default 0.5.
+    /// Stance fraction of a stride, 0.05 to 0.95. Default 0.5.
     pub duty_factor: f64,
 }
 
@@ -147,7 +147,7 @@ pub(super) const FREQUENCY: std::ops::RangeInclusive<f64> = 0.0..=20.0;
 pub(super) const DUTY_FACTOR: std::ops::RangeInclusive<f64> = 0.05..=0.95;
 
 impl CpgPolicyConfig {
-    /// Checks the numbers that no model checks, and rejects tables of other models.
+    /// Checks the numbers that no model checks, and rejects tables for other models.
     pub(super) fn check(&self) -> Result<(), ConfigError> {
         for (l, leg) in self.legs.iter().enumerate() {
             if leg.joints.is_empty() {

@@ -16,7 +16,7 @@ use motorium_recordings::{Recording, Selection};
 /// Number of evenly spaced samples to which a recording is resampled.
 const SAMPLES: usize = 400;
 
-/// A demonstration that has been read and learned.
+/// A learned demonstration.
 #[derive(Debug, Clone)]
 pub(super) struct Demonstrated {
     pub(super) model: DmpModel,
@@ -202,7 +202,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_target_behind_its_time_is_on_the_path_but_not_in_time() {
+    fn late_target_is_on_the_path_but_not_in_time() {
         let path = vec![Vector3::zeros(), Vector3::x(), 2.0 * Vector3::x()];
         let mut record = PathRecord::new(vec![None, Some(path)]);
         assert!(record.has_path(1) && !record.has_path(0) && !record.has_path(7));

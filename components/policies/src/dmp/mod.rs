@@ -337,7 +337,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_outlives_a_crash_comes_back_as_it_was() {
+    fn pose_and_origin_survive_a_restart() {
         let turned = |angle| UnitQuaternion::from_euler_angles(0.1, angle, -2.0);
         let memory = Memory {
             segment: 2,
@@ -352,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn a_memory_that_was_never_written_is_none() {
+    fn unwritten_memory_is_ignored() {
         assert!(Memory::read(&[0.0; Memory::NUMBERS]).is_none());
         assert!(Memory::read(&[1.0; 3]).is_none());
     }

@@ -39,12 +39,12 @@ impl StartPose {
         if let Some(start) = &config.start {
             let start = waypoints::pose(start, "start")?;
             if config.frame.is_some() {
-                return Err(ConfigError::key("frame", "`frame` has no effect beside a configured `start`")
+                return Err(ConfigError::key("frame", "`frame` has no effect next to a configured `start`")
                     .advise(
                         "remove `frame`, or remove `start` to begin at the measured pose of this frame",
                     ));
             }
-            // a robot without a known end effector gives no information about goals either
+            // without a known end effector, the reach of the goals cannot be checked either
             if let Some((loaded, frame)) =
                 declare.robot().and_then(|robot| robot::load_fixed(robot, None).ok())
             {

@@ -27,8 +27,8 @@ pub struct JointCommandConfig {
     /// Duration of the transition from the robot's current position to the movement, such as "1 s". Default 1
     /// s.
     pub ease: TimeSpan,
-    /// True to add the torque that compensates gravity. A floating base is assumed to be upright and at rest.
-    /// Default true.
+    /// Whether to add the torque that compensates gravity. A floating base is assumed to be upright and at
+    /// rest. Default true.
     pub gravity_compensation: bool,
 }
 
@@ -38,7 +38,7 @@ impl Default for JointCommandConfig {
     }
 }
 
-/// Returns the gravity of a graph that specifies none, in the world frame, m/s^2.
+/// Returns the gravity of a graph without a configured one, in the world frame, m/s^2.
 pub(crate) fn earth() -> [f64; 3] {
     [0.0, 0.0, -9.81]
 }
@@ -82,7 +82,7 @@ pub(crate) struct CommandedJoints {
     acceleration: Option<DVector<f64>>,
 }
 
-/// The gains required by a command are unavailable.
+/// Error if the gains required by a command are unavailable.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum GainsError {
     /// The robot has no profile, or a profile without gains.

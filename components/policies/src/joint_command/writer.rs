@@ -23,8 +23,8 @@ enum Drive<'a> {
     Effort(&'a [f64]),
 }
 
-/// A joint of the robot. Everything that a step needs of it is adjacent in memory: at the rate of a loop, a
-/// step finds the caches filled by other components.
+/// A joint of the robot. The data that a step needs is contiguous in memory, because other components evict
+/// the caches between steps.
 #[derive(Clone, Copy, Debug)]
 struct Joint {
     lower: f64,
@@ -35,7 +35,7 @@ struct Joint {
     kd: f64,
     /// `true` for a joint without a drive.
     is_passive: bool,
-    /// Position in the first joint state.
+    /// Position in the first joint state, rad or m.
     found: f64,
     /// The newest position and velocity.
     q: f64,
@@ -91,7 +91,7 @@ struct Limiter {
 }
 
 impl Limiter {
-    /// Limits the setpoints of the joints `moved`. Starts at rest where the joints were found.
+    /// Limits the setpoints of the joints `moved`. Starts at rest at the initial joint positions.
     fn limit(&mut self, dt: f64, joints: &mut [Joint], moved: &[usize]) {
         if !self.has_started {
             for (target, joint) in self.target.iter_mut().zip(moved) {
@@ -102,7 +102,7 @@ impl Limiter {
         }
         for ((target, rate), joint) in self.target.iter_mut().zip(&mut self.rate).zip(moved) {
             let Joint { setpoint, rate: of_joint, .. } = joints[*joint];
-            // The follower is where its target will be at the end of the step.
+            // The follower tracks the target at the end of the step.
             (*target, *rate) = (setpoint - of_joint * dt, of_joint);
         }
         self.follower.step(dt, &self.target, &self.rate);
@@ -204,7 +204,7 @@ impl JointCommandWriter {
     }
 
     /// Keeps setpoints within 0.9 times the velocity limits of the robot and the acceleration limits of its
-    /// profile, however the policy's setpoints move. Joints without an acceleration limit are not limited.
+    /// profile, whatever the policy requests. Joints without an acceleration limit are not limited.
     #[must_use]
     pub(crate) fn within_limits(mut self) -> Self {
         let Some(acceleration) = &self.acceleration else { return self };

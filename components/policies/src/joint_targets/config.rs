@@ -33,8 +33,8 @@ pub struct JointTargetsConfig {
     /// and back. Default "500 ms".
     #[serde(default = "half_second")]
     pub ease: TimeSpan,
-    /// True to interpolate linearly between actions, which delays them by a period of the policy. Default
-    /// false: the newest action is held.
+    /// Whether to interpolate linearly between actions, which delays them by a period of the policy. Default
+    /// false: the latest action is held.
     #[serde(default)]
     pub interpolate: bool,
     /// Limits within which setpoints follow the actions. Default: no limits for actions, the robot's limits
@@ -44,7 +44,7 @@ pub struct JointTargetsConfig {
     /// Transition between chunks, for actions that arrive in chunks.
     #[serde(default)]
     pub chunks: Option<ChunksConfig>,
-    /// True to add the torque that compensates gravity. Default false.
+    /// Whether to add the torque that compensates gravity. Default false.
     #[serde(default)]
     pub gravity_compensation: bool,
     /// Gravity in the world frame, m/s^2. Default: the graph's world, 9.81 downwards without one.

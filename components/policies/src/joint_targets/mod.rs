@@ -217,7 +217,7 @@ impl JointTargetsPolicy {
                 follower.start(&self.setpoint);
             }
         }
-        // chunks fade in and out on their own
+        // chunks fade in and out themselves
         if was_stopped
             || !matches!(self.source, Source::Chunks(_))
             || self.when_stale == WhenStale::DefaultPose

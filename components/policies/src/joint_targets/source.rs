@@ -242,7 +242,7 @@ impl Chunks {
     }
 }
 
-/// The failure of a step that reads the action of another policy.
+/// Error of a step that reads an action of another policy.
 #[cold]
 fn unexpected_numbers(expected: usize, found: usize) -> StepError {
     StepError::failed(format!("action: expected {expected} numbers, found {found}"))

@@ -108,13 +108,13 @@ pub(super) fn load(
     let motion = config.motion.as_ref().map(|file| motion(&folder.join(file), config.rate, &human.columns));
     let motion = motion.transpose()?;
     if config.motion.is_none() && config.rate.is_some() {
-        return Err(ConfigError::key("rate", "there is no `motion` whose samples it could space"));
+        return Err(ConfigError::key("rate", "`rate` requires a `motion`"));
     }
     if human.columns.len() > motorium::state::MAX_OBSERVATION {
         let (found, most) = (human.columns.len(), motorium::state::MAX_OBSERVATION);
         return Err(ConfigError::key(
             "model",
-            format!("a human of {found} columns, expected at most {most}"),
+            format!("a human with {found} columns, expected at most {most}"),
         ));
     }
     let human = model.space(&human.name).map_err(|error| ConfigError::new(error.to_string()))?;

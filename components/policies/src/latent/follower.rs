@@ -1,6 +1,6 @@
 //! A point that follows a moving target and slows down without a discontinuity.
 
-/// Time in which the pace changes from full speed to zero, s.
+/// Time for the pace to change from full speed to zero, s.
 const CHANGE_OF_PACE: f64 = 0.2;
 
 /// Critically damped motion of several coordinates towards targets, with time that can be slowed down.
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn it_reaches_a_target_without_overshoot() {
+    fn follower_reaches_its_target_without_overshoot() {
         let mut follower = Follower::new(1, 0.1);
         follower.start(std::iter::once(0.5));
         let path = run(&mut follower, 2000, 1.0, 1.0, f64::INFINITY);
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pace_of_zero_comes_to_rest_and_holds() {
+    fn pace_of_zero_comes_to_rest_and_holds() {
         let mut follower = Follower::new(1, 0.1);
         follower.start(std::iter::once(0.0));
         run(&mut follower, 300, 1.0, 1.0, f64::INFINITY);

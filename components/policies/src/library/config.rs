@@ -27,7 +27,7 @@ pub struct LibraryPolicyConfig {
     /// Labels or ids of the movements in order. Not needed with `pictures`.
     #[serde(default)]
     pub movements: Vec<String>,
-    /// Pictures of letters (.pgm) that the coupling in `library` converts to movements, made after the
+    /// Pictures of letters (.pgm) that the coupling in `library` converts to movements, appended after the
     /// others. Each is named after its file. Relative to the graph file.
     #[serde(default)]
     #[schemars(extend("format" = "path"))]
@@ -36,7 +36,8 @@ pub struct LibraryPolicyConfig {
     /// of the letters in the coupling's training data.
     #[serde(default)]
     pub pen_speed: Option<f64>,
-    /// Numbers of eigenforces: each movement is made with each of these numbers. Default: all eigenforces.
+    /// Numbers of eigenforces. Each movement is executed with each of these numbers. Default: all
+    /// eigenforces.
     #[serde(default)]
     pub eigenforces: Vec<usize>,
     /// Behaviour after the last movement: "once" stays there, "forever" returns to the first.

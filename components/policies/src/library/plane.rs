@@ -35,13 +35,13 @@ impl Plane {
             ("end_effector.pitch", config.pitch),
         ] {
             if !value.is_finite() || (key == "end_effector.size" && value <= 0.0) {
-                return Err(ConfigError::key(key, format!("{value} m is no length to move by")));
+                return Err(ConfigError::key(key, format!("{value} m is not a valid size")));
             }
         }
         let (x, y) = (Vector3::from(config.x_axis), Vector3::from(config.y_axis));
         let straight = x.norm() > 1e-6 && y.norm() > 1e-6;
         if !straight || x.normalize().dot(&y.normalize()).abs() > 1e-6 {
-            return Err(ConfigError::key("end_effector.y_axis", "the axes are not at right angles"));
+            return Err(ConfigError::key("end_effector.y_axis", "the axes are not perpendicular"));
         }
         let (origin, axes) = (Vector3::from(config.origin), [x.normalize(), y.normalize()]);
         let (pitch, lift) = (config.pitch, config.lift);

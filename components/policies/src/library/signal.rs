@@ -37,7 +37,7 @@ pub(super) fn joints(reference: &RobotReference, names: &[String]) -> Result<Vec
     let loaded = robot::load(reference)?;
     let find = |name: &String| {
         loaded.model.joint_index(name).ok_or_else(|| {
-            let message = format!("the library moves `{name}`, which is no joint of `{}`", reference.name);
+            let message = format!("the library moves `{name}`, which is not a joint of `{}`", reference.name);
             ConfigError::key("library", message)
                 .advise("name the degrees of freedom of the recordings as the joints, or give `end_effector`")
         })

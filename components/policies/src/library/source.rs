@@ -35,7 +35,7 @@ pub(super) fn load(config: &LibraryPolicyConfig, base: Option<&Path>) -> Result<
         return seen(config, base, &Coupling::read(&path).map_err(|error| refuse(&error))?);
     }
     if !config.pictures.is_empty() {
-        let message = format!("{} is no coupling, which alone knows pictures", path.display());
+        let message = format!("{} is not a coupling, which `pictures` require", path.display());
         return Err(ConfigError::key("pictures", message).advise("train one with `motorium library couple`"));
     }
     if motorium_recordings::is_recording(&path) {

@@ -104,7 +104,7 @@ struct Loaded {
     targets: JointTargets,
     observer: Observer,
     points: Points,
-    /// A difference of the robot's dynamics.
+    /// Warning about differences of the robot's dynamics.
     warning: Option<String>,
 }
 
@@ -177,7 +177,8 @@ fn load(
     let points =
         Points::new(&policy, &model).map_err(|error| ConfigError::key("policy", error.to_string()))?;
     if let Some(object) = points.objects().first() {
-        let message = format!("\"{object}\" is no link of the robot, and no topic has the motion of objects");
+        let message =
+            format!("\"{object}\" is not a link of the robot, and no topic has the motion of objects");
         return Err(ConfigError::key("policy", message)
             .advise("name links or \"target\" in `points`, or evaluate it with `motorium learn evaluate`"));
     }

@@ -32,7 +32,7 @@ pub struct TrajectoryConfig {
     /// Behaviour after the last goal: "once" stays there, "forever" returns to the first.
     #[serde(default)]
     pub repeat: Repeat,
-    /// Frame that poses of the end effector place. Default: the frame of the robot's only end effector.
+    /// Frame to which end effector poses refer. Default: the frame of the robot's only end effector.
     #[serde(default)]
     pub frame: Option<String>,
     /// "time_optimal" (default): as fast as the limits allow. "minimum_jerk": with the least jerk.
@@ -182,8 +182,8 @@ pub struct JointDriveConfig {
     /// Damping, N m s/rad or N s/m: one number for all joints, or one for each. Default: the damping of the
     /// robot's profile.
     pub kd: Option<PerJoint>,
-    /// True to add the effort that compensates gravity. A floating base is assumed to be upright and at rest.
-    /// Default true.
+    /// Whether to add the effort that compensates gravity. A floating base is assumed to be upright and at
+    /// rest. Default true.
     pub gravity_compensation: bool,
 }
 

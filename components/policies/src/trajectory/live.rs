@@ -95,8 +95,8 @@ impl LiveGoals {
         self.goal.as_ref().map(|goal| goal.duration).filter(|duration| *duration > 0.0)
     }
 
-    /// Notes the progress of the motion, 0 to 1, and the time to its end, s. No effect while the status is
-    /// about a newer goal, as in [`end`](Self::end).
+    /// Records the progress of the motion, 0 to 1, and the time to its end, s. No effect while the status
+    /// refers to a newer goal, as in [`end`](Self::end).
     pub(super) fn advance(&mut self, progress: f64, remaining: f64) {
         let is_first = self.status.remaining == 0.0;
         if !self.is(GoalState::Moving) || (!is_first && progress - self.status.progress < PROGRESS) {
@@ -106,8 +106,8 @@ impl LiveGoals {
         self.is_news = true;
     }
 
-    /// Notes the end of the motion with the largest error of a joint, rad or m; `missed` is its name if the
-    /// goal was missed.
+    /// Records the end of the motion with the largest error of a joint, rad or m; `missed` is the joint's
+    /// name if the goal was missed.
     pub(super) fn end(&mut self, error: f64, missed: Option<&str>) {
         if !self.is(GoalState::Moving) {
             return;

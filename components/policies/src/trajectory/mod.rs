@@ -29,9 +29,9 @@ const SETTLING: f64 = 1.0;
 /// Moves the joints of a robot through goals, from rest to rest along straight lines in joint space, within
 /// limits of velocity, acceleration and jerk; see [`StraightMove`].
 ///
-/// The movement starts with the first joint state, at the robot's current position. A goal counts as reached
-/// if every measured joint is within the tolerance at the end of the dwell time; a closed finger is never too
-/// far, as an object may stop it.
+/// The movement starts with the first joint state, at the robot's current position. A goal is reached if
+/// every measured joint is within the tolerance at the end of the dwell time. A closed finger is never too
+/// far, because an object may stop it.
 ///
 /// A goal from the input `goal` replaces all configured ones. Limits and reach are checked, and joint
 /// positions of a pose are found over several steps, while the present motion continues. Then the motion
@@ -157,8 +157,8 @@ impl Component for TrajectoryPolicy {
             self.brake();
         }
         if self.course == Course::Configured {
-            // at most once through all goals per step: the robot may already be at a goal, which then takes
-            // no time
+            // each step passes through all goals at most once: the robot may already be at a goal, which then
+            // needs no time
             for _ in 0..self.goals.len() {
                 if !self.go_on() {
                     break;

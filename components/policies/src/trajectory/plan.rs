@@ -195,7 +195,7 @@ fn pose(name: &str, model: &Model, profile: Option<&Profile>, key: &str) -> Resu
         ConfigError::key(key, format!("robot `{}` has no profile, and no pose \"{name}\"", model.name()))
             .advise("`motorium robot profile` writes a first one, with the pose \"home\"")
     })?;
-    // `start` of the graph file sets the home pose and leaves a pose that is literally called "home" as it is
+    // `start` of the graph file replaces the home pose, but not a pose named "home"
     let name = if name == HOME { &profile.home } else { name };
     let pose = profile.pose(model, name).map_err(|error| ConfigError::key(key, error.to_string()))?;
     Ok(pose.as_slice().to_vec())

@@ -22,7 +22,7 @@ pub struct WaypointsConfig {
     /// Behaviour after the last goal: "once" stays there, "forever" returns to the first.
     #[serde(default)]
     pub repeat: Repeat,
-    /// Largest speed, m/s. Default: four fifths of the speed that the robot's wheels can reach, at most 0.5.
+    /// Largest speed, m/s. Default: 80 % of the speed that the robot's wheels can reach, at most 0.5.
     #[serde(default)]
     pub speed: Option<f64>,
     /// Largest acceleration, m/s^2. Default 0.5.
@@ -31,8 +31,7 @@ pub struct WaypointsConfig {
     /// Largest jerk, m/s^3. Default 5.
     #[serde(default = "five")]
     pub jerk: f64,
-    /// Largest turn rate, rad/s. Default: four fifths of the rate that the robot's wheels can reach, at most
-    /// 1.
+    /// Largest turn rate, rad/s. Default: 80 % of the rate that the robot's wheels can reach, at most 1.
     #[serde(default)]
     pub turn_speed: Option<f64>,
     /// Largest angular acceleration, rad/s^2. Default 2.
@@ -56,8 +55,8 @@ pub struct WaypointsConfig {
     /// Largest angular deviation at which a goal counts as reached, rad. Default 0.0175, 1 degree.
     #[serde(default = "degree")]
     pub yaw_tolerance: f64,
-    /// Time by which the base may be late at a goal. After it the goal counts as missed, and the next goal
-    /// starts. Default 2 s.
+    /// Time by which the base may be late at a goal. After it, the goal is missed and the next goal starts.
+    /// Default 2 s.
     #[serde(default = "grace")]
     pub grace: TimeSpan,
 }

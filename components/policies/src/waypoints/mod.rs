@@ -16,8 +16,8 @@ use nalgebra::{Quaternion, UnitQuaternion};
 
 /// Drives a base through planar poses by feedback from its odometry; see [`Route`].
 ///
-/// A goal counts as reached if the base is within the tolerances at the end of the dwell time. The pose comes
-/// from its odometry, or from the input `true_base` if wired, which has no other use.
+/// A goal is reached if the base is within the tolerances at the end of the dwell time. The pose for this
+/// evaluation comes from the odometry, or from the input `true_base` if wired, which has no other use.
 #[derive(Debug)]
 pub struct WaypointsPolicy {
     odometry: Input<Odometry>,
@@ -172,7 +172,7 @@ fn route(config: &WaypointsConfig, robot: Option<&RobotReference>) -> Result<Rou
         gain: positive("gain", config.gain)?,
         turn_gain: positive("turn_gain", config.turn_gain)?,
         length: positive("length", config.length)?,
-        // a tenth of the tolerance: the base's error when it continues also affects the next goal
+        // a tenth of the tolerance, because the base's error when it continues also affects the next goal
         arrival: [
             0.1 * positive("position_tolerance", config.position_tolerance)?,
             0.1 * positive("yaw_tolerance", config.yaw_tolerance)?,
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn the_pose_in_the_plane_is_that_of_the_base_whatever_it_leans() {
+    fn planar_pose_is_independent_of_lean() {
         let turn = UnitQuaternion::from_euler_angles(0.01, -0.02, 2.5);
         let base =
             BaseState { position: [1.0, 2.0, 0.3], orientation: turn.coords.into(), ..BaseState::default() };

@@ -1,4 +1,4 @@
-//! `policy.joint_targets` with chunks that arrive late, get lost, are repeated, or end.
+//! `policy.joint_targets` with chunks that are late, lost, repeated, or end.
 
 use motorium::component::{Component, ConfigureError, RunClock, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
@@ -112,8 +112,8 @@ fn extremes(seen: &[Seen]) -> (f64, f64) {
     (velocity, acceleration)
 }
 
-/// Nine tenths of the arm's velocity limit, 5 rad/s, and of the acceleration that reaches it in half a
-/// second. Positions have rounding errors, so velocities and accelerations computed from them may exceed
+/// 0.9 times the arm's velocity limit, 5 rad/s, and the acceleration that reaches it in half a second.
+/// Rounding errors of positions may make the velocities and accelerations computed from them exceed these
 /// limits.
 const LIMITS: (f64, f64) = (4.5 * (1.0 + 1e-9), 9.0);
 
@@ -150,7 +150,7 @@ fn late_lost_and_repeated_chunks_stay_within_limits() {
 }
 
 #[test]
-fn the_arm_rests_when_its_producer_dies() {
+fn arm_rests_when_its_producer_dies() {
     // the last chunk begins at 2 s, and ends 780 ms later
     let faults = "delay = 100, lost = 0.0, repeated = 0.0, jump = 0.0, end = 2000, seed = 3";
     let (_, seen) = play(faults, "{}", 5.0);

@@ -30,7 +30,7 @@ fn along_x(rest: &str) -> Graph {
 }
 
 #[test]
-fn a_movement_steers_round_an_obstacle_and_comes_to_its_goal() {
+fn movement_avoids_an_obstacle_and_reaches_its_goal() {
     let nearest = |targets: &[PoseTarget]| {
         let distance = |target: &PoseTarget| {
             let [x, y, z] = target.position;
@@ -94,14 +94,14 @@ fn a_movement_waits_for_an_arm_that_cannot_follow() {
     let (free, report) = way("");
     assert!((free - 0.2).abs() < 1e-6 && report.results["policy"]["couplings"].is_null());
     let (waiting, report) = way(", phase_stop = { distance = 0.01 }");
-    assert!((0.005..0.08).contains(&waiting), "{waiting} m ahead of an arm that stands");
+    assert!((0.005..0.08).contains(&waiting), "{waiting} m ahead of an arm at rest");
     let slowest = report.results["policy"]["couplings"]["slowest_rate"].as_f64().unwrap();
     // 1 / (1 + (error / distance)^2)
     assert!((slowest - (1.0 + (waiting / 0.01).powi(2)).recip()).abs() < 0.05 * slowest, "{slowest}");
 }
 
 #[test]
-fn couplings_that_cannot_be_are_refused() {
+fn invalid_couplings_are_refused() {
     for (rest, words) in [
         (", phase_stop = { distance = 0.1 }", "not measured where `start` is configured"),
         (", obstacles = { points = [] }", "at least one"),

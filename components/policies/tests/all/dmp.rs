@@ -161,7 +161,7 @@ fn turn(seen: &Seen) -> UnitQuaternion<f64> {
 }
 
 #[test]
-fn the_hand_is_led_from_where_it_is_through_all_goals() {
+fn hand_moves_from_its_current_pose_through_all_goals() {
     let (report, seen) = run(MEASURED, GOALS);
     let (start, _) = home();
     let first = &seen[0];
@@ -257,7 +257,7 @@ fn configurations_that_cannot_be_are_refused_with_their_key() {
 }
 
 #[test]
-fn without_a_robot_or_a_start_it_says_what_it_needs() {
+fn missing_robot_and_start_are_reported() {
     let config = serde_json::json!({ "goals": [{ "offset": [0, 0, 0], "duration": "1 s" }] });
     let advice = support::refusal::<DmpPolicy>(config, None, Path::new(".")).advice.unwrap();
     assert!(advice.contains("robot = \"NAME\"") && advice.contains("`start`"), "{advice}");

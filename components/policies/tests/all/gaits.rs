@@ -90,7 +90,7 @@ impl Component for Legged {
                 self.leap = self.leap.max((q - self.q[j]).abs());
                 (self.q[j], self.v[j]) = (q, v);
                 self.effort[j] = command.effort()[j];
-                // the limits hold from the beginning
+                // the limits hold from the start
                 swing.low = swing.low.min(q);
                 swing.high = swing.high.max(q);
                 swing.speed = swing.speed.max(v.abs());
@@ -213,7 +213,7 @@ fn walk(walker: &Walker, model: &str, gait: Gait, tolerance: f64) {
     let seen: Seen = serde_json::from_value(report.results["robot"].clone()).unwrap();
 
     // 2 Hz and 0.15 rad: no faster than 1.9 rad/s, and twice as fast if a cycle is far from harmonic
-    assert!(seen.leap < 2.0 * TAU * FREQUENCY * AMPLITUDE / 500.0, "{what}: a leap of {} rad", seen.leap);
+    assert!(seen.leap < 2.0 * TAU * FREQUENCY * AMPLITUDE / 500.0, "{what}: a jump of {} rad", seen.leap);
     let phases = gait.phases(legs.len()).unwrap();
     let angle = |joint: usize| seen.swings[joint].imaginary.atan2(seen.swings[joint].real);
     let reference = angle(index(legs[0], joints[0].0));
@@ -226,7 +226,7 @@ fn walk(walker: &Walker, model: &str, gait: Gait, tolerance: f64) {
             let reach = 0.5 * (swing.high - swing.low);
             assert!((reach / AMPLITUDE - 1.0).abs() < 0.04, "{what}: {leg} {joint} swings by {reach}");
             let lag = apart(angle(j) - reference, phase + ahead);
-            assert!(lag < tolerance, "{what}: {leg} {joint} is {lag} rad off");
+            assert!(lag < tolerance, "{what}: {leg} {joint} has a lag error of {lag} rad");
         }
     }
     for (j, swing) in seen.swings.iter().enumerate() {
@@ -235,7 +235,7 @@ fn walk(walker: &Walker, model: &str, gait: Gait, tolerance: f64) {
         assert!(swing.low >= low && swing.high <= high, "{what}: {name} leaves its limits: {swing:?}");
         assert!(swing.speed <= loaded.model.velocity_limit()[j], "{what}: {name} is too fast: {swing:?}");
         if !swinging.contains(&j) {
-            assert_eq!((swing.low, swing.high), (home[j], home[j]), "{what}: {name} is not to move");
+            assert_eq!((swing.low, swing.high), (home[j], home[j]), "{what}: {name} must not move");
         }
     }
     let passive = &loaded.profile.as_ref().unwrap().passive;
@@ -254,17 +254,17 @@ fn every_gait_walks_on_every_legged_robot() {
 }
 
 #[test]
-fn phases_of_kuramoto_walk_on_every_robot_with_legs() {
+fn kuramoto_phases_walk_on_every_legged_robot() {
     WALKERS.iter().for_each(|walker| walk(walker, "kuramoto", Gait::Walk, 0.01));
 }
 
 #[test]
-fn hopf_oscillators_walk_on_every_robot_with_legs() {
+fn hopf_oscillators_walk_on_every_legged_robot() {
     WALKERS.iter().for_each(|walker| walk(walker, "hopf", Gait::Walk, 0.05));
 }
 
 #[test]
-fn pairs_of_neurons_walk_on_every_robot_with_legs() {
+fn neuron_pairs_walk_on_every_legged_robot() {
     WALKERS.iter().for_each(|walker| walk(walker, "matsuoka", Gait::Walk, 0.05));
 }
 
@@ -277,7 +277,7 @@ fn a_joint_of_another_robot_is_refused_with_its_key() {
 }
 
 #[test]
-fn numbers_of_a_model_are_checked_and_those_of_another_refused() {
+fn model_numbers_are_checked_and_other_models_refused() {
     let leg = |joint: &str| json!({ "joints": [{ "joint": joint, "amplitude": 0.1 }] });
     let refused = |more: serde_json::Value| {
         let mut config = json!({ "gait": "walk", "legs": [leg("left_hip"), leg("right_hip")] });

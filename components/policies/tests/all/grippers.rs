@@ -61,14 +61,14 @@ fn grippers_are_published_when_their_goals_start() {
 }
 
 #[test]
-fn a_faster_policy_shortens_the_motion_of_the_fingers() {
+fn faster_policy_shortens_the_finger_motion() {
     let published = published(policy().parameter("speed", 2.0));
     let durations: Vec<f64> = published.iter().map(|row| row.3).collect();
     assert_eq!(durations, [0.5, 0.1, 0.15]);
 }
 
 #[test]
-fn grippers_that_nothing_reads_stop_the_start() {
+fn unwired_finger_output_stops_the_start() {
     let error = graph(policy()).run("1 s").unwrap_err().to_string();
     assert!(error.contains("output `fingers` is not wired"), "{error}");
 }

@@ -107,11 +107,7 @@ fn a_recorded_topic_is_learned_and_reproduced_in_time() {
         "goals = [{{ shape = {{ demonstration = {{ file = \"{file}\", approach = \"1 s\" }} }}, dwell = \"100 ms\" }}]"
     );
     let (report, seen) = run(&config, "");
-    assert!(
-        distance(seen[1000], stroke(0.0)) < 1e-9,
-        "the approach leads to where it begins: {:?}",
-        seen[1000]
-    );
+    assert!(distance(seen[1000], stroke(0.0)) < 1e-9, "the approach ends at the start: {:?}", seen[1000]);
     let worst = (0..=2000).map(|k| distance(seen[1000 + k], stroke(k as f64 * 1e-3))).fold(0.0, f64::max);
     assert!(worst < 2e-3, "off by {worst} m");
     assert!(distance(*seen.last().unwrap(), stroke(2.0)) < 1e-5);
@@ -128,7 +124,7 @@ fn a_recorded_topic_is_learned_and_reproduced_in_time() {
 /// Noise at the ends carries no information about velocity and acceleration there, where only one-sided
 /// differences are available.
 #[test]
-fn noise_at_the_beginning_of_a_recording_does_not_lead_astray() {
+fn noise_at_the_start_of_a_recording_has_no_effect() {
     let folder = tempfile::tempdir().unwrap();
     let mut state = 12_345_u64;
     let mut noise = || {
@@ -178,7 +174,7 @@ fn swaying(folder: &std::path::Path, name: &str, sway: f64, kernels: usize) -> S
 }
 
 #[test]
-fn the_primitive_that_the_parameter_chooses_shapes_the_way() {
+fn selected_primitive_shapes_the_path() {
     let folder = tempfile::tempdir().unwrap();
     let (left, right) =
         (swaying(folder.path(), "left.json", 0.1, 30), swaying(folder.path(), "right.json", -0.2, 30));
@@ -188,14 +184,14 @@ fn the_primitive_that_the_parameter_chooses_shapes_the_way() {
     for (primitive, sway, exchanges) in [(0, 0.1, 0), (1, -0.2, 1)] {
         let (report, seen) = run(&config, &format!("params = {{ primitive = {primitive} }}"));
         assert!((seen[500][1] - sway).abs() < 1e-3, "{:?}", seen[500]);
-        assert!(seen[1250][1].abs() < 1e-3, "the way back is straight");
+        assert!(seen[1250][1].abs() < 1e-3, "the return path is straight");
         assert_eq!(report.results["policy"]["exchanges"], exchanges);
         assert_eq!(support::faults(&report), (Some(0), 0));
     }
 }
 
 #[test]
-fn what_cannot_be_imitated_is_refused_with_its_key() {
+fn invalid_demonstrations_are_refused_by_key() {
     let folder = tempfile::tempdir().unwrap();
     let refuse = |config: serde_json::Value| {
         let error = support::refusal::<DmpPolicy>(config, Some("panda"), folder.path());

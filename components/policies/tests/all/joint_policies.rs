@@ -109,7 +109,7 @@ publish = {{ joint_command = "arm/joint_command" }}
 }
 
 pub(crate) fn assert_steady(report: &Report) {
-    assert_eq!(support::faults(report), (Some(0), 0), "it neither allocates nor fails");
+    assert_eq!(support::faults(report), (Some(0), 0), "a step allocates or fails");
 }
 
 /// Checks that positions are continuous, and that velocities are their rates.
@@ -131,7 +131,7 @@ legs = [
 ]"#;
 
 #[test]
-fn legs_swing_in_turn_out_of_standing_without_a_jump() {
+fn legs_swing_in_turn_from_standing_without_a_jump() {
     let (report, seen) = run("policy.cpg", WALK, "", 5.0);
     assert_steady(&report);
     assert!((seen[0].q[0] - 0.5).abs() < 1e-3, "it begins where the robot is: {:?}", seen[0].q);
@@ -184,7 +184,7 @@ fn phase_offsets_of_the_legs_change_their_gait() {
 }
 
 #[test]
-fn with_entrainment_a_robot_that_follows_stays_in_its_gait() {
+fn following_robot_keeps_its_gait_with_entrainment() {
     let (report, seen) = run("policy.cpg", WALK, "params = { entrainment = 4.0 }", 5.0);
     assert_steady(&report);
     assert_smooth(&seen);

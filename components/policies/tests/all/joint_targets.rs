@@ -166,7 +166,7 @@ publish = {{ joint_command = "arm/joint_command" }}
     ];
     let report = support::run(Path::new("policy.toml"), graph, kinds);
     let seen = serde_json::from_value(report.results["arm"].clone()).unwrap();
-    assert_eq!(support::faults(&report), (Some(0), 0), "it neither allocates nor fails");
+    assert_eq!(support::faults(&report), (Some(0), 0), "a step allocates or fails");
     (report, seen)
 }
 
@@ -196,14 +196,14 @@ fn actions_command_joints_by_name() {
     assert!(end.q.iter().zip(expected).all(|(q, expected)| (q - expected).abs() < 1e-12), "{:?}", end.q);
     assert_eq!((&end.kp[..], &end.kd[..]), (&[100.0, 60.0, 20.0][..], &[20.0, 8.0, 2.0][..]));
     assert_eq!(end.effort, [0.0; 3]);
-    // it starts at the robot's position
+    // the motion starts at the robot's position
     assert!(seen[..20].iter().all(|seen| (seen.q[2] - 0.8).abs() < 1e-2), "{:?}", seen[19].q);
     assert_eq!(report.results["policy"]["actions"], 50);
     assert_eq!(report.results["policy"]["stale"], 0);
 }
 
 #[test]
-fn orders_of_joints_give_the_same_motion() {
+fn joint_order_does_not_change_the_motion() {
     let orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
     let mut motions = orders.map(|order| {
         let pick = |values: [&str; 3]| order.map(|index| values[index]).join(", ");
@@ -247,7 +247,7 @@ fn stale_actions_ease_to_the_default_pose_and_back() {
 }
 
 #[test]
-fn stale_actions_stop_commands_where_configured() {
+fn stale_actions_stop_commands_if_configured() {
     let config = format!("when_stale = \"stop\"\nhold = \"100 ms\"\n{POLICY}");
     let (_, seen) = run(&producer("[[0, 700]]", "[1.0, 0.0]", 0.0), "action", &config, 1.5);
     assert!((780..=783).contains(&seen.last().unwrap().time), "{}", seen.last().unwrap().time);
@@ -269,7 +269,7 @@ fn interpolated_actions_are_reached_a_period_later() {
 }
 
 #[test]
-fn velocities_and_efforts_leave_out_gains() {
+fn velocities_and_efforts_omit_gains() {
     let policy = |kind: &str| {
         format!(
             "[component.policy.config.policy]\nrate = 50.0\naction = {{ joints = [\"joint2\"], kind = \"{kind}\", \
@@ -313,7 +313,7 @@ fn mistakes_are_refused_with_their_key() {
 }
 
 #[test]
-fn a_robot_without_gains_needs_those_of_the_policy() {
+fn robot_without_gains_requires_gains_in_the_policy() {
     let urdf = std::fs::read_to_string(
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots/catalogue/planar-3r/planar-3r.urdf"),
     )

@@ -29,7 +29,7 @@ fn fitted(folder: &std::path::Path) -> std::path::PathBuf {
 }
 
 #[test]
-fn joints_follow_a_kernelised_primitive_as_it_was_shown() {
+fn joints_follow_a_kernelised_primitive_as_demonstrated() {
     let folder = tempfile::tempdir().unwrap();
     let config = format!(
         "primitives = [{:?}]\njoints = [\"joint1\", \"joint2\"]\njoint_command = {{ ease = \"10 ms\" }}",
@@ -65,8 +65,8 @@ fn a_kernelised_primitive_passes_a_via_point() {
         let q = &seen[at].q;
         assert!(q.iter().zip(expected).all(|(q, e)| (q - e).abs() < most), "{q:?} for {expected:?}");
     };
-    // off the demonstrated mean, where the demonstrations differ: both joints are farther, or both are less
-    // far
+    // off the demonstrated mean, in the direction in which the demonstrations differ: both joints deviate in
+    // the same sense
     assert!((0..2).all(|d| [0.82, 0.67][d] - shown(0.5, 0.0)[d] > 0.11));
     is_near(1500, [0.82, 0.67], 5e-3);
     is_near(3500, shown(1.0, 0.0), 0.02);

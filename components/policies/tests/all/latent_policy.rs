@@ -185,7 +185,7 @@ fn setpoints_keep_the_acceleration_limits_of_the_robot() {
     train(&folder.path().join("arms.latent"), Some(BackForm::Pose));
     std::fs::write(folder.path().join("limited.toml"), LIMITED).expect("written");
     let config = format!("{{ model = \"arms.latent\", {GAINS}, follow = \"10 ms\" }}");
-    // the human jumps to and fro, and stays at one pose in the end
+    // the human jumps between poses, and finally stays at one
     let person = Source::new::<Observation>("person", "pose", |tick| {
         let side =
             if tick.time_ns < 2_000_000_000 && tick.time_ns / 250_000_000 % 2 == 1 { -1.0 } else { 1.0 };
@@ -234,7 +234,7 @@ fn mistakes_are_refused_with_their_key() {
         ("{ model = \"missing.latent\" }", "missing.latent"),
         ("{ model = \"free.latent\" }", "its latent is free"),
         ("{ model = \"arms.latent\", motion = \"take.csv\" }", "found no channel `c`"),
-        ("{ model = \"arms.latent\", rate = 30.0 }", "there is no `motion`"),
+        ("{ model = \"arms.latent\", rate = 30.0 }", "requires a `motion`"),
         ("{ model = \"arms.latent\", spaces = { left = \"arm\" } }", "no space `arm`"),
         ("{ model = \"arms.latent\", spaces = { left = \"human\" } }", "is the human's"),
         ("{ model = \"arms.latent\", spaces = { middle = \"left\" } }", "no robot `middle`"),

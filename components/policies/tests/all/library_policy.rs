@@ -169,7 +169,7 @@ fn movements_are_continuous_and_are_recognised() {
 }
 
 #[test]
-fn a_requested_movement_follows_the_one_under_way() {
+fn requested_movement_follows_the_current_one() {
     let report = run("movements = [\"here\"]", true);
     let (robot, policy) = (&report.results["robot"], &report.results["policy"]);
     assert_eq!(policy["movements_begun"], 2, "{policy}");
@@ -180,7 +180,7 @@ fn a_requested_movement_follows_the_one_under_way() {
 }
 
 #[test]
-fn fewer_eigenforces_draw_less_exactly_and_the_result_says_so() {
+fn fewer_eigenforces_are_reported_as_less_exact() {
     let report = run("movements = [\"here\"]\neigenforces = [1, 3]", false);
     let errors = &report.results["policy"]["path_error_by_eigenforces"];
     let error = |n: &str| errors[n].as_f64().unwrap();
@@ -194,7 +194,7 @@ fn refuse(config: serde_json::Value) -> (String, Option<String>) {
 }
 
 #[test]
-fn what_cannot_be_is_refused_by_its_key() {
+fn invalid_configurations_are_refused_by_key() {
     let (message, key) = refuse(serde_json::json!({ "library": "none.library", "movements": ["a"] }));
     assert!(key.as_deref() == Some("library") && message.contains("none.library"), "{message}");
     let end_effector = serde_json::json!({ "origin": [0.4, 0.0, 0.4] });
@@ -207,7 +207,7 @@ fn what_cannot_be_is_refused_by_its_key() {
     );
     assert_eq!(key.as_deref(), Some("eigenforces"));
     let (message, key) = refuse(serde_json::json!({ "library": "letters", "movements": ["a"] }));
-    assert!(key.as_deref() == Some("library") && message.contains("no joint"), "{message}");
+    assert!(key.as_deref() == Some("library") && message.contains("not a joint"), "{message}");
 }
 
 #[test]
@@ -243,7 +243,7 @@ fn recognition_and_generation_never_allocate() {
 
 /// Recorded velocities of the joints, as of a pen: the library is learned from them when the run starts.
 #[test]
-fn movements_are_made_straight_from_recordings() {
+fn movements_are_learned_directly_from_recordings() {
     let folder = tempfile::tempdir().unwrap();
     let library = library();
     let mut lines = String::new();
@@ -273,7 +273,7 @@ fn movements_are_made_straight_from_recordings() {
 
 /// The target has the same type as in the other policies.
 #[test]
-fn a_hand_is_led_by_pose_targets() {
+fn hand_follows_pose_targets() {
     let robot = RobotReference {
         name: "panda".into(),
         urdf: "panda".into(),

@@ -88,7 +88,7 @@ fn tip(q: [f64; 3]) -> [f64; 3] {
 }
 
 #[test]
-fn new_goals_take_over_within_all_limits() {
+fn new_goals_replace_the_motion_within_all_limits() {
     for profile in ["time_optimal", "minimum_jerk"] {
         let config =
             format!("{{ profile = \"{profile}\", {LIMITS}, goals = [{{ position = [-1.0, 0.0, 1.5] }}] }}");
@@ -125,7 +125,7 @@ fn new_goals_take_over_within_all_limits() {
 }
 
 #[test]
-fn poses_are_reached_by_joints_found_in_steps() {
+fn joint_positions_of_a_pose_are_found_over_several_steps() {
     let q = [0.3, 1.0, 0.8];
     let goal = position_goal(9, tip(q));
     let config = format!("{{ {LIMITS}, goals = [\"bent\"] }}");
@@ -141,7 +141,7 @@ fn poses_are_reached_by_joints_found_in_steps() {
 }
 
 #[test]
-fn refused_goals_leave_the_motion_as_it_is() {
+fn refused_goals_do_not_change_the_motion() {
     let far = position_goal(1, [9.0, 0.0, 0.0]);
     let out_of_plane = position_goal(2, [0.5, 0.1, 0.4]);
     let mut few = MotionGoal::new(4);

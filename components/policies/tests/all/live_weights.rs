@@ -219,7 +219,7 @@ fn weights_for_episodes_wait_for_the_next_one_and_stay() {
 }
 
 #[test]
-fn weights_are_taken_at_an_episode_of_real_time() {
+fn weights_apply_from_the_next_real_time_episode() {
     let registry = Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, kinds());
     let text = graph("take_weights = \"episode\"")
         .replace("clock = \"lockstep\"", "clock = \"realtime\"")
@@ -244,7 +244,10 @@ fn weights_are_taken_at_an_episode_of_real_time() {
     session.publish("weights", &*weights(1, 30.0)).unwrap();
     session.begin_episode(2).unwrap();
     let first = newest(&mut session, 1, |_| true);
-    assert!(first.position[0] > 0.2, "it sets out from where it is, not from the start: {first:?}");
+    assert!(
+        first.position[0] > 0.2,
+        "the motion starts from the current pose, not from the initial one: {first:?}"
+    );
     assert_eq!(first.goal, 2, "the first goal again");
     newest(&mut session, 1, |target| target.position[1].abs() > 1e-4);
     let report = session.stop();
@@ -295,7 +298,7 @@ goals = [
 }
 
 #[test]
-fn a_shape_of_weights_says_how_many_kernels_or_names_a_file() {
+fn weights_shape_requires_kernels_or_a_file() {
     let refuse = |shape: serde_json::Value| {
         let goal = json!({ "position": [0.1, 0.0, 0.0], "duration": "1 s", "shape": { "weights": shape } });
         let config = json!({ "start": { "position": [0.0, 0.0, 0.0] }, "goals": [goal] });

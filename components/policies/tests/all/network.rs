@@ -214,7 +214,7 @@ fn actions_are_periodic_and_bounded_and_see_the_last_one() {
 }
 
 #[test]
-fn old_measurements_give_no_actions() {
+fn old_measurements_produce_no_actions() {
     let (report, seen) = run([0, 1], "state_timeout = \"50 ms\"", 200);
     let last = seen.last().unwrap().0;
     assert!((220..=250).contains(&last), "{last}");
@@ -247,7 +247,7 @@ fn points_on_objects_are_refused_by_name() {
         folder.path(),
     );
     assert_eq!(error.key.as_deref(), Some("policy"));
-    let expected = "\"ball\" is no link of the robot, and no topic has the motion of objects";
+    let expected = "\"ball\" is not a link of the robot, and no topic has the motion of objects";
     assert_eq!(error.message, expected);
 }
 

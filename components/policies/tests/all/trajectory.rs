@@ -89,7 +89,7 @@ fn joints_reach_their_goals_within_limits() {
 }
 
 #[test]
-fn a_motion_takes_the_shortest_or_the_given_time() {
+fn motion_lasts_the_shortest_or_the_given_time() {
     // one joint by 1 rad: d / v + v / a + a / j
     let goal = |rest: &str| format!("{{ {LIMITS}, goals = [{{ offset = {{ joint1 = -1.0 }}{rest} }}] }}");
     let (_, report) = commands::<TrajectoryPolicy>(&goal(""), "3 s");
@@ -97,7 +97,7 @@ fn a_motion_takes_the_shortest_or_the_given_time() {
     let (_, report) = commands::<TrajectoryPolicy>(&goal(", duration = \"2 s\""), "3 s");
     assert!((number(&report, "moving_s") - 2.0).abs() < 1e-9);
     let (_, report) = commands::<TrajectoryPolicy>(&goal(", duration = \"10 ms\""), "3 s");
-    assert!((number(&report, "moving_s") - 1.35).abs() < 1e-9, "limits come before a time");
+    assert!((number(&report, "moving_s") - 1.35).abs() < 1e-9, "limits take precedence over a duration");
 }
 
 #[test]
@@ -106,7 +106,7 @@ fn home_is_a_trajectory_to_the_pose_of_the_profile() {
     assert_eq!(report.results["policy"]["goals_reached"], 1, "{}", report.results["policy"]);
     assert!(commands.last().unwrap().position().iter().all(|q| q.abs() < 1e-12));
     let (commands, _) = self::commands::<HomePolicy>("{}", "1 s");
-    assert_eq!(commands.last().unwrap().position(), START, "it is at home");
+    assert_eq!(commands.last().unwrap().position(), START, "the arm is at home");
 }
 
 #[test]
@@ -119,7 +119,7 @@ fn a_missed_goal_names_its_joint() {
 }
 
 #[test]
-fn what_cannot_be_reached_is_refused_and_says_why() {
+fn unreachable_goals_are_refused_with_the_reason() {
     for (config, words) in [
         ("{ goals = [] }", "at least one"),
         ("{ goals = [\"folded\"] }", "folded"),

@@ -55,7 +55,7 @@ fn a_two_wheeled_base_reaches_its_goals() {
 }
 
 #[test]
-fn it_leads_an_omnidirectional_base_sideways() {
+fn omnidirectional_base_drives_sideways() {
     let config = "{ goals = [{ position = [0.0, 0.5] }] }";
     let target = Probe::<TwistTarget>::for_topic("target");
     let report = graph("mobile-manipulator", 1.0, policy(config)).with(&target).run("4 s").unwrap();
@@ -64,14 +64,14 @@ fn it_leads_an_omnidirectional_base_sideways() {
 }
 
 #[test]
-fn a_base_that_is_held_up_misses_its_goals_one_after_the_other() {
+fn blocked_base_misses_its_goals_in_turn() {
     let report = graph("differential-drive", 0.0, policy(CORNERS)).run("30 s").unwrap();
     assert_eq!(report.results["policy"]["goals_missed"], 2, "{}", report.results["policy"]);
     assert!((number(&report, "position_error_m") - 0.4 * 2.0_f64.sqrt()).abs() < 1e-9);
 }
 
 #[test]
-fn goals_are_judged_by_the_true_pose_where_it_is_known() {
+fn goals_are_judged_by_the_true_pose_if_wired() {
     let truth = Source::new("truth", "truth", |_| {
         Some(BaseState {
             position: [0.4, 0.1, 0.0],
@@ -87,7 +87,7 @@ fn goals_are_judged_by_the_true_pose_where_it_is_known() {
 }
 
 #[test]
-fn half_the_speed_takes_twice_the_time_on_the_same_way() {
+fn half_the_speed_doubles_the_time_on_the_same_path() {
     let config = "{ goals = [{ position = [0.4, 0.0], dwell = \"0 s\" }] }";
     let distance = |factor: f64, time: &str| {
         let odometry = Probe::<Odometry>::for_topic("odometry");
@@ -100,7 +100,7 @@ fn half_the_speed_takes_twice_the_time_on_the_same_way() {
 }
 
 #[test]
-fn what_cannot_be_led_is_refused_and_says_why() {
+fn invalid_bases_and_goals_are_refused_with_the_reason() {
     for (robot, config, words) in [
         ("ackermann", CORNERS, "cannot turn on the spot"),
         ("panda", CORNERS, "has no wheels"),

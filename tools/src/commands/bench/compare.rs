@@ -1,4 +1,4 @@
-//! `motorium bench compare`: two files of `bench latency --json` beside each other.
+//! `motorium bench compare`: compares two files of `bench latency --json`.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -95,7 +95,7 @@ fn word(change: &Change) -> String {
     }
 }
 
-/// A ratio, and the range of those behind it where there are several.
+/// A ratio, with its range if there are several measurements.
 fn side(ratio: f64, [low, high]: [f64; 2]) -> String {
     let number = |ratio: f64| match ratio {
         100.0.. => format!("{ratio:.0}"),
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_shows_both_ratios_their_ranges_and_the_verdict() {
+    fn table_shows_both_ratios_their_ranges_and_the_verdict() {
         let seen = Comparison {
             differences: vec!["measured on a, and on b".to_string()],
             changes: vec![

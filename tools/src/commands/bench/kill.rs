@@ -155,7 +155,7 @@ fn row(cells: &[String]) -> String {
     format!("| {} |\n", cells.join(" | "))
 }
 
-/// A row per fault and a column per process: the behaviour of the robot and the fate of the process.
+/// One row per fault and one column per process: the behaviour of the robot and the outcome for the process.
 fn matrix(settings: &Settings, summary: &Summary) -> String {
     let head: Vec<String> =
         ["fault".to_string()].into_iter().chain(settings.victims.iter().map(ToString::to_string)).collect();

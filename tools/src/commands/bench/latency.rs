@@ -64,7 +64,7 @@ pub(crate) struct Latency {
 }
 
 impl Latency {
-    /// The generator of load.
+    /// The load generator.
     fn loader(&self) -> anyhow::Result<Loader> {
         let Some(name) = &self.load else { return Ok(Loader::detect()) };
         Loader::named(name)
@@ -87,16 +87,15 @@ impl Latency {
             panda_seconds: self.seconds.unwrap_or(if self.quick { 2 } else { 42 }),
             loader: self.loader()?,
         };
-        // As graphs do while they run, so that floors and peers find what graphs find; the machine's line
-        // says whether it holds.
+        // Same settings as in graphs, so that floors and peers run under the same conditions. The machine
+        // line shows whether they were granted.
         let _idle_limit = IdleLimit::hold(Duration::ZERO);
         if self.ratchet {
             return ratchet::run(&bench);
         }
         let began = Instant::now();
         let cases = self.choose()?;
-        // A file that cannot be written is better known now than in five minutes; what it holds stays until
-        // then.
+        // Report an unwritable file now rather than in five minutes; its content stays until then.
         let open = |file: &Option<PathBuf>| {
             let open = |file: &PathBuf| {
                 let opened = File::options().write(true).create(true).truncate(false).open(file);
@@ -165,8 +164,7 @@ impl Latency {
         Ok(if written.measurements.is_empty() { exit::FAILED } else { ExitCode::SUCCESS })
     }
 
-    /// The cases to measure, in the order of the catalogue, those that are compared with each other side by
-    /// side.
+    /// Cases to measure, in the order of the catalogue; cases that are compared are adjacent.
     fn choose(&self) -> anyhow::Result<Vec<Case>> {
         let all = catalogue();
         if let Some(word) = self.only.iter().find(|word| !all.iter().any(|case| case.is_meant_by(word))) {
@@ -195,14 +193,14 @@ impl Latency {
 
 /// Writes a file, replacing its content.
 fn fill(mut file: File, text: &str) -> std::io::Result<()> {
-    // A pipe cannot be emptied, and holds nothing.
+    // A pipe cannot be truncated, and has no content.
     if file.metadata()?.is_file() {
         file.set_len(0)?;
     }
     file.write_all(text.as_bytes())
 }
 
-/// The stream of the tables: standard output, or standard error while that is taken by JSON.
+/// Stream of the tables: standard output, or standard error if JSON uses standard output.
 #[derive(Clone, Copy)]
 struct Text {
     errors: bool,
@@ -229,7 +227,7 @@ fn skipped(name: &str, reason: &str) -> Skipped {
     Skipped { name: name.to_string(), reason: reason.to_string() }
 }
 
-/// Privileges that the system denied: figures without real-time priority say little about a robot.
+/// Privileges that the system denied: without real-time priority, the figures do not represent a robot.
 fn denied(measurements: &[Measurement]) -> Vec<String> {
     let is_ours = |m: &&Measurement| !m.name.starts_with("peer.") && m.name != "floor.clock";
     let without: Vec<&str> = measurements
@@ -248,7 +246,7 @@ fn denied(measurements: &[Measurement]) -> Vec<String> {
     )]
 }
 
-/// The curves worth drawing side by side: all requested ones, or the ones compared by the targets.
+/// The curves to draw: all requested ones, or those compared by the targets.
 fn drawn(measurements: &[Measurement], choice: bool) -> Vec<&Measurement> {
     let compared = [
         "floor.cache-line",

@@ -1,5 +1,5 @@
-//! Other systems, as far as they are installed: `benches/peers/measure` runs them and prints its
-//! measurements.
+//! Measurements of other installed systems: runs `benches/peers/measure` and reads the measurements it
+//! prints.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
@@ -17,7 +17,7 @@ const SCRIPT: &str = "benches/peers/measure";
 #[derive(Debug, Deserialize, PartialEq)]
 #[serde(untagged)]
 enum Line {
-    /// Its samples.
+    /// Samples of a measurement.
     Measured {
         name: String,
         what: String,
@@ -27,12 +27,12 @@ enum Line {
     },
     /// Percentiles, from a tool that does not print its samples.
     Summary { name: String, what: String, count: u64, mean_ns: u64, p50_ns: u64, p99_ns: u64, max_ns: u64 },
-    /// Reason for their absence.
+    /// A system that was not measured, with the reason.
     Skipped { name: String, skipped: String },
 }
 
-/// Measures the peers, one after the other, and reports each as it comes, and each that is not installed.
-/// `core` is where those run that can be pinned.
+/// Measures the peers in sequence, and reports each result as it arrives, including systems that are not
+/// installed. Peers that support it are pinned to `core`.
 pub(super) fn measure(core: usize, mut report: impl FnMut(Result<Measurement, Skipped>)) {
     let mut fail = |reason: String| report(Err(Skipped { name: "peers".to_string(), reason }));
     if !Path::new(SCRIPT).is_file() {
@@ -65,7 +65,7 @@ pub(super) fn measure(core: usize, mut report: impl FnMut(Result<Measurement, Sk
             Ok(Line::Summary { name, what, count, mean_ns, p50_ns, p99_ns, max_ns }) => Ok(Measurement {
                 name: format!("peer.{name}"),
                 what,
-                // of the rest of its distribution nothing is known
+                // the rest of the distribution is unknown
                 ns: Distribution {
                     count,
                     mean: mean_ns as f64,
@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_is_either_samples_or_the_reason_why_there_are_none() {
+    fn line_is_either_samples_or_a_reason_for_their_absence() {
         let line: Line = serde_json::from_str(r#"{"name":"lcm","what":"x","samples_ns":[1,2]}"#).unwrap();
         let measured =
             Line::Measured { name: "lcm".into(), what: "x".into(), fifo: 0, samples_ns: vec![1, 2] };

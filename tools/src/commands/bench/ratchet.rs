@@ -1,4 +1,4 @@
-//! The ratchet: fails when hops, releases or chains exceed their bounds, as ratios to the floors of the same
+//! The ratchet: fails if hops, releases or chains exceed their bounds, as ratios to the floors of the same
 //! run.
 
 use std::process::ExitCode;
@@ -9,19 +9,19 @@ use motorium_benches::{Distribution, MeasureError};
 use crate::out::outln;
 use crate::{exit, style};
 
-/// Number of rounds whose median counts, so that one disturbed by another process or by the host has no
+/// Number of rounds whose median is used, so that one round disturbed by another process or the host has no
 /// effect.
 const ROUNDS: usize = 5;
-/// More rounds before it fails.
+/// Number of additional rounds before a failure.
 const MORE_ROUNDS: usize = 4;
 
-/// The measurements compared, and the largest ratio that passes: well above what a machine shows on its good
-/// and its bad days, so that noise does not fail it and another wake-up, sleep or copy on the way does.
+/// The compared measurements and the largest ratio that passes. It is well above the normal variation of a
+/// machine, so that noise passes but an additional wake-up, sleep or copy does not.
 struct Bound {
     what: &'static str,
     of: &'static str,
     to: &'static str,
-    /// The percentile of what is measured; of the floor it is the median.
+    /// Percentile of the measurement; the floor uses the median.
     share: f64,
     at_most: f64,
 }
@@ -74,13 +74,13 @@ const BOUNDS: [Bound; 6] = [
 /// Result for one bound.
 #[derive(Debug, PartialEq)]
 struct MeasuredBound {
-    /// The median of the rounds.
+    /// Median of the rounds.
     ratio: f64,
     rounds: Vec<f64>,
     held: bool,
 }
 
-/// Takes rounds until the median of enough of them is decided.
+/// Measures rounds until their median is decided.
 fn measure_bound<E>(at_most: f64, mut round: impl FnMut() -> Result<f64, E>) -> Result<MeasuredBound, E> {
     let mut rounds = Vec::new();
     while rounds.len() < ROUNDS || (rounds.len() < ROUNDS + MORE_ROUNDS && middle(&rounds) > at_most) {
@@ -90,7 +90,7 @@ fn measure_bound<E>(at_most: f64, mut round: impl FnMut() -> Result<f64, E>) -> 
     Ok(MeasuredBound { ratio, rounds, held: ratio <= at_most })
 }
 
-/// Measures, and compares with the bounds.
+/// Measures and checks the bounds.
 pub(super) fn run(bench: &Bench<'_>) -> anyhow::Result<ExitCode> {
     let bench = Bench {
         program: bench.program.clone(),
@@ -105,7 +105,7 @@ pub(super) fn run(bench: &Bench<'_>) -> anyhow::Result<ExitCode> {
         loader: bench.loader.clone(),
     };
     let mut failed = false;
-    // Bounds of the same pair are checked from the same rounds.
+    // Bounds of the same pair use the same rounds.
     for bounds in BOUNDS.chunk_by(|one, next| (one.of, one.to) == (next.of, next.to)) {
         let mut taken: Vec<[Measurement; 2]> = Vec::new();
         for bound in bounds {
@@ -142,7 +142,7 @@ fn ratio(ours: &Distribution, floor: &Distribution, share: f64) -> f64 {
     ours as f64 / floor.p50.max(1) as f64
 }
 
-/// Both are measured in direct succession: a longer disturbance of the machine affects both.
+/// Measures both in direct succession, so that a longer disturbance of the machine affects both.
 fn pair(bench: &Bench<'_>, bound: &Bound) -> Result<[Measurement; 2], MeasureError> {
     let case = |name: &str| -> Result<Case, MeasureError> {
         let case = catalogue().into_iter().find(|case| case.name == name);
@@ -162,7 +162,7 @@ fn middle(ratios: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// The verdict on rounds with these results, one after the other.
+    /// Verdict on the results of rounds in sequence.
     fn measured(at_most: f64, rounds: &[f64]) -> MeasuredBound {
         let mut rounds = rounds.iter().copied();
         measure_bound(at_most, || rounds.next().ok_or("no more rounds than needed")).unwrap()
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_bounds_compare_is_in_the_catalogue() {
+    fn cases_of_the_bounds_are_in_the_catalogue() {
         for bound in &BOUNDS {
             for name in [bound.of, bound.to] {
                 assert!(catalogue().iter().any(|case| case.name == name), "{name}");

@@ -1,4 +1,4 @@
-//! `motorium bench recording`: a graph with a recorder and without, in turns.
+//! `motorium bench recording`: runs a graph alternately with and without a recorder.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -23,11 +23,11 @@ use crate::{registry, report};
 
 /// Run a graph alternately with and without a recorder of all topics, and compare its times.
 ///
-/// Each turn is a run without and one with `--record`, in real time. With `--view` a client of `motorium
-/// view` also subscribes to every channel of the recorded run. Prints, of each latency of the graph and of
-/// the execution time of each component, the medians of the turns and the ratio with / without, with the
-/// least and the greatest ratio of any turn: if they are on both sides of 1, the recorder's cost is below the
-/// noise. Run it on an idle machine.
+/// Each turn is a run without and a run with `--record`, in real time. With `--view` a client of `motorium
+/// view` also subscribes to every channel of the recorded run. Prints, for each latency of the graph and the
+/// execution time of each component, the medians of the turns and the ratio with / without, with the smallest
+/// and the largest ratio of any turn: if they are on both sides of 1, the recorder's cost is below the noise.
+/// Run it on an idle machine.
 ///
 /// Example: motorium bench recording graphs/panda-reach.toml --turns 9
 #[derive(Debug, clap::Args)]
@@ -49,13 +49,13 @@ pub(crate) struct Recording {
     json: bool,
 }
 
-/// The quantiles that are compared.
+/// Quantiles to compare.
 const QUANTILES: [(&str, f64); 2] = [("p50", 0.5), ("p99", 0.99)];
 
 /// The cost of the recorder in all turns.
 #[derive(Default)]
 struct Cost {
-    /// Samples that were overwritten before it read them.
+    /// Number of samples overwritten before the recorder read them.
     lost: u64,
     /// Processor time, s.
     cpu_s: f64,
@@ -64,7 +64,7 @@ struct Cost {
 /// The times of one quantity in each turn, ns.
 struct Row {
     name: String,
-    /// By quantile, and without and with.
+    /// By quantile, then without and with the recorder.
     times: [[Vec<f64>; 2]; 2],
 }
 
@@ -103,7 +103,7 @@ impl Recording {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// The times of all turns, and the cost of the recorder; or an exit code if the graph is invalid.
+    /// Returns the times of all turns and the cost of the recorder, or an exit code if the graph is invalid.
     fn measure(&self, file: &Path) -> anyhow::Result<Result<(Vec<Row>, Cost), ExitCode>> {
         let overlay = Overlay::recording(file, None, true)?;
         let mut plans = Vec::new();
@@ -121,7 +121,7 @@ impl Recording {
         );
         let (mut rows, mut cost): (Vec<Row>, Cost) = (Vec::new(), Cost::default());
         for turn in 0..self.turns {
-            // Whichever comes second may find the machine warmer: they change places.
+            // The second run may find a warmer machine, so the order alternates.
             for with in if turn % 2 == 0 { [0, 1] } else { [1, 0] } {
                 let times = self.once(plans[with].clone(), self.view && with == 1, &mut cost)?;
                 for (name, snapshot) in times {
@@ -141,12 +141,12 @@ impl Recording {
                 errln!("turn {} of {}", turn + 1, self.turns);
             }
         }
-        // The recorder itself has no other side.
+        // The recorder itself only exists in one of the two.
         rows.retain(|row| row.times[0].iter().all(|turns| !turns.is_empty()));
         Ok(Ok((rows, cost)))
     }
 
-    /// The latencies and the execution times of one run.
+    /// Measures the latencies and execution times of one run.
     fn once(&self, mut plan: Plan, viewed: bool, cost: &mut Cost) -> anyhow::Result<Vec<(String, Snapshot)>> {
         plan.expectations.clear();
         plan.duration_ns = None;
@@ -180,7 +180,7 @@ impl Recording {
 }
 
 impl Row {
-    /// The ratio of the medians, the least and the greatest of a turn.
+    /// Ratio of the medians, and the smallest and largest ratio of a turn.
     fn ratios(&self, which: usize) -> [f64; 3] {
         let [without, with] = &self.times[which];
         let of_turns = with.iter().zip(without).map(|(with, without)| with / without.max(1.0));
@@ -205,16 +205,16 @@ impl Row {
     }
 }
 
-/// A quantile of a histogram, ns, interpolated evenly within its bucket: buckets are up to a 32nd wide, and a
-/// recorder's cost is less.
+/// Quantile of a histogram, ns, interpolated linearly within its bucket. Buckets have a relative width of up
+/// to 1/32, more than the cost of a recorder.
 fn quantile(snapshot: &Snapshot, share: f64) -> f64 {
     let (wanted, mut seen) = (share * snapshot.count() as f64, 0.0);
-    // The last bucket is full up to there.
+    // The last bucket is filled up to this point.
     let greatest = snapshot.percentiles().max;
     for &(bound, count) in snapshot.buckets() {
         let count = count as f64;
         if seen + count >= wanted && count > 0.0 {
-            // Buckets are a 32nd of the power of two below them, and not less than 1 ns.
+            // Bucket width: 1/32 of the next lower power of two, at least 1 ns.
             let width = (((bound + 1).next_power_of_two() / 2).max(32) / 32) as f64;
             let (low, high) = (bound as f64 - width, bound.min(greatest) as f64);
             return low + (high - low) * (wanted - seen) / count;

@@ -25,19 +25,19 @@ pub(super) enum Cover {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Proposal {
     pub(super) name: String,
-    /// From the beginning to the end of a step in wall-clock time, ns.
+    /// Wall-clock time from the start to the end of a step, ns.
     pub(super) execution_ns: Percentiles,
-    /// Time of the core that each step took, ns.
+    /// Processor time of each step, ns.
     pub(super) cpu_ns: Percentiles,
-    /// The budget that the graph gives it, ns.
+    /// Budget in the graph, ns.
     pub(super) given_ns: Option<u64>,
-    /// The budget proposed, ns.
+    /// Proposed budget, ns.
     pub(super) budget_ns: u64,
-    /// Its share of a core at the rate of the component.
+    /// Its fraction of a core at the rate of the component.
     pub(super) share: f64,
 }
 
-/// A margin is a share of what it is added to.
+/// A margin is a fraction of the value it is added to.
 pub(super) fn parse_margin(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(margin) if (0.0..=100.0).contains(&margin) => Ok(margin),
@@ -46,7 +46,7 @@ pub(super) fn parse_margin(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Budgets for all components of a graph that was run.
+/// Proposes budgets for all components of a graph that was run.
 pub(super) fn propose(plan: &Plan, report: &Report, cover: Cover, margin: f64) -> Vec<Proposal> {
     let proposals = plan.components.iter().zip(&report.components).map(|(component, measured)| {
         let times = measured.execution_ns;
@@ -68,7 +68,7 @@ pub(super) fn propose(plan: &Plan, report: &Report, cover: Cover, margin: f64) -
     proposals.collect()
 }
 
-/// Up to two digits, and to whole microseconds.
+/// Rounds up to two significant digits and to whole microseconds.
 fn round_up(ns: u64) -> u64 {
     let mut unit = 1_000;
     while ns.div_ceil(unit) >= 100 {
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn a_margin_that_is_none_is_refused() {
+    fn invalid_margin_is_refused() {
         assert_eq!(parse_margin("0.5"), Ok(0.5));
         assert!(parse_margin("-1").is_err());
         assert!(parse_margin("much").is_err());

@@ -14,7 +14,7 @@ use crate::commands::doctor::measure_wake_up;
 
 /// Priority of the measuring threads, equal to the fastest components'.
 const FIFO: u8 = 80;
-/// Bytes of a sample that is handed over: a joint state of a robot arm.
+/// Size of a handed-over sample, bytes: a joint state of a robot arm.
 const BYTES: usize = 512;
 
 /// Times of the machine, measured without a graph, ns.
@@ -63,7 +63,7 @@ fn core_affinity() -> Vec<usize> {
 }
 
 impl Floor {
-    /// Adds the overhead of steps measured in the run of a graph.
+    /// Adds the overhead of steps measured in a run of a graph.
     pub(super) fn overheads(&self, plan: &Plan, report: &Report) -> Overheads {
         let besides = plan.components.iter().zip(&report.components).enumerate();
         let besides: Vec<Beside> = besides
@@ -89,7 +89,7 @@ impl Floor {
     }
 }
 
-/// Release of a component, as far as it decides the cost of a step.
+/// Release of a component, as far as it affects the cost of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Released {
     Clock,
@@ -100,7 +100,7 @@ enum Released {
 impl Released {
     fn classify(plan: &Plan, component: usize) -> Self {
         match plan.components[component].activation {
-            // the kernel wakes both, and both pay for it
+            // the kernel wakes both, and both bear the cost
             Activation::Periodic { .. } | Activation::Descriptor { .. } => Self::Clock,
             Activation::Triggered { topic, .. } if plan.stays_on_core(topic) => Self::SameCore,
             Activation::Triggered { .. } => Self::OtherCore,
@@ -108,15 +108,16 @@ impl Released {
     }
 }
 
-/// Core's time of a component's steps less the time of the steps, ns, p50 and p99.
+/// Processor time of a component's steps minus their execution time, ns, p50 and p99.
 #[derive(Debug, Clone, Copy)]
 struct Beside {
     release: Released,
     ns: [u64; 2],
 }
 
-/// Cost of the worker per step, and the additional cost of a release by the clock: the most of any component,
-/// at p50 or at p99, whichever is more. `hop` is what a hand-over on a core takes, p50 and p99.
+/// Cost of the worker per step, and the additional cost of a release by the clock: the maximum over
+/// components, at p50 or p99, whichever is larger. `hop` is the duration of a hand-over on a core, p50 and
+/// p99.
 fn split(besides: &[Beside], hop: [u64; 2]) -> (u64, u64) {
     let most = |release: Released, less: [u64; 2]| {
         let of = besides.iter().filter(|beside| beside.release == release);
@@ -126,7 +127,7 @@ fn split(besides: &[Beside], hop: [u64; 2]) -> (u64, u64) {
     let clock = most(Released::Clock, [0; 2]);
     let worker = most(Released::SameCore, hop)
         .or_else(|| most(Released::OtherCore, [cautious.look_ns; 2]))
-        // only the clock releases components here: the two cannot be separated
+        // all components are released by the clock, so the two cannot be separated
         .unwrap_or_else(|| cautious.worker_ns.min(clock.unwrap_or(cautious.worker_ns)))
         .max(1);
     (worker, clock.map_or(cautious.timer_ns, |clock| clock.saturating_sub(worker)))
@@ -152,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tail_shorter_than_the_middle_does_not_hide_the_cost() {
+    fn short_tail_does_not_hide_the_cost() {
         assert_eq!(split(&[beside(Released::SameCore, 9, 8)], [3_000, 5_000]).0, 6_000);
     }
 

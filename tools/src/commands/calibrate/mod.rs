@@ -1,4 +1,5 @@
-//! `motorium calibrate`: measures what a machine and the components of a graph take, and proposes budgets.
+//! `motorium calibrate`: measures the overheads of a machine and the times of a graph's components, and
+//! proposes budgets.
 
 mod budgets;
 mod machine;
@@ -51,15 +52,15 @@ pub(crate) struct Calibrate {
     json: bool,
 }
 
-/// Measured times, and the budgets that follow.
+/// Measured times, and the budgets derived from them.
 #[derive(Debug, Serialize)]
 struct Answer {
     machine: overheads::Machine,
-    /// Overheads of the machine, as the admission check counts them.
+    /// Overheads of the machine, as used by the admission check.
     overheads: Overheads,
     /// Steps and proposed budget of each component.
     components: Vec<Proposal>,
-    /// True if the graph holds with the proposed budgets.
+    /// Admission check with the proposed budgets.
     admission: Admission,
 }
 
@@ -77,7 +78,7 @@ impl Calibrate {
         debug_assert_eq!(checked.plan.clock, ClockKind::Realtime);
         let program = std::env::current_exe().context("finding this program's own file")?;
         self.progress("measuring how this machine wakes threads and hands over ...");
-        // As while the graph runs; where it is denied then, it is denied now.
+        // Same lock as in a running graph: if it is denied there, it is denied here.
         let idle_limit = IdleLimit::hold(Duration::from_nanos(checked.plan.scheduling.idle_exit_ns));
         let floor = machine::measure(&program, &registry::with_hidden(), Duration::from_secs(2))?;
         drop(idle_limit);

@@ -1,4 +1,4 @@
-//! `motorium can attach`: an adapter on a serial line becomes an interface of the kernel.
+//! `motorium can attach`: makes an adapter on a serial line an interface of the kernel.
 
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;

@@ -74,7 +74,7 @@ impl Calibrate {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// The adapter that is named, or the only one.
+    /// The named adapter, or the only one.
     fn one(&self, mut found: Vec<Found>) -> anyhow::Result<Found> {
         let names: Vec<String> = found.iter().map(|found| found.component.clone()).collect();
         if let Some(name) = &self.adapter {

@@ -1,4 +1,4 @@
-//! `motorium can check`: what a graph's adapters put on their buses, with the arithmetic.
+//! `motorium can check`: load of a graph's CAN buses, with the calculation.
 
 use std::process::ExitCode;
 use std::time::Duration;
@@ -30,7 +30,7 @@ pub(super) struct Check {
 pub(super) struct Found {
     pub(super) component: String,
     period_ns: u64,
-    /// Time that answers have on real buses.
+    /// Time available for answers on real buses.
     answers_have: Option<Duration>,
     pub(super) table: Table,
 }
@@ -111,7 +111,7 @@ fn value(found: &Found) -> Value {
     json!({ "component": found.component, "buses": found.budgets().map(bus).collect::<Vec<_>>(), "homing": homing })
 }
 
-/// The drives that are homed before anything is enabled, in their order.
+/// Drives that are homed before any drive is enabled, in order.
 fn homed(table: &Table) -> impl Iterator<Item = (u8, &DriveEntry)> {
     let order = |drive: &DriveEntry| drive.homing.as_ref().and_then(|homing| homing.order).unwrap_or(0);
     let mut drives: Vec<_> = table.drives.iter().filter(|drive| drive.is_homed()).collect();
@@ -133,7 +133,7 @@ fn homing(order: u8, drive: &DriveEntry) -> Value {
     })
 }
 
-/// The homing of a drive as text, with numbers in the units of the drive.
+/// Describes the homing of a drive, with numbers in the units of the drive.
 fn describe_homing(drive: &DriveEntry) -> String {
     let Some(homing) = &drive.homing else { return String::new() };
     let number = |value: Option<f64>| value.unwrap_or_default();

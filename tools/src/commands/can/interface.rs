@@ -1,8 +1,8 @@
-//! Interfaces of buses.
+//! Bus interfaces.
 
 use motorium_can::OpenError;
 
-/// An interface that cannot be opened, with the next step.
+/// Error of an interface that cannot be opened, with the next step.
 pub(super) fn refused(error: OpenError) -> anyhow::Error {
     anyhow::anyhow!("{error}\n  {}", error.advice())
 }

@@ -1,4 +1,4 @@
-//! `motorium can log`: what goes over buses, line by line.
+//! `motorium can log`: frames of buses, line by line.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Write as _};
@@ -83,13 +83,13 @@ impl Log {
         Ok(if count == 0 { exit::FAILED } else { ExitCode::SUCCESS })
     }
 
-    /// Prints a log that was kept.
+    /// Prints an existing log.
     fn print_log(&self, path: &Path, interpreter: &Interpreter) -> anyhow::Result<ExitCode> {
         let reading = || format!("reading {}", path.display());
         let lines: Box<dyn BufRead> = if path == Path::new("-") {
             Box::new(std::io::stdin().lock())
         } else {
-            // A pipe or a device may have no end.
+            // A pipe or a device may never end.
             let metadata = std::fs::metadata(path).with_context(reading)?;
             anyhow::ensure!(
                 metadata.is_file(),
@@ -122,7 +122,7 @@ impl Log {
     }
 }
 
-/// Prints a record, with what it says where the database knows it.
+/// Prints a record, decoded if the database contains its message.
 fn print(record: &Record, interpreter: &Interpreter) {
     match interpreter.decode(record) {
         Some(words) => outln!("{record} :: {words}"),

@@ -1,4 +1,4 @@
-//! `motorium can`: CAN buses, the devices on them, and what goes over them.
+//! `motorium can`: CAN buses, the devices on them, and their frames.
 
 mod attach;
 mod calibrate;

@@ -1,4 +1,4 @@
-//! `motorium can monitor`: a live table of what goes over buses.
+//! `motorium can monitor`: a live table of bus traffic.
 
 use std::io::{IsTerminal as _, Write as _};
 use std::process::ExitCode;
@@ -83,7 +83,7 @@ impl Monitor {
                     outln!("{}", serde_json::to_string(&rows)?);
                 } else {
                     if redraws {
-                        // to the upper left corner, and everything below gone
+                        // move the cursor to the upper left corner and clear everything below
                         out!("\x1b[H\x1b[2J");
                     }
                     out!("{}", describe(&rows));
@@ -118,7 +118,7 @@ fn describe(buses: &[BusRow]) -> String {
             bus.errors,
             bus.error.as_ref().map_or_else(String::new, |error| format!(" ({error})"))
         );
-        // the words of a database have a column of their own
+        // decoded messages have a separate column
         let has_words = bus.ids.iter().any(|row| row.message.is_some());
         let mut rows = if has_words {
             table(["  id", "frames", "Hz", "age ms", "data", "says"])
@@ -149,7 +149,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_names_load_error_counters_and_the_newest_report() {
+    fn table_shows_load_error_counters_and_latest_report() {
         let ids = vec![IdRow {
             id: "0x123".into(),
             frames: 7,

@@ -103,7 +103,7 @@ impl Scan {
         Ok(if found.devices.is_empty() { exit::FAILED } else { ExitCode::SUCCESS })
     }
 
-    /// Refuses the given options that have no effect on such a bus.
+    /// Refuses given options that have no effect on such a bus.
     fn refuse_idle(&self, options: &[&str], bus: &str) -> anyhow::Result<()> {
         let given = |option: &str| match option {
             "--bitrate" => self.bitrate.is_some(),
@@ -192,8 +192,8 @@ fn devices(found: &Found) -> Vec<Value> {
     found.devices.iter().map(device).collect()
 }
 
-/// The outcome of the search for drives that speak CAN FD, and the number that it ended before; `null` if it
-/// was not wanted.
+/// Outcome of the search for CAN FD drives, and the number at which it stopped; `null` if it was not
+/// requested.
 fn fd_search(search: FdSearch) -> Value {
     match search {
         FdSearch::NotWanted => Value::Null,
@@ -228,16 +228,16 @@ fn describe(name: &str, bus: &RealBus, found: &Found) -> String {
     text += &match found.fd {
         FdSearch::NotWanted | FdSearch::Complete => String::new(),
         FdSearch::Classic => {
-            "drives that speak CAN FD were not looked for: a device here sends classic frames, and may know no others\n".into()
+            "no search for CAN FD drives: a device sends classic frames and may not support CAN FD\n".into()
         }
         FdSearch::Disturbed { asked } => {
-            format!("drives that speak CAN FD were looked for no further than {asked} of 126: the bus reported an error\n")
+            format!("the search for CAN FD drives stopped at {asked} of 126: the bus reported an error\n")
         }
     };
     text
 }
 
-/// A device in words.
+/// Describes a device.
 fn describe_kind(kind: &DeviceKind) -> String {
     match kind {
         DeviceKind::Damiao { master, watchdog_ns, ranges } => {

@@ -1,4 +1,4 @@
-//! `motorium can send`: frames of the command line, or a log, onto a bus.
+//! `motorium can send`: sends frames from the command line, or a log, to a bus.
 
 use std::io::{BufRead as _, Read as _};
 use std::num::NonZeroU64;
@@ -81,7 +81,7 @@ impl Send {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// The frames, or the position of the first invalid one with the reason.
+    /// Returns the frames, or the position of the first invalid one with the reason.
     fn records(&self) -> anyhow::Result<Result<Vec<Record>, (String, RecordError)>> {
         let Some(path) = &self.log else {
             let frame = |frame: &String| {
@@ -104,7 +104,7 @@ impl Send {
     }
 }
 
-/// Sleeps until then, in pieces short enough to be ended.
+/// Sleeps until then, in intervals short enough to be interrupted.
 fn wait_until(then: Instant, is_over: &impl Fn() -> bool) {
     while !is_over() {
         let left = then.saturating_duration_since(Instant::now());

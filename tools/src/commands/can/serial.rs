@@ -1,4 +1,4 @@
-//! Serial lines: adapters with slcan, and servos at their speeds.
+//! Serial lines: slcan adapters, and servos at their speeds.
 
 use std::process::ExitCode;
 
@@ -10,10 +10,10 @@ use super::interface::refused;
 use crate::exit;
 use crate::out::outln;
 
-/// The highest number that is asked.
+/// Highest servo number to poll.
 const LAST: u8 = 252;
 
-/// True if an adapter with slcan is on a serial line, which it says on standard error.
+/// Returns `true` if an slcan adapter is on a serial line, and reports it on standard error.
 pub(super) fn is_adapter(path: &str) -> anyhow::Result<bool> {
     let version = adapter_version(path).map_err(refused)?;
     if let Some(version) = &version {
@@ -22,7 +22,7 @@ pub(super) fn is_adapter(path: &str) -> anyhow::Result<bool> {
     Ok(version.is_some())
 }
 
-/// Looks for servos on a serial line, at these speeds or at all that are usual.
+/// Searches for servos on a serial line, at these speeds or at all usual ones.
 pub(super) fn scan(path: &str, speeds: &[u32], json: bool) -> anyhow::Result<ExitCode> {
     let speeds = if speeds.is_empty() { &SERVO_SPEEDS[..] } else { speeds };
     let mut found: Vec<(u32, ServoFound)> = Vec::new();
@@ -67,7 +67,7 @@ fn as_json(speed: u32, servo: &ServoFound) -> serde_json::Value {
     })
 }
 
-/// A servo in words.
+/// Describes a servo.
 fn describe(speed: u32, servo: &ServoFound) -> String {
     let (maker, protocol) = protocol(servo);
     let model = servo
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_servo_is_said_with_all_that_it_tells() {
+    fn servo_is_printed_with_all_reported_facts() {
         let servo = ServoFound { number: 7, protocol: Protocol::Two, model: Some((1200, 52)), error: 0x80 };
         assert_eq!(
             describe(57_600, &servo),

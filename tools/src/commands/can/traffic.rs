@@ -1,11 +1,11 @@
-//! Traffic of buses: rates, ages, errors.
+//! Bus traffic: rates, ages, errors.
 
 use std::collections::BTreeMap;
 
 use motorium_can::{Bits, Decoded, Rates, Record, Report};
 use serde::Serialize;
 
-/// Traffic on some buses, as it is counted.
+/// Counters of the traffic on some buses.
 #[derive(Debug, Default)]
 pub(super) struct Traffic {
     buses: BTreeMap<String, Bus>,
@@ -41,10 +41,10 @@ pub(super) struct BusRow {
     pub(super) frames: u64,
     /// Frames a second since the last table.
     pub(super) rate_hz: f64,
-    /// Fraction of the time in which it carried bits; `None` where its bitrate is not known.
+    /// Fraction of the time in which the bus carried bits; `None` if its bitrate is unknown.
     pub(super) load: Option<f64>,
     pub(super) errors: u64,
-    /// The newest report of its controller.
+    /// Latest report of its controller.
     pub(super) error: Option<String>,
     /// Errors counted as sender and as receiver.
     pub(super) counters: Option<[u8; 2]>,
@@ -57,9 +57,9 @@ pub(super) struct IdRow {
     pub(super) id: String,
     pub(super) frames: u64,
     pub(super) rate_hz: f64,
-    /// Time since the newest one, ms.
+    /// Age of the latest frame, ms.
     pub(super) age_ms: f64,
-    /// Its data, in hexadecimal digits.
+    /// Its data in hexadecimal.
     pub(super) data: String,
     /// Name of the message in the database, if it has one.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -67,7 +67,7 @@ pub(super) struct IdRow {
     /// The signals of the message.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) signals: Vec<SignalRow>,
-    /// All that in words.
+    /// Message and signals as text.
     #[serde(skip)]
     pub(super) text: String,
 }
@@ -96,12 +96,12 @@ impl SignalRow {
 }
 
 impl Traffic {
-    /// Counts on a bus; the load is known if its bitrates are.
+    /// Counts frames of a bus; the load is available if its bitrates are known.
     pub(super) fn follow(&mut self, interface: &str, rates: Option<Rates>) {
         self.buses.entry(interface.to_string()).or_default().rates = rates;
     }
 
-    /// Counts a record, which says this in the words of a database.
+    /// Counts a record, with its decoded message if available.
     pub(super) fn take(&mut self, record: &Record, words: Option<&Decoded<'_>>) {
         let bus = self.buses.entry(record.interface().to_string()).or_default();
         if let Some(report) = record.report() {

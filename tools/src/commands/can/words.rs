@@ -1,4 +1,4 @@
-//! The database with which frames are put into words.
+//! Database for decoding frames.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -8,7 +8,7 @@ use motorium_can::{Database, Decoded, Record};
 use crate::exit;
 use crate::out::errln;
 
-/// The database of a command.
+/// Options for the database of a command.
 #[derive(Debug, clap::Args)]
 pub(super) struct Words {
     /// A DBC file: the names, units and values of what frames carry
@@ -32,11 +32,11 @@ fn mask(text: &str) -> Result<u32, String> {
 /// Longest database, bytes.
 const LONGEST: u64 = 256 << 20;
 
-/// A database as a command uses it.
+/// The database of a command.
 pub(super) struct Interpreter(Option<Database>);
 
 impl Words {
-    /// Reads the database, if one is named; an exit code if it cannot be read, after reporting the error.
+    /// Reads the named database, if any. Returns an exit code after reporting an error if it cannot be read.
     pub(super) fn interpreter(&self) -> Result<Interpreter, ExitCode> {
         let Some(path) = &self.dbc else { return Ok(Interpreter(None)) };
         let refuse = |cause: &dyn core::fmt::Display, code| {
@@ -57,7 +57,7 @@ impl Words {
 }
 
 impl Interpreter {
-    /// A record in the words of the database; `None` without one, and for what it does not know.
+    /// Decodes a record; `None` without a database or for an unknown message.
     pub(super) fn decode(&self, record: &Record) -> Option<Decoded<'_>> {
         self.0.as_ref()?.decode(&record.frame()?)
     }

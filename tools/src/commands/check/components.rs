@@ -53,7 +53,7 @@ pub(super) fn describe(plan: &Plan) -> String {
     format!("{}\n{}{}", components.trim_fmt(), safe_within(plan), notes(plan))
 }
 
-/// The facts that components state about themselves.
+/// Facts that components declare about themselves.
 fn notes(plan: &Plan) -> String {
     let mut text = String::new();
     for component in &plan.components {
@@ -64,7 +64,7 @@ fn notes(plan: &Plan) -> String {
     text
 }
 
-/// The time within which each actuator reaches its safe state, whatever loops on its core.
+/// Time within which each actuator reaches its safe state, even if another process loops on its core.
 fn safe_within(plan: &Plan) -> String {
     let mut text = String::new();
     if plan.clock != ClockKind::Realtime {

@@ -1,4 +1,4 @@
-//! The times that components take to declare themselves.
+//! Times that components need to declare themselves.
 
 use std::fmt::Write as _;
 
@@ -21,7 +21,7 @@ pub(super) fn to_json(times: &[DeclareTime]) -> Value {
     times.iter().map(time).collect()
 }
 
-/// A warning for each component that takes longer than its bound.
+/// Warnings for components that exceed their bound.
 pub(super) fn warnings(times: &[DeclareTime]) -> String {
     let mut text = String::new();
     for DeclareTime { component, wall_ns } in times.iter().filter(|time| time.wall_ns > DECLARE_BOUND_NS) {
@@ -42,7 +42,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_takes_longer_than_its_bound_is_warned_of() {
+    fn only_slow_declarations_cause_a_warning() {
         let time = |component: &str, wall_ns| DeclareTime { component: component.to_string(), wall_ns };
         let times = [time("quick", DECLARE_BOUND_NS), time("slow", 1_234_567_890)];
         let text = warnings(&times);

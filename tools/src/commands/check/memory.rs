@@ -17,7 +17,7 @@ pub(super) struct TopicMemory<'a> {
     value_bytes: usize,
     /// Slots of a state, or samples of a stream's queues.
     slots: usize,
-    /// Bytes in all, in whole pages.
+    /// Total size in whole pages, bytes.
     bytes: usize,
 }
 
@@ -35,7 +35,7 @@ pub(super) fn per_topic(plan: &Plan) -> Vec<TopicMemory<'_>> {
     memory.collect()
 }
 
-/// A table of all topics and their sum.
+/// Table of all topics and their sum.
 pub(super) fn describe(plan: &Plan) -> String {
     let topics = per_topic(plan);
     let mut rows = table(["topic", "pattern", "type", "value", "slots", "memory"]);

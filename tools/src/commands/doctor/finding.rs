@@ -10,11 +10,11 @@ use crate::style;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Verdict {
-    /// Fit.
+    /// No problem.
     Pass,
-    /// Graphs run, but less well than they could.
+    /// Graphs run, but with degraded timing.
     Warn,
-    /// Real time cannot be held, or nothing runs at all.
+    /// Real-time requirements cannot be met, or graphs cannot run.
     Fail,
 }
 
@@ -23,9 +23,9 @@ pub(super) enum Verdict {
 pub(super) struct Finding {
     pub(super) name: &'static str,
     pub(super) verdict: Verdict,
-    /// The finding, and its consequence.
+    /// What was found, and its consequence.
     pub(super) found: String,
-    /// The remedy, as a command where one does it.
+    /// Remedy, as a command if there is one.
     pub(super) fix: Option<String>,
 }
 
@@ -66,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_stand_in_a_column_and_the_fix_below_what_was_found() {
+    fn names_are_in_a_column_with_the_fix_below() {
         let findings =
             [Finding::pass("swap", "none"), Finding::warn("clock source", "hpet", "boot with tsc=reliable")];
         let text = anstream::adapter::strip_str(&lines(&findings)).to_string();

@@ -41,7 +41,7 @@ pub(super) fn check() -> Vec<Finding> {
     ]
 }
 
-/// The kernel's build configuration, if it is kept anywhere.
+/// The kernel's build configuration, if it is available.
 fn configuration(version: &str) -> Option<String> {
     if let Some(text) = read(&format!("/boot/config-{}", release(version)?)) {
         return Some(text);
@@ -52,7 +52,7 @@ fn configuration(version: &str) -> Option<String> {
     String::from_utf8(output.stdout).ok()
 }
 
-/// The release out of `/proc/version`: `Linux version 6.18.1-rt ... (...)`.
+/// Parses the release from `/proc/version`: `Linux version 6.18.1-rt ... (...)`.
 fn release(version: &str) -> Option<&str> {
     version.split_whitespace().nth(2)
 }
@@ -89,7 +89,7 @@ fn preemption(
         "none" => Some(Preemption::None),
         _ => None,
     };
-    // "none voluntary (full)": the one in force stands in brackets
+    // "none voluntary (full)": the active model is in parentheses
     let bracketed = |text: &str| text.split_once('(')?.1.split_once(')').map(|(name, _)| name.to_string());
     if let Some(preemption) = debug.and_then(bracketed).and_then(|name| named(&name)) {
         return preemption;
@@ -128,7 +128,7 @@ fn check_preemption(preemption: Preemption) -> Finding {
             return Finding::pass(name, "full, but not PREEMPT_RT: latencies are short, not bounded");
         }
         Preemption::Lazy => {
-            "lazy, not PREEMPT_RT: normal threads may hold up real-time ones inside the kernel"
+            "lazy, not PREEMPT_RT: normal threads may delay real-time threads inside the kernel"
         }
         Preemption::Voluntary => "voluntary: a real-time thread waits for others to leave the kernel",
         Preemption::None => "none: a real-time thread waits until others leave the kernel",
@@ -159,7 +159,7 @@ fn check_clock_source(current: &str, available: &str) -> Finding {
         }
         "" => Finding::warn(name, "unknown", "is /sys mounted?"),
         slow => {
-            let found = format!("{slow}: every look at the clock is a slow system call");
+            let found = format!("{slow}: every clock reading is a slow system call");
             let fix = if available.split_whitespace().any(|source| source == "tsc") {
                 "echo tsc | sudo tee /sys/devices/system/clocksource/clocksource0/current_clocksource"
             } else {
@@ -184,7 +184,7 @@ fn check_throttling(runtime: &str, period: &str) -> Finding {
             "real-time threads get no time at all",
             "sudo sysctl kernel.sched_rt_runtime_us=950000",
         ),
-        _ if runtime >= period => Finding::pass(name, "none: real-time threads may use their whole cores"),
+        _ if runtime >= period => Finding::pass(name, "none: real-time threads may use their cores fully"),
         _ => {
             let share = runtime as f64 * 100.0 / period as f64;
             let pause = (period - runtime) / 1000;
@@ -205,7 +205,7 @@ mod tests {
     const DYNAMIC: &str = "Linux version 6.18.1 (b@h) (gcc 15) #1 SMP PREEMPT_DYNAMIC Sat";
 
     #[test]
-    fn the_preemption_model_comes_from_the_most_exact_source() {
+    fn preemption_model_comes_from_the_most_exact_source() {
         let built = "CONFIG_PREEMPT_NONE=y\n# CONFIG_PREEMPT is not set\nCONFIG_PREEMPT_DYNAMIC=y\n";
         let cases = [
             (preemption(DYNAMIC, Some("1"), None, "", built), Preemption::Realtime),
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn only_a_kernel_that_preempts_passes() {
+    fn only_a_preemptible_kernel_passes() {
         assert_eq!(check_preemption(Preemption::Realtime).verdict, Verdict::Pass);
         assert_eq!(check_preemption(Preemption::Full).verdict, Verdict::Pass);
         for other in [Preemption::Lazy, Preemption::Voluntary, Preemption::None, Preemption::Unknown] {
@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn timers_of_the_tick_fail() {
+    fn timers_with_tick_resolution_fail() {
         assert_eq!(check_resolution(1).verdict, Verdict::Pass);
         assert_eq!(check_resolution(4_000_000).verdict, Verdict::Fail);
     }
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn throttling_is_told_in_percent_and_milliseconds() {
+    fn throttling_is_shown_in_percent_and_milliseconds() {
         let usual = check_throttling("950000", "1000000");
         assert_eq!(usual.verdict, Verdict::Warn);
         assert!(usual.found.contains("95 %") && usual.found.contains("50 ms"), "{}", usual.found);

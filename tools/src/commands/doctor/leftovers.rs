@@ -11,15 +11,15 @@ use motorium::run_folder::{RunFolder, RunFolderError};
 
 use super::finding::Finding;
 
-/// Prefix of the names of all shared memory objects of runs.
+/// Name prefix of all shared memory objects of runs.
 const OURS: &str = "mt_";
-/// Prefix of the names of objects of other programs that use iceoryx2.
+/// Name prefix of objects of other programs that use iceoryx2.
 const FOREIGN: &str = "iox2_";
 
-/// A younger object may belong to a run that is just being made.
+/// Age below which an object may belong to a run that is starting.
 const YOUNG: Duration = Duration::from_secs(5);
 
-/// Objects left behind.
+/// Objects left in shared memory.
 #[derive(Debug, Default)]
 pub(super) struct Leftovers {
     runs: Vec<RunFolder>,
@@ -30,7 +30,7 @@ pub(super) struct Leftovers {
 }
 
 impl Leftovers {
-    /// Finds what ended runs of this user left in shared memory.
+    /// Finds objects that ended runs of this user left in shared memory.
     pub(super) fn find(shared: &Path) -> Self {
         // Objects first: an object created later cannot be mistaken for a leftover.
         let user = rustix::process::getuid().as_raw();
@@ -46,11 +46,12 @@ impl Leftovers {
         Self { runs, objects, foreign }
     }
 
-    /// Removes what ended runs of this user left, and returns its names. Objects of other programs stay.
+    /// Removes objects left by ended runs of this user and returns their names. Objects of other programs
+    /// stay.
     pub(super) fn clean(&mut self) -> Vec<PathBuf> {
         let mut removed = Vec::new();
         for run in self.runs.drain(..) {
-            // It may have been looked at for a while: never remove what lives.
+            // The report may be old by now: never remove an object of a living run.
             if !run.is_alive() {
                 removed.extend(run.remove());
                 removed.push(run.path().to_path_buf());
@@ -69,7 +70,7 @@ impl Leftovers {
     }
 }
 
-/// Files of this user (or of anybody) whose names begin like this.
+/// Files with this name prefix, of this user or of all users.
 fn objects(shared: &Path, prefix: &str, user: Option<u32>) -> Vec<PathBuf> {
     let mut found: Vec<PathBuf> = fs::read_dir(shared)
         .into_iter()
@@ -87,7 +88,7 @@ fn objects(shared: &Path, prefix: &str, user: Option<u32>) -> Vec<PathBuf> {
     found
 }
 
-/// Prefix of the names of the objects of runs that somebody holds.
+/// Name prefixes of the objects of runs whose lock is held.
 fn held(objects: &[PathBuf]) -> Vec<String> {
     let locks = objects.iter().filter(|path| is_held(path));
     locks
@@ -96,13 +97,13 @@ fn held(objects: &[PathBuf]) -> Vec<String> {
         .collect()
 }
 
-/// True if a file is too old to belong to a run that is just being made.
+/// Returns `true` if a file is too old to belong to a run that is starting.
 fn is_old(path: &Path) -> bool {
     let made = fs::metadata(path).and_then(|metadata| metadata.modified());
     made.is_ok_and(|made| made.elapsed().is_ok_and(|age| age > YOUNG))
 }
 
-/// The objects whose names begin with none of the known prefixes.
+/// Objects without any of the known name prefixes.
 fn orphans(objects: Vec<PathBuf>, known: &[String]) -> Vec<PathBuf> {
     let is_known = |path: &Path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -184,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn cleaning_removes_orphans_and_leaves_what_others_made() {
+    fn clean_removes_orphans_and_keeps_objects_of_others() {
         let folder = tempfile::tempdir().unwrap();
         let orphan = folder.path().join("mt_gone-1_data");
         let foreign = folder.path().join("iox2_data");
@@ -228,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_just_made_is_not_taken_for_something_left_behind() {
+    fn recent_object_is_not_a_leftover() {
         let folder = tempfile::tempdir().unwrap();
         assert!(!is_old(folder.path()));
         assert!(!is_old(Path::new("/nowhere")));

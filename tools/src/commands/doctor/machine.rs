@@ -1,4 +1,4 @@
-//! The machine: real or virtual, its cores, what slows them down or puts them to sleep.
+//! The machine: physical or virtual, cores, frequency scaling, idle states.
 
 use std::fs::File;
 use std::io::Read as _;
@@ -97,11 +97,11 @@ fn check_governors(governors: &[String]) -> Finding {
     }
 }
 
-/// A state of an idle core that may be entered.
+/// An enabled idle state of a core.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct IdleState {
     name: String,
-    /// Time to leave it, us.
+    /// Exit latency, us.
     latency_us: u64,
 }
 
@@ -117,15 +117,15 @@ fn idle_states(folder: &Path) -> Vec<IdleState> {
     states
 }
 
-/// The limit on the exit latency of idle states that is set through `/dev/cpu_dma_latency`, us.
+/// Limit on the exit latency of idle states set through `/dev/cpu_dma_latency`, us.
 fn latency_limit() -> Option<u64> {
     let mut bytes = [0; 4];
-    // Opening it asks for nothing: a request is what is written.
+    // Opening the file requests nothing; only writing does.
     File::open("/dev/cpu_dma_latency").ok()?.read_exact(&mut bytes).ok()?;
     u64::try_from(i32::from_ne_bytes(bytes)).ok()
 }
 
-/// `may_limit`: whether this user may keep cores from idle states, as graphs do while they run.
+/// Checks the idle states. `may_limit` is `true` if this user may restrict idle states, as running graphs do.
 fn check_idle(states: &[IdleState], limit_us: Option<u64>, may_limit: bool) -> Finding {
     let name = "idle states";
     let allowed = states.iter().filter(|state| limit_us.is_none_or(|limit| state.latency_us <= limit));
@@ -155,7 +155,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hypervisor_is_a_warning_and_named_if_it_says_its_name() {
+    fn hypervisor_is_a_warning_with_its_name_if_known() {
         let named = check_virtual(true, &["QEMU".into(), "Standard PC".into()], false);
         assert_eq!(named.verdict, Verdict::Warn);
         assert!(named.found.starts_with("virtual (QEMU Standard PC):"), "{}", named.found);
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn one_core_that_is_not_at_full_speed_is_enough_for_a_warning() {
+    fn one_slow_core_causes_a_warning() {
         let governors = |names: &[&str]| names.iter().map(ToString::to_string).collect::<Vec<_>>();
         assert_eq!(check_governors(&governors(&["performance", "performance"])).verdict, Verdict::Pass);
         let mixed = check_governors(&governors(&["performance", "powersave"]));
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn idle_states_that_are_switched_off_do_not_count() {
+    fn disabled_idle_states_are_ignored() {
         let folder = tempfile::tempdir().unwrap();
         for (state, name, latency, disable) in [("state0", "C1", "2", "0"), ("state1", "C6", "133", "1")] {
             let path = folder.path().join(state);

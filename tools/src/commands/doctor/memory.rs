@@ -1,4 +1,4 @@
-//! Memory: the shared kind in `/dev/shm`, swap, huge pages.
+//! Memory: `/dev/shm`, swap, huge pages.
 
 use std::os::unix::fs::PermissionsExt as _;
 
@@ -9,9 +9,9 @@ use super::read;
 
 /// Mount point of shared memory.
 pub(super) const SHARED: &str = "/dev/shm";
-/// Below this nothing but the smallest graph fits.
+/// Below this size, only the smallest graphs fit.
 const LEAST_MIB: u64 = 16;
-/// Below this a large graph may not fit.
+/// Below this size, a large graph may not fit.
 const ENOUGH_MIB: u64 = 64;
 
 pub(super) fn check() -> Vec<Finding> {
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shared_memory_must_be_there_writable_and_large_enough() {
+    fn shared_memory_must_exist_be_writable_and_large_enough() {
         assert_eq!(check_shared(Some(0o1777), true, 24_000).verdict, Verdict::Pass);
         assert_eq!(check_shared(None, false, 0).verdict, Verdict::Fail);
         let closed = check_shared(Some(0o755), false, 24_000);
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn huge_pages_made_unasked_are_a_warning() {
+    fn automatic_huge_pages_are_a_warning() {
         assert_eq!(check_huge_pages(Some("[always] madvise never")).verdict, Verdict::Warn);
         assert_eq!(check_huge_pages(Some("always [madvise] never")), Finding::pass("huge pages", "madvise"));
         assert_eq!(check_huge_pages(None).verdict, Verdict::Pass);

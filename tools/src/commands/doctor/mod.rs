@@ -1,4 +1,4 @@
-//! `motorium doctor`: is this machine fit for real time?
+//! `motorium doctor`: checks whether this machine is fit for real time.
 
 mod finding;
 mod kernel;
@@ -104,7 +104,7 @@ fn conclusion(findings: &[Finding]) -> String {
     }
 }
 
-/// Lateness of wake-ups of a real-time thread on this machine, ns, measured for this time.
+/// Measures the lateness of wake-ups of a real-time thread on this machine, ns, for this time.
 pub(crate) fn measure_wake_up(time: std::time::Duration) -> Option<motorium::telemetry::Percentiles> {
     Some(wakeup::measure(time)?.lateness_ns)
 }

@@ -1,4 +1,4 @@
-//! Privileges of this user: real-time priorities and locked memory, found by trying them.
+//! Privileges of this user: real-time priorities and locked memory, tested by using them.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -10,11 +10,11 @@ use rustix::process::{Resource, getrlimit};
 use super::finding::Finding;
 use super::read;
 
-/// The priority that is tried: above all that graphs choose by themselves.
+/// The priority to test, above all priorities that graphs choose automatically.
 pub(super) const PRIORITY: u8 = 80;
-/// Number of `CAP_IPC_LOCK`: locked memory without limit.
+/// Number of `CAP_IPC_LOCK`: unlimited locked memory.
 const IPC_LOCK: u32 = 14;
-/// Number of `CAP_SYS_NICE`: any scheduling.
+/// Number of `CAP_SYS_NICE`: any scheduling policy.
 const SYS_NICE: u32 = 23;
 
 const LIMITS: &str = "printf '* - rtprio 98\\n* - memlock unlimited\\n' | sudo tee /etc/security/limits.d/90-motorium.conf   \
@@ -36,12 +36,12 @@ pub(super) fn check() -> Vec<Finding> {
     ]
 }
 
-/// Runs `work` in a new thread, so that this one keeps its scheduling.
+/// Runs `work` in a new thread, so that this thread keeps its scheduling.
 fn aside<T: Send>(run: impl FnOnce() -> T + Send) -> Option<T> {
     std::thread::scope(|scope| scope.spawn(run).join().ok())
 }
 
-/// Asks for `SCHED_FIFO` on the cores of this process and reads it back.
+/// Requests `SCHED_FIFO` on the cores of this process and reads it back.
 fn try_fifo() -> Result<u8, String> {
     let request =
         Request { class: SchedulingClass::Fifo(PRIORITY), cores: online_cores(), lock_memory: false };
@@ -71,7 +71,7 @@ fn check_fifo(tried: &Result<u8, String>, capable: bool) -> Finding {
     }
 }
 
-/// Asks for 10 us in every second under `SCHED_DEADLINE` and reads it back.
+/// Requests 10 us per second under `SCHED_DEADLINE` and reads it back.
 fn try_deadline() -> Result<(), String> {
     let class = SchedulingClass::Deadline { runtime_ns: 10_000, period_ns: 1_000_000_000 };
     let request = Request { class, cores: online_cores(), lock_memory: false };
@@ -95,7 +95,7 @@ fn check_deadline(tried: &Result<(), String>) -> Finding {
     }
 }
 
-/// Held by the thread that tries to lock memory, which affects the whole process.
+/// Held by the thread that tests locked memory, which affects the whole process.
 static TRYING: Mutex<()> = Mutex::new(());
 
 fn try_locking() -> Result<(), String> {
@@ -125,7 +125,7 @@ fn check_memory(tried: &Result<(), String>) -> Finding {
     }
 }
 
-/// Limits of this process; `None` is no limit.
+/// Limits of this process; `None` means no limit.
 #[derive(Debug, Clone, Copy)]
 struct Limits {
     priority: Option<u64>,
@@ -133,7 +133,7 @@ struct Limits {
     files: Option<u64>,
 }
 
-/// The effective capabilities out of `/proc/self/status`, one bit each.
+/// Parses the effective capabilities from `/proc/self/status`, one bit each.
 fn effective_capabilities(status: &str) -> u64 {
     let line = status.lines().find_map(|line| line.strip_prefix("CapEff:"));
     line.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
@@ -203,20 +203,20 @@ mod tests {
         assert_eq!(check_fifo(&Ok(80), false).verdict, Verdict::Pass);
     }
 
-    /// The scheduling policy out of `/proc/thread-self/stat`: its field 41, as `proc(5)` counts them.
+    /// Parses the scheduling policy from `/proc/thread-self/stat`: field 41 in the numbering of `proc(5)`.
     fn scheduling_policy(stat: &str) -> Option<u32> {
-        // the second field, the name, may contain blanks and brackets
+        // the second field, the name, may contain spaces and parentheses
         stat.rsplit_once(')')?.1.split_whitespace().nth(41 - 3)?.parse().ok()
     }
 
     #[test]
-    fn trying_leaves_this_thread_and_its_memory_as_they_were() {
+    fn tests_of_privileges_restore_thread_and_memory() {
         let policy = || scheduling_policy(&read("/proc/thread-self/stat").unwrap());
         let locked = || {
             let status = read("/proc/self/status").unwrap();
             status.lines().find(|line| line.starts_with("VmLck:")).map(str::to_string)
         };
-        // An examination beside this test locks memory, too.
+        // A concurrent test may lock memory, too.
         let _alone = TRYING.lock().unwrap_or_else(PoisonError::into_inner);
         let before = (policy(), locked());
         let _ = (try_fifo(), try_deadline(), lock_and_unlock());

@@ -1,4 +1,4 @@
-//! Lateness of wake-ups on this machine: the floor under every time-triggered component.
+//! Lateness of wake-ups on this machine: the lower bound for every time-triggered component.
 
 use std::time::Duration;
 
@@ -13,23 +13,23 @@ use super::finding::Finding;
 use super::privileges;
 use crate::report::microseconds;
 
-/// A wake-up may be late by this share of the period.
+/// Permitted lateness of a wake-up as a fraction of the period.
 const SHARE: f64 = 0.1;
 
 /// Measured wake-ups.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Measured {
-    /// Time from the deadline to the thread's first reading of the clock, ns.
+    /// Time from the deadline to the thread's first clock reading, ns.
     pub(super) lateness_ns: Percentiles,
     pub(super) count: u64,
-    /// `SCHED_FIFO` priority it was measured at, read back; 0 for normal time sharing.
+    /// `SCHED_FIFO` priority read back during the measurement; 0 for normal time sharing.
     pub(super) fifo_priority: u8,
     pub(super) core: Option<usize>,
 }
 
 /// Measures for this time on the core that graphs choose for real-time components, at real-time priority if
-/// that is granted and with idle states limited as graphs limit them. Every component of a running graph
-/// preempts it.
+/// granted, with the idle states limited as in graphs. Every component of a running graph preempts the
+/// measurement.
 pub(super) fn measure(time: Duration) -> Option<Measured> {
     let beside = RunFolder::list().iter().any(RunFolder::is_alive);
     let priority = if beside { 1 } else { privileges::PRIORITY };
@@ -87,14 +87,14 @@ mod tests {
     }
 
     #[test]
-    fn a_tenth_of_the_period_is_the_measure() {
+    fn limit_is_a_tenth_of_the_period() {
         assert_eq!(check(&measured(38_000, 99_000)).verdict, Verdict::Pass);
         assert_eq!(check(&measured(38_000, 101_000)).verdict, Verdict::Warn);
         assert_eq!(check(&measured(101_000, 300_000)).verdict, Verdict::Fail);
     }
 
     #[test]
-    fn every_sleep_is_counted_and_none_ends_before_its_deadline() {
+    fn every_sleep_is_counted_and_none_ends_early() {
         let measured = measure(Duration::from_millis(50)).unwrap();
         assert_eq!(measured.count, 50);
         let late = measured.lateness_ns;

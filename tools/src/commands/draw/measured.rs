@@ -1,4 +1,4 @@
-//! Measured values written into the picture of a graph that runs, or has run.
+//! Measured values of a current or past run, added to the picture of its graph.
 
 use std::path::Path;
 
@@ -16,7 +16,7 @@ pub(super) struct Source {
     measured: Table,
 }
 
-/// Rates by component, ages and latencies as they were measured.
+/// Measured rates by component, ages and latencies.
 struct Table {
     rates: Vec<(String, f64)>,
     edges: Vec<EdgeReport>,
@@ -24,7 +24,7 @@ struct Table {
 }
 
 /// Finds the source: a file with the report of a run, or a run by its id or its graph's name; without an
-/// argument the newest run.
+/// argument the latest run.
 pub(super) fn find(what: Option<&str>) -> anyhow::Result<Source> {
     if let Some(path) = what.map(Path::new).filter(|path| path.is_file()) {
         let text = crate::input::text(path)?;
@@ -57,15 +57,14 @@ impl Table {
 }
 
 impl Source {
-    /// The measurements as texts for the picture of this plan; blank for missing ones.
+    /// Measurements as text for the picture of this plan; blank if missing.
     pub(super) fn describe(&self, plan: &Plan) -> Measured {
         let measured = &self.measured;
         let rate = |name: &str| {
             let (_, hz) = measured.rates.iter().find(|(component, hz)| component == name && *hz > 0.0)?;
             Some(format!("{hz:.1} Hz"))
         };
-        // of several readers the one that gets the oldest, among those that do not just look at it now and
-        // then
+        // of several readers, the one with the oldest values, ignoring readers that only poll occasionally
         let age = |topic: &str| {
             let edges = || measured.edges.iter().filter(move |edge| edge.topic == topic && edge.read > 0);
             let most = edges().map(|edge| edge.read).max()?;
@@ -89,7 +88,7 @@ impl Source {
         }
     }
 
-    /// True if any of it belongs to this plan.
+    /// Returns `true` if any of the values belongs to this plan.
     pub(super) fn fits(&self, plan: &Plan) -> bool {
         plan.components
             .iter()

@@ -49,7 +49,7 @@ impl Draw {
             Some(what) => Some(measured::find(what.as_deref())?),
             None => None,
         };
-        // A running graph is drawn as it runs, whatever the file says by now.
+        // A running graph is drawn as it runs, even if the file has changed since.
         let plan = match source.as_ref().and_then(|source| source.plan.clone()) {
             Some(plan) => plan,
             None => match self.graph.load(&registry::registry(), self.json) {

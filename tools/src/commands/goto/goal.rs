@@ -1,4 +1,4 @@
-//! The goal that the options of `motorium goto` describe.
+//! Goal described by the options of `motorium goto`.
 
 use anyhow::Context as _;
 use motorium::state::{MAX_JOINTS, MotionGoal};
@@ -11,7 +11,7 @@ use crate::robots;
 /// Name of the pose that `start` of a graph, or `home` of a profile, selects.
 const HOME: &str = "home";
 
-/// The goal of each part of the robot, and how it is reached.
+/// Goals of the parts of the robot, and the duration.
 #[derive(Debug, Clone, clap::Args)]
 #[command(group(
     clap::ArgGroup::new("what").required(true).multiple(true)
@@ -44,7 +44,7 @@ pub(super) struct GoalArgs {
     duration: Option<TimeSpan>,
 }
 
-/// Reads numbers that are separated by commas.
+/// Parses comma-separated numbers.
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse::<f64>()).collect();
     let numbers = numbers.ok().filter(|numbers| numbers.iter().all(|number| number.is_finite()));
@@ -87,7 +87,7 @@ impl GoalArgs {
         Ok(goal)
     }
 
-    /// Positions of joints, by index; of two for one joint the last counts.
+    /// Positions of joints by index; if a joint occurs twice, the last value is used.
     fn positions(&self, robot: &Loaded, frame: Option<&str>) -> anyhow::Result<Vec<(usize, f64)>> {
         let mut positions = Vec::new();
         if let Some(name) = &self.pose {
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_options_are_refused_with_the_reason() {
+    fn invalid_options_are_refused_with_the_reason() {
         for (options, expected) in [
             (&["--position", "1,2"][..], "expected 3 finite numbers"),
             (&["--joints", "1,2"], "2 positions, expected 8: panda_joint1"),

@@ -23,11 +23,11 @@ use crate::runs::{LivingRun, RunArg};
 use goal::GoalArgs;
 use policy::Policy;
 
-/// Time within which the policy must answer.
+/// Time limit for the policy's answer.
 const ANSWER: Duration = Duration::from_secs(3);
-/// Interval between two looks at the status.
+/// Interval between two polls of the status.
 const POLL: Duration = Duration::from_millis(5);
-/// Interval between two lines of progress.
+/// Interval between two progress lines.
 const LINES: Duration = Duration::from_secs(1);
 
 /// Move the robot of a running graph to a goal, and wait for its arrival.
@@ -65,7 +65,7 @@ impl Goto {
         let watch = Watch::open(&run, policy.status)?;
         check(&run, &policy, &goal)?;
         let mut status = watch.reader()?;
-        // the bridge loses values of a sender that is gone
+        // the bridge drops values of a sender that has exited
         let _feed = send(&run, &policy, &goal)?;
         let begin = Instant::now();
         let reached = follow(&watch, &mut status, &goal, Duration::from_nanos(self.within.ns))?;

@@ -6,7 +6,7 @@ use motorium::nearest::suggest;
 use motorium::plan::{ComponentPlan, Plan, PortPlan, TopicPlan};
 use motorium::state::{JointState, MotionGoal, StateBuffer};
 
-/// A component with an input for goals, and the topics by which it is reached.
+/// A component with a goal input, and the topics that connect to it.
 #[derive(Debug)]
 pub(super) struct Policy<'a> {
     pub(super) component: &'a ComponentPlan,
@@ -20,7 +20,7 @@ impl<'a> Policy<'a> {
     /// Finds the component of this name, or the only one that accepts goals.
     ///
     /// # Errors
-    /// There is none, there are several, or its ports are not wired.
+    /// If there is no such component, there are several, or its ports are not wired.
     pub(super) fn find(plan: &'a Plan, name: Option<&str>) -> anyhow::Result<Self> {
         let all: Vec<&ComponentPlan> =
             plan.components.iter().filter(|component| goal_input(component).is_some()).collect();
@@ -63,13 +63,13 @@ impl<'a> Policy<'a> {
         })
     }
 
-    /// Returns the frame that poses of goals place, if its configuration names one.
+    /// Returns the frame to which goal poses refer, if its configuration names one.
     pub(super) fn frame(&self) -> Option<&'a str> {
         self.component.config.get("frame").and_then(serde_json::Value::as_str)
     }
 }
 
-/// The input for goals of a component that also reads joint states.
+/// Returns the goal input of a component that also reads joint states.
 fn goal_input(component: &ComponentPlan) -> Option<&PortPlan> {
     let has = |port: &&PortPlan, name: &str, type_name: &str| {
         port.port == name && port.layout.type_name == type_name

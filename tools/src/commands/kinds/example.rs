@@ -1,5 +1,5 @@
-//! An example of a kind: a fragment of a graph, made of its declaration and of the example in the
-//! documentation of its configuration.
+//! Example of a kind: a graph fragment built from its declaration and from the example in its configuration's
+//! documentation.
 
 use std::fmt::Write as _;
 
@@ -9,22 +9,22 @@ use serde_json::{Map, Value as Json};
 use super::keys::Definitions;
 use super::source::KindSource;
 
-/// Inputs that replace another input of the example: a robot follows a state or commands.
+/// Inputs that replace another input of the example: a robot follows either states or commands.
 const REPLACEMENTS: [&str; 2] = ["follow", "follow_base"];
 
-/// The longest line of a fragment, in characters.
+/// Longest line of a fragment, in characters.
 const WIDTH: usize = 100;
 
 /// The `config` table of an example.
 pub(super) struct ExampleConfig {
     /// Text of the table.
     text: String,
-    /// As a component reads it.
+    /// Value passed to the component.
     pub(super) value: Json,
 }
 
-/// The example in the documentation of the configuration, else the keys that it must have, each with the
-/// simplest value.
+/// Returns the example in the documentation of the configuration, or else the required keys with the simplest
+/// values.
 pub(super) fn config(schema: &Json, definitions: &Json) -> ExampleConfig {
     let definitions = Definitions(definitions);
     let (table, _) = definitions.resolve(schema);
@@ -36,21 +36,21 @@ pub(super) fn config(schema: &Json, definitions: &Json) -> ExampleConfig {
     simplest_config(schema, definitions.0)
 }
 
-/// The keys that a configuration must have, each with the simplest value.
+/// Required keys of a configuration with the simplest values.
 pub(super) fn simplest_config(schema: &Json, definitions: &Json) -> ExampleConfig {
     let value = simplest(schema, Definitions(definitions), 0);
     let text = toml::to_string(&value).unwrap_or_default();
     ExampleConfig { text, value }
 }
 
-/// The first block of TOML in a documentation.
+/// The first TOML block in a documentation text.
 fn fenced(description: &str) -> Option<&str> {
     let (_, rest) = description.split_once("```toml\n")?;
     let (text, _) = rest.split_once("```")?;
     Some(text)
 }
 
-/// The simplest value that a schema allows, as far as it says.
+/// The simplest value that a schema allows, as far as it can be derived.
 fn simplest(schema: &Json, definitions: Definitions<'_>, depth: usize) -> Json {
     let (schema, _) = definitions.resolve(schema);
     if depth > 8 {
@@ -170,7 +170,7 @@ fn config_tables(name: &str, config: &str) -> String {
     text
 }
 
-/// A name for a component of a kind: the last part of the kind's.
+/// Default component name for a kind: the last part of the kind's name.
 fn component_name(kind: &str) -> String {
     let last = kind.rsplit('.').next().unwrap_or(kind).to_lowercase();
     let kept = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
@@ -184,7 +184,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_example_of_the_documentation_is_taken_as_it_is_written() {
+    fn documented_example_is_used_verbatim() {
         let schema =
             json!({ "description": "A table.\n\n```toml\ngain = 2.0 # 1/s\n\n[limits]\nrate = 1\n```" });
         let config = config(&schema, &json!({}));
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn without_one_the_required_keys_get_the_simplest_values() {
+    fn required_keys_get_simplest_values_without_an_example() {
         let schema = json!({ "type": "object", "required": ["joint", "kp", "mode"], "properties": {
             "joint": { "type": "integer", "minimum": 0 }, "kp": { "type": "array", "items": { "type": "number" } },
             "mode": { "$ref": "#/definitions/Mode" }, "left_out": { "type": "number" },

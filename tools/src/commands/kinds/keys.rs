@@ -6,14 +6,14 @@ use serde_json::Value as Json;
 /// A key of a configuration.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Key {
-    /// Its path: `limits.position.margin`, `goals[].duration`, `parts.NAME.joints`.
+    /// Path of the key: `limits.position.margin`, `goals[].duration`, `parts.NAME.joints`.
     pub(super) key: String,
-    /// Type of its value in words, such as `list of numbers`.
+    /// Readable type of the value, such as `list of numbers`.
     #[serde(rename = "type")]
     pub(super) kind: String,
-    /// The table that holds it must have it.
+    /// `true` if the key is required in its table.
     pub(super) required: bool,
-    /// Value where it is left out.
+    /// Default value.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) default: Option<Json>,
     /// Smallest number allowed.
@@ -26,12 +26,12 @@ pub(super) struct Key {
     pub(super) description: String,
 }
 
-/// The definitions to which a schema refers.
+/// Definitions referenced by a schema.
 #[derive(Clone, Copy)]
 pub(super) struct Definitions<'a>(pub(super) &'a Json);
 
 impl<'a> Definitions<'a> {
-    /// The schema itself, or the one to which it refers, and the name of that.
+    /// Returns the schema, or the referenced one with its name.
     pub(super) fn resolve(&self, schema: &'a Json) -> (&'a Json, Option<&'a str>) {
         let name = schema.get("$ref").and_then(Json::as_str).and_then(|path| path.rsplit('/').next());
         match name.and_then(|name| Some((self.0.get(name)?, name))) {
@@ -41,7 +41,7 @@ impl<'a> Definitions<'a> {
     }
 }
 
-/// All keys of a table, each table's own before its nested tables' keys.
+/// Returns all keys of a table; keys of a table precede keys of its nested tables.
 pub(super) fn collect(schema: &Json, definitions: &Json) -> Vec<Key> {
     let mut keys = Vec::new();
     let mut walk =
@@ -52,15 +52,15 @@ pub(super) fn collect(schema: &Json, definitions: &Json) -> Vec<Key> {
 
 struct Walk<'a, 'k> {
     definitions: Definitions<'a>,
-    /// Names of the definitions in which it stands: one that holds itself is not entered again.
+    /// Names of the enclosing definitions; a recursive definition is entered once.
     trail: Vec<&'a str>,
-    /// The key is in one of several variants of a table.
+    /// `true` if the key is in one of several variants of a table.
     in_variant: bool,
     keys: &'k mut Vec<Key>,
 }
 
 impl<'a> Walk<'a, '_> {
-    /// Enters whatever tables a schema describes; `path` leads to them.
+    /// Enters all tables described by a schema; `path` is their path.
     fn enter(&mut self, schema: &'a Json, path: &str) {
         let (schema, name) = self.definitions.resolve(schema);
         if let Some(name) = name {
@@ -88,7 +88,7 @@ impl<'a> Walk<'a, '_> {
         if let Some(properties) = schema.get("properties").and_then(Json::as_object) {
             let required = schema.get("required").and_then(Json::as_array);
             for (name, property) in properties {
-                // what one of several variants needs, the others do not have
+                // keys required by one variant do not exist in the others
                 let is_required = !self.in_variant
                     && required.is_some_and(|required| required.iter().any(|other| other == name));
                 self.add(joined(path, name), property, is_required);
@@ -106,7 +106,7 @@ impl<'a> Walk<'a, '_> {
 
     fn add(&mut self, key: String, schema: &'a Json, required: bool) {
         let kind = kind(schema, self.definitions);
-        // a key of several variants of a table stands once
+        // a key of several variants of a table is listed once
         if let Some(known) = self.keys.iter_mut().find(|known| known.key == key) {
             if !known.kind.split(" or ").any(|one| one == kind) {
                 known.kind = format!("{} or {kind}", known.kind);
@@ -135,13 +135,13 @@ fn joined(path: &str, name: &str) -> String {
     if path.is_empty() { name.to_string() } else { format!("{path}.{name}") }
 }
 
-/// A description without its examples of code, in one line.
+/// Returns a description in one line, without code examples.
 pub(super) fn prose(description: &str) -> String {
     let text: String = description.split("```").step_by(2).collect();
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// The schema behind references and wrappers of one.
+/// Resolves references and wrappers with a single element.
 fn inner<'a>(schema: &'a Json, definitions: Definitions<'a>) -> &'a Json {
     let (schema, _) = definitions.resolve(schema);
     let alternatives = ["allOf", "anyOf"].iter().find_map(|list| schema.get(list)).and_then(Json::as_array);
@@ -152,7 +152,7 @@ fn inner<'a>(schema: &'a Json, definitions: Definitions<'a>) -> &'a Json {
     }
 }
 
-/// The type of a value in words.
+/// Readable type of a value.
 fn kind(schema: &Json, definitions: Definitions<'_>) -> String {
     let schema = inner(schema, definitions);
     if let Some(value) = schema.get("const") {
@@ -264,14 +264,14 @@ mod tests {
     }
 
     #[test]
-    fn a_key_of_several_variants_stands_once_with_all_its_types() {
+    fn key_of_several_variants_is_listed_once_with_all_types() {
         let variant = |kind: Json| json!({ "type": "object", "properties": { "kind": kind } });
         let schema = json!({ "oneOf": [variant(json!({ "const": "a" })), variant(json!({ "const": "b" }))] });
         assert_eq!(listed(&schema, &json!({})), ["kind: \"a\" or \"b\""]);
     }
 
     #[test]
-    fn examples_of_code_are_no_prose() {
+    fn code_examples_are_removed_from_descriptions() {
         assert_eq!(prose("Gain,\n1/s.\n\n```toml\ngain = 1\n```\nDefault 1."), "Gain, 1/s. Default 1.");
     }
 }

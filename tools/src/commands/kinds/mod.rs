@@ -1,4 +1,4 @@
-//! `motorium kinds`: the kinds of components, and all that is known of one, from its own declaration.
+//! `motorium kinds`: lists the kinds of components, or describes one from its declaration.
 
 mod example;
 mod keys;
@@ -75,7 +75,7 @@ impl Kinds {
 
 fn find<'k, 'a>(name: &str, kinds: &'k [KindSource<'a>]) -> anyhow::Result<&'k KindSource<'a>> {
     kinds.iter().find(|kind| kind.name() == name).ok_or_else(|| {
-        // The first part of a name stands for the kinds that begin with it.
+        // The first part of a name selects all kinds that begin with it.
         let begins = |kind: &&str| kind.split('.').next() == Some(name);
         let family: Vec<String> =
             kinds.iter().map(KindSource::name).filter(begins).map(|kind| format!("`{kind}`")).collect();

@@ -10,7 +10,7 @@ use super::sheet::{Port, Sheet};
 use super::source::KindSource;
 use crate::style;
 
-/// Width of a line, in characters.
+/// Line width in characters.
 const WIDTH: usize = 80;
 
 /// One line for each kind.
@@ -130,7 +130,7 @@ fn key(text: &mut String, key: &Key) {
     if key.required {
         facts += "; required";
     }
-    // most descriptions say it themselves, in the unit of the key
+    // most descriptions already contain the default, in the unit of the key
     if let Some(default) = key.default.as_ref().filter(|_| !key.description.contains("efault")) {
         facts += &format!("; default {}", value(default));
     }
@@ -138,7 +138,7 @@ fn key(text: &mut String, key: &Key) {
     paragraph(text, 6, &key.description);
 }
 
-/// A value as a graph file would have it.
+/// Formats a value as in a graph file.
 fn value(json: &Json) -> String {
     match json {
         Json::Number(number) if number.is_f64() => short(number.as_f64().unwrap_or_default()),
@@ -152,7 +152,7 @@ fn value(json: &Json) -> String {
     }
 }
 
-/// A number with all its digits, with a power of ten only far from one.
+/// Formats a number with all its digits, with an exponent only far from one.
 fn short(number: f64) -> String {
     match number.abs() {
         0.0 => "0".to_string(),
@@ -161,7 +161,7 @@ fn short(number: f64) -> String {
     }
 }
 
-/// A name and its facts, which go on in further lines where one is too short.
+/// Adds a name and its facts, continued on further lines if needed.
 fn entry(text: &mut String, name: &str, facts: &str) {
     let room = WIDTH.saturating_sub(name.chars().count() + 4);
     let first = wrapped(facts, room).into_iter().next().unwrap_or_default();
@@ -176,7 +176,7 @@ fn paragraph(text: &mut String, indent: usize, words: &str) {
     }
 }
 
-/// A text in lines of at most `width` characters, broken at blanks.
+/// Wraps a text at blanks to at most `width` characters.
 fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {

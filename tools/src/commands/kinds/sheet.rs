@@ -1,4 +1,4 @@
-//! All that is known of a kind.
+//! Description of a kind.
 
 use std::path::PathBuf;
 
@@ -11,26 +11,26 @@ use super::example::{self, ExampleConfig};
 use super::keys::{self, Key};
 use super::source::KindSource;
 
-/// All that is known of a kind, from its own declaration and the schema of its configuration.
+/// Description of a kind, from its declaration and the schema of its configuration.
 #[derive(Debug, Serialize)]
 pub(super) struct Sheet {
     pub(super) kind: String,
     pub(super) summary: String,
-    /// The other program that hosts it.
+    /// Other program that hosts the kind.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) program: Option<PathBuf>,
     /// Page of the book.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) page: Option<String>,
-    /// The robot with which it declared ports and parameters.
+    /// Robot with which the kind declared ports and parameters.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) robot: Option<String>,
-    /// Reason for which it declares nothing with the configuration of the example.
+    /// Reason why the kind declares nothing with the example configuration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) refused: Option<String>,
-    /// The kind applies commands to a robot.
+    /// `true` if the kind applies commands to a robot.
     pub(super) actuator: bool,
-    /// The kind can be reset for a new episode.
+    /// `true` if the kind can be reset for a new episode.
     pub(super) resets: bool,
     pub(super) ports: Vec<Port>,
     pub(super) parameters: Vec<ParameterDeclaration>,
@@ -52,7 +52,7 @@ pub(super) struct Port {
 }
 
 impl Sheet {
-    /// Asks a kind, with this robot, or with one of the catalogue that it takes.
+    /// Describes a kind with this robot, or with a supported one of the catalogue.
     pub(super) fn from_kind(kind: &KindSource<'_>, robot: Option<&str>) -> Self {
         let (schema, definitions) = kind.schema();
         let mut config = example::config(&schema, &definitions);
@@ -99,7 +99,7 @@ impl Port {
     }
 }
 
-/// The declaration of a kind, and the robot with which it makes one.
+/// Returns the declaration of a kind and the robot it was made with.
 fn declare(
     kind: &KindSource<'_>,
     config: &ExampleConfig,
@@ -124,7 +124,7 @@ fn declare(
     (None, refused.map_or(alone, Err))
 }
 
-/// The robot of most examples, tried first.
+/// Robot of most examples, which is tried first.
 const FIRST: &str = "panda";
 
 fn reference(robot: &str) -> RobotReference {

@@ -15,18 +15,20 @@ use crate::style;
 pub(super) enum KindSource<'a> {
     /// This program.
     BuiltIn(&'a Kind),
-    /// Another installed program, named by `kind` in a graph all the same.
+    /// Another installed program, also named by `kind` in a graph.
     Installed(PathBuf, KindAnswer),
     /// A program of the user, named by `exec`.
     Exec(PathBuf, KindAnswer),
 }
 
-/// The kinds of a program of the user.
+/// Returns the kinds of a user's program.
 pub(super) fn of_program(program: &Path) -> anyhow::Result<Vec<KindSource<'static>>> {
     let name = program.to_str().context("the path of the program is not text")?;
     let advised = |problem: ExecProblem| {
         let stderr = match &problem {
-            ExecProblem::NoComponent { stderr, .. } if !stderr.is_empty() => format!("; it said: {stderr}"),
+            ExecProblem::NoComponent { stderr, .. } if !stderr.is_empty() => {
+                format!("; it said: {stderr}")
+            }
             _ => String::new(),
         };
         anyhow::anyhow!("{problem}{stderr}\n{}: {}", style::strong("help"), problem.advice())
@@ -36,8 +38,8 @@ pub(super) fn of_program(program: &Path) -> anyhow::Result<Vec<KindSource<'stati
     Ok(kinds.into_iter().map(|kind| KindSource::Exec(path.clone(), kind)).collect())
 }
 
-/// The built-in kinds and the kinds of other installed programs, by name. Prints a warning for a program
-/// without an answer.
+/// Returns the built-in kinds and the kinds of other installed programs, by name. Prints a warning for a
+/// program that does not answer.
 pub(super) fn installed(registry: &Registry) -> Vec<KindSource<'_>> {
     let mut kinds: Vec<KindSource<'_>> = registry.kinds().iter().map(KindSource::BuiltIn).collect();
     for path in registry.siblings().iter().filter_map(programs::locate) {
@@ -53,7 +55,7 @@ pub(super) fn installed(registry: &Registry) -> Vec<KindSource<'_>> {
 }
 
 impl KindSource<'_> {
-    /// Its name in graph files.
+    /// Name in graph files.
     pub(super) fn name(&self) -> &str {
         match self {
             Self::BuiltIn(kind) => kind.name,
@@ -69,7 +71,7 @@ impl KindSource<'_> {
         }
     }
 
-    /// The other program that hosts it.
+    /// Other program that hosts the kind.
     pub(super) fn program(&self) -> Option<&Path> {
         match self {
             Self::BuiltIn(_) => None,
@@ -77,7 +79,7 @@ impl KindSource<'_> {
         }
     }
 
-    /// The page of the book on it: each built-in kind has one.
+    /// Page of the book; every built-in kind has one.
     pub(super) fn page(&self) -> Option<String> {
         match self {
             Self::BuiltIn(kind) => Some(format!("kinds/{}.md", kind.name.replace(['.', '_'], "-"))),
@@ -85,7 +87,7 @@ impl KindSource<'_> {
         }
     }
 
-    /// The JSON Schema of its `config` table, and the definitions to which it refers.
+    /// JSON Schema of its `config` table, and the referenced definitions.
     pub(super) fn schema(&self) -> (Json, Json) {
         match self {
             Self::BuiltIn(kind) => kind.config_schema(),
@@ -93,7 +95,7 @@ impl KindSource<'_> {
         }
     }
 
-    /// Its declaration with a configuration and a robot, or why it has none.
+    /// Declares the kind with a configuration and a robot.
     pub(super) fn declare(&self, config: Json, robot: Option<RobotReference>) -> Result<Declaration, String> {
         let refused = |error: motorium::declare::ConfigError| match error.key {
             Some(key) => format!("`{key}`: {}", error.message),
@@ -115,7 +117,7 @@ impl KindSource<'_> {
         }
     }
 
-    /// The kind in the list of all, as JSON.
+    /// Entry of the kind in the JSON list.
     pub(super) fn line(&self) -> Json {
         json!({ "kind": self.name(), "summary": self.summary(), "program": self.program(), "page": self.page() })
     }

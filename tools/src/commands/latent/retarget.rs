@@ -1,4 +1,4 @@
-//! `motorium latent retarget`: from a recorded movement of a human to poses of a robot.
+//! `motorium latent retarget`: converts a recorded human movement to poses of a robot.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

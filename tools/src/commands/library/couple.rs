@@ -1,4 +1,4 @@
-//! `motorium library couple`: a coupling from pictures of letters to their movements.
+//! `motorium library couple`: trains a coupling from pictures of letters to their movements.
 
 use std::io::IsTerminal as _;
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! `motorium model check`: a trained policy against a robot.
+//! `motorium model check`: checks a trained policy against a robot.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -12,7 +12,7 @@ use serde::Serialize;
 use crate::out::{errln, outln};
 use crate::style;
 
-/// Difference of poses that is reported [rad or m].
+/// Smallest reported difference between poses [rad or m].
 const POSE_TOLERANCE: f64 = 1e-3;
 
 /// Check the folder of a policy against a robot: the widths of its network, the source of each observation
@@ -61,7 +61,7 @@ struct PatternOutput {
 #[derive(Debug, Serialize)]
 struct Term {
     term: String,
-    /// Message that carries it; null if the policy computes it.
+    /// Message that contains it; null if the policy computes it.
     message: Option<&'static str>,
     first: usize,
     width: usize,

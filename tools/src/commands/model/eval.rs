@@ -73,7 +73,7 @@ impl Eval {
     }
 }
 
-/// Shape and numbers of each input of a model.
+/// Returns the shape and numbers of each input of a model.
 fn tensors(model: &onnx::Model, given: &Value) -> anyhow::Result<Vec<(Vec<usize>, Vec<f32>)>> {
     let inputs = model.inputs();
     let names: Vec<&str> = inputs.iter().map(|input| &input.name[..]).collect();
@@ -109,7 +109,7 @@ fn tensors(model: &onnx::Model, given: &Value) -> anyhow::Result<Vec<(Vec<usize>
     Ok(tensors)
 }
 
-/// Appends the numbers of nested lists of equal lengths.
+/// Appends the numbers of nested lists with equal lengths.
 fn flatten(value: &Value, depth: usize, shape: &mut Vec<usize>, values: &mut Vec<f32>) -> anyhow::Result<()> {
     match value {
         Value::Array(items) => {

@@ -1,4 +1,4 @@
-//! `motorium model import`: a policy folder from the files of a training framework.
+//! `motorium model import`: creates a policy folder from the files of a training framework.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -78,7 +78,8 @@ fn name(path: &Path) -> String {
     path.display().to_string()
 }
 
-/// The YAML file of a LEAPP bundle at `path`, a file or a folder with one; `None` for other files.
+/// Returns the YAML file of a LEAPP bundle at `path`, which is the file or its folder; `None` for other
+/// files.
 fn bundle_file(path: &Path) -> anyhow::Result<Option<PathBuf>> {
     let is_yaml = |path: &Path| path.extension().is_some_and(|extension| extension == "yaml");
     if !path.is_dir() {
@@ -118,7 +119,7 @@ impl Import {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// `true` with an option for files of mjlab only.
+    /// Returns `true` if an option for files of mjlab is given.
     fn has_mjlab_options(&self) -> bool {
         self.history.is_some()
             || self.height_points.is_some()
@@ -126,7 +127,7 @@ impl Import {
             || self.height_offset.is_some()
     }
 
-    /// The policy and the bytes of its network.
+    /// Returns the policy and the bytes of its network.
     fn import(&self, robot: Option<&Loaded>) -> anyhow::Result<(Policy, Vec<u8>)> {
         let file = || name(&self.file);
         let environment = match &self.env {
@@ -198,7 +199,7 @@ impl Import {
             .map_err(|error| self.located(error, path))
     }
 
-    /// An error with the name of its file: `--env`, or the description at `path`.
+    /// Adds the name of the file to an error: `--env`, or the description at `path`.
     fn located(&self, error: ImportError, path: &Path) -> anyhow::Error {
         let file = match (&error, &self.env) {
             (ImportError::Environment(_), Some(environment)) => name(environment),

@@ -1,6 +1,6 @@
-//! The YAML files of training frameworks, as the importers of policies take them.
+//! Readers for the YAML files of training frameworks.
 //!
-//! Only the keys that an importer reads are declared; others are ignored, with their tags of Python
+//! Only the keys that an importer reads are declared. Others are ignored, including Python tags
 //! (`!!python/tuple`, `!!python/object/apply:builtins.slice`).
 
 use std::collections::BTreeMap;
@@ -18,7 +18,7 @@ use serde_saphyr::Spanned;
 /// Default of `offset` in `isaaclab.envs.mdp.observations.height_scan` [m].
 const HEIGHT_SCAN_OFFSET: f64 = 0.5;
 
-/// Reads a file; errors have its line and column.
+/// Reads a file; errors contain line and column.
 fn read<T: DeserializeOwned>(path: &Path) -> anyhow::Result<T> {
     let name = path.display();
     let text = std::fs::read_to_string(path).with_context(|| name.to_string())?;
@@ -50,7 +50,7 @@ enum Nested {
 }
 
 impl Nested {
-    /// The numbers of the innermost first list: files repeat them for each environment.
+    /// Returns the numbers of the innermost first list; files repeat them for each environment.
     fn row(&self) -> Vec<f64> {
         match self {
             Self::Number(number) => vec![*number],
@@ -203,7 +203,7 @@ struct HeightScanTerm {
 
 #[derive(Debug, Deserialize)]
 struct HeightScanParameters {
-    /// Left out where it has the default of `isaaclab.envs.mdp.observations.height_scan`.
+    /// Omitted if it equals the default of `isaaclab.envs.mdp.observations.height_scan`.
     offset: Option<f64>,
 }
 
@@ -212,7 +212,7 @@ struct HeightScanner {
     pattern_cfg: Option<GridPattern>,
 }
 
-/// The pattern of the rays; others than grids have other keys.
+/// Ray pattern; patterns other than grids have other keys.
 #[derive(Debug, Deserialize)]
 struct GridPattern {
     resolution: Option<f64>,
@@ -330,7 +330,7 @@ struct PortEntry {
     element_names: Option<Vec<Option<Axis>>>,
 }
 
-/// Names along an axis. Old files have the names of the only axis in place of a list of axes.
+/// Names along an axis. Old files contain the names of the only axis instead of a list of axes.
 #[derive(Debug, Deserialize)]
 #[serde(untagged, expecting = "expected a name, or a list of names")]
 enum Axis {

@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use super::sources::Sources;
 use crate::registry;
 
-/// Path of a file in the crate, and its text.
+/// Path of a file in the crate and its text.
 pub(super) type File = (&'static str, String);
 
-/// The files could not be written.
+/// Error of writing the files.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum WriteError {
     #[error("`{}` exists already and is left as it is; choose another name, or another folder with --path", .0.display())]
@@ -40,14 +40,13 @@ pub(super) fn files(name: &str, sources: Option<&Sources>) -> Vec<File> {
         ("src/main.rs", include_str!("../../../templates/main.rs").to_string()),
         (".gitignore", include_str!("../../../templates/gitignore.in").to_string()),
     ];
-    // The versions that the runtime was built and tested with; cargo drops those that the crate does not
-    // need.
+    // Versions that the runtime was built and tested with; cargo drops unneeded ones.
     files.extend(sources.and_then(Sources::lock).map(|lock| ("Cargo.lock", lock)));
     files
 }
 
-/// The crate's dependency on motorium: on sources of this machine, or on the published version of this
-/// program. `features` is the rest of the table, which selects its features.
+/// Dependency of the crate on motorium: local sources, or the published version of this program. `features`
+/// is the rest of the table and selects the features.
 fn dependency(sources: Option<&Sources>, features: &str) -> String {
     let version = env!("CARGO_PKG_VERSION");
     match sources {
@@ -60,8 +59,8 @@ fn dependency(sources: Option<&Sources>, features: &str) -> String {
     }
 }
 
-/// Makes the crate's folder in `parent` and writes the files there; nothing that exists is ever touched. If a
-/// file cannot be written, what was made until then is removed.
+/// Creates the crate's folder in `parent` and writes the files into it, without changing anything that
+/// exists. If a file cannot be written, the files created so far are removed.
 pub(super) fn write(parent: &Path, name: &str, files: &[File]) -> Result<PathBuf, WriteError> {
     let folder = parent.join(name);
     fs::create_dir(&folder).map_err(|source| match source.kind() {
@@ -94,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn without_sources_the_published_version_is_asked_for() {
+    fn published_version_is_requested_without_sources() {
         let made = files("my-controller", None);
         let manifest = &made.iter().find(|(name, _)| *name == "Cargo.toml").unwrap().1;
         assert!(
@@ -108,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn what_exists_is_never_overwritten() {
+    fn existing_files_are_never_overwritten() {
         let parent = tempfile::tempdir().unwrap();
         let kept = parent.path().join("mine/Cargo.toml");
         fs::create_dir(parent.path().join("mine")).unwrap();
@@ -119,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn a_crate_that_cannot_be_written_whole_leaves_nothing() {
+    fn incomplete_crate_is_removed() {
         let parent = tempfile::tempdir().unwrap();
         let files = [("a", "text".to_string()), ("a/b", "below a file".to_string())];
         assert!(matches!(write(parent.path(), "half", &files), Err(WriteError::Io { .. })));

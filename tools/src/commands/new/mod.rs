@@ -1,4 +1,4 @@
-//! `motorium new`: a component crate and a graph that build and run at once.
+//! `motorium new`: creates a component crate and a graph that are ready to build and run.
 
 mod files;
 mod name;
@@ -29,7 +29,7 @@ pub(crate) struct New {
     json: bool,
 }
 
-/// The crate that was made, as JSON.
+/// The created crate, as JSON.
 #[derive(Debug, Serialize)]
 struct Made {
     name: String,

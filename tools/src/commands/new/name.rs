@@ -1,6 +1,6 @@
 //! Names of component crates.
 
-/// Names that a crate or its program cannot have: keywords, names of cargo, and dependencies.
+/// Names unavailable for a crate or its program: keywords, names used by cargo, and dependencies.
 const TAKEN: [&str; 66] = [
     "abstract",
     "alloc",
@@ -69,10 +69,10 @@ const TAKEN: [&str; 66] = [
     "yield",
     "union",
 ];
-/// Names of graphs are at most this long.
+/// Maximum length of graph names, in characters.
 const LONGEST: usize = 64;
 
-/// A name that no component crate can have.
+/// Error of an invalid crate name.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub(super) enum NameError {
     #[error("the name is empty; try `my-controller`")]
@@ -111,7 +111,7 @@ pub(super) fn check(name: &str) -> Result<(), NameError> {
     if TAKEN.contains(&name.as_str()) { Err(NameError::Taken { name }) } else { Ok(()) }
 }
 
-/// The nearest name that is allowed, or nothing.
+/// Returns the nearest valid name, or an empty text.
 fn better(name: &str) -> String {
     let mut better = String::new();
     let mut last = ' ';
@@ -137,14 +137,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn usual_names_are_taken() {
+    fn usual_names_are_accepted() {
         for name in ["my-controller", "reach2", "a", "left_arm"] {
             assert_eq!(check(name), Ok(()), "{name}");
         }
     }
 
     #[test]
-    fn a_name_with_a_mistake_is_answered_with_one_without() {
+    fn invalid_name_is_answered_with_a_valid_one() {
         for (name, better) in [
             ("MyController", "my-controller"),
             ("my controller", "my-controller"),
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn names_that_mean_something_else_are_refused() {
+    fn names_with_another_meaning_are_refused() {
         for name in TAKEN {
             assert_eq!(check(name), Err(NameError::Taken { name: name.into() }));
         }

@@ -1,8 +1,8 @@
-//! The sources of the crate `motorium` that a new component is built on.
+//! Sources of the crate `motorium` for new components.
 
 use std::path::{Path, PathBuf};
 
-/// Sources of the crate `motorium`, of the version of this program: in a checkout, or beside an installed
+/// Sources of the crate `motorium` in the version of this program: in a checkout, or next to an installed
 /// program.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Sources {
@@ -11,8 +11,8 @@ pub(super) struct Sources {
 }
 
 impl Sources {
-    /// The sources around this program's file, in a checkout or a release archive; else the
-    /// checkout it was built in.
+    /// Finds the sources around this program's file, in a checkout or a release archive, or else the checkout
+    /// in which it was built.
     pub(super) fn find() -> Option<Self> {
         let program = std::env::current_exe().and_then(|path| path.canonicalize()).ok();
         let around = program.iter().flat_map(|path| path.ancestors().skip(1));
@@ -20,7 +20,7 @@ impl Sources {
         around.chain(built).find_map(Self::in_folder)
     }
 
-    /// The sources below this folder, if they are of this version.
+    /// Returns the sources below this folder if their version matches.
     fn in_folder(root: &Path) -> Option<Self> {
         Self::checkout(root).or_else(|| Self::installed(root))
     }
@@ -32,7 +32,7 @@ impl Sources {
             .then(|| Self { runtime, lock: root.join("Cargo.lock") })
     }
 
-    /// Place in an archive of a release, below the folder of `bin`: the crate as it is published.
+    /// Location in a release archive, below the parent of `bin`: the crate as published.
     fn installed(prefix: &Path) -> Option<Self> {
         let runtime = prefix.join("share/motorium/runtime");
         (names_the_crate(&runtime) && names_the_version(&runtime))
@@ -44,13 +44,13 @@ impl Sources {
         &self.runtime
     }
 
-    /// The exact versions of everything it depends on.
+    /// Exact versions of all its dependencies.
     pub(super) fn lock(&self) -> Option<String> {
         std::fs::read_to_string(&self.lock).ok()
     }
 }
 
-/// True if the manifest in this folder has this line.
+/// Returns `true` if the manifest in this folder contains this line.
 fn has_line(folder: &Path, line: &str) -> bool {
     std::fs::read_to_string(folder.join("Cargo.toml"))
         .is_ok_and(|text| text.lines().any(|found| found.trim() == line))
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn another_project_with_a_runtime_is_not_taken_for_it() {
+    fn another_project_with_a_runtime_is_not_confused() {
         let folder = tempfile::tempdir().unwrap();
         let write = |name: &str, text: &str| write(folder.path(), name, text);
         write("Cargo.toml", "[workspace.package]\nversion = \"0.0.1\"\n");
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unpacked_archive_holds_the_crate_and_its_versions() {
+    fn unpacked_archive_contains_the_crate_and_its_versions() {
         let prefix = tempfile::tempdir().unwrap();
         let manifest = |version: &str| format!("[package]\nname = \"motorium\"\nversion = \"{version}\"\n");
         write(prefix.path(), "share/motorium/runtime/Cargo.toml", &manifest("0.0.1"));

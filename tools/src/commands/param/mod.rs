@@ -90,7 +90,7 @@ struct Set {
     json: bool,
 }
 
-/// The parameters to set, with their values as text.
+/// Parses the parameters to set, with their values as text.
 fn assignments(values: &[String]) -> anyhow::Result<Vec<(&str, &str)>> {
     if let [path, value] = values
         && !path.contains('=')
@@ -105,7 +105,7 @@ fn assignments(values: &[String]) -> anyhow::Result<Vec<(&str, &str)>> {
     values.iter().map(|text| split(text).map(|(end, start)| (&text[..end], &text[start..]))).collect()
 }
 
-/// Parses a value of a parameter of this kind as it is written on the command line.
+/// Parses a command-line value for a parameter of this kind.
 fn value(text: &str, kind: ParameterKind) -> Result<ParameterValue, String> {
     match kind {
         ParameterKind::Choice => return Ok(text.into()),
@@ -126,7 +126,7 @@ fn value(text: &str, kind: ParameterKind) -> Result<ParameterValue, String> {
     }
 }
 
-/// Parses numbers in brackets, or without; one number without brackets stands for all of the array.
+/// Parses numbers with or without brackets; one number without brackets is used for the whole array.
 fn array(text: &str) -> Result<ParameterValue, String> {
     let inside = text.trim();
     if let Some(all) = inside.parse::<f64>().ok().filter(|all| all.is_finite()) {
@@ -241,7 +241,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_are_read_as_people_write_them() {
+    fn values_are_parsed_in_their_usual_notation() {
         let float = |text| value(text, ParameterKind::Float);
         assert_eq!(value("true", ParameterKind::Boolean), Ok(ParameterValue::Boolean(true)));
         assert_eq!(float("-3"), Ok(ParameterValue::Integer(-3)));

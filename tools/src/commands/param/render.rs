@@ -17,11 +17,11 @@ pub(super) struct Row {
     pub(super) value: ParameterValue,
     /// Value at the start of the run.
     pub(super) initial: ParameterValue,
-    /// Value unless the graph file sets another.
+    /// Default value if the graph file sets none.
     pub(super) default: ParameterValue,
     pub(super) min: Option<f64>,
     pub(super) max: Option<f64>,
-    /// Names to choose from; only of a choice.
+    /// Names to choose from, for a choice only.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) choices: Vec<String>,
     pub(super) unit: String,
@@ -47,12 +47,12 @@ impl Row {
         }
     }
 
-    /// A value of this parameter with its unit.
+    /// Formats a value of this parameter with its unit.
     pub(super) fn with_unit(&self, value: &ParameterValue) -> String {
         if self.unit.is_empty() { value.to_string() } else { format!("{value} {}", self.unit) }
     }
 
-    /// The range in words.
+    /// Describes the range.
     fn range(&self) -> String {
         let length = match &self.default {
             ParameterValue::Array(values) => format!("{} numbers, ", values.len()),
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_are_written_as_they_are_meant() {
+    fn ranges_are_written_without_open_ends() {
         let float = 1.0;
         assert_eq!(row(float, Some(0.0), Some(2.5)).range(), "0 to 2.5");
         assert_eq!(row(float, Some(0.5), None).range(), "from 0.5");
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn a_parameter_as_json_says_all_that_a_program_needs_to_set_it() {
+    fn json_parameter_has_everything_needed_to_set_it() {
         let json = serde_json::to_value(row(ParameterValue::Float(2.0), Some(0.0), None)).unwrap();
         assert_eq!(json["name"], "controller.gain");
         assert_eq!(json["type"], "float");

@@ -1,10 +1,10 @@
-//! Numbers of options.
+//! Numbers in options.
 
 /// Numbers as written on the command line: `0.1,-2,3e-2`.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Numbers(pub(super) Vec<f64>);
 
-/// The numbers of an option, one for each dimension; one number stands for all.
+/// Returns the numbers of an option, one per dimension; a single number is used for all dimensions.
 pub(in crate::commands) fn per_dimension(
     option: &str,
     given: &[f64],

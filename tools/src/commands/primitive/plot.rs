@@ -1,4 +1,4 @@
-//! Movements of primitives as panels over time.
+//! Plots of primitive movements, as panels over time.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use motorium_primitives::rollout::Trajectory;
 
 use crate::chart::{self, Panel};
 
-/// A panel of one dimension of movements, with two standard deviations where they are known.
+/// A panel of one dimension of movements, with two standard deviations if known.
 pub(super) fn dimension(name: &str, trajectories: &[Trajectory], dimension: usize) -> Panel {
     let mut panel = Panel::new(name);
     for trajectory in trajectories {

@@ -14,7 +14,7 @@ use super::plot;
 use crate::out::errln;
 use crate::style;
 
-/// Via points farther from the mean than this number of standard deviations are extrapolated.
+/// Distance from the mean, in standard deviations, beyond which a via point is an extrapolation.
 const FAR: f64 = 6.0;
 
 /// Run a primitive: as demonstrated, or with another start, goal, duration or via points.
@@ -146,7 +146,7 @@ impl Replay {
     }
 }
 
-/// Prints to standard output; a closed pipe is no error.
+/// Prints to standard output; a closed pipe is not an error.
 fn print(text: &str) -> anyhow::Result<()> {
     match std::io::stdout().lock().write_all(text.as_bytes()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error.into()),
@@ -188,7 +188,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn via_points_are_read_as_they_are_written() {
+    fn via_points_are_parsed() {
         let expected = ViaPoint { phase: 0.5, position: vec![0.1, -2.0], deviation: 1e-4 };
         assert_eq!(via("0.5:0.1,-2"), Ok(expected.clone()));
         assert_eq!(via("0.5:0.1,-2:0.01"), Ok(ViaPoint { deviation: 0.01, ..expected }));

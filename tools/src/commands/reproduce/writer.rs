@@ -1,4 +1,4 @@
-//! Figures and claims as they are collected, and what an interrupted run has done.
+//! Writer of figures and claims, with the progress of interrupted runs.
 
 use std::collections::BTreeMap;
 use std::io::IsTerminal as _;
@@ -22,7 +22,7 @@ pub(super) struct Claim {
     pub(super) evidence: String,
 }
 
-/// A part of the work that is done.
+/// A completed part of the work.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Part {
     files: Vec<PathBuf>,
@@ -31,10 +31,10 @@ struct Part {
     steps: u64,
 }
 
-/// Progress so far, for a run that continues it.
+/// Progress of a run, from which it can resume.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Progress {
-    /// Options and data that the figures depend on.
+    /// Options and data on which the figures depend.
     of: serde_json::Value,
     parts: BTreeMap<String, Part>,
 }
@@ -48,7 +48,7 @@ pub(super) struct FigureWriter {
     progress: Option<Progress>,
 }
 
-/// The file in the folder of the figures that says what is done.
+/// File in the folder of the figures that records the progress.
 const PROGRESS: &str = "progress.json";
 
 impl FigureWriter {
@@ -79,7 +79,7 @@ impl FigureWriter {
         Ok(writer)
     }
 
-    /// Does a part of the work, unless it is done.
+    /// Executes a part of the work, unless it is already complete.
     pub(super) fn part(
         &mut self,
         name: &str,
@@ -116,7 +116,7 @@ impl FigureWriter {
         Ok(())
     }
 
-    /// A line where there is no bar.
+    /// Prints a line if there is no progress bar.
     fn say(&self, words: &str) {
         match std::io::stderr().is_terminal() {
             true => self.bar.println(words),
@@ -132,7 +132,7 @@ impl FigureWriter {
         Ok(())
     }
 
-    /// Writes a chart, and its numbers beside it.
+    /// Writes a chart and its numbers.
     pub(super) fn chart(&mut self, name: &str, chart: &Chart) -> anyhow::Result<()> {
         self.write(&format!("{name}.svg"), &chart.svg())?;
         self.write(&format!("{name}.csv"), &chart.csv())
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_that_fails_is_done_again() {
+    fn failed_part_is_repeated() {
         let folder = tempfile::tempdir().unwrap();
         let writer = || {
             let path = folder.path().to_path_buf();

@@ -1,4 +1,4 @@
-//! `motorium robot bench`: the times of the algorithms on a robot.
+//! `motorium robot bench`: execution times of the algorithms for a robot.
 
 use std::hint::black_box;
 use std::process::ExitCode;
@@ -101,13 +101,13 @@ impl Bench {
     }
 }
 
-/// The frame that most joints move: the Jacobian of another would be zeros in part.
+/// The frame moved by the most joints; Jacobians of other frames would partly be zero.
 fn tip(model: &Model) -> anyhow::Result<FrameId> {
     let base = model.frames().iter().rev().find_map(|frame| model.frame(&frame.name).ok());
     model.tip().or(base).ok_or_else(|| anyhow::anyhow!("the robot has no link"))
 }
 
-/// A state the algorithms run at.
+/// A state at which the algorithms run.
 struct State {
     q: Vec<f64>,
     v: Vec<f64>,
@@ -115,7 +115,7 @@ struct State {
     tau: Vec<f64>,
 }
 
-/// Numbers from -1 to 1 that look random and are the same in every run (Knuth's MMIX generator).
+/// Reproducible pseudo-random numbers from -1 to 1 (Knuth's MMIX generator).
 struct Numbers(u64);
 
 impl Numbers {
@@ -159,7 +159,7 @@ fn measure(model: &Model, frame: FrameId, samples: usize) -> Vec<Times> {
     let mut singular = false;
     let mut all = Vec::new();
     let mut run = |algorithm, work: &mut dyn FnMut(&State)| all.push(time(algorithm, &states, samples, work));
-    // A robot without inertia somewhere has no forward dynamics: that is seen once, not timed.
+    // A robot with a singular mass matrix has no forward dynamics: check once, without timing.
     let mut judge = |result: Result<(), SingularMassMatrix>| singular |= result.is_err();
 
     run("forward kinematics", &mut |s| kinematics.update(model, &s.q));
@@ -209,7 +209,7 @@ fn time(algorithm: &'static str, states: &[State], samples: usize, work: &mut dy
         }
         start.elapsed().as_nanos() as f64 / calls as f64
     };
-    // Warm up, and find out how many calls fill 20 us.
+    // Warm up, and find the number of calls that takes 20 us.
     let each = (0..8).map(|_| batch(16)).fold(f64::INFINITY, f64::min).max(1.0);
     let calls = ((20_000.0 / each).ceil() as u64).clamp(1, 4096);
     let mut times: Vec<f64> = (0..samples).map(|_| batch(calls)).collect();

@@ -45,8 +45,8 @@ impl Check {
         Ok(if refused { exit::invalid() } else { ExitCode::SUCCESS })
     }
 
-    /// The defects of its visuals, which pictures and viewers leave out: those that its other shapes do not
-    /// have.
+    /// Returns the defects of its visuals, which pictures and viewers omit, except those shared with its
+    /// other shapes.
     fn of_visuals(&self, robot: &Loaded) -> Vec<String> {
         match self.robot.load_with(MimicMode::Follow, ProfileChoice::Without, ShapeSource::Visual) {
             Ok(seen) => {
@@ -59,7 +59,7 @@ impl Check {
     }
 }
 
-/// The defects of its file; and a robot that touches nothing.
+/// Returns the defects of its file, and a warning for a robot without collision shapes.
 fn warnings(robot: &Loaded) -> Vec<String> {
     let defects = [&robot.warnings[..], &ModelWarning::of_meshes(&robot.model)].concat();
     let mut warnings = ModelWarning::summarise(&defects);
@@ -71,7 +71,7 @@ fn warnings(robot: &Loaded) -> Vec<String> {
     warnings
 }
 
-/// The meshes that are nowhere, each once.
+/// Returns the missing meshes, without duplicates.
 fn missing_meshes(robot: &Loaded) -> Vec<ModelWarning> {
     let mut missing: Vec<ModelWarning> = Vec::new();
     for warning in robot.warnings.iter().filter(|warning| is_missing_mesh(warning)) {
@@ -109,7 +109,7 @@ fn print(robot: &Loaded, warnings: &[String], asked: &str) {
     outln!("{count} {file}: {}", summary(&robot.model));
 }
 
-/// The robot in a line.
+/// Describes the robot in one line.
 fn summary(model: &Model) -> String {
     format!(
         "robot `{}`, {} base, {} links, {} {}, {}",

@@ -3,7 +3,7 @@
 use motorium_robots::{Coordinate, Joint, JointKind, Limits, Loaded, Model};
 use serde_json::{Value, json};
 
-/// A joint's kind in a word.
+/// Name of a joint type.
 pub(super) fn kind(kind: JointKind) -> &'static str {
     match kind {
         JointKind::Revolute => "revolute",
@@ -17,7 +17,7 @@ pub(super) fn base(model: &Model) -> &'static str {
     if model.base().floating { "floating" } else { "fixed" }
 }
 
-/// The mass that moves and, where links are fixed to the world, the mass of all links.
+/// Moving mass and, if links are fixed to the world, the total mass.
 pub(super) fn mass(model: &Model) -> String {
     let (moving, total) = (model.mass(), model.total_mass());
     match (total - moving).abs() <= 1e-9 * total.abs() {
@@ -26,7 +26,7 @@ pub(super) fn mass(model: &Model) -> String {
     }
 }
 
-/// The limits in force: of a joint that others follow narrowed to their limits, too.
+/// Effective limits: limits of a mimicked joint are narrowed by its followers.
 pub(super) fn limits(model: &Model, joint: &Joint) -> Limits {
     let Coordinate::Independent(index) = joint.coordinate else { return joint.limits };
     Limits {
@@ -85,7 +85,7 @@ pub(super) fn joints(model: &Model) -> Vec<Value> {
     model.bodies().iter().map(joint).collect()
 }
 
-/// Everything.
+/// All facts.
 pub(super) fn all(robot: &Loaded) -> Value {
     let model = &robot.model;
     let frame = |frame: &motorium_robots::Frame| {
@@ -156,7 +156,7 @@ pub(super) fn all(robot: &Loaded) -> Value {
     all
 }
 
-/// A number with few digits, without a tail of zeros.
+/// Formats a number with few digits and without trailing zeros.
 pub(super) fn short(value: f64) -> String {
     if !value.is_finite() {
         return "-".to_string();

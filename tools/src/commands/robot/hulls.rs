@@ -1,4 +1,4 @@
-//! `motorium robot hulls`: a robot whose meshes are convex, for fast and robust contacts.
+//! `motorium robot hulls`: makes collision meshes convex, for fast and robust contacts.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -43,14 +43,14 @@ pub(super) struct Hulls {
 /// A mesh of the robot's file.
 struct Mesh {
     link: String,
-    /// Place of the element to replace, or, of a visual, to stand behind.
+    /// Range of the element to replace, or of the visual to insert after.
     place: std::ops::Range<usize>,
     origin: String,
     uri: String,
     scale: Vector3<f64>,
 }
 
-/// Outcome for one mesh.
+/// Result for one mesh.
 #[derive(serde::Serialize)]
 struct Made {
     link: String,
@@ -120,7 +120,7 @@ impl Hulls {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// Writes the convex parts of a mesh; the elements that take its place.
+    /// Writes the convex parts of a mesh and returns the elements that replace it.
     fn parts_of(
         &self,
         mesh: &Mesh,
@@ -158,7 +158,7 @@ impl Hulls {
     }
 }
 
-/// The meshes that bodies collide with: collision shapes, or visuals of links without any.
+/// Returns the collision meshes: collision shapes, or visuals of links without any.
 fn meshes(document: &Document<'_>) -> Vec<Mesh> {
     let links = document.root_element().children().filter(|node| node.has_tag_name("link"));
     let of_link = |link: Node<'_, '_>| -> Vec<Mesh> {
@@ -188,7 +188,7 @@ fn mesh(shape: Node<'_, '_>, link: &str, visual: bool) -> Option<Mesh> {
     let origin = find(shape, "origin").map(|origin| document.input_text()[origin.range()].to_string());
     Some(Mesh {
         link: link.to_string(),
-        // behind a visual, in place of a collision shape
+        // after a visual, instead of a collision shape
         place: if visual { range.end..range.end } else { range },
         origin: origin.unwrap_or_default(),
         uri: mesh.attribute("filename")?.to_string(),

@@ -1,4 +1,4 @@
-//! `motorium robot install`: collections of robots, unpacked into the user's data folder.
+//! `motorium robot install`: unpacks collections of robots into the user's data folder.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -61,8 +61,8 @@ impl Install {
         let folder =
             folder.context("neither HOME nor MOTORIUM_ROBOTS is set; name a folder with --into FOLDER")?;
         std::fs::create_dir_all(&folder).with_context(|| format!("making {}", folder.display()))?;
-        // Beside its place, so that it can be moved there at once; a dot keeps it from being found before it
-        // is whole.
+        // Next to its destination, so that it can be moved atomically; the leading dot hides it until it is
+        // complete.
         let unpacked = folder.join(format!(".unpacking-{}", std::process::id()));
         let result = self.unpack(&unpacked, &folder);
         let _ = std::fs::remove_dir_all(&unpacked);
@@ -78,7 +78,7 @@ impl Install {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// Unpacks into `unpacked`, then moves the robots to their place in `folder`.
+    /// Unpacks into `unpacked`, then moves the robots to their destination in `folder`.
     fn unpack(&self, unpacked: &Path, folder: &Path) -> anyhow::Result<PathBuf> {
         let name = self.collection.name();
         let python = self.python.display();

@@ -1,4 +1,4 @@
-//! `motorium robot show`: joints, limits, frames, poses, sources of one robot.
+//! `motorium robot show`: joints, limits, frames, poses and sources of a robot.
 
 use std::fmt::Write as _;
 use std::process::ExitCode;
@@ -39,7 +39,7 @@ impl Show {
     }
 }
 
-/// The robot in a few words and tables.
+/// Describes the robot in a few lines and tables.
 fn describe(robot: &Loaded) -> String {
     let model = &robot.model;
     let mut text = String::new();
@@ -74,7 +74,7 @@ fn describe(robot: &Loaded) -> String {
     text
 }
 
-/// One row a joint, with its gains.
+/// Table with one row per joint, including its gains.
 fn joints(model: &Model, profile: Option<&Profile>) -> String {
     if model.bodies().is_empty() {
         return String::new();
@@ -118,7 +118,7 @@ fn joints(model: &Model, profile: Option<&Profile>) -> String {
     format!("{}\n\n", rows.trim_fmt())
 }
 
-/// Links that are fixed to a moving one, or carry nothing themselves: the places a task can name.
+/// Links fixed to a moving link, or without children: frames that a task can name.
 fn frames(model: &Model) -> String {
     let mut text = "frames\n".to_string();
     let mut line = |body: Option<usize>, carrier: String| {
@@ -136,7 +136,7 @@ fn frames(model: &Model) -> String {
     text + "\n"
 }
 
-/// Every pose, its values in the order of the joints.
+/// All poses, with values in the order of the joints.
 fn poses(model: &Model, profile: &Profile) -> String {
     let mut text = "poses\n".to_string();
     for name in profile.poses.keys() {
@@ -153,7 +153,7 @@ fn poses(model: &Model, profile: &Profile) -> String {
     text + "\n"
 }
 
-/// The key poses of the robot's SRDF, likewise.
+/// Poses of the robot's SRDF, in the same form.
 fn postures(postures: &[Posture]) -> String {
     let mut text = String::new();
     for posture in postures {

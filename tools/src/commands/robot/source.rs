@@ -1,4 +1,4 @@
-//! The robot of a command, and how to read it.
+//! Options that select the robot of a command and how it is loaded.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -12,7 +12,7 @@ use crate::failure::Failure;
 use crate::out::errln;
 use crate::style;
 
-/// A robot and how to read it.
+/// A robot and how to load it.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct RobotArgs {
     /// A catalogue or installed robot, a URDF or MJCF file, or a folder with one
@@ -29,7 +29,7 @@ pub(super) struct RobotArgs {
     pub(super) package_path: Vec<PathBuf>,
 }
 
-/// A robot with a profile of the user's choice.
+/// A robot with an optional profile.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct ProfiledArgs {
     #[command(flatten)]
@@ -44,7 +44,7 @@ impl ProfiledArgs {
         self.profile.clone().map_or(ProfileChoice::Own, ProfileChoice::File)
     }
 
-    /// Loads the robot; what is wrong with it goes to standard error, and the error is then the exit code.
+    /// Loads the robot; errors go to standard error, and the exit code is returned as error.
     pub(super) fn open(&self, mimic: MimicMode) -> Result<Loaded, ExitCode> {
         self.robot.open_with(mimic, self.choice())
     }
@@ -70,7 +70,7 @@ impl RobotArgs {
         }
     }
 
-    /// Loads the robot with another profile, or without one, or with other shapes.
+    /// Loads the robot with another profile, without one, or with other shapes.
     pub(super) fn load_with(
         &self,
         mimic: MimicMode,
@@ -83,7 +83,7 @@ impl RobotArgs {
         load_with(&self.robot, Path::new(""), &options)
     }
 
-    /// Loads the robot; what is wrong with it goes to standard error, and the error is then the exit code.
+    /// Loads the robot; errors go to standard error, and the exit code is returned as error.
     pub(super) fn open(&self, mimic: MimicMode) -> Result<Loaded, ExitCode> {
         self.open_with(mimic, ProfileChoice::Own)
     }
@@ -94,13 +94,13 @@ impl RobotArgs {
     }
 }
 
-/// Says what is wrong with a robot; the exit code for that.
+/// Prints the error of a robot and returns the exit code.
 fn refused(error: &LoadError) -> ExitCode {
     errln!("{}: {}", style::error("error"), explain(error));
     Failure::of_error(error).print_json()
 }
 
-/// The message, with the place in the file where there is one.
+/// Returns the message, with the position in the file if known.
 fn explain(error: &LoadError) -> String {
     let message = error.to_string();
     let (Some(file), Some(at)) = position_of(error) else { return message };
@@ -108,7 +108,7 @@ fn explain(error: &LoadError) -> String {
     excerpt.map_or(message.clone(), |excerpt| format!("{message}\n{excerpt}"))
 }
 
-/// File and place of a fault, where they are known.
+/// Returns file and position of an error, if known.
 fn position_of(error: &LoadError) -> (Option<&PathBuf>, Option<Position>) {
     match error {
         LoadError::Urdf(urdf) => (urdf.file.as_ref(), urdf.at),
@@ -118,11 +118,11 @@ fn position_of(error: &LoadError) -> (Option<&PathBuf>, Option<Position>) {
     }
 }
 
-/// The line at fault with a mark under its column.
+/// Returns the faulty line with a mark under its column.
 fn excerpt(text: &str, at: Position) -> Option<String> {
     let line = text.lines().nth(at.line as usize - 1)?;
     let before: String = line.chars().take(at.column as usize - 1).collect();
-    // Tabs stay tabs, so that the mark stands where the fault is.
+    // Tabs are kept, so that the mark is at the fault.
     let blank: String = before.chars().map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
     let number = at.line.to_string();
     let margin = " ".repeat(number.len());

@@ -1,4 +1,4 @@
-//! `motorium schema`: the JSON Schema of the files that motorium reads and writes, and its types for Python.
+//! `motorium schema`: JSON Schemas of the files that motorium reads and writes, and types for Python.
 
 mod python;
 
@@ -59,7 +59,7 @@ impl Schema {
     }
 }
 
-/// The schema of a document as it is written: what is always there is required.
+/// Schema of a serialised document: fields that are always present are required.
 fn written<T: JsonSchema>() -> schemars::Schema {
     SchemaSettings::draft07().for_serialize().into_generator().into_root_schema_for::<T>()
 }

@@ -1,4 +1,4 @@
-//! The built-in states as a Python module for iceoryx2's wheel.
+//! The built-in states as a Python module for the iceoryx2 package.
 
 use std::fmt::Write as _;
 
@@ -7,7 +7,8 @@ use motorium::state::{FieldLayout, Stamp, StateBuffer as _, TypeLayout, built_in
 /// Text of the module before its classes.
 const HEAD: &str = include_str!("motorium_types.py");
 
-/// The module: a `ctypes` class for each built-in state and for `Stamp`, and a function that joins a run.
+/// Generates the module: a `ctypes` class for each built-in state and for `Stamp`, and a function that joins
+/// a run.
 pub(super) fn module() -> anyhow::Result<String> {
     let mut text = HEAD.to_string();
     for layout in built_in().iter().chain([&Stamp::layout()]) {

@@ -12,7 +12,7 @@ use crate::metrics::{ComponentSample, Sample};
 use crate::runs::LivingRun;
 
 impl Top {
-    /// A run as `now` shows it, and what happened since `before`.
+    /// Returns the state of a run at `now`, and its changes since `before`.
     pub(crate) fn between(run: &LivingRun, before: &Sample, now: &Sample) -> Self {
         let plan = &run.plan;
         let wall_ns = now.taken_ns.saturating_sub(before.taken_ns).max(1);
@@ -59,7 +59,7 @@ impl Top {
     }
 }
 
-/// Events that are shown.
+/// Number of displayed events.
 const EVENTS: usize = 5;
 
 fn newest_events(run: &LivingRun) -> Vec<LoggedEvent> {
@@ -95,7 +95,7 @@ fn component(
     let interval_hz = interval_rate(plan, (now, now_ns), (before, before_ns)).unwrap_or(run_hz);
     let share = |ns: u64| ns as f64 / wall_ns as f64;
     let cpu = now.cpu.since(&before.cpu);
-    // The thread of a process that was started again counts from its own beginning.
+    // The thread of a restarted process counts from its own start.
     let ran =
         now.usage.zip(before.usage).and_then(|(now, before)| now.thread_ns.checked_sub(before.thread_ns));
     ComponentTop {
@@ -147,14 +147,15 @@ fn whole(now: &ComponentSample, rate_hz: f64) -> ComponentSpan {
     }
 }
 
-/// Steps per second since the first one.
+/// Steps per second since the first step.
 fn rate(plan: &ComponentPlan, now: &ComponentSample, now_ns: u64) -> f64 {
     let (first, last) = (now.first_step_ns, now.last_step_ns);
     launcher::steps_per_second(now.begun, first, last, now_ns, plan.period_ns())
 }
 
-/// From the last step before the interval to the last one in it: a late reading does not change it. To the
-/// end of the interval for a component that no longer steps. `None` if it had not stepped before.
+/// Rate from the last step before the interval to the last one in it, so that a late reading does not change
+/// it. For a component that no longer steps, the rate up to the end of the interval. `None` if it had not
+/// stepped before.
 fn interval_rate(
     plan: &ComponentPlan,
     (now, now_ns): (&ComponentSample, u64),
@@ -247,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn rates_are_taken_between_steps_and_not_between_looks() {
+    fn rates_are_per_step_and_not_per_poll() {
         let folder = tempfile::tempdir().expect("a folder");
         let run = silent_run(folder.path());
         let block = &run.region.components()[0];
@@ -274,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn a_component_that_is_gone_has_no_share_of_a_core() {
+    fn ended_component_has_no_core_share() {
         let folder = tempfile::tempdir().expect("a folder");
         let mut run = silent_run(folder.path());
         (run.plan.components[0].core, run.plan.components[2].core) = (Some(0), Some(0));

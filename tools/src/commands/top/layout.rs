@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn the_least_important_columns_go_where_there_is_no_room() {
+    fn least_important_columns_are_dropped_first() {
         assert_eq!(text(sheet(), Some(24)), text(sheet(), None));
         let header = |width| text(sheet(), Some(width))[1].clone();
         assert_eq!(header(23), "name    p50   max");

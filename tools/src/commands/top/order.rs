@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_number_comes_first_and_names_go_from_a_to_z() {
+    fn numbers_sort_descending_and_names_alphabetically() {
         assert_eq!(sorted(Order::Graph, Span::Run, false), ["physics", "encoder", "controller"]);
         assert_eq!(sorted(Order::Name, Span::Run, false), ["controller", "encoder", "physics"]);
         assert_eq!(sorted(Order::Execution, Span::Run, false), ["controller", "physics", "encoder"]);
@@ -86,12 +86,12 @@ mod tests {
     }
 
     #[test]
-    fn equal_ones_stay_in_the_order_of_the_graph() {
+    fn equal_rows_stay_in_the_order_of_the_graph() {
         assert_eq!(sorted(Order::Missed, Span::Interval, false), ["physics", "encoder", "controller"]);
     }
 
     #[test]
-    fn each_key_chooses_one_order_and_none_of_the_others() {
+    fn each_key_selects_exactly_one_order() {
         for (i, (key, order, _)) in Order::KEYS.iter().enumerate() {
             assert!(Order::KEYS[..i].iter().all(|(other, before, _)| other != key && before != order));
         }

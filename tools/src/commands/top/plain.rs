@@ -56,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_interval_is_told_on_request() {
+    fn last_interval_is_printed_on_request() {
         let text = tables(&top(), View { span: Span::Interval, ..View::default() });
         assert!(
             text.starts_with(

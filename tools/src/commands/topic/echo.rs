@@ -269,7 +269,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn arrays_of_joints_are_a_table_with_a_joint_a_line() {
+    fn joint_arrays_are_a_table_with_one_row_per_joint() {
         let many = |numbers: &[f64]| FieldValue::Many(numbers.iter().map(|x| Number::Double(*x)).collect());
         let value = Content::Value(Decoded(vec![
             ("count", FieldValue::One(Number::Natural(2))),

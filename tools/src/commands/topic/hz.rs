@@ -112,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_silent_topic_is_said_to_have_too_few_samples() {
+    fn silent_topic_reports_too_few_samples() {
         let measured = Measured {
             topic: "a/b",
             rate_hz: None,

@@ -81,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_fields_that_are_shown_are_those_of_the_message() {
+    fn displayed_fields_are_fields_of_the_message() {
         let layout = Event::layout();
         let names: Vec<&str> = layout.fields.iter().map(|field| field.name.as_str()).collect();
         let shown = decoded(&Event::truncated("go"));

@@ -108,14 +108,14 @@ mod tests {
     }
 
     #[test]
-    fn a_restart_of_the_publisher_is_no_gap_and_no_interval() {
+    fn publisher_restart_is_neither_a_gap_nor_an_interval() {
         let (pace, intervals) = pace(&[(98, 0, 0), (99, 1_000, 0), (1, 700_000, 1), (2, 701_000, 1)]);
         assert_eq!((pace.lost(), pace.rate_hz()), (0, Some(1e6)));
         assert_eq!(intervals, [1_000, 1_000]);
     }
 
     #[test]
-    fn one_sample_tells_no_rate() {
+    fn one_sample_has_no_rate() {
         let (pace, intervals) = pace(&[(7, 1_000, 0)]);
         assert_eq!((pace.received(), pace.rate_hz()), (1, None));
         assert!(intervals.is_empty());

@@ -33,7 +33,7 @@ mod tests {
     use super::readable;
 
     #[test]
-    fn times_come_in_the_unit_that_suits_them() {
+    fn times_are_printed_in_suitable_units() {
         let texts = [850, 22_300, 1_500_000, 12_345_000_000].map(readable);
         assert_eq!(texts, ["850 ns", "22.3 us", "1.50 ms", "12.35 s"]);
     }

@@ -1,6 +1,6 @@
 //! Errors of derived schemas.
 
-/// A layout or a message that cannot be read.
+/// Error of a layout or a message that cannot be read.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DerivedError {
     /// A field has a type that no state buffer contains, or exceeds the buffer.
@@ -17,7 +17,7 @@ pub enum DerivedError {
         /// Byte offset of the field.
         offset: usize,
     },
-    /// A message that is damaged or cut short.
+    /// The message is damaged or truncated.
     #[error("a message of `{schema}` is damaged{}", .field.as_ref().map_or_else(String::new, |field| format!(" in field `{field}`")))]
     Message {
         /// Name of the schema.

@@ -1,11 +1,11 @@
-//! The fields of a layout, and how each is written in a message.
+//! Fields of a layout, and their encoding in a message.
 
 use motorium::state::TypeLayout;
 
 use super::error::DerivedError;
 use motorium_recordings::messages::wire::{self, Read};
 
-/// Number of the layout's first field; the others follow in order.
+/// Number of the layout's first field; further fields are numbered consecutively.
 const FIRST: u32 = 2;
 /// Padding declared by a type; it is skipped.
 const PADDING: &str = "reserved";
@@ -19,7 +19,7 @@ pub(super) struct Field {
     pub(super) scalar: Scalar,
     /// Entries of an array; `None` for a single number.
     pub(super) length: Option<usize>,
-    /// Place of the count of its entries in use.
+    /// Position of the count of entries in use.
     pub(super) count: Option<usize>,
 }
 
@@ -73,7 +73,7 @@ impl Scalar {
         }
     }
 
-    /// The varint of an integer at the start of `bytes`.
+    /// Returns the varint of an integer at the start of `bytes`.
     fn integer(self, bytes: &[u8]) -> u64 {
         let mut raw = [0; 8];
         let size = self.size().min(bytes.len());
@@ -100,7 +100,7 @@ impl Scalar {
     }
 }
 
-/// The fields of a layout, numbered in their order.
+/// Returns the fields of a layout, numbered in order.
 pub(super) fn fields(layout: &TypeLayout) -> Result<Vec<Field>, DerivedError> {
     let mut fields = Vec::new();
     for (number, field) in (FIRST..).zip(&layout.fields).filter(|(_, field)| field.name != PADDING) {

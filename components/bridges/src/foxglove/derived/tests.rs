@@ -35,7 +35,7 @@ fn every_runtime_message_has_a_valid_descriptor() {
 }
 
 #[test]
-fn a_sample_comes_back_to_the_last_bit() {
+fn sample_survives_encoding_bit_for_bit() {
     let text = "a=-128 b=255 c=-300 d=65535 e=-2147483648 f=4294967295 g=-9223372036854775808 \
                 h=18446744073709551615 i=0.1 j=[1, -0.0, 3] k=[-1, 32767] l=-0.0 m=[1, 2, 3, 255] n=[0, 1]";
     let layout = Mixed::layout();

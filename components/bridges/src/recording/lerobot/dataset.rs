@@ -5,15 +5,15 @@ use super::super::Signal;
 /// The contents of a dataset.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
-    /// Policy inputs: `observation.state`, one signal after the other.
+    /// Policy inputs: `observation.state`, concatenated signals.
     pub state: Vec<Signal>,
     /// Policy outputs: `action`.
     pub action: Vec<Signal>,
-    /// Policy images: the newest of each camera at each frame.
+    /// Policy images: the latest of each camera at each frame.
     pub cameras: Vec<Camera>,
     /// Frames a second.
     pub fps: u32,
-    /// The task, in words.
+    /// Description of the task.
     pub task: String,
     /// The type of the robot.
     pub robot: Option<String>,

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::super::SignalsError;
 
-/// The error of writing a dataset.
+/// Error of writing a dataset.
 #[derive(Debug, thiserror::Error)]
 pub enum DatasetError {
     /// The recording cannot be read, or has no such signal.
@@ -31,7 +31,7 @@ pub enum DatasetError {
         found: usize,
         /// Numbers expected.
         expected: usize,
-        /// The lesser of both.
+        /// The smaller of both.
         least: usize,
         /// Time since the beginning of the recording, s.
         time_s: f64,
@@ -41,7 +41,7 @@ pub enum DatasetError {
     NoPictures {
         /// The topic.
         topic: String,
-        /// The one that was probably meant, or all.
+        /// Suggested topic, or all topics.
         advice: String,
     },
     /// A dataset cannot store the image.
@@ -51,7 +51,7 @@ pub enum DatasetError {
         topic: String,
         /// Time since the beginning of the recording, s.
         time_s: f64,
-        /// The fault of it.
+        /// Reason.
         found: String,
     },
     /// The signals never all have a value at the same time.

@@ -127,8 +127,8 @@ impl Frames {
         };
         let pictured = self.pictures.iter().map(|pictures| pictures.first_from(begun_ns).unwrap_or(u64::MAX));
         let pictured_ns = pictured.max().unwrap_or(0);
-        // In whole nanoseconds from the first frame, so that a rate that does not divide a second does not
-        // drift.
+        // In whole nanoseconds from the first frame, so that a rate whose period is not a whole number of
+        // nanoseconds does not drift.
         let frame_ns = |first_ns: u64, index: usize| {
             first_ns + (index as u128 * 1_000_000_000 / u128::from(fps.max(1))) as u64
         };

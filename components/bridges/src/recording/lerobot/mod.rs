@@ -42,7 +42,7 @@ const TASKS: &str = "meta/tasks.parquet";
 /// Frames per row group with images, whose data must stay below two gigabytes.
 const GROUP: usize = 200;
 
-/// Numbers of what was written.
+/// Counts of a written dataset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DatasetCounts {
     /// Episodes.
@@ -51,11 +51,11 @@ pub struct DatasetCounts {
     pub frames: usize,
 }
 
-/// Writes a recording as a dataset into a folder. Each frame holds the newest samples at its time. The frames
+/// Writes a recording as a dataset into a folder. Each frame holds the latest samples at its time. The frames
 /// of an episode begin when all signals have a sample.
 ///
 /// # Errors
-/// The recording cannot be read, has no such signals, or the files cannot be written.
+/// If the recording cannot be read or lacks the signals, or the files cannot be written.
 pub fn write_lerobot(
     recording: &Recording,
     dataset: &Dataset,
@@ -128,7 +128,7 @@ fn info(dataset: &Dataset, frames: &Frames) -> Value {
     })
 }
 
-/// Place of each episode in the data.
+/// Position of each episode in the data.
 fn episodes(lengths: &[usize], task: &str) -> Vec<Column> {
     let ends = lengths.iter().scan(0, |end, length| {
         *end += length;

@@ -1,4 +1,4 @@
-//! The pictures of a dataset: of each camera the newest at each frame, as PNG files within the table.
+//! Images of a dataset: the latest of each camera at each frame, as PNG files within the table.
 
 use std::sync::Arc;
 
@@ -94,8 +94,8 @@ impl Pictures {
         self.times.get(self.times.partition_point(|time| *time < time_ns)).copied()
     }
 
-    /// Reads the newest picture at each of these times, which rise, and makes a file of it. `lengths` are the
-    /// numbers of frames of the episodes.
+    /// Reads the latest image at each of these ascending times and encodes it. `lengths` are the numbers of
+    /// frames of the episodes.
     pub(super) fn read(
         &mut self,
         recording: &Recording,
@@ -165,8 +165,8 @@ impl Pictures {
         json!({ "dtype": "image", "shape": [height, width, 3], "names": ["height", "width", "channels"] })
     }
 
-    /// The entry of `stats.json`: of each colour of all pixels of all frames, in parts of the brightest; one
-    /// number for each, in a form that is taken times a picture.
+    /// Entry of `stats.json`: statistics of each colour over all pixels of all frames, as fractions of full
+    /// brightness, each in a list of lists as LeRobot expects.
     pub(super) fn stats(&self) -> Value {
         let mut all: Brightness = [[0; 256]; 3];
         self.brightness.iter().for_each(|of_episode| add(&mut all, of_episode, 1));
@@ -203,7 +203,7 @@ fn add(to: &mut Brightness, pixels: &Brightness, times: u64) {
     }
 }
 
-/// Each of the statistics by its name: of red, green and blue, in parts of the brightest.
+/// Statistics by name, for red, green and blue, as fractions of full brightness.
 fn named(brightness: &Brightness) -> Vec<(&'static str, [f64; 3])> {
     let each = |of: &dyn Fn(&[u64]) -> f64| brightness.each_ref().map(|counts| of(counts) / 255.0);
     let mut named = vec![

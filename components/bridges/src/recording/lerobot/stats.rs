@@ -91,7 +91,7 @@ fn deviation(values: &[f64]) -> f64 {
     (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
-/// Between the two values on both sides, in proportion.
+/// Interpolates linearly between the neighbouring values.
 fn quantile(rising: &[f64], part: f64) -> f64 {
     let place = part * rising.len().saturating_sub(1) as f64;
     let below = place.floor() as usize;

@@ -1,4 +1,4 @@
-//! Contacts that parameters and a schedule switch.
+//! Contact switching by parameters and a schedule.
 
 use motorium::prelude::*;
 use motorium::state::{ContactSchedule, MAX_FEET};
@@ -20,24 +20,24 @@ const INPUT: &str = "contact_schedule";
 /// the schedule, which the planner ramps.
 pub(super) struct ContactSwitches {
     switches: Vec<Switch>,
-    /// None for a robot without feet.
+    /// `None` for a robot without feet.
     schedule: Option<Input<ContactSchedule>>,
     /// Feet of the robot's profile.
     feet: usize,
     ramp: f64,
-    /// Normal of the ground, of the last schedule.
+    /// Ground normal from the last schedule.
     normal: Vector3<f64>,
     /// Number of steps with a stale or mismatched schedule, in which all feet stood.
     without_schedule: u64,
 }
 
-/// Load fraction of a contact, which follows a parameter.
+/// Load fraction of a contact, ramped towards a parameter.
 struct Switch {
     parameter: Parameter<f64>,
     load: f64,
-    /// Load fraction allowed by the schedule; it returns to 1 in a ramp without a fresh schedule.
+    /// Load fraction allowed by the schedule. Without a fresh schedule it ramps back to 1.
     share: f64,
-    /// Place of its foot in the schedule.
+    /// Index of the contact's foot in the schedule.
     foot: Option<usize>,
     /// Largest normal force at each point under full load \[N\], and while it is ramped.
     max_force: f64,
@@ -75,8 +75,8 @@ impl ContactSwitches {
         Ok(Self { switches, schedule, feet, ramp, normal: Vector3::z(), without_schedule: 0 })
     }
 
-    /// Loads and unloads the contacts for a step of `dt` seconds. A schedule older than `timeout_ns` does not
-    /// count.
+    /// Loads and unloads the contacts for a step of `dt` seconds. A schedule older than `timeout_ns` is
+    /// ignored.
     pub(super) fn apply(&mut self, control: &mut InverseDynamics, dt: f64, timeout_ns: u64) {
         let step = dt / self.ramp.max(dt);
         let wired = self.is_scheduled();
@@ -124,7 +124,7 @@ impl ContactSwitches {
     }
 }
 
-/// Names of the feet of the profile, in the order of a schedule. More than a schedule holds have none.
+/// Names of the profile's feet in the order of a schedule, up to the capacity of a schedule.
 fn feet(parts: &ControllerSetup) -> impl Iterator<Item = &String> {
     let feet = parts.profile.iter().map(|profile| &profile.feet);
     feet.filter(|feet| feet.len() <= MAX_FEET).flat_map(|feet| feet.keys())

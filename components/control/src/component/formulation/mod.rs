@@ -1,4 +1,4 @@
-//! The formulations of `control.qp`: the unknowns of a step, and how the joints move by them.
+//! Formulations of `control.qp`: the unknowns of a step, and the joint motion computed from them.
 
 mod contact_switches;
 mod torque;
@@ -19,7 +19,7 @@ use crate::SetpointIntegrator;
 use crate::inverse_dynamics::{Conflicting, ConstraintName, Contact, Slack};
 use crate::tasks::{Held, TaskBounds};
 
-/// A formulation: a problem of the tasks and limits of a step, and the motion of the joints by its solution.
+/// A formulation: builds one problem per step from tasks and limits, and moves the joints by its solution.
 pub(super) trait Formulation: Sized {
     /// `true` if the kinematics are evaluated with velocities.
     const NEEDS_VELOCITIES: bool;
@@ -32,7 +32,7 @@ pub(super) trait Formulation: Sized {
         setup: &mut Setup,
     ) -> Result<Self, ConfigureError>;
 
-    /// Places the setpoint at the measured state, or at the setpoint before a crash.
+    /// Sets the setpoint to the measured state, or after a crash to the previous setpoint.
     fn begin(&mut self, measured: &MeasuredState, setpoint: &mut SetpointIntegrator);
 
     /// Applies parameters, inputs and the velocities of fingers with a goal, once per step, after the tasks
@@ -46,19 +46,19 @@ pub(super) trait Formulation: Sized {
         bounds: &TaskBounds,
     );
 
-    /// Poses the problem of a step of `dt` seconds with the current weights.
+    /// Builds the problem of a step of `dt` seconds with the current weights.
     fn pose(&mut self, parts: Parts<'_>, dt: f64);
 
-    /// Solves the problem as posed. The error contains the conflict of contradictory constraints.
+    /// Solves the current problem. If constraints contradict each other, the error contains the conflict.
     fn solve(&mut self) -> Result<(), Option<Conflicting>>;
 
-    /// Figures of the last solution.
+    /// Statistics of the last solution.
     fn stats(&self) -> SolveStats;
 
     /// The unknowns of the last solution.
     fn unknowns(&self) -> &[f64];
 
-    /// Makes these unknowns the solution.
+    /// Replaces the solution by these unknowns.
     fn set_unknowns(&mut self, unknowns: &[f64]);
 
     /// Moves the setpoint by the solution.
@@ -70,7 +70,7 @@ pub(super) trait Formulation: Sized {
         dt: f64,
     );
 
-    /// Reacts to a step without a solution; the setpoint was stopped.
+    /// Reacts to a step without a solution. The setpoint is already stopped.
     fn hold(&mut self, measured: &MeasuredState, setpoint: &mut SetpointIntegrator, policy: InfeasiblePolicy);
 
     /// Records the step after its setpoint is known.
@@ -93,7 +93,7 @@ pub(super) trait Formulation: Sized {
     /// Number of active constraints.
     fn active(&self) -> usize;
 
-    /// Adds a constraint to a message.
+    /// Adds the name of a constraint to a message.
     fn push(&self, message: &mut ControlDiagnostics, name: ConstraintName);
 
     /// The contacts that names of constraints refer to.
@@ -101,14 +101,14 @@ pub(super) trait Formulation: Sized {
         Vec::new()
     }
 
-    /// Forgets the step before, at the beginning of an episode.
+    /// Clears the state of the previous step at the start of an episode.
     fn reset(&mut self);
 
     /// Adds the entries of the formulation to the result of a run.
     fn add_to(&self, result: &mut serde_json::Value);
 }
 
-/// Computation in one step, summed over its solutions.
+/// Computing effort of one step, summed over its solutions.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SolveStats {
     /// Iterations of all solvers.
@@ -119,7 +119,7 @@ pub(super) struct SolveStats {
     pub(super) slack: Option<Slack>,
 }
 
-/// Parts of a controller that a problem is posed of.
+/// Parts of a controller that a problem is built from.
 pub(super) struct Parts<'a> {
     pub(super) measured: &'a MeasuredState,
     pub(super) setpoint: &'a SetpointIntegrator,

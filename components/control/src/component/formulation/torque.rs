@@ -1,4 +1,4 @@
-//! Accelerations and contact forces as unknowns: whole-body inverse dynamics, whose torques the joints exert.
+//! Accelerations and contact forces as unknowns: whole-body inverse dynamics, which computes joint torques.
 
 use motorium::prelude::*;
 use motorium::state::ControlDiagnostics;
@@ -29,17 +29,17 @@ pub(in crate::component) struct Torque {
     contacts: ContactSwitches,
     joints: JointAccelerationLimits,
     fingers: Vec<JointVelocity>,
-    /// The integrated accelerations.
+    /// Velocity setpoint, integrated from the accelerations.
     velocity: Vec<f64>,
     torque: Vec<f64>,
     impedance: f64,
     max_lead: f64,
     stiff_start: f64,
-    /// Time since it began, s.
+    /// Time since the start, s.
     began_for: f64,
     /// `true` while the last step had no solution.
     failing: bool,
-    /// Centre of mass at the start and at the last step, and the largest horizontal distance between both.
+    /// Centre of mass at the start and at the last step, and the largest horizontal distance between them.
     centre: Option<(Vector3<f64>, Vector3<f64>)>,
     farthest: f64,
 }
@@ -201,7 +201,7 @@ impl Formulation for Torque {
         setpoint: &mut SetpointIntegrator,
         policy: InfeasiblePolicy,
     ) {
-        // the drives move on their own, so the next setpoint starts from there
+        // the drives move without this controller now, so the next setpoint starts at their position
         if !std::mem::replace(&mut self.failing, true) || policy == InfeasiblePolicy::SafeStop {
             setpoint.reset(measured.joints().0);
         }

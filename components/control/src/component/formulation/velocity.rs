@@ -32,9 +32,9 @@ pub(in crate::component) struct Velocity {
     feed_forward: FeedForward,
     max_lead: f64,
     checkpoint: Checkpoint,
-    /// The setpoint before a crash.
+    /// Setpoint from before a crash.
     remembered: Option<Vec<f64>>,
-    /// Steps beyond the acceleration limit.
+    /// Number of steps that exceeded the acceleration limit.
     beyond_acceleration: u64,
 }
 
@@ -176,7 +176,7 @@ impl Formulation for Velocity {
     ) {
         let q = measured.joints().0;
         setpoint.limit_tracking_error(q, self.max_lead);
-        // the drives move on their own, so the next setpoint starts from there
+        // the drives move without this controller now, so the next setpoint starts at their position
         if policy == InfeasiblePolicy::SafeStop {
             setpoint.reset(q);
             self.feed_forward.reset();
@@ -207,7 +207,7 @@ impl Formulation for Velocity {
     }
 
     fn push(&self, message: &mut ControlDiagnostics, name: ConstraintName) {
-        // a robot controlled by velocities has a fixed base and no contacts
+        // a velocity-controlled robot has a fixed base and no contacts
         push_name(message, name, |_, point| point);
     }
 

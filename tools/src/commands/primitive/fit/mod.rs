@@ -87,11 +87,11 @@ pub(super) struct Fit {
     json: bool,
 }
 
-/// Of ridge and response regression.
+/// Penalty of ridge and response regression.
 const PENALTY: f64 = 1e-12;
-/// For each dimension.
+/// Default number of kernels per dimension.
 const KERNELS: usize = 30;
-/// Degree of a polynomial; default: a minimum-jerk movement's.
+/// Default degree of a polynomial, the degree of a minimum-jerk movement.
 const DEGREE: usize = 5;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -299,7 +299,7 @@ impl Fit {
     }
 
     fn kernelised(&self, shown: &Shown) -> anyhow::Result<PrimitiveFile> {
-        // As many Gaussians as the criterion chooses, if not given.
+        // As many Gaussians as the criterion selects, if not given.
         let fit = KernelisedFit { components: self.kernels, ..KernelisedFit::default() };
         let movement = KernelisedMovement::fit(&positions(shown), shown.duration, &fit)?;
         Ok(PrimitiveFile::kernelised(shown.names.clone(), movement)?)
@@ -312,13 +312,13 @@ impl Fit {
     }
 }
 
-/// Largest difference between the ends of a rhythm, as a part of its range.
+/// Largest permitted difference between the ends of a rhythm, as a fraction of its range.
 const OPEN: f64 = 0.1;
 
-/// An interval between samples that is longer than the median by this factor is a gap.
+/// Factor over the median interval above which an interval between samples is a gap.
 const GAP: f64 = 20.0;
 
-/// Begin and end of the longest gap of a recording, in seconds after its first sample.
+/// Returns start and end of the longest gap of a recording, in seconds after its first sample.
 fn gap(times: &[f64]) -> Option<(f64, f64)> {
     let mut intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let longest = (0..intervals.len()).max_by(|a, b| intervals[*a].total_cmp(&intervals[*b]))?;
@@ -328,7 +328,8 @@ fn gap(times: &[f64]) -> Option<(f64, f64)> {
     (length > GAP * median).then(|| (times[longest] - times[0], times[longest + 1] - times[0]))
 }
 
-/// The channel whose end differs from its start by more than a part of its range, and both values.
+/// Returns the channel whose end differs from its start by more than a fraction of its range, and both
+/// values.
 fn open_end(recording: &Recording) -> Option<String> {
     let (values, last) = (recording.values(), recording.samples() - 1);
     let differs = |channel: &usize| {
@@ -361,7 +362,7 @@ fn panels(shown: &Shown, reproduced: &[Trajectory]) -> Vec<Panel> {
     shown.names.iter().enumerate().map(of).collect()
 }
 
-/// A bar on a terminal, nothing elsewhere.
+/// Returns a progress bar on a terminal, otherwise a hidden one.
 fn progress_bar(wanted: bool) -> ProgressBar {
     if !(wanted && std::io::stderr().is_terminal()) {
         return ProgressBar::hidden();

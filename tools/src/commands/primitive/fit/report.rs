@@ -1,4 +1,4 @@
-//! The error with which a primitive reproduces its recordings.
+//! Errors of a primitive in reproducing its recordings.
 
 use std::path::{Path, PathBuf};
 
@@ -80,7 +80,8 @@ impl Report {
     }
 }
 
-/// Largest error of a dimension above which its primitive is doubtful, as a part of its range.
+/// Largest error of a dimension, as a fraction of its range, above which its primitive is reported as
+/// doubtful.
 const POOR: f64 = 0.25;
 
 impl Report {
@@ -95,7 +96,7 @@ impl Report {
         self.dimensions.iter().filter(move |_| is_rhythm || self.recordings == 1).filter_map(move |d| {
             let range = d.highest - d.lowest;
             let is_poor = d.largest_error > POOR * range;
-            // a constant has no shape
+            // a constant channel has no shape to reproduce
             (is_poor && range > 1e-9 * d.highest.abs().max(d.lowest.abs())).then(|| {
                 format!(
                     "`{}` is reproduced with errors up to {:.2e}, {:.0} % of its range; {advice}",

@@ -1,9 +1,8 @@
-//! The demonstrations of a fit.
+//! Demonstrations of a fit.
 
 use nalgebra::DMatrix;
 
-/// Evenly spaced positions of every recording (of a rhythm: of every period), the duration of each, the
-/// names.
+/// Evenly spaced positions of every recording (of every period for a rhythm), their durations, and the names.
 pub(super) struct Shown {
     pub(super) recordings: usize,
     pub(super) names: Vec<String>,

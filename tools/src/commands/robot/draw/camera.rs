@@ -1,4 +1,4 @@
-//! From the world to the picture: a parallel projection that fits the scene.
+//! Camera: a parallel projection that fits the scene into the picture.
 
 use std::str::FromStr;
 
@@ -10,7 +10,7 @@ use super::scene::Scene;
 /// The view from the right, a little in front and above.
 pub(super) const OBLIQUE: &str = "-50,20";
 
-/// Direction of the eye, seen from the robot \[rad\].
+/// Direction towards the camera, seen from the robot \[rad\].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct View {
     /// About z, from the x axis towards y.
@@ -50,7 +50,7 @@ impl FromStr for View {
 /// A parallel projection.
 #[derive(Debug, Clone)]
 pub(super) struct Camera {
-    /// To the eye.
+    /// Direction towards the camera.
     pub(super) eye: Vector3<f64>,
     right: Vector3<f64>,
     up: Vector3<f64>,
@@ -61,7 +61,7 @@ pub(super) struct Camera {
 }
 
 impl Camera {
-    /// A projection that fits the whole scene.
+    /// Creates a projection that fits the whole scene.
     pub(super) fn new(view: View, (width, height): (f64, f64), scene: &Scene, marks: &Marks) -> Self {
         let (sa, ca) = view.azimuth.sin_cos();
         let (se, ce) = view.elevation.sin_cos();
@@ -82,7 +82,7 @@ impl Camera {
             if low <= high { (low, high) } else { (-0.5, 0.5) }
         };
         let ((left, right), (top, bottom)) = (span(|point| point.0), span(|point| point.1));
-        // A margin of an eighth, and no more than a metre to ten centimetres for what has no size.
+        // A margin of one eighth; points without extent get a scale of at most one metre per ten centimetres.
         let fit = |room: f64, extent: f64| 0.82 * room / extent.max(1e-3);
         camera.scale = fit(width, right - left).min(fit(height, bottom - top));
         camera.offset = (
@@ -92,7 +92,7 @@ impl Camera {
         camera
     }
 
-    /// Picture coordinates of a point of the world: right, and down.
+    /// Returns the picture coordinates of a world point: right, and down.
     pub(super) fn project(&self, point: &Point3<f64>) -> (f64, f64) {
         (
             self.offset.0 + self.scale * self.right.dot(&point.coords),
@@ -100,7 +100,7 @@ impl Camera {
         )
     }
 
-    /// Metres in the world that are as long as this many units of the picture.
+    /// Returns the length in the world, m, of this many units in the picture.
     pub(super) fn metres(&self, units: f64) -> f64 {
         units / self.scale
     }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use motorium_robots::{Kinematics, Loaded};
 use nalgebra::{Isometry3, Vector3};
 
-/// Choice of frames.
+/// Selection of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(super) enum Frames {
     // The root's frame, and the frames of end effectors, feet and rotors; without a profile the ends of the
@@ -44,7 +44,7 @@ pub(super) fn frames(
     names.into_iter().filter_map(frame).collect()
 }
 
-/// The root, and what the profile names, or the last link of every chain.
+/// Returns the root and the links named in the profile, or else the last link of every chain.
 fn ends(robot: &Loaded) -> BTreeSet<&str> {
     let model = &robot.model;
     let mut names: BTreeSet<&str> =

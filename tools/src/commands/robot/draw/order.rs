@@ -1,18 +1,18 @@
-//! The order to paint faces in, so that nearer ones cover farther ones: a binary space partition. Faces that
-//! pass through the plane of another are cut by it, so the order exists even where bodies reach into each
-//! other (Fuchs, Kedem, Naylor, "On Visible Surface Generation by a Priori Tree Structures", SIGGRAPH 1980).
+//! Painting order of faces, so that nearer ones cover farther ones: a binary space partition. Faces that
+//! cross the plane of another face are cut by it, so an order exists even for intersecting bodies (Fuchs,
+//! Kedem, Naylor, "On Visible Surface Generation by a Priori Tree Structures", SIGGRAPH 1980).
 
 use nalgebra::{Point3, Vector3};
 
 use super::solid::Face;
 
-/// Largest distance from a plane of a point that counts as on it \[m\].
+/// Distance from a plane within which a point is treated as on it \[m\].
 const THICKNESS: f64 = 1e-6;
 
-/// Number of faces tried as the one that divides the others.
+/// Number of faces tried as dividing plane.
 const CANDIDATES: usize = 8;
 
-/// The faces, cut where need be, farthest first, for an eye far away in direction `eye`.
+/// Returns the faces, cut if necessary, farthest first, for a distant camera in direction `eye`.
 pub(super) fn back_to_front(faces: Vec<Face>, eye: &Vector3<f64>) -> Vec<Face> {
     let mut painted = Vec::with_capacity(2 * faces.len());
     paint(faces, eye, &mut painted);
@@ -45,13 +45,13 @@ fn paint(faces: Vec<Face>, eye: &Vector3<f64>, painted: &mut Vec<Face>) {
         for face in faces {
             sort(face, &origin, &normal, &mut before, &mut behind, &mut within);
         }
-        // The side the eye is on is painted last, so it is put on the stack first.
+        // The side of the camera is painted last, so it is pushed first.
         let (near, far) = if normal.dot(eye) >= 0.0 { (before, behind) } else { (behind, before) };
         steps.extend([Step::Divide(near), Step::Put(within), Step::Divide(far)]);
     }
 }
 
-/// The candidate that cuts fewest others, and leaves both sides alike.
+/// Returns the candidate that cuts the fewest faces and divides them evenly.
 fn best_divider(faces: &[Face]) -> usize {
     let stride = (faces.len() / CANDIDATES).max(1);
     let cost = |index: &usize| {
@@ -70,7 +70,7 @@ fn best_divider(faces: &[Face]) -> usize {
     (0..faces.len()).step_by(stride).min_by_key(cost).unwrap_or(0)
 }
 
-/// Two flags: some of it lies before the plane, some of it behind.
+/// Returns two flags: parts are in front of the plane, parts are behind it.
 fn sides(face: &Face, origin: &Point3<f64>, normal: &Vector3<f64>) -> (bool, bool) {
     face.points
         .iter()
@@ -100,7 +100,7 @@ fn sort(
     }
 }
 
-/// The parts of a convex face before and behind a plane.
+/// Returns the parts of a convex face in front of and behind a plane.
 fn cut(face: &Face, origin: &Point3<f64>, normal: &Vector3<f64>) -> (Option<Face>, Option<Face>) {
     let (mut upper, mut lower) = (Vec::new(), Vec::new());
     let height = |point: &Point3<f64>| normal.dot(&(point - origin));
@@ -141,7 +141,8 @@ mod tests {
         face.points.windows(2).map(|pair| (pair[0] - first).cross(&(pair[1] - first)).norm() / 2.0).sum()
     }
 
-    /// Distance towards the eye of the point where the ray through `(x, y)` of the screen meets the face.
+    /// Returns the distance towards the camera at which the ray through `(x, y)` on the screen meets the
+    /// face.
     fn depth(face: &Face, eye: &Vector3<f64>, at: &Point3<f64>) -> Option<f64> {
         let slope = face.normal.dot(eye);
         if slope.abs() < 1e-9 {

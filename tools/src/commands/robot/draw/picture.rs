@@ -1,4 +1,4 @@
-//! The picture itself: ground, shadow, faces, frames.
+//! Picture with ground, shadow, faces and frames.
 
 use std::fmt::Write as _;
 
@@ -14,11 +14,11 @@ use crate::draw::escape;
 /// Direction of the light.
 const LIGHT: Vector3<f64> = Vector3::new(0.3, -0.45, 0.84);
 
-/// Rules for readers who prefer a dark background.
+/// Style for dark backgrounds.
 const DARK: &str = "<style>@media (prefers-color-scheme:dark){.strip .paper{fill:#0d1117}.strip .ink{fill:#e6edf3}\
                     .strip [stroke=\"#e3e6ea\"]{stroke:#262c34}.strip [fill=\"#cfd4da\"]{fill:#20262d}}</style>\n";
 
-/// A document with pictures of one size side by side, each below its title.
+/// Draws a document with pictures of equal size next to each other, each with a title.
 pub(super) fn strip(name: &str, pictures: &[(String, &Scene, &Camera)]) -> String {
     const TITLE: f64 = 20.0;
     let (width, height) = pictures.first().map_or((0.0, 0.0), |(_, _, camera)| (camera.width, camera.height));
@@ -59,7 +59,7 @@ pub(super) fn svg(name: &str, scene: &Scene, marks: &Marks, camera: &Camera, gro
     text + "</svg>\n"
 }
 
-/// The ground below the robot, and the robot.
+/// Draws the ground and the robot.
 fn robot(scene: &Scene, camera: &Camera, ground: bool, text: &mut String) {
     if ground && camera.eye.z > 0.05 {
         self::ground(scene, camera, text);
@@ -67,14 +67,14 @@ fn robot(scene: &Scene, camera: &Camera, ground: bool, text: &mut String) {
     let _ = writeln!(text, r#"<g stroke-width="0.6" stroke-linejoin="round">"#);
     for face in back_to_front(scene.visible(&camera.eye), &camera.eye) {
         let colour = shade(&face, &camera.eye);
-        // A fill of its own: not every program knows `currentColor`.
+        // Explicit fill, because not every program supports `currentColor`.
         let outline = path(&face.points, camera);
         let _ = writeln!(text, r#"<path fill="{colour}" stroke="{colour}" d="{outline}"/>"#);
     }
     text.push_str("</g>\n");
 }
 
-/// A grid under the robot, and its shadow, if all of it is above the plane z = 0, and not far.
+/// Draws a grid under the robot and its shadow, if the whole robot is above the plane z = 0 and not far away.
 fn ground(scene: &Scene, camera: &Camera, text: &mut String) {
     let (mut low, mut high) = (Point3::from([f64::INFINITY; 3]), Point3::from([f64::NEG_INFINITY; 3]));
     for point in scene.points() {
@@ -116,7 +116,7 @@ fn ground(scene: &Scene, camera: &Camera, text: &mut String) {
     text.push_str("</g>\n");
 }
 
-/// The convex hull of points of the plane z = 0 (Andrew's monotone chain).
+/// Convex hull of points in the plane z = 0 (Andrew's monotone chain).
 fn hull(mut points: Vec<Point3<f64>>) -> Vec<Point3<f64>> {
     points.sort_by(|a, b| (a.x, a.y).partial_cmp(&(b.x, b.y)).unwrap_or(std::cmp::Ordering::Equal));
     let turn = |a: &Point3<f64>, b: &Point3<f64>, c: &Point3<f64>| (b - a).xy().perp(&(c - a).xy());
@@ -136,13 +136,14 @@ fn hull(mut points: Vec<Point3<f64>>) -> Vec<Point3<f64>> {
     outline
 }
 
-/// The outline in the picture, to a tenth of a unit; steps after the first point, since they are shorter.
+/// Returns the outline in picture coordinates, rounded to a tenth; relative steps are shorter than
+/// coordinates.
 fn path(points: &[Point3<f64>], camera: &Camera) -> String {
     let mut text = String::new();
     let mut last: Option<(i64, i64)> = None;
     for point in points {
         let (x, y) = camera.project(point);
-        // In tenths, so that rounding does not add up.
+        // In tenths, so that rounding errors do not accumulate.
         let (x, y) = ((10.0 * x).round() as i64, (10.0 * y).round() as i64);
         let (letter, dx, dy) = match last {
             None => ("M", x, y),
@@ -155,7 +156,7 @@ fn path(points: &[Point3<f64>], camera: &Camera) -> String {
     text + "Z"
 }
 
-/// The colour of a face in the light: most from above, some from the eye.
+/// Returns the colour of a lit face: mostly from above, partly from the camera.
 fn shade(face: &Face, eye: &Vector3<f64>) -> String {
     let bright =
         0.45 + 0.4 * face.normal.dot(&LIGHT.normalize()).max(0.0) + 0.2 * face.normal.dot(eye).max(0.0);
@@ -164,7 +165,7 @@ fn shade(face: &Face, eye: &Vector3<f64>) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// Frames, names and the centre of mass, over everything else.
+/// Draws frames, names and the centre of mass on top.
 fn overlay(marks: &Marks, camera: &Camera, text: &mut String) {
     let length = camera.metres(0.06 * camera.width.min(camera.height));
     text.push_str("<g stroke-width=\"2\" stroke-linecap=\"round\">\n");

@@ -1,9 +1,9 @@
-//! The pose to draw a robot in.
+//! Pose in which a robot is drawn.
 
 use anyhow::Context as _;
 use motorium_robots::{BasePose, Loaded, Model};
 
-/// A pose, and joints and base set apart from it.
+/// A pose, with separate options for joints and base.
 #[derive(Debug, Clone, clap::Args)]
 pub(in crate::commands::robot) struct PoseArgs {
     /// A pose of the profile [default: its home, or zero without a profile]
@@ -18,7 +18,7 @@ pub(in crate::commands::robot) struct PoseArgs {
 }
 
 impl PoseArgs {
-    /// The configuration meant, in the order of the model's `q`.
+    /// Returns the selected configuration, in the order of the model's `q`.
     pub(in crate::commands::robot) fn configuration(&self, robot: &Loaded) -> anyhow::Result<Vec<f64>> {
         let model = &robot.model;
         let mut q = self.start(robot)?;
@@ -52,7 +52,7 @@ impl PoseArgs {
     }
 }
 
-/// Sets all joints, or those named.
+/// Sets all joints, or the named ones.
 fn set(model: &Model, text: &str, joints: &mut [f64]) -> anyhow::Result<()> {
     if !text.contains('=') {
         let values = numbers(text)?;

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Point3, Translation3, Unit, Vector3};
 
 use super::solid::{Face, Form, Solid};
 
-/// Of sticks in place of links without a shape.
+/// Colour of sticks for links without a shape.
 const STICK: [f64; 3] = [0.45, 0.58, 0.75];
 
 /// The bodies of the scene.
@@ -17,8 +17,8 @@ pub(super) struct Scene {
 }
 
 impl Scene {
-    /// The robot as `kinematics` has placed it, in the colours of its links. Meshes of collision shapes are
-    /// drawn as hulls.
+    /// Creates the scene of a robot at the poses in `kinematics`, in the colours of its links. Meshes of
+    /// collision shapes are drawn as hulls.
     pub(super) fn from_robot(
         robot: &Loaded,
         kinematics: &Kinematics,
@@ -42,14 +42,14 @@ impl Scene {
         let mut bare = Vec::new();
         for (index, body) in model.bodies().iter().enumerate() {
             let shapes = painter.paint(&body.shapes, kinematics.body_pose(index), Some(index));
-            // A link without shape and mass, as between the slides of a base, is nothing to see.
+            // A link without shape and mass, such as between the slides of a base, is not drawn.
             bare.push(shapes.is_empty() && (body.inertia.mass > 0.0 || !body.shapes.is_empty()));
             solids.extend(shapes);
         }
         let origin = |index: usize| Point3::from(kinematics.body_pose(index).translation.vector);
         let mut sticks = Vec::new();
         for (index, body) in model.bodies().iter().enumerate() {
-            // The stick stands for the link above the joint.
+            // The stick represents the link above the joint.
             let (above, from) = match body.parent {
                 Some(parent) => (bare[parent], origin(parent)),
                 None => (bare_base, Point3::from(base.translation.vector)),
@@ -73,12 +73,12 @@ impl Scene {
         Self { solids }
     }
 
-    /// Points that enclose it.
+    /// Points that enclose the scene.
     pub(super) fn points(&self) -> impl Iterator<Item = Point3<f64>> {
         self.solids.iter().flat_map(|solid| solid.faces().into_iter().flat_map(|face| face.points))
     }
 
-    /// The faces that look to the eye and are not inside another body.
+    /// Returns the faces that point towards the camera and are not inside another body.
     pub(super) fn visible(&self, eye: &Vector3<f64>) -> Vec<Face> {
         let mut faces = Vec::new();
         for (index, solid) in self.solids.iter().enumerate() {
@@ -96,15 +96,14 @@ impl Scene {
 
 struct Painter {
     colours: LinkColours,
-    /// Number of shapes of each link painted so far.
+    /// Number of painted shapes per link.
     used: BTreeMap<String, usize>,
-    /// Meshes are drawn as they are.
+    /// `true` if meshes are drawn unchanged.
     visual: bool,
 }
 
 impl Painter {
-    /// Shapes, each in the colour of the visual at its place in its link; without the meshes that cannot be
-    /// read.
+    /// Paints shapes in the colour of the visual at the same place in the link, and skips unreadable meshes.
     fn paint(&mut self, shapes: &[Shape], pose: Isometry3<f64>, body: Option<usize>) -> Vec<Solid> {
         let mut solids = Vec::new();
         for shape in shapes {

@@ -9,16 +9,16 @@ use nalgebra::{Isometry3, Point3, Vector3};
 /// Faces around a cylinder or a sphere.
 const ROUND: usize = 20;
 
-/// Largest number of corners of a mesh's hull: more are not visible.
+/// Maximum number of corners of a mesh's hull; more are not visible.
 const CORNERS: usize = 100;
 
-/// Cells along the longest side of a mesh that is drawn as it is.
+/// Grid cells along the longest side of a mesh drawn unchanged.
 const CELLS: f64 = 40.0;
 
-/// Triangles of a mesh that is not made coarser.
+/// Number of triangles below which a mesh is not simplified.
 const FEW: usize = 1000;
 
-/// A body in the world, convex but for meshes of visuals.
+/// A body in the world, convex except for visual meshes.
 #[derive(Debug, Clone)]
 pub(super) struct Solid {
     pub(super) pose: Isometry3<f64>,
@@ -32,13 +32,13 @@ pub(super) struct Solid {
 pub(super) enum Form {
     Primitive(Geometry),
     Hull(TriangleMesh),
-    /// A mesh that need not be convex.
+    /// A mesh, possibly non-convex.
     Mesh(TriangleMesh),
 }
 
 impl Form {
-    /// Of a shape, a mesh as its hull unless `whole` is set; `None` for one that cannot be read or is
-    /// flat.
+    /// Creates the form of a shape; a mesh becomes its hull unless `whole` is set. `None` if the shape is
+    /// unreadable or flat.
     pub(super) fn from_geometry(geometry: &Geometry, whole: bool) -> Option<Self> {
         let Geometry::Mesh { path, inline, scale, .. } = geometry else {
             return Some(Self::Primitive(geometry.clone()));
@@ -64,7 +64,7 @@ pub(super) struct Face {
 }
 
 impl Solid {
-    /// Its surface.
+    /// Returns the surface.
     pub(super) fn faces(&self) -> Vec<Face> {
         let outlines = match &self.form {
             Form::Primitive(geometry) => primitive(geometry),
@@ -78,7 +78,7 @@ impl Solid {
         outlines.into_iter().filter_map(face).collect()
     }
 
-    /// True if a point of the world lies inside, by a margin.
+    /// Returns `true` if a point of the world is inside by a margin.
     pub(super) fn contains(&self, point: &Point3<f64>) -> bool {
         let p = self.pose.inverse_transform_point(point);
         let margin = 1e-6;
@@ -94,7 +94,7 @@ impl Solid {
         match geometry {
             Geometry::Box { size } => (0..3).all(|i| p[i].abs() < size[i] / 2.0 - margin),
             &Geometry::Cylinder { radius, length } => {
-                // The flat faces lie inside the round body.
+                // The flat faces are inside the round body.
                 let radius = radius * (PI / ROUND as f64).cos();
                 p.x.hypot(p.y) < radius - margin && p.z.abs() < length / 2.0 - margin
             }
@@ -118,14 +118,14 @@ fn primitive(geometry: &Geometry) -> Vec<Vec<Point3<f64>>> {
     }
 }
 
-/// Of a hull: counterclockwise seen from outside.
+/// Triangles of a hull, counterclockwise seen from outside.
 fn triangles(hull: &TriangleMesh) -> impl Iterator<Item = [Point3<f64>; 3]> {
     let corner = |index: u32| Point3::from(hull.points[index as usize]);
     hull.triangles.iter().map(move |triangle| triangle.map(corner))
 }
 
-/// A mesh whose corners within one cell of a grid are one, at their mean: triangles smaller than a cell are
-/// not visible.
+/// Merges the corners of a mesh within each grid cell at their mean; triangles smaller than a cell are not
+/// visible.
 fn coarser(mesh: &TriangleMesh) -> TriangleMesh {
     let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
     for point in &mesh.points {
@@ -160,7 +160,7 @@ fn coarser(mesh: &TriangleMesh) -> TriangleMesh {
     TriangleMesh { points: sums.iter().zip(&counts).map(|(sum, count)| sum / *count).collect(), triangles }
 }
 
-/// Newell's normal; `None` where there is no area.
+/// Newell's normal; `None` without area.
 fn normal(points: &[Point3<f64>]) -> Option<Vector3<f64>> {
     let mut sum = Vector3::zeros();
     for (here, next) in points.iter().zip(points.iter().cycle().skip(1)) {
@@ -203,7 +203,7 @@ fn block(h: Vector3<f64>) -> Vec<Vec<Point3<f64>>> {
     faces
 }
 
-/// Radius and height of the rings of a sphere, or of a capsule this long without its caps.
+/// Radius and height of the rings of a sphere, or of a capsule with this length between its caps.
 fn rings(radius: f64, length: f64) -> Vec<(f64, f64)> {
     let half = ROUND / 4;
     let ring = |step: usize| {
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn the_middle_is_inside_and_the_outside_is_not() {
+    fn centre_is_inside_and_exterior_is_not() {
         for geometry in [Geometry::Sphere { radius: 0.2 }, Geometry::Cylinder { radius: 0.2, length: 0.4 }] {
             let solid = solid(geometry);
             assert!(solid.contains(&Point3::new(1.0, -2.0, 0.5)));

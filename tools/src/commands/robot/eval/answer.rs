@@ -1,4 +1,4 @@
-//! The answer: every quantity at every state, in the layout of the states.
+//! Answer: every quantity at every state, in the layout of the input.
 
 use motorium_robots::{Dynamics, FrameId, Kinematics, Model, Momentum, Reference, Twist};
 use nalgebra::{DMatrix, Isometry3};
@@ -6,7 +6,7 @@ use serde_json::{Map, Value, json};
 
 use super::states::{State, States};
 
-/// The whole answer.
+/// Returns the complete answer.
 pub(super) fn answer(model: &Model, states: &States) -> anyhow::Result<Value> {
     let mut work = Work {
         model,
@@ -36,7 +36,7 @@ pub(super) fn answer(model: &Model, states: &States) -> anyhow::Result<Value> {
 struct Work<'a> {
     model: &'a Model,
     states: &'a States,
-    /// For every entry of their velocities, the entry of ours.
+    /// Index in our velocity vector for each entry of theirs.
     columns: Vec<usize>,
     dynamics: Dynamics,
     moving: Kinematics,
@@ -67,7 +67,7 @@ impl Work<'_> {
         put("nle", self.tangent(&out));
         self.dynamics.rnea(model, q, v, a, gravity, &mut out);
         put("rnea", self.tangent(&out));
-        // A robot without inertia somewhere has no forward dynamics.
+        // A robot with a singular mass matrix has no forward dynamics.
         let solved = self.dynamics.forward(model, q, v, tau, gravity, &mut out);
         put("aba", solved.map_or(Value::Null, |()| self.tangent(&out)));
         if let Some((frame, wrench)) = state.wrench {
@@ -87,7 +87,7 @@ impl Work<'_> {
         Value::Object(case)
     }
 
-    /// Centre of mass, momentum, energies and the way along the configuration manifold.
+    /// Centre of mass, momentum, energies, and integration on the configuration manifold.
     fn whole(&mut self, state: &State, case: &mut Map<String, Value>) {
         let model = self.model;
         let State { q, v, a, .. } = state;
@@ -119,7 +119,7 @@ impl Work<'_> {
         put("q_difference", self.tangent(&difference));
     }
 
-    /// Poses of all frames, and more of the chosen ones.
+    /// Poses of all frames, and motions of the selected ones.
     fn frames(&self) -> Value {
         let frames = self.model.frames().iter().map(|frame| {
             let id = self.model.frame(&frame.name).expect("a frame of the model is found by its name");
@@ -155,18 +155,18 @@ impl Work<'_> {
         entry.insert("Jdot_v_lwa".to_string(), six(self.moving.acceleration(model, id)));
     }
 
-    /// A vector of ours in their order.
+    /// Reorders a vector to their layout.
     fn tangent(&self, ours: &[f64]) -> Value {
         self.columns.iter().map(|&column| ours[column]).collect()
     }
 
-    /// A matrix over our velocities, row by row, in their order.
+    /// Reorders a matrix over our velocities, row by row, to their layout.
     fn matrix(&self, ours: &DMatrix<f64>) -> Value {
         let row = |row: usize| self.columns.iter().map(|&column| ours[(row, column)]).collect::<Value>();
         (0..ours.nrows()).map(row).collect()
     }
 
-    /// The upper triangle of a symmetric matrix, row by row, in their order.
+    /// Reorders the upper triangle of a symmetric matrix, row by row, to their layout.
     fn upper(&self, ours: &DMatrix<f64>) -> Value {
         let n = self.columns.len();
         let entries = (0..n).flat_map(|i| (i..n).map(move |j| (i, j)));

@@ -1,4 +1,4 @@
-//! Results that the states already hold, compared with ours.
+//! Comparison of results in the input with ours.
 
 use std::collections::BTreeMap;
 
@@ -7,8 +7,8 @@ use serde_json::Value;
 /// Quantities that are inputs, not results.
 const GIVEN: [&str; 6] = ["q", "joint_positions", "v", "a", "tau", "fext"];
 
-/// For every quantity that both documents hold: how often, and the largest difference relative to its largest
-/// entry.
+/// Returns, for every quantity in both documents, its number of occurrences and the largest difference
+/// relative to its largest entry.
 pub(super) fn differences(theirs: &Value, ours: &Value) -> BTreeMap<String, (usize, f64)> {
     let mut found = BTreeMap::new();
     let list =
@@ -43,7 +43,7 @@ fn note(key: &str, theirs: &Value, ours: Option<&Value>, found: &mut BTreeMap<St
     let worst = if given.len() == computed.len() {
         let largest = given.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         let apart = given.iter().zip(&computed).fold(0.0_f64, |most, (x, y)| most.max((x - y).abs()));
-        // Where everything is zero, a rounding of 1e-15 is not an infinite error: judge it by the unit.
+        // If all entries are zero, a rounding error of 1e-15 is not infinite: compare with 1 instead.
         apart / if largest > 1e-6 { largest } else { 1.0 }
     } else {
         f64::INFINITY

@@ -1,23 +1,23 @@
-//! The order of joints in the vectors of the states, and what each takes of them.
+//! Order of joints in the vectors of the input, and the number of entries of each.
 
 use anyhow::{Context as _, ensure};
 use motorium_robots::{JointKind, Model};
 use serde_json::{Value, json};
 
-/// A joint's part of the vectors.
+/// Entries of a joint in the vectors.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Entry {
     pub(super) name: String,
-    /// Its number among the model's independent joints; `None` for the floating base.
+    /// Index among the model's independent joints; `None` for the floating base.
     pub(super) joint: Option<usize>,
     pub(super) idx_q: usize,
-    /// 7 for the base, 2 (cosine, sine) for a continuous joint, else 1.
+    /// 7 for the base, 2 (cosine, sine) for a continuous joint, otherwise 1.
     pub(super) nq: usize,
     pub(super) idx_v: usize,
     pub(super) nv: usize,
 }
 
-/// The position of every joint in the vectors of the states.
+/// Position of every joint in the vectors of the input.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Layout {
     pub(super) entries: Vec<Entry>,
@@ -29,9 +29,9 @@ pub(super) struct Layout {
 const ROOT: &str = "root_joint";
 
 impl Layout {
-    /// As `joints` of the document says: a list of names, or of tables with `name`, and perhaps `idx_q`,
-    /// `nq`, `idx_v`. Without it, Pinocchio's: the base, then the joints in `order`; in the model's order
-    /// where `order` is empty, as of an MJCF file.
+    /// Reads the layout from `joints` of the document: a list of names, or of tables with `name` and
+    /// optionally `idx_q`, `nq`, `idx_v`. Without it, Pinocchio's layout is used: the base, then the joints
+    /// in `order`, or in the model's order if `order` is empty, as for an MJCF file.
     pub(super) fn from_document(model: &Model, document: &Value, order: &[String]) -> anyhow::Result<Self> {
         let mut entries = match &document["joints"] {
             Value::Null if order.is_empty() => usual(model, model.joint_names()),
@@ -52,7 +52,7 @@ impl Layout {
         Ok(layout)
     }
 
-    /// Every joint once, no two in one place.
+    /// Checks that every joint occurs once, and that no two overlap.
     fn check(&self, model: &Model) -> anyhow::Result<()> {
         let mut seen = vec![false; model.joint_count()];
         for entry in &self.entries {
@@ -83,13 +83,13 @@ impl Layout {
         Ok(())
     }
 
-    /// The layout as the answer gives it.
+    /// Returns the layout for the answer.
     pub(super) fn json(&self) -> Value {
         let entry = |entry: &Entry| json!({ "name": entry.name, "idx_q": entry.idx_q, "nq": entry.nq, "idx_v": entry.idx_v, "nv": entry.nv });
         self.entries.iter().map(entry).collect()
     }
 
-    /// For every entry of their velocities, the entry of ours.
+    /// Returns the index in our velocity vector for each entry of theirs.
     pub(super) fn columns(&self, model: &Model) -> Vec<usize> {
         let offset = model.nv() - model.joint_count();
         let mut columns = vec![0; self.nv];
@@ -101,7 +101,7 @@ impl Layout {
         columns
     }
 
-    /// Our configuration from theirs.
+    /// Converts their configuration to ours.
     pub(super) fn ours(&self, model: &Model, theirs: &[f64]) -> Vec<f64> {
         let mut q = model.neutral();
         let offset = model.nq() - model.joint_count();
@@ -116,7 +116,7 @@ impl Layout {
         q
     }
 
-    /// Their configuration from ours.
+    /// Converts our configuration to theirs.
     pub(super) fn theirs(&self, model: &Model, ours: &[f64]) -> Vec<f64> {
         let mut q = vec![0.0; self.nq];
         let offset = model.nq() - model.joint_count();
@@ -143,7 +143,7 @@ fn single(model: &Model, joint: usize) -> Entry {
     Entry { name: model.joint_names()[joint].clone(), joint: Some(joint), idx_q: 0, nq, idx_v: 0, nv: 1 }
 }
 
-/// Pinocchio's order; the parts of a planar joint, which it has as one, follow each other.
+/// Pinocchio's order; the parts of a planar joint, a single joint there, are consecutive.
 fn usual(model: &Model, order: &[String]) -> Vec<Entry> {
     let mut entries: Vec<Entry> = model.base().floating.then(base).into_iter().collect();
     for name in order {
@@ -155,7 +155,7 @@ fn usual(model: &Model, order: &[String]) -> Vec<Entry> {
     entries
 }
 
-/// One entry of `joints`, its places not yet known.
+/// Reads one entry of `joints`, without its positions.
 fn entry(model: &Model, joint: &Value) -> anyhow::Result<Entry> {
     let name = joint.as_str().or_else(|| joint["name"].as_str()).context("a joint has no name")?;
     if name == ROOT && model.joint_index(name).is_none() {
@@ -176,9 +176,9 @@ fn entry(model: &Model, joint: &Value) -> anyhow::Result<Entry> {
     Ok(entry)
 }
 
-/// Assigns the places of every entry: the stated ones, else consecutive ones.
+/// Assigns the positions of every entry: the given ones, or else consecutive ones.
 fn number(entries: &mut [Entry], stated: &Value, length: Option<usize>) -> anyhow::Result<()> {
-    // Where the list does not say how continuous joints are written, the length of q does.
+    // If the list does not define the form of continuous joints, the length of q does.
     let says = |index: usize| stated[index]["nq"].is_u64();
     let plain = |entry: &Entry| if entry.joint.is_some() { 1 } else { entry.nq };
     if length == Some(entries.iter().map(plain).sum()) {

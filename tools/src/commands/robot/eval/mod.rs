@@ -81,7 +81,7 @@ impl Eval {
         Ok(self.print(&document, &answer))
     }
 
-    /// Prints the poses of the frames, in the pose of the command line.
+    /// Prints the poses of the frames in the selected pose.
     fn poses(&self) -> anyhow::Result<ExitCode> {
         let robot = match self.robot.open(MimicMode::Follow) {
             Ok(robot) => robot,
@@ -127,7 +127,7 @@ impl Eval {
         states::read(&robot.model, layout, document, &self.frame)
     }
 
-    /// Compares the results in the states with ours; without any, prints the pose of the robot.
+    /// Compares the results in the input with ours; without any, prints the pose of the robot.
     fn print(&self, document: &Value, answer: &Value) -> ExitCode {
         let differences = difference::differences(document, answer);
         if differences.is_empty() {
@@ -175,7 +175,7 @@ impl Eval {
     }
 }
 
-/// Mimic joints are independent ones if the states list or hold them as such.
+/// Mimic joints are independent if the input lists or contains them as such.
 fn mode(robot: &RobotArgs, document: &Value) -> anyhow::Result<MimicMode> {
     let Ok(independent) = robot.load(MimicMode::Independent) else { return Ok(MimicMode::Follow) };
     let Ok(follow) = robot.load(MimicMode::Follow) else { return Ok(MimicMode::Follow) };
@@ -190,7 +190,7 @@ fn mode(robot: &RobotArgs, document: &Value) -> anyhow::Result<MimicMode> {
         joints.iter().filter_map(|joint| joint.as_str().or_else(|| joint["name"].as_str())).any(mimics)
     });
     let first = states::cases(document)?.first().cloned().unwrap_or(json!({}));
-    // A continuous joint may take one entry of q, or two.
+    // A continuous joint may have one entry of q, or two.
     let lengths = |model: &Model| {
         let continuous = |index: &usize| model.joint(*index).kind == JointKind::Continuous;
         let count = (0..model.joint_count()).filter(continuous).count();

@@ -1,4 +1,4 @@
-//! Reading states.
+//! Reader of states.
 
 use anyhow::{Context as _, ensure};
 use motorium_robots::{FrameId, Model, Wrench};
@@ -11,7 +11,7 @@ use super::layout::Layout;
 #[derive(Debug, Clone)]
 pub(super) struct State {
     pub(super) q: Vec<f64>,
-    /// As given, so that it comes back unchanged.
+    /// Configuration as given, returned unchanged.
     pub(super) q_given: Vec<f64>,
     pub(super) v: Vec<f64>,
     pub(super) a: Vec<f64>,
@@ -19,7 +19,7 @@ pub(super) struct State {
     pub(super) wrench: Option<(FrameId, Wrench)>,
 }
 
-/// All states of a document, and what to compute of them.
+/// States of a document, and the quantities to compute.
 #[derive(Debug, Clone)]
 pub(super) struct States {
     pub(super) layout: Layout,
@@ -31,7 +31,7 @@ pub(super) struct States {
     pub(super) cases: Vec<State>,
 }
 
-/// The cases of a document: its `cases`, or itself if it is a list.
+/// Returns the cases of a document: its `cases`, or the document if it is a list.
 pub(super) fn cases(document: &Value) -> anyhow::Result<&Vec<Value>> {
     let cases = document.as_array().or_else(|| document["cases"].as_array());
     cases.context("the states have no list `cases`")
@@ -88,7 +88,7 @@ fn state(model: &Model, layout: &Layout, case: &Value) -> anyhow::Result<State> 
     Ok(State { q, q_given, v: tangent("v")?, a: tangent("a")?, tau: tangent("tau")?, wrench })
 }
 
-/// Our configuration, and theirs.
+/// Returns our configuration, and theirs.
 fn configuration(model: &Model, layout: &Layout, case: &Value) -> anyhow::Result<(Vec<f64>, Vec<f64>)> {
     if case["q"].is_null() {
         let positions = case["joint_positions"].as_object().context("neither `q` nor `joint_positions`")?;

@@ -1,4 +1,4 @@
-//! A first graph of a robot: it stands or holds its home pose, then reaches another pose.
+//! First graph of a robot: it stands or holds its home pose, then reaches another pose.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -10,26 +10,26 @@ use motorium_robots::{
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
 use toml::Value;
 
-/// Inertia on a joint below which the mass matrix is singular, kg m^2 or kg.
+/// Joint inertia below which the mass matrix is treated as singular, kg m^2 or kg.
 const LEAST_INERTIA: f64 = 1e-9;
 /// Inertia of the rotors of such a robot, kg m^2.
 const ARMATURE: f64 = 1e-3;
 /// Time at home before the robot moves, s.
 const HOLD: f64 = 5.0;
-/// Fewest joints of an arm whose tool reaches any pose.
+/// Minimum number of joints of an arm whose tool can reach any pose.
 const POSE_JOINTS: usize = 6;
-/// Distances that the tool of an arm moves, m; the first that it reaches counts.
+/// Displacements of an arm's tool, m; the first reachable one is used.
 const STEPS: [f64; 3] = [0.1, 0.05, 0.02];
-/// Largest motion of a joint on this way, rad or m.
+/// Largest joint motion along this displacement, rad or m.
 const LARGEST_MOTION: f64 = 0.8;
 /// Links nearer than this at home are not checked, m.
 const APART: f64 = 0.01;
-/// The part of a drive's effort that the weight may use.
+/// Fraction of a drive's effort that gravity may use.
 const LOAD: f64 = 0.9;
-/// Motion of the joints of a robot without an arm, rad and m, at most this part of their range.
+/// Joint motion of a robot without an arm, rad and m; also limited to this fraction of the range.
 const OFFSET: [f64; 2] = [0.2, 0.02];
 const OFFSET_PART: f64 = 0.2;
-/// The part of its height by which a standing robot lowers its base.
+/// Fraction of its height by which a standing robot lowers its base.
 const LOWERED: f64 = 0.05;
 
 /// The text of the graph. `name` is the robot's table, `reference` names the robot.
@@ -71,7 +71,7 @@ pub(super) fn first_graph(
     text
 }
 
-/// True if nothing with inertia hangs on a joint.
+/// Returns `true` if a joint carries no inertia.
 fn lacks_inertia(model: &Model) -> bool {
     let (nv, first) = (model.nv(), model.nv() - model.joint_count());
     let mut mass = DMatrix::zeros(nv, nv);
@@ -79,20 +79,20 @@ fn lacks_inertia(model: &Model) -> bool {
     (first..nv).any(|index| mass[(index, index)] < LEAST_INERTIA)
 }
 
-/// The path of a file from anywhere; the name of a robot of the catalogue as it is.
+/// Returns an absolute path for a file, or the name of a catalogue robot unchanged.
 fn absolute(reference: &str) -> String {
     let path: PathBuf = std::fs::canonicalize(reference).unwrap_or_else(|_| reference.into());
     path.to_string_lossy().into_owned()
 }
 
-/// A whole-body controller that moves the base of a robot on its feet.
+/// Whole-body controller that moves the base of a robot on its feet.
 fn standing(robot: &Loaded, profile: &Profile, name: &str) -> String {
     let base = &profile.base_poses[&profile.home];
     let frames = robot.model.frames();
     let root = frames.iter().find(|frame| !frame.in_world).map_or("", |frame| &frame.name);
     let root = Value::from(root);
     let height = base.position[2];
-    // On few feet the centre of mass has little room, and arms that swing would tip the robot.
+    // On few feet, the centre of mass has little margin, and swinging arms would tip the robot.
     let soles = profile.feet.values().any(|foot| foot.sole.is_some());
     let (balance, weights, posture) = match soles {
         true => (
@@ -134,7 +134,7 @@ fn standing(robot: &Loaded, profile: &Profile, name: &str) -> String {
     text
 }
 
-/// A trajectory of the joints, to a pose of the first tool if it reaches one.
+/// Joint trajectory to a pose of the first tool, if reachable.
 fn reaching(model: &Model, profile: &Profile, name: &str) -> String {
     let goal = profile.end_effectors.values().find_map(|end| tool_goal(model, profile, end));
     let goal = goal.unwrap_or_else(|| (joint_goal(model, profile), String::new()));
@@ -147,7 +147,7 @@ fn reaching(model: &Model, profile: &Profile, name: &str) -> String {
     )
 }
 
-/// A pose of a tool near home that its arm reaches, and the key that names its frame.
+/// A reachable tool pose near home, and the key that names its frame.
 fn tool_goal(model: &Model, profile: &Profile, end: &EndEffector) -> Option<(String, String)> {
     let arm: Vec<&String> = end.joints.iter().filter(|joint| !profile.passive.contains(joint)).collect();
     if arm.len() < POSE_JOINTS || model.base().floating {
@@ -184,7 +184,7 @@ fn tool_goal(model: &Model, profile: &Profile, end: &EndEffector) -> Option<(Str
     None
 }
 
-/// Links that touch, except those that touch at home.
+/// Touching links, except those that touch at the home pose.
 struct Touch(Option<(CollisionModel, Collisions, Kinematics)>);
 
 impl Touch {
@@ -201,7 +201,7 @@ impl Touch {
         Self(Some((solids, state, kinematics)))
     }
 
-    /// True if links that are apart at home touch at `q`.
+    /// Returns `true` if links touch at `q` that are apart at the home pose.
     fn is_touching(&mut self, model: &Model, q: &[f64]) -> bool {
         self.0.as_mut().is_some_and(|(solids, state, kinematics)| {
             kinematics.update(model, q);
@@ -211,7 +211,7 @@ impl Touch {
     }
 }
 
-/// True if every drive with an effort limit holds the robot against gravity.
+/// Returns `true` if every drive with an effort limit can hold the robot against gravity.
 fn drives_hold(model: &Model, q: &[f64]) -> bool {
     let mut effort = vec![0.0; model.nv()];
     Dynamics::new(model).gravity(model, q, -9.81 * Vector3::z(), &mut effort);
@@ -220,8 +220,8 @@ fn drives_hold(model: &Model, q: &[f64]) -> bool {
     limits.into_iter().all(|(limit, effort)| *limit <= 0.0 || effort.abs() <= LOAD * limit)
 }
 
-/// Offsets of the driven joints of the first end effector, or of all: each towards the middle of its range,
-/// unless links touch there or a drive could not hold it.
+/// Returns offsets of the driven joints of the first end effector, or of all joints: towards the middle of
+/// the range, unless links touch there or a drive could not hold the pose.
 fn joint_goal(model: &Model, profile: &Profile) -> String {
     let q =
         profile.configuration(model, &profile.home).unwrap_or_else(|_| DVector::from_vec(model.neutral()));

@@ -1,4 +1,4 @@
-//! `motorium robot profile`: a first profile of a robot, and a first graph.
+//! `motorium robot profile`: creates a first profile of a robot, and a first graph.
 
 mod graph;
 
@@ -70,7 +70,7 @@ impl Profile {
     }
 }
 
-/// Writes a file that does not exist yet: one that somebody has edited is not lost.
+/// Writes a new file; an existing one, which may have been edited, is never overwritten.
 fn write_new(file: &Path, text: &str) -> anyhow::Result<()> {
     let mut opened =
         OpenOptions::new().write(true).create_new(true).open(file).map_err(|error| match error.kind() {
