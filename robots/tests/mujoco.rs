@@ -275,6 +275,40 @@ fn actuators_of_a_class_share_one_default() {
         (r#"<position kp="50"/>"#, "<general joint=\"j\" gainprm=\"60\"/>", None),
         ("<motor/>", "<position joint=\"j\" kp=\"7\"/>", Some((7.0, 0.0))),
         (r#"<velocity kv="9"/>"#, "<general joint=\"j\"/>", None),
+        // values of another kind do not count, except those of a general actuator with a fixed gain
+        (r#"<velocity kv="12"/>"#, "<position joint=\"j\"/>", Some((1.0, 0.0))),
+        (r#"<intvelocity kp="33" kv="2"/>"#, "<position joint=\"j\"/>", Some((1.0, 0.0))),
+        (r#"<damper kv="2" ctrlrange="0 1"/>"#, "<position joint=\"j\"/>", Some((1.0, 0.0))),
+        (r#"<position kp="40" kv="3"/><motor/>"#, "<position joint=\"j\"/>", Some((1.0, 0.0))),
+        (r#"<position kp="40" kv="3"/><velocity kv="12"/>"#, "<position joint=\"j\"/>", Some((1.0, 0.0))),
+        (
+            r#"<position kp="40" kv="3"/><motor/><general gear="1"/>"#,
+            "<position joint=\"j\"/>",
+            Some((1.0, 0.0)),
+        ),
+        (r#"<general gainprm="80"/><position kv="3"/>"#, "<position joint=\"j\"/>", Some((80.0, 3.0))),
+        (r#"<velocity kv="4"/><general gainprm="80"/>"#, "<position joint=\"j\"/>", Some((80.0, 4.0))),
+        (r#"<general gainprm="80" gaintype="affine"/>"#, "<position joint=\"j\"/>", Some((1.0, 0.0))),
+        (
+            r#"<position kp="40" kv="3"/><default class="a"><motor/></default>"#,
+            "<position class=\"a\" joint=\"j\"/>",
+            Some((40.0, 3.0)),
+        ),
+        (
+            r#"<position kp="40" kv="3"/><default class="a"><velocity kv="12"/><position kv="5"/></default>"#,
+            "<position class=\"a\" joint=\"j\"/>",
+            Some((40.0, 5.0)),
+        ),
+        (
+            r#"<general gainprm="80" biasprm="0 -50 -5"/><default class="a"><velocity kv="4"/></default>"#,
+            "<position class=\"a\" joint=\"j\"/>",
+            Some((80.0, 5.0)),
+        ),
+        (
+            r#"<position kp="40"/><default class="a"><general gainprm="80"/><motor/><default class="b"><motor/></default></default>"#,
+            "<position class=\"b\" joint=\"j\"/>",
+            Some((40.0, 0.0)),
+        ),
     ] {
         let text = format!(
             "<mujoco><default>{class}</default><worldbody><body><joint name=\"j\"/><geom size=\"0.1\"/></body></worldbody>\
@@ -286,4 +320,18 @@ fn actuators_of_a_class_share_one_default() {
         let found = found.map(|gains| (gains.kp[0], gains.kd[0]));
         assert_eq!(found, gains, "{class} {actuator}");
     }
+}
+
+/// `-biasprm[2]` of MuJoCo 4.0.0: the damping ratio counts for the inertia that an actuator feels while the
+/// other joints move freely.
+#[test]
+fn damping_ratios_count_for_joints_that_move_freely() {
+    let text = "<mujoco><worldbody><body><joint name=\"j1\" axis=\"0 1 0\"/><geom type=\"capsule\" fromto=\"0 0 0 0.3 0 0\" size=\"0.03\"/>\
+                <body pos=\"0.3 0 0\"><joint name=\"j2\" axis=\"0 1 0\"/><geom type=\"capsule\" fromto=\"0 0 0 0.2 0 0\" size=\"0.02\"/></body>\
+                </body></worldbody><actuator><position joint=\"j1\" gear=\"10\" dampratio=\"0.7\"/>\
+                <position joint=\"j2\" kp=\"40\" dampratio=\"1\"/></actuator></mujoco>";
+    let robot = parse_mjcf(text, None, &LoadOptions::default()).unwrap();
+    let gains = robot.profile.as_ref().unwrap().gains(&robot.model).unwrap();
+    assert_relative_eq!(gains.kd[0], 2.764_212_800_852_25, max_relative = 1e-9);
+    assert_relative_eq!(gains.kd[1], 0.572_818_890_819_1, max_relative = 1e-9);
 }

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Rule for combining the friction coefficients of two surfaces in contact.
 ///
 /// For surfaces with different rules, the later one in the order `mean`, `min`, `multiply`, `max` applies.
+/// A stated `min` or `max` also applies to torsional and rolling friction, whose mean counts otherwise.
 ///
 /// ```
 /// use motorium_worlds::FrictionCombine;
@@ -44,6 +45,23 @@ impl FrictionCombine {
             Self::Min => a.min(b),
             Self::Multiply => a * b,
             Self::Max => a.max(b),
+        }
+    }
+
+    /// Torsional or rolling friction of a contact \[m\] between two surfaces, each with its coefficient and
+    /// its stated rule: under `min` the smaller and under `max` the larger one, otherwise the mean.
+    ///
+    /// ```
+    /// use motorium_worlds::FrictionCombine;
+    ///
+    /// let (rubber, steel) = ((0.02, Some(FrictionCombine::Max)), (0.004, None));
+    /// assert_eq!(FrictionCombine::combined_lengths(rubber, steel), 0.02);
+    /// ```
+    pub fn combined_lengths((a, rule_a): (f64, Option<Self>), (b, rule_b): (f64, Option<Self>)) -> f64 {
+        match rule_a.max(rule_b) {
+            Some(Self::Min) => a.min(b),
+            Some(Self::Max) => a.max(b),
+            None | Some(Self::Mean | Self::Multiply) => 0.5 * (a + b),
         }
     }
 }

@@ -49,6 +49,9 @@ impl SurfaceLaw {
         let combined = |one: f64, other: f64| {
             FrictionCombine::combined((one, a.friction_combine), (other, b.friction_combine))
         };
+        let lengths = |one: f64, other: f64| {
+            FrictionCombine::combined_lengths((one, a.friction_combine), (other, b.friction_combine))
+        };
         let mut friction = combined(a.friction, b.friction);
         let mut grain = None;
         // If both surfaces have a grain, the first one counts.
@@ -64,8 +67,8 @@ impl SurfaceLaw {
         }
         Self {
             friction,
-            torsional: 0.5 * (a.torsional + b.torsional),
-            rolling: 0.5 * (a.rolling + b.rolling),
+            torsional: lengths(a.torsional, b.torsional),
+            rolling: lengths(a.rolling, b.rolling),
             restitution: 0.5 * (a.restitution + b.restitution),
             conveyed,
             soft,

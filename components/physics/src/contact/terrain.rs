@@ -1,9 +1,9 @@
 //! Contact points with the terrain.
 //!
 //! A round feature touches the faces below its centre, and the edges and corners nearer to it than the faces
-//! around them; a sharp one touches the face below it. Where a box, a cylinder, a capsule or the hull of an
-//! object lies across a peak or a ridge, the peak or the part of the ridge below it touches it. Edges between
-//! coplanar faces are no edges.
+//! around them; a sharp one touches the face below it, and in a valley the faces beside it. Where a box, a
+//! cylinder, a capsule or the hull of an object lies across a peak or a ridge, the peak or the part of the
+//! ridge below it touches it. Edges between coplanar faces are no edges.
 
 use motorium_robots::{Collisions, ConvexShape, SurfaceEdge};
 use motorium_worlds::{HeightField, NearTriangle};
@@ -17,8 +17,8 @@ use super::point::{ContactPoint, Motion, UNKNOWN};
 use super::surface::SurfaceLaw;
 use super::surfaces::Mover;
 
-/// Points of one round feature: more faces do not meet under a sphere that is no greater than the stones.
-const FACES: usize = 4;
+/// Points of one feature: more faces do not meet at a corner of the grid.
+const FACES: usize = 6;
 
 /// Faces whose normals differ by less touch as one: the cosine of 18 degrees.
 const ALIKE: f64 = 0.95;
@@ -36,8 +36,14 @@ const LEVEL: f64 = 1e-9;
 /// Begin of the numbers of contacts with the terrain.
 const TERRAIN: u64 = 1 << 63;
 
-/// Begin of the numbers of contacts with ridges, among the numbers of a collider.
+/// Begin of the numbers of contacts with ridges, and of sharp features in valleys, among the numbers of a
+/// collider.
 const RIDGES: u64 = 1 << 34;
+const VALLEYS: u64 = 1 << 35;
+
+/// Height of a sharp feature above the ground, relative to the margin, up to which the faces beside it may be
+/// nearer than the margin.
+const STEEP: f64 = 4.0;
 
 /// A touching point of a feature.
 #[derive(Clone, Copy)]
@@ -88,16 +94,21 @@ pub(super) fn detect(
         };
         features(field, (collider, &pose), near, &mut |feature, takes| {
             let place = pose * Point3::from(feature.point);
-            for touch in touches(field, &place, feature.radius, margin).into_iter().flatten() {
+            let touches = touches(field, &place, feature.radius, margin);
+            let several = touches.iter().flatten().nth(1).is_some();
+            for touch in touches.into_iter().flatten() {
                 let Touch { triangle, distance, normal } = touch;
                 if !takes(&normal) {
                     continue;
                 }
-                // A sharp feature touches one face; a round one has a small number.
-                let key = if feature.radius == 0.0 {
-                    u64::from(feature.index)
+                // A sharp feature touches one face, except in a valley; a round one has a small number.
+                let (number, triangle) = (feature.index, u64::from(triangle & 0x00ff_ffff));
+                let key = if feature.radius > 0.0 {
+                    u64::from(number & 0x7f) << 24 | triangle
+                } else if several {
+                    VALLEYS | u64::from((number ^ number >> 6) & 0x3ff) << 24 | triangle
                 } else {
-                    u64::from(feature.index & 0x7f) << 24 | u64::from(triangle & 0x00ff_ffff)
+                    u64::from(number)
                 };
                 let middle = place - normal * (feature.radius + 0.5 * distance);
                 found(point(key, index, terrain, middle, normal, distance));
@@ -185,7 +196,10 @@ fn towards(pose: &IsometryMatrix3<f64>) -> Vector3<f64> {
 fn touches(field: &HeightField, place: &Point3<f64>, radius: f64, margin: f64) -> [Option<Touch>; FACES] {
     let mut touches = [None; FACES];
     let above = place.z - field.height(place.x, place.y);
-    if radius == 0.0 || above <= 0.0 {
+    if radius == 0.0 {
+        return sharp(field, place, above, margin);
+    }
+    if above <= 0.0 {
         let normal = field.normal(place.x, place.y);
         let distance = above * normal.z - radius;
         if distance < margin {
@@ -207,6 +221,49 @@ fn touches(field: &HeightField, place: &Point3<f64>, radius: f64, margin: f64) -
     });
     beside.visit_edges(field, &mut |touch| keep(&mut touches, touch));
     touches
+}
+
+/// Points at which a sharp feature `above` the ground \[m\] touches the terrain, or is nearer to it than
+/// `margin` \[m\]: in the face below it, and in faces beside it whose planes are not above the ground here.
+/// These rise from the valley between both. Without them, a corner in a valley would be pushed from one face
+/// to the other in turn and never rest.
+fn sharp(field: &HeightField, place: &Point3<f64>, above: f64, margin: f64) -> [Option<Touch>; FACES] {
+    let mut touches = [None; FACES];
+    let below = field.normal(place.x, place.y);
+    if above * below.z < margin {
+        touches[0] = Some(Touch { triangle: 0, distance: above * below.z, normal: below });
+    }
+    if above > STEEP * margin {
+        return touches;
+    }
+    let near = Point3::new(place.x, place.y, place.z - above.min(0.0));
+    field.visit_near(&near, margin, &mut |triangle| {
+        let normal = triangle.normal;
+        let distance = normal.dot(&(place - triangle.nearest));
+        let is_below = 1.0 - normal.dot(&below) < OVER;
+        if is_below {
+            // The number of the face, known only here.
+            if let Some(touch) = touches[0].as_mut().filter(|touch| touch.triangle == 0) {
+                touch.triangle = triangle.index;
+            }
+        } else if distance < margin && distance >= (above - LEVEL) * normal.z {
+            keep_distinct(&mut touches, Touch { triangle: triangle.index, distance, normal });
+        }
+    });
+    touches
+}
+
+/// Keeps the point of a face unless the same plane has one. Where there is no room it replaces the farthest.
+fn keep_distinct(touches: &mut [Option<Touch>; FACES], touch: Touch) {
+    let same = |other: &Touch| 1.0 - other.normal.dot(&touch.normal) < OVER;
+    if touches.iter().flatten().any(same) {
+        return;
+    }
+    let distance = |index: &usize| touches[*index].map_or(f64::INFINITY, |other| other.distance);
+    let farthest = (1..FACES).max_by(|a, b| distance(a).total_cmp(&distance(b)));
+    if let Some(index) = farthest.filter(|index| touch.distance < distance(index)) {
+        touches[index] = Some(touch);
+    }
 }
 
 /// A triangle near a round feature.

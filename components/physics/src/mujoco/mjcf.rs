@@ -288,8 +288,12 @@ impl Writer<'_> {
                 (first.friction, first.friction_combine),
                 (second.friction, second.friction_combine),
             );
-            let torsional = half(|collider| collider.torsional);
-            let rolling = half(|collider| collider.rolling);
+            let lengths = |of: fn(&Collider) -> f64| {
+                let [one, other] = [first, second].map(|collider| (of(collider), collider.friction_combine));
+                FrictionCombine::combined_lengths(one, other)
+            };
+            let torsional = lengths(|collider| collider.torsional);
+            let rolling = lengths(|collider| collider.rolling);
             let [time, damping] = contact::reference(half(|collider| collider.restitution));
             let dimensions = match () {
                 () if rolling > 0.0 => 6,

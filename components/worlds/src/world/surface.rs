@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::checks::{check, from_zero, positive};
-use super::{World, WorldError};
+use super::{Ground, Object, World, WorldError};
 use crate::{FrictionCombine, Grain, Softness};
 
 impl Softness {
@@ -33,12 +33,15 @@ impl Grain {
 }
 
 impl World {
-    /// Gives all surfaces this rule, unless they have the same coefficient, and with it the same friction
+    /// Gives all surfaces this rule, unless they have the same coefficients, and with them the same friction
     /// under every rule but `multiply`.
     pub(crate) fn combine_frictions(&mut self, rule: FrictionCombine) {
         let all = || {
-            let objects = self.objects.iter().map(|object| object.friction);
-            self.ground.iter().map(|ground| ground.friction).chain(objects)
+            let of_object =
+                |object: &Object| [object.friction, object.torsional_friction, object.rolling_friction];
+            let of_ground =
+                |ground: &Ground| [ground.friction, ground.torsional_friction, ground.rolling_friction];
+            self.ground.iter().map(of_ground).chain(self.objects.iter().map(of_object))
         };
         if all().zip(all().skip(1)).all(|(one, other)| one == other) {
             return;

@@ -340,3 +340,40 @@ fn soft_welds_and_surfaces_of_urdf_dialects_are_named() {
     let error = urdf("<origin quat_xyzw=\"0 0 1 0\"/>", "", "").unwrap_err();
     assert!(error.contains("quat_xyzw of <origin> is not supported"), "{error}");
 }
+
+/// Sliding, torsional and rolling friction of a contact of the first object of a MJCF world with the ground.
+fn friction_of_contact(ground: &str, geom: &str, more: &str) -> ([f64; 3], usize) {
+    let text = format!(
+        "<mujoco><worldbody><geom type=\"plane\" size=\"0 0 1\" {ground}/><body><freejoint/><geom size=\"0.1\" {geom}/>\
+         </body>{more}</worldbody></mujoco>"
+    );
+    let read = parse_mjcf_world(&text, None).unwrap();
+    let (ground, object) = (read.world.ground.unwrap(), &read.world.objects[0]);
+    let rules = [ground.friction_combine, object.friction_combine];
+    let lengths = |one, other| FrictionCombine::combined_lengths((one, rules[0]), (other, rules[1]));
+    let sliding = FrictionCombine::combined((ground.friction, rules[0]), (object.friction, rules[1]));
+    let torsional = lengths(ground.torsional_friction, object.torsional_friction);
+    ([sliding, torsional, lengths(ground.rolling_friction, object.rolling_friction)], read.warnings.len())
+}
+
+#[test]
+fn mjcf_contacts_have_the_larger_condim_and_friction() {
+    // MuJoCo: a contact has the maxima of `condim` and of each coefficient of both geoms.
+    let (slippery, rough) = ("friction=\"0.1 0.005 0.0001\"", "friction=\"1 0.005 0.02\"");
+    for (ground, geom, expected) in [
+        (format!("condim=\"3\" {slippery}"), format!("condim=\"1\" {rough}"), [1.0, 0.0, 0.0]),
+        (format!("condim=\"1\" {rough}"), format!("condim=\"3\" {slippery}"), [1.0, 0.0, 0.0]),
+        (format!("condim=\"1\" {slippery}"), format!("condim=\"1\" {rough}"), [0.0; 3]),
+        (String::new(), format!("condim=\"4\" {rough}"), [1.0, 0.005, 0.0]),
+        (String::new(), format!("condim=\"6\" {rough}"), [1.0, 0.005, 0.02]),
+        (rough.to_owned(), format!("condim=\"6\" {slippery}"), [1.0, 0.005, 0.02]),
+        (format!("condim=\"6\" {slippery}"), format!("condim=\"6\" {rough}"), [1.0, 0.005, 0.02]),
+        (slippery.to_owned(), rough.to_owned(), [1.0, 0.0, 0.0]),
+    ] {
+        assert_eq!(friction_of_contact(&ground, &geom, ""), (expected, 0), "{ground}, {geom}");
+    }
+    // A third geom without friction would rub on the first one.
+    let ball = "<body pos=\"1 0 1\"><freejoint/><geom size=\"0.1\" condim=\"1\"/></body>";
+    let (friction, warnings) = friction_of_contact(slippery, &format!("condim=\"1\" {rough}"), ball);
+    assert_eq!((friction, warnings), ([1.0, 0.0, 0.0], 1));
+}

@@ -86,7 +86,7 @@ fn position_drive(
     tag: &str,
     gear: f64,
 ) -> Result<Option<PositionDrive>, MjcfError> {
-    let Gains { gain, bias: [offset, slope, rate], is_fixed, is_affine } = Gains::read(actuator)?;
+    let Gains { gain, bias: [offset, slope, rate], is_fixed, is_affine, .. } = Gains::read(actuator)?;
     // gain (u - q) - rate v: anything else is not a position servo
     let is_servo = is_fixed && is_affine && (slope + gain).abs() <= 1e-9 * gain;
     if !(tag == "position" || tag == "general" && is_servo && offset == 0.0) {

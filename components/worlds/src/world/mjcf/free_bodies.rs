@@ -6,6 +6,7 @@ use nalgebra::Isometry3;
 use roxmltree::Node;
 
 use super::super::reading::unique;
+use super::contacts::Surface;
 use crate::{CompoundPart, Object, ObjectShape, World};
 
 /// A geom of a body that moves.
@@ -15,8 +16,7 @@ pub(super) struct FreeGeom<'a, 'i> {
     pub(super) pose: Isometry3<f64>,
     pub(super) shape: ObjectShape,
     pub(super) weight: Weight,
-    /// An object with its coefficients of friction.
-    pub(super) surface: Object,
+    pub(super) surface: Surface,
 }
 
 /// The mass of a geom.
@@ -73,7 +73,7 @@ pub(super) fn object<'a, 'i>(
             };
             let mut parts = Vec::with_capacity(geoms.len());
             for FreeGeom { node, pose, shape, weight, surface: own } in geoms {
-                if own != surface {
+                if !own.rubs_like(&surface) {
                     return other(
                         node,
                         "its friction differs from the first geom of its body: an object has one surface",
@@ -91,5 +91,5 @@ pub(super) fn object<'a, 'i>(
         }
     };
     let BasePose { position, rpy } = BasePose::from_isometry(within);
-    Ok(Object { name, shape, mass, density, position, rpy, ..surface })
+    Ok(Object { name, shape, mass, density, position, rpy, ..surface.object })
 }

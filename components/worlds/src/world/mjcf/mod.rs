@@ -19,7 +19,7 @@ use motorium_robots::{
 use nalgebra::Isometry3;
 use roxmltree::Node;
 
-use contacts::{Contacts, surface};
+use contacts::{Contacts, Surface, Surfaces, surface};
 use free_bodies::{FreeGeom, Weight, object};
 use held::{Held, connections};
 use looks::Looks;
@@ -153,12 +153,13 @@ fn read(text: &str, file: Option<&Path>) -> Result<MjcfWorld, MjcfError> {
     }
     let fields = height_fields::read(root, &attributes, &compiler, file)?;
     let (bodies, free, within) = (HashMap::new(), Vec::new(), Vec::new());
-    let (looks, contacts) = (Looks::default(), Contacts::default());
-    let mut reader = Reader { geoms: &geoms, fields, world, bodies, free, within, looks, contacts };
+    let (looks, contacts, surfaces) = (Looks::default(), Contacts::default(), Surfaces::default());
+    let mut reader = Reader { geoms: &geoms, fields, world, bodies, free, within, looks, contacts, surfaces };
     for section in root.children().filter(|section| section.has_tag_name("worldbody")) {
         reader.contents(section, &Place { within: Isometry3::identity(), class: MAIN, frees: false })?;
     }
-    let Reader { mut world, bodies, looks, .. } = reader;
+    let Reader { mut world, bodies, looks, surfaces, .. } = reader;
+    surfaces.apply(&attributes, &mut world);
     world.combine_frictions(FrictionCombine::Max);
     let objects = world.objects.iter().map(|object| object.name.as_str());
     world.appearance.colours = looks.colours(objects.chain(world.ground.map(|_| GROUND)));
@@ -192,6 +193,7 @@ struct Reader<'b, 'a, 'i> {
     within: Vec<(String, Isometry3<f64>)>,
     looks: Looks,
     contacts: Contacts<'a, 'i>,
+    surfaces: Surfaces<'a, 'i>,
 }
 
 impl<'a, 'i> Reader<'_, 'a, 'i> {
@@ -282,7 +284,11 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             return Ok(());
         }
         let (free, bodies) = (std::mem::take(&mut self.free), std::mem::take(&mut self.within));
+        let surface = free.first().map(|geom| (geom.node, geom.surface.clone()));
         let object = object(&self.world, attributes, (node, &within), free)?;
+        if let Some((geom, surface)) = surface {
+            self.surfaces.add(geom, &surface, true);
+        }
         let frame = object.pose();
         for (name, pose) in bodies {
             self.bodies.insert(name, Held { object: object.name.clone(), frame: frame.inv_mul(&pose) });
@@ -297,7 +303,6 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         let attributes = self.geoms.attributes;
         let read = attributes.element(node, place.class, &GEOM)?;
         let surface = surface(&read)?;
-        let Object { friction, torsional_friction, rolling_friction, .. } = surface;
         if read.get("type") == Some("hfield") {
             return self.field(&read, place, surface);
         }
@@ -347,6 +352,8 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             let Geometry::Box { size } = geometry else { return Ok(()) };
             let height = pose.translation.z + 0.5 * size.z;
             self.looks.add(node, Some(GROUND), colour, is_seen);
+            self.surfaces.set_ground(node, &surface);
+            let Object { friction, torsional_friction, rolling_friction, .. } = surface.object;
             self.world.ground =
                 Some(Ground { height, friction, torsional_friction, rolling_friction, ..Ground::default() });
             return Ok(());
@@ -367,7 +374,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         &mut self,
         read: &Element<'_, 'a, 'i>,
         place: &Place<'a>,
-        surface: Object,
+        surface: Surface,
     ) -> Result<(), MjcfError> {
         if place.frees {
             return Err(read.refused("type", "a height field does not move"));
@@ -398,7 +405,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         node: Node<'a, 'i>,
         shape: ObjectShape,
         pose: &Isometry3<f64>,
-        surface: Object,
+        surface: Surface,
         (colour, is_seen): (Option<Colour>, bool),
     ) {
         let body = node.ancestors().find(|node| node.has_tag_name("body")).map(body_name);
@@ -406,7 +413,8 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         let name = unique(&self.world, name.as_deref().unwrap_or("geom"));
         let BasePose { position, rpy } = BasePose::from_isometry(pose);
         self.looks.add(node, Some(&name), colour, is_seen);
-        self.world.objects.push(Object { name, shape, position, rpy, ..surface });
+        self.surfaces.add(node, &surface, false);
+        self.world.objects.push(Object { name, shape, position, rpy, ..surface.object });
     }
 }
 
