@@ -13,7 +13,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGTSTP};
 use super::Event;
 use super::event_log::EventWriter;
 use super::hang::{SILENCE_NS, diagnose};
-use super::shutdown::Reached;
+use super::reached::Reached;
 use super::watchdog::{Counters, Watchdog};
 use crate::os::{Watch, monotonic_ns};
 use crate::plan::Plan;

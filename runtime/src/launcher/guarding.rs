@@ -5,12 +5,11 @@ use std::sync::atomic::Ordering::Relaxed;
 use super::child::Child;
 use super::hang::SILENCE_NS;
 use super::restart::History;
-use super::worker_program::WorkerProgram;
+use super::run::Run;
 use super::{Event, LaunchError};
 use crate::os::monotonic_ns;
 use crate::plan::{RestartPlan, RestartWhen};
-use crate::region::{End, Region};
-use crate::run_folder::RunFolder;
+use crate::region::End;
 
 /// Consecutive failures after which a run counts as unguarded.
 const FAILURES: u32 = 3;
@@ -60,32 +59,22 @@ impl Guard {
     }
 
     /// Starts the process.
-    pub(super) fn start(
-        &mut self,
-        program: &WorkerProgram,
-        (folder, region): (&RunFolder, &Region),
-    ) -> Result<(), LaunchError> {
-        let child = Child::guard(program.path(), folder)?;
-        region.header().guard.store(child.pid(), Relaxed);
+    pub(super) fn start(&mut self, run: &Run) -> Result<(), LaunchError> {
+        let child = Child::guard(run.program.path(), &run.folder)?;
+        run.region.header().guard.store(child.pid(), Relaxed);
         self.since_ns = monotonic_ns();
         self.child = Some(child);
         Ok(())
     }
 
     /// Replaces a dead or stopped process. `late` is the delay of the launcher itself, ns.
-    pub(super) fn monitor(
-        &mut self,
-        program: &WorkerProgram,
-        run: (&RunFolder, &Region),
-        late: u64,
-        observe: &mut dyn FnMut(Event<'_>),
-    ) {
-        let header = run.1.header();
+    pub(super) fn monitor(&mut self, run: &Run, late: u64, observe: &mut dyn FnMut(Event<'_>)) {
+        let header = run.region.header();
         let now = monotonic_ns();
         if let Some(due_ns) = self.due_ns {
             if now >= due_ns {
                 self.due_ns = None;
-                self.restart(program, run, observe);
+                self.restart(run, observe);
             }
             return;
         }
@@ -122,17 +111,12 @@ impl Guard {
         observe(Event::Failed { component: "guard", tick: 0, reason: &reason, consequence, seen_ns: None });
         if delay_ns == 0 {
             self.due_ns = None;
-            self.restart(program, run, observe);
+            self.restart(run, observe);
         }
     }
 
-    fn restart(
-        &mut self,
-        program: &WorkerProgram,
-        run: (&RunFolder, &Region),
-        observe: &mut dyn FnMut(Event<'_>),
-    ) {
-        let Err(error) = self.start(program, run) else { return };
+    fn restart(&mut self, run: &Run, observe: &mut dyn FnMut(Event<'_>)) {
+        let Err(error) = self.start(run) else { return };
         let reason = error.to_string();
         let consequence = "the run continues unguarded";
         observe(Event::Failed { component: "guard", tick: 0, reason: &reason, consequence, seen_ns: None });

@@ -4,21 +4,19 @@
 //! among themselves, through as many rounds as permitted, and return it at the end of the requested part, or
 //! when they cannot continue. Components hosted inline are stepped by the launcher, one after the other.
 
+use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
-use super::event_log::logging;
-use super::supervise::AfterEnd;
-use super::supervision::Supervision;
-use super::{Event, Exit, Hosting, Launch};
+use super::run::Run;
+use super::supervisor::{AfterEnd, Supervisor};
+use super::{Event, Exit, Hosting, Status};
 use crate::os::{futex_wait, monotonic_ns};
 use crate::region::{Command, Phase};
+use crate::worker::Rounds;
 
 /// Duration of a tick above which it is reported, ns.
 const TELL_AFTER_NS: u64 = 1_000_000_000;
-/// Interval of checks for printed lines, and of status updates, ns.
-const STATUS_NS: u64 = 50_000_000;
-
 /// Maximum wait for the turn between checks of signals and of the component that holds it.
 const LOOK: Duration = Duration::from_millis(20);
 
@@ -50,21 +48,39 @@ pub(crate) struct Limit {
     pub(crate) rounds: u64,
 }
 
-impl Launch {
-    /// Runs rounds of simulated time up to a limit. The exit, if the run ended before: by a signal, or a
-    /// failure.
-    pub(crate) fn run_rounds(&mut self, limit: Limit, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
-        let observe = &mut logging(&self.log, observe);
-        let mut supervision = core::mem::take(&mut self.supervision);
-        let exit = self.rounds(limit, &mut supervision, observe);
-        self.supervision = supervision;
-        exit
+/// The simulated time of a run, and the order of its components.
+pub(super) struct Lockstep {
+    run: Rc<Run>,
+    rounds: Rounds,
+    /// Simulated time of the next tick, ns.
+    reached_ns: u64,
+    /// Simulated time of the episodes before, ns.
+    before_ns: u64,
+}
+
+impl Lockstep {
+    /// Starts at time zero.
+    pub(super) fn new(run: &Rc<Run>) -> Self {
+        let plays = |index: usize| !run.is_played(&run.plan.components[index].name);
+        Self { run: run.clone(), rounds: Rounds::new(&run.plan, plays), reached_ns: 0, before_ns: 0 }
     }
 
-    fn rounds(
+    /// Simulated time of the present episode, ns.
+    pub(super) fn reached_ns(&self) -> u64 {
+        self.reached_ns
+    }
+
+    /// Simulated time of all episodes, ns.
+    pub(super) fn simulated_ns(&self) -> u64 {
+        self.before_ns + self.reached_ns
+    }
+
+    /// Runs rounds of simulated time up to a limit. The exit, if the run ended before: by a signal, or a
+    /// failure.
+    pub(super) fn run_rounds(
         &mut self,
         limit: Limit,
-        supervision: &mut [Supervision],
+        supervisor: &mut Supervisor,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Option<Exit> {
         let mut now_ns = monotonic_ns();
@@ -75,21 +91,22 @@ impl Launch {
                 self.reached_ns = self.reached_ns.max(limit.until_ns);
                 return None;
             }
-            if self.signals.is_raised() {
+            if self.run.signals.is_raised() {
                 self.reached_ns = time;
                 return Some(Exit::Interrupted);
             }
-            let mut stop = (self.region.header().command() == Command::SafeStop)
-                .then(|| super::stop_reason::reason(&self.plan, &self.region));
+            let mut stop = (self.run.region.header().command() == Command::SafeStop)
+                .then(|| super::stop_reason::reason(&self.run.plan, &self.run.region));
             rounds -= 1;
             // The accounts are read after the same rounds, by the launcher or by components.
-            let look_ns = self.rounds.round_from(self.accounts.next_look_ns()).saturating_add(1);
-            self.region.header().turn.allow_rounds(limit.until_ns.min(look_ns), rounds);
+            let look_ns =
+                self.rounds.round_from(supervisor.reporter.accounts.next_look_ns()).saturating_add(1);
+            self.run.region.header().turn.allow_rounds(limit.until_ns.min(look_ns), rounds);
             let mut place = 0;
             while stop.is_none()
-                && let Some(index) = self.rounds.next_due(&self.region, time, place)
+                && let Some(index) = self.rounds.next_due(&self.run.region, time, place)
             {
-                let ticked = self.tick((index, time), &mut now_ns, supervision, observe);
+                let ticked = self.tick((index, time), &mut now_ns, supervisor, observe);
                 // Components that pass the turn on may have advanced to other rounds.
                 let last = self.last_tick(index);
                 (time, place) = (last.1, self.rounds.place_after(last.0));
@@ -104,22 +121,19 @@ impl Launch {
             }
             if let Some(reason) = stop {
                 observe(Event::SafeStop { reason: &reason });
-                self.reached_ns = self.settle_lockstep(time, supervision, observe);
+                self.reached_ns = self.settle(time, supervisor, observe);
                 return Some(Exit::SafeStop { reason });
             }
             self.reached_ns = time + 1;
-            rounds = self.region.header().turn.rounds_left();
-            let header = self.region.header();
+            rounds = self.run.region.header().turn.rounds_left();
+            let header = self.run.region.header();
             header.reached_ns.store(self.reached_ns, Relaxed);
             let is_over = header.is_episode_over();
-            self.accounts.report_at((&self.plan, &self.region), time, observe);
+            supervisor.reporter.accounts.report_at((&self.run.plan, &self.run.region), time, observe);
             if is_over {
                 return None;
             }
-            if now_ns >= self.next_status_ns {
-                self.next_status_ns = now_ns + STATUS_NS;
-                self.look_around(supervision, observe);
-            }
+            self.look_around(now_ns, supervisor, observe);
         }
         None
     }
@@ -127,118 +141,107 @@ impl Launch {
     /// Returns the component of the last tick and its time, after the turn was passed to the component
     /// `first`.
     fn last_tick(&self, first: usize) -> (usize, u64) {
-        let last = self.region.header().turn.now().giver.unwrap_or(first);
-        let block = self.region.components().get(last);
+        let last = self.run.region.header().turn.now().giver.unwrap_or(first);
+        let block = self.run.region.components().get(last);
         block.map_or((first, 0), |block| (last, block.tick_time_ns.load(Relaxed)))
     }
 
     /// Resets all components for an episode, one after the other: a barrier after which simulated time
     /// restarts. Returns the exit if one of them cannot continue.
-    pub(crate) fn reset(
+    pub(super) fn reset(
         &mut self,
-        index: u64,
-        seed: u64,
+        (index, seed): (u64, u64),
+        supervisor: &mut Supervisor,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Option<Exit> {
-        let observe = &mut logging(&self.log, observe);
-        self.report_last_accounts(observe);
-        self.region.header().begin_episode(index, seed);
-        let mut supervision = core::mem::take(&mut self.supervision);
+        self.run.region.header().begin_episode(index, seed);
         let mut exit = None;
-        for component in 0..supervision.len() {
-            exit = exit.or(match self.reset_one((component, index, seed), &mut supervision, observe) {
+        for component in 0..self.run.plan.components.len() {
+            exit = exit.or(match self.reset_one((component, index, seed), supervisor, observe) {
                 Ticked::Done => None,
                 Ticked::Interrupted => Some(Exit::Interrupted),
                 Ticked::Fatal(reason) => Some(Exit::SafeStop { reason }),
             });
         }
-        self.supervision = supervision;
-        self.services.clear();
-        self.region.topics().iter().for_each(|topic| topic.begin_episode());
-        self.region.components().iter().for_each(|block| block.begin_episode());
+        supervisor.memory.clear();
+        self.run.region.topics().iter().for_each(|topic| topic.begin_episode());
+        self.run.region.components().iter().for_each(|block| block.begin_episode());
         self.before_ns += core::mem::take(&mut self.reached_ns);
-        self.accounts.begin_episode();
+        supervisor.reporter.accounts.begin_episode();
         observe(Event::Reset { episode: index, seed });
         exit
     }
 
     fn reset_one(
-        &mut self,
+        &self,
         (component, index, seed): (usize, u64, u64),
-        supervision: &mut [Supervision],
+        supervisor: &mut Supervisor,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Ticked {
-        let is_running = self.region.components()[component].phase() == Phase::Running;
-        if !is_running
-            && let Some(ticked) = self.await_running(component, &mut supervision[component], observe)
-        {
+        let is_running = self.run.region.components()[component].phase() == Phase::Running;
+        if !is_running && let Some(ticked) = self.await_running(component, supervisor, observe) {
             return ticked;
         }
-        if self.options.hosting != Hosting::Inline && !self.children[component].is_played() {
-            return self.give_turn(component, Work::Reset, supervision, observe);
+        if self.run.options.hosting != Hosting::Inline && !supervisor.workers.child(component).is_played() {
+            return self.give_turn(component, Work::Reset, supervisor, observe);
         }
-        if self.children[component].reset(&self.region.components()[component], index, seed) {
+        if supervisor.workers.child(component).reset(&self.run.region.components()[component], index, seed) {
             return Ticked::Done;
         }
-        match self.monitor(component, &mut supervision[component], observe) {
+        match supervisor.monitor(component, observe) {
             Some(AfterEnd::Fatal(reason)) => Ticked::Fatal(reason),
             Some(AfterEnd::Restarted | AfterEnd::Ignored) | None => self.after_wait(),
         }
     }
 
     /// Time of the next round, ns; `u64::MAX` for none.
-    pub(crate) fn next_round_ns(&self) -> u64 {
+    pub(super) fn next_round_ns(&self) -> u64 {
         self.rounds.round_from(self.reached_ns)
     }
 
     /// Performs due checks, and waits for a signal, the end of a process, or a time on `CLOCK_MONOTONIC`, ns.
     /// Returns the exit if a signal arrived.
-    pub(crate) fn wait(&mut self, until_ns: u64, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
-        let observe = &mut logging(&self.log, observe);
-        let now_ns = monotonic_ns();
-        if now_ns >= self.next_status_ns {
-            self.next_status_ns = now_ns + STATUS_NS;
-            let mut supervision = core::mem::take(&mut self.supervision);
-            self.look_around(&mut supervision, observe);
-            self.supervision = supervision;
+    pub(super) fn wait(
+        &self,
+        until_ns: u64,
+        supervisor: &mut Supervisor,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Option<Exit> {
+        self.look_around(monotonic_ns(), supervisor, observe);
+        if !self.run.signals.is_raised() && monotonic_ns() < until_ns {
+            supervisor.wait_for_something(until_ns);
         }
-        if !self.signals.is_raised() && monotonic_ns() < until_ns {
-            self.wait_for_something(until_ns);
-        }
-        self.signals.is_raised().then_some(Exit::Interrupted)
+        self.run.signals.is_raised().then_some(Exit::Interrupted)
     }
 
-    /// Checks everything that ticks do not report.
-    fn look_around(&mut self, supervision: &mut [Supervision], observe: &mut dyn FnMut(Event<'_>)) {
-        self.relay_output(observe);
-        self.guard.monitor(&self.program, (&self.folder, &self.region), 0, observe);
-        self.places.look(&self.options, &self.folder, observe);
-        self.stops.report(&self.plan, &self.region, observe);
-        for (index, supervision) in supervision.iter_mut().enumerate() {
-            self.report_tolerated(index, supervision, observe);
+    /// Checks everything that ticks do not report, each time that a status is due.
+    #[inline]
+    fn look_around(&self, now_ns: u64, supervisor: &mut Supervisor, observe: &mut dyn FnMut(Event<'_>)) {
+        if !supervisor.reporter.take_status(now_ns) {
+            return;
         }
-        observe(Event::Status(&self.status()));
+        supervisor.workers.relay_output(observe);
+        supervisor.look_around(0, now_ns, observe);
+        for index in 0..self.run.plan.components.len() {
+            supervisor.report_tolerated(index, observe);
+        }
+        observe(Event::Status(&Status::read(&self.run.plan, &self.run.region)));
     }
 
     /// After a safe stop only the actuators continue, in their safe state, for the settling time. Returns
     /// when it is over.
-    fn settle_lockstep(
-        &mut self,
-        time: u64,
-        supervision: &mut [Supervision],
-        observe: &mut dyn FnMut(Event<'_>),
-    ) -> u64 {
+    fn settle(&self, time: u64, supervisor: &mut Supervisor, observe: &mut dyn FnMut(Event<'_>)) -> u64 {
         // A second signal ends the settling too.
-        self.signals.forget();
-        self.region.header().order(Command::SafeStop);
-        let end = time + self.plan.settle_ns();
+        self.run.signals.forget();
+        self.run.region.header().order(Command::SafeStop);
+        let end = time + self.run.plan.settle_ns();
         let mut now_ns = monotonic_ns();
-        for index in 0..supervision.len() {
-            let component = &self.plan.components[index];
+        for index in 0..self.run.plan.components.len() {
+            let component = &self.run.plan.components[index];
             let (period, actuator) = (component.period_ns(), component.actuator);
             let mut next = time + period;
-            while actuator && !supervision[index].is_gone() && next <= end {
-                let ticked = self.tick((index, next), &mut now_ns, supervision, observe);
+            while actuator && !supervisor.is_gone(index) && next <= end {
+                let ticked = self.tick((index, next), &mut now_ns, supervisor, observe);
                 if !matches!(ticked, Ticked::Done) {
                     break;
                 }
@@ -249,42 +252,42 @@ impl Launch {
     }
 
     fn after_wait(&self) -> Ticked {
-        if self.signals.is_raised() { Ticked::Interrupted } else { Ticked::Done }
+        if self.run.signals.is_raised() { Ticked::Interrupted } else { Ticked::Done }
     }
 
     /// Has one component step for a time; a process or thread then passes the turn on. `now_ns` is the
     /// present on `CLOCK_MONOTONIC`, before and after.
     #[inline]
     fn tick(
-        &mut self,
+        &self,
         (index, time): (usize, u64),
         now_ns: &mut u64,
-        supervision: &mut [Supervision],
+        supervisor: &mut Supervisor,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Ticked {
-        self.rounds.note(&self.region, index, time);
-        let inline = self.options.hosting == Hosting::Inline;
+        self.rounds.note(&self.run.region, index, time);
+        let inline = self.run.options.hosting == Hosting::Inline;
         if !inline {
-            self.region.header().turn.pass(None, None);
+            self.run.region.header().turn.pass(None, None);
         }
-        if self.region.components()[index].phase() != Phase::Running
-            && let Some(ticked) = self.await_running(index, &mut supervision[index], observe)
+        if self.run.region.components()[index].phase() != Phase::Running
+            && let Some(ticked) = self.await_running(index, supervisor, observe)
         {
             return ticked;
         }
         if !inline {
-            let ticked = self.give_turn(index, Work::Step, supervision, observe);
+            let ticked = self.give_turn(index, Work::Step, supervisor, observe);
             *now_ns = monotonic_ns();
             return ticked;
         }
-        if self.children[index].step(&self.region.components()[index], time, now_ns) {
+        if supervisor.workers.child(index).step(&self.run.region.components()[index], time, now_ns) {
             return Ticked::Done;
         }
-        match self.monitor(index, &mut supervision[index], observe) {
+        match supervisor.monitor(index, observe) {
             Some(AfterEnd::Fatal(reason)) => return Ticked::Fatal(reason),
             // The failed tick is lost; the restarted component starts with the next one.
             Some(AfterEnd::Restarted) => {
-                let ticked = self.await_running(index, &mut supervision[index], observe);
+                let ticked = self.await_running(index, supervisor, observe);
                 *now_ns = monotonic_ns();
                 return ticked.unwrap_or(Ticked::Done);
             }
@@ -297,13 +300,13 @@ impl Launch {
     /// Passes the turn to a component and waits until it returns, from that or another one, for as long as
     /// needed: a tick takes no simulated time. A signal ends the wait.
     fn give_turn(
-        &mut self,
+        &self,
         index: usize,
         work: Work,
-        supervision: &mut [Supervision],
+        supervisor: &mut Supervisor,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Ticked {
-        let (block, turn) = (&self.region.components()[index], &self.region.header().turn);
+        let (block, turn) = (&self.run.region.components()[index], &self.run.region.header().turn);
         if matches!(work, Work::Reset) {
             block.tick_resets.store(1, Relaxed);
         }
@@ -313,41 +316,38 @@ impl Launch {
         let mut since_ns = monotonic_ns();
         let mut reported = false;
         loop {
-            self.region.header().turn.await_call(LOOK);
-            let now = self.region.header().turn.now();
-            let Some(holder) = now.holder.filter(|holder| *holder < supervision.len()) else {
+            self.run.region.header().turn.await_call(LOOK);
+            let now = self.run.region.header().turn.now();
+            let Some(holder) = now.holder.filter(|holder| *holder < self.run.plan.components.len()) else {
                 return Ticked::Done;
             };
-            if self.signals.is_raised() {
+            if self.run.signals.is_raised() {
                 return Ticked::Interrupted;
             }
             let now_ns = monotonic_ns();
             if now != last {
                 (last, since_ns, reported) = (now, now_ns, false);
             }
-            let block = &self.region.components()[holder];
+            let block = &self.run.region.components()[holder];
             // The giver may have died between giving the turn and calling.
             block.call();
             if !reported && now_ns - since_ns > TELL_AFTER_NS {
                 reported = true;
-                let (component, tick) = (&self.plan.components[holder].name, block.steps.load(Relaxed));
+                let (component, tick) = (&self.run.plan.components[holder].name, block.steps.load(Relaxed));
                 observe(Event::Waiting { component, tick, for_ns: now_ns - since_ns });
             }
-            if now_ns >= self.next_status_ns {
-                self.next_status_ns = now_ns + STATUS_NS;
-                self.look_around(supervision, observe);
-            }
-            let ended = self.monitor(holder, &mut supervision[holder], observe);
-            if ended.is_none() && !supervision[holder].is_gone() {
+            self.look_around(now_ns, supervisor, observe);
+            let ended = supervisor.monitor(holder, observe);
+            if ended.is_none() && !supervisor.is_gone(holder) {
                 continue;
             }
             // The tick of its death is lost; the restarted component starts with the next one.
-            self.region.header().turn.pass(Some(holder), None);
+            self.run.region.header().turn.pass(Some(holder), None);
             return match ended {
                 Some(AfterEnd::Fatal(reason)) => Ticked::Fatal(reason),
                 Some(AfterEnd::Ignored) => Ticked::Done,
                 Some(AfterEnd::Restarted) => {
-                    let ticked = self.await_running(holder, &mut supervision[holder], observe);
+                    let ticked = self.await_running(holder, supervisor, observe);
                     ticked.unwrap_or_else(|| self.after_wait())
                 }
                 None => self.after_wait(),
@@ -358,18 +358,18 @@ impl Launch {
     /// Waits while a component starts; simulated time stands still. Returns the outcome of its tick if it
     /// does not run: it has ended permanently, or a signal arrived.
     fn await_running(
-        &mut self,
+        &self,
         index: usize,
-        supervision: &mut Supervision,
+        supervisor: &mut Supervisor,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Option<Ticked> {
-        while !supervision.is_gone() && !self.signals.is_raised() {
-            let block = &self.region.components()[index];
+        while !supervisor.is_gone(index) && !self.run.signals.is_raised() {
+            let block = &self.run.region.components()[index];
             let phase = block.phase();
             if phase != Phase::Running {
                 futex_wait(block.phase_word(), phase as u32, Some(Duration::from_millis(20)));
             }
-            if let Some(AfterEnd::Fatal(reason)) = self.monitor(index, supervision, observe) {
+            if let Some(AfterEnd::Fatal(reason)) = supervisor.monitor(index, observe) {
                 return Some(Ticked::Fatal(reason));
             }
             if phase == Phase::Running {

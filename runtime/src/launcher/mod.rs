@@ -6,7 +6,6 @@
 //! launcher itself is killed.
 
 mod accounts;
-mod barrier;
 mod child;
 mod cores;
 mod ending;
@@ -16,6 +15,7 @@ mod event;
 mod event_log;
 mod exit;
 mod expectations;
+mod findings;
 pub mod guard;
 mod guarding;
 mod hang;
@@ -26,43 +26,45 @@ mod lost_steps;
 mod neighbours;
 mod options;
 mod places;
+mod reached;
+mod realtime;
 mod report;
+mod reporter;
 mod reserve;
 mod restart;
+mod run;
+mod safe_stop;
 mod services;
-mod shortfalls;
-mod shutdown;
+mod shared_memory;
 mod signals;
 mod status;
 mod stop_reason;
 mod stops;
-mod supervise;
 mod supervision;
+mod supervisor;
 mod watchdog;
 mod worker_program;
+mod workers;
 
 use std::rc::Rc;
-use std::sync::atomic::Ordering::{Relaxed, Release};
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
 
 use crate::os::{Placement, monotonic_ns};
-use crate::plan::{ClockKind, Plan, Program};
-use crate::region::{Command, EventReader, Region};
+use crate::plan::{ClockKind, ComponentPlan, Plan};
+use crate::region::{Command, EventReader, Phase, Region};
 use crate::run_folder::RunFolder;
-use crate::worker::{Host, Registry, Rounds};
-use accounts::Accounts;
-use child::Child;
-use episodes::{Episodes, present_episode_ns};
+use crate::worker::Registry;
+use episodes::present_episode_ns;
 use event_log::{EventWriter, logging};
-use guarding::Guard;
+use findings::Findings;
 use idle_states::IdleStates;
-use logged_event::unread_events;
-use places::Places;
-use reserve::Spare;
-use services::Services;
-use signals::Signals;
-use stops::Stops;
-use supervision::Supervision;
-use worker_program::WorkerProgram;
+use lockstep::Lockstep;
+use logged_event::{reported_events, unread_events};
+use realtime::Realtime;
+use run::Run;
+use safe_stop::SafeStop;
+use supervisor::Supervisor;
 
 pub use cores::{CoreReport, CoreWatch};
 pub use error::LaunchError;
@@ -77,42 +79,18 @@ pub use report::{
 };
 pub use status::{ComponentStatus, Status};
 
-/// A launch in progress: the processes, threads or hosted components of a run, and everything that is removed
-/// with it.
+/// A launch in progress. It reports the events of its parts, logs them, and ends them in order.
 pub(crate) struct Launch {
-    plan: Plan,
-    registry: Registry,
-    options: Options,
-    folder: RunFolder,
-    region: Rc<Region>,
-    services: Services,
-    signals: Signals,
-    children: Vec<Child>,
-    supervision: Vec<Supervision>,
-    guard: Guard,
-    program: WorkerProgram,
+    run: Rc<Run>,
+    supervisor: Supervisor,
+    lockstep: Lockstep,
+    realtime: Realtime,
+    log: Rc<EventWriter>,
+    findings: Findings,
+    idle_states: IdleStates,
+    cores: Option<CoreWatch>,
     /// Time of the stop command to the components, ns.
     ended_ns: Option<u64>,
-    lost: Vec<String>,
-    warnings: Vec<String>,
-    idle_states: IdleStates,
-    spare: Spare,
-    places: Places,
-    stops: Stops,
-    cores: Option<CoreWatch>,
-    /// The event log, and what it contains of the accounts of components.
-    log: Rc<EventWriter>,
-    accounts: Accounts,
-    /// Order of the ticks, and the simulated time of the next one, ns.
-    rounds: Rounds,
-    reached_ns: u64,
-    /// Simulated time of the episodes before, ns.
-    before_ns: u64,
-    /// Real time: the episodes that have begun.
-    episodes: Episodes,
-    /// Time of the next status, and of the next look at everything in real time, `CLOCK_MONOTONIC` ns.
-    next_status_ns: u64,
-    due_ns: u64,
     /// Previous core and priority of this thread.
     _placement: Placement,
 }
@@ -124,7 +102,7 @@ impl Launch {
     /// # Errors
     /// The graph did not start; nothing is left behind.
     pub(crate) fn start(
-        mut plan: Plan,
+        plan: Plan,
         registry: &Registry,
         options: &Options,
         observe: &mut dyn FnMut(Event<'_>),
@@ -132,42 +110,17 @@ impl Launch {
         crate::domain::quieten();
         options.check(&plan)?;
         reserve::check(&plan, options.hosting)?;
-        if let Some(core) = options.core.filter(|_| plan.clock == ClockKind::Lockstep) {
-            plan.components.iter_mut().for_each(|component| component.core = Some(core));
-        }
-        let signals = Signals::new(options.catch_signals)
-            .map_err(|error| LaunchError::System { what: "catching signals", reason: error.to_string() })?;
-        let (folder, region) = RunFolder::create(&plan)?;
-        let region = Rc::new(region);
-        let plays = |index: usize| !options.stand_in.contains(&plan.components[index].name);
+        let run = Rc::new(Run::create(plan, options)?);
         let mut launch = Self {
-            rounds: Rounds::new(&plan, plays),
-            log: Rc::new(EventWriter::new(&plan, region.clone())),
-            accounts: Accounts::new(&plan),
-            plan,
-            registry: registry.clone(),
-            options: options.clone(),
-            folder,
-            region,
-            services: Services::default(),
-            signals,
-            children: Vec::new(),
-            supervision: Vec::new(),
-            guard: Guard::default(),
-            program: WorkerProgram::new(&options.program),
-            ended_ns: None,
-            lost: Vec::new(),
-            warnings: Vec::new(),
+            supervisor: Supervisor::new(&run, registry),
+            lockstep: Lockstep::new(&run),
+            realtime: Realtime::new(&run),
+            log: Rc::new(EventWriter::new(&run.plan, run.region.clone())),
+            run,
+            findings: Findings::default(),
             idle_states: IdleStates::default(),
-            spare: Spare::none(),
-            places: Places::default(),
-            stops: Stops::default(),
             cores: None,
-            reached_ns: 0,
-            before_ns: 0,
-            episodes: Episodes::default(),
-            next_status_ns: 0,
-            due_ns: 0,
+            ended_ns: None,
             _placement: Placement::remember(),
         };
         let observe = &mut logging(&launch.log, observe);
@@ -176,204 +129,233 @@ impl Launch {
     }
 
     fn set_up(&mut self, observe: &mut dyn FnMut(Event<'_>)) -> Result<Option<Exit>, LaunchError> {
-        self.place_launcher();
-        self.idle_states = IdleStates::request(&self.plan, self.options.hosting)?;
-        if self.options.hosting == Hosting::Processes {
-            self.guard.start(&self.program, (&self.folder, &self.region))?;
-        }
-        self.services = Services::create(&self.folder, &self.plan)?;
-        self.spare = Spare::reserve(&self.folder)?;
-        observe(Event::Created { run: self.folder.id(), plan: &self.plan });
-        self.report_neighbours(observe);
-        for index in 0..self.plan.components.len() {
-            let child = self.start_child(index)?;
-            self.children.push(child);
-        }
-        if !self.pass_barrier(observe)? {
+        let Run { plan, options, folder, .. } = &*self.run;
+        self.run.place_launcher();
+        self.idle_states = IdleStates::request(plan, options.hosting)?;
+        self.supervisor.create()?;
+        observe(Event::Created { run: folder.id(), plan });
+        neighbours::report(plan, observe);
+        self.supervisor.workers.start_all()?;
+        if !self.supervisor.workers.pass_barrier(observe)? {
             return Ok(Some(Exit::Interrupted));
         }
-        let lockstep = self.plan.clock == ClockKind::Lockstep;
+        self.findings.note_denied(&self.run, &self.idle_states, observe);
         // By then every process waits for its first release.
-        self.cores = Some(CoreWatch::start(self.plan.components.iter().filter_map(|c| c.core).collect()));
-        let start = if lockstep { monotonic_ns() } else { monotonic_ns() + 20_000_000 };
-        let header = self.region.header();
-        header.start_ns.store(start, Release);
-        header.order(Command::Run);
-        self.children.iter_mut().zip(self.region.components()).for_each(|(child, block)| child.begin(block));
-        self.signal_all();
-        self.supervision = self.supervision(start);
-        (self.next_status_ns, self.due_ns) = (if lockstep { 0 } else { start }, start);
+        self.cores = Some(CoreWatch::start(plan.components.iter().filter_map(|c| c.core).collect()));
+        let is_lockstep = self.run.is_lockstep();
+        let start_ns = if is_lockstep { monotonic_ns() } else { monotonic_ns() + 20_000_000 };
+        self.supervisor.begin(start_ns);
+        self.supervisor.reporter.next_status_ns = if is_lockstep { 0 } else { start_ns };
+        self.realtime.begin(start_ns);
         observe(Event::Started);
         Ok(None)
+    }
+
+    /// Supervises a run in real time until a time after its start, ns, or until a component ends the episode.
+    /// The exit, if the run ended before: by a signal, or because something failed permanently.
+    pub(crate) fn supervise(&mut self, until_ns: u64, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
+        self.realtime.supervise(until_ns, &mut self.supervisor, &mut logging(&self.log, observe))
+    }
+
+    /// Runs rounds of simulated time up to a limit. The exit, if the run ended before: by a signal, or a
+    /// failure.
+    pub(crate) fn run_rounds(&mut self, limit: Limit, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
+        self.lockstep.run_rounds(limit, &mut self.supervisor, &mut logging(&self.log, observe))
+    }
+
+    /// Resets all components for an episode, one after the other: a barrier after which simulated time
+    /// restarts. Returns the exit if one of them cannot continue.
+    pub(crate) fn reset(
+        &mut self,
+        index: u64,
+        seed: u64,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Option<Exit> {
+        let observe = &mut logging(&self.log, observe);
+        self.report_last_accounts(observe);
+        self.lockstep.reset((index, seed), &mut self.supervisor, observe)
+    }
+
+    /// Time of the next round of simulated time, ns; `u64::MAX` for none.
+    pub(crate) fn next_round_ns(&self) -> u64 {
+        self.lockstep.next_round_ns()
+    }
+
+    /// In lockstep, performs due checks, and waits for a signal, the end of a process, or a time on
+    /// `CLOCK_MONOTONIC`, ns. Returns the exit if a signal arrived.
+    pub(crate) fn wait(&mut self, until_ns: u64, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
+        self.lockstep.wait(until_ns, &mut self.supervisor, &mut logging(&self.log, observe))
     }
 
     /// Ends the run and reports it.
     pub(crate) fn finish(&mut self, exit: Exit, observe: &mut dyn FnMut(Event<'_>)) -> Report {
         let observe = &mut logging(&self.log, observe);
-        let start = self.region.header().start_ns.load(Relaxed);
+        let run = self.run.clone();
+        let start = run.start_ns();
         let wall = if start == 0 { 0 } else { monotonic_ns().saturating_sub(start) };
-        let lockstep = self.plan.clock == ClockKind::Lockstep;
-        let simulated = if lockstep { self.before_ns + self.reached_ns } else { wall };
-        if !lockstep && start != 0 {
-            self.episodes.note(&self.region, observe);
+        let simulated = if run.is_lockstep() { self.lockstep.simulated_ns() } else { wall };
+        if !run.is_lockstep() && start != 0 {
+            self.supervisor.reporter.episodes.note(&run.region, observe);
         }
         let cores = self.cores.take().map(|watch| watch.stop());
-        let in_good_order = matches!(exit, Exit::Finished | Exit::Interrupted);
-        if self.plan.clock == ClockKind::Realtime && start != 0 && in_good_order {
-            self.note_unmet(observe);
+        let in_good_order = start != 0 && matches!(exit, Exit::Finished | Exit::Interrupted);
+        if in_good_order && !run.is_lockstep() {
+            self.findings.note_unmet(&run, &self.supervisor, observe);
         }
-        if start != 0 && in_good_order {
-            self.note_gates(observe);
+        if in_good_order {
+            self.findings.note_gates(&run, self.clock_ns(), observe);
         }
         self.report_last_accounts(observe);
         observe(Event::Ending(&exit));
         self.end(observe);
-        if start != 0 && in_good_order {
-            self.note_ends(observe);
-            self.note_results(observe);
+        if in_good_order {
+            self.findings.note_ends(&run, &mut self.supervisor, observe);
+            self.findings.note_results(&run, observe);
         }
         self.report_last_accounts(observe);
         if start != 0 {
-            self.note_rest();
+            self.findings.note_rest(&run);
         }
         let mut report = self.report(exit, simulated);
         report.cores = cores.unwrap_or_default();
         report.realtime_factor = simulated as f64 / wall.max(1) as f64;
         // An interrupted or failed run is not at its expected end.
         if report.exit == Exit::Finished {
-            let expectations = self.plan.expectations.iter();
+            let expectations = run.plan.expectations.iter();
             report.expectations = expectations.map(|each| expectations::verdict(each, &report)).collect();
         }
         report
     }
 
-    /// The report of a run that continues.
-    pub(crate) fn report_so_far(&self, exit: Exit) -> Report {
-        self.report(exit, self.before_ns + self.time_ns())
+    /// Ends all components: the actuators reach their safe state first, then all components receive the stop
+    /// command, and those that do not stop are killed.
+    fn end(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
+        let Run { plan, region, .. } = &*self.run;
+        let Supervisor { workers, memory, .. } = &mut self.supervisor;
+        let is_running = plan.clock == ClockKind::Realtime
+            && region.components().iter().any(|block| block.phase() == Phase::Running);
+        let has_actuators = plan.components.iter().any(|component| component.actuator);
+        if is_running && has_actuators && region.header().command() == Command::Run {
+            let unsafe_ones = SafeStop::order(&self.run, workers).settle_at_the_end(observe);
+            self.findings.warnings.extend(unsafe_ones);
+        }
+        // The reserve for restarts makes space for results.
+        memory.release_reserve();
+        region.header().order(Command::Stop);
+        self.ended_ns = Some(monotonic_ns());
+        workers.end_all(|| memory.wake_triggered());
+        // Their pipes are closed now: their last lines have arrived or will in a moment.
+        std::thread::sleep(Duration::from_millis(2));
+        workers.relay_output(observe);
     }
 
-    /// True if the launching program takes the place of a component.
+    /// The report of a run that continues.
+    pub(crate) fn report_so_far(&self, exit: Exit) -> Report {
+        let lasted_ns = if self.run.is_lockstep() { self.lockstep.simulated_ns() } else { self.time_ns() };
+        self.report(exit, lasted_ns)
+    }
+
+    fn report(&self, exit: Exit, duration_ns: u64) -> Report {
+        let Run { plan, folder, region, .. } = &*self.run;
+        let is_lockstep = self.run.is_lockstep();
+        let components = plan.components.iter().zip(region.components());
+        let (events, events_left_out) = reported_events(plan, region);
+        let end_ns =
+            if is_lockstep { self.lockstep.reached_ns() } else { self.ended_ns.unwrap_or_else(monotonic_ns) };
+        // While the robot settles only its actuators step.
+        let line_ns = match region.header().safe_stop_ns.load(Relaxed) {
+            0 => end_ns,
+            safe_stop_ns => end_ns.min(safe_stop_ns),
+        };
+        let end_of = |plan: &ComponentPlan| if plan.actuator || is_lockstep { end_ns } else { line_ns };
+        let result = |plan: &ComponentPlan| Some((plan.name.clone(), folder.result(&plan.name)?));
+        Report {
+            version: REPORT_VERSION,
+            graph: plan.name.clone(),
+            clock: plan.clock,
+            duration_s: duration_ns as f64 * 1e-9,
+            realtime_factor: 1.0,
+            state_hash: is_lockstep.then(|| self.state_hash()),
+            episodes: self.supervisor.reporter.episodes.reports(plan, region, line_ns),
+            exit,
+            lost: self.findings.denied.clone(),
+            warnings: self.findings.warnings.clone(),
+            idle_exit_ns: self.idle_states.exit_ns,
+            components: components
+                .map(|(plan, block)| report::component(plan, block, end_of(plan)))
+                .collect(),
+            latencies: report::latencies(plan, region),
+            edges: report::edges(plan, region),
+            cores: Vec::new(),
+            results: plan.components.iter().filter_map(result).collect(),
+            expectations: Vec::new(),
+            events_left_out,
+            events,
+        }
+    }
+
+    /// Digest of everything published in the present episode.
+    pub(crate) fn state_hash(&self) -> String {
+        report::state_hash(&self.run.plan, &self.run.region)
+    }
+
+    /// Returns `true` if the launching program takes the place of a component.
     pub(crate) fn stands_in_for(&self, component: &str) -> bool {
-        self.options.stand_in.iter().any(|name| name == component)
+        self.run.is_played(component)
     }
 
     /// The plan of the run.
     pub(crate) fn plan(&self) -> &Plan {
-        &self.plan
+        &self.run.plan
     }
 
     /// The folder of the run.
     pub(crate) fn folder(&self) -> &RunFolder {
-        &self.folder
+        &self.run.folder
     }
 
     /// The control block of the run.
     pub(crate) fn region(&self) -> &Rc<Region> {
-        &self.region
+        &self.run.region
     }
 
     /// Time of the run, ns: simulated in lockstep, else since the start.
     pub(crate) fn time_ns(&self) -> u64 {
-        match self.plan.clock {
-            ClockKind::Lockstep => self.reached_ns,
-            ClockKind::Realtime => monotonic_ns().saturating_sub(self.region.header().start_ns.load(Relaxed)),
+        match self.run.plan.clock {
+            ClockKind::Lockstep => self.lockstep.reached_ns(),
+            ClockKind::Realtime => monotonic_ns().saturating_sub(self.run.start_ns()),
         }
+    }
+
+    /// Present time of the clock that the run's components read, ns: simulated in lockstep.
+    fn clock_ns(&self) -> u64 {
+        if self.run.is_lockstep() { self.lockstep.reached_ns() } else { monotonic_ns() }
     }
 
     /// Begins the next episode, and returns its number. For runs whose episodes no component begins.
     pub(crate) fn begin_episode(&mut self, seed: u64, observe: &mut dyn FnMut(Event<'_>)) -> u64 {
         let observe = &mut logging(&self.log, observe);
-        let header = self.region.header();
+        let header = self.run.region.header();
         // The launcher itself notes every episode that it begins.
         header.begin_next_episode(seed, monotonic_ns());
-        self.episodes.note(&self.region, observe);
+        self.supervisor.reporter.episodes.note(&self.run.region, observe);
         header.episode.load(Relaxed)
     }
 
     /// Start of the present episode of real time, ns since the start of the run; 0 in lockstep.
     pub(crate) fn episode_ns(&self) -> u64 {
-        present_episode_ns(&self.plan, &self.region)
+        present_episode_ns(&self.run.plan, &self.run.region)
     }
 
     /// The events since the last call of this reader.
     pub(crate) fn events(&self, reader: &mut EventReader) -> Vec<LoggedEvent> {
-        unread_events(reader, &self.plan, &self.region)
+        unread_events(reader, &self.run.plan, &self.run.region)
     }
 
     /// Reports everything remaining at the end of a run or episode.
     fn report_last_accounts(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
-        let now_ns = match self.plan.clock {
-            ClockKind::Realtime => monotonic_ns(),
-            ClockKind::Lockstep => self.reached_ns,
-        };
-        self.accounts.report((&self.plan, &self.region), now_ns, true, observe);
-    }
-
-    /// The launcher avoids the real-time cores; in lockstep it shares the single core with all components. A
-    /// thread that hosts them itself is not moved unless a core was given.
-    fn place_launcher(&self) {
-        let lockstep = self.plan.clock == ClockKind::Lockstep;
-        if self.options.hosting == Hosting::Inline && self.options.core.is_none() {
-            return;
-        }
-        let core = self.plan.components.iter().find_map(|component| component.core).filter(|_| lockstep);
-        let cores = core.map_or_else(|| self.plan.scheduling.shared_cores.clone(), |core| vec![core]);
-        let class = crate::plan::SchedulingClass::Normal;
-        // Without the privilege to choose its cores, the launcher is not moved.
-        let _ = crate::os::apply(&crate::os::Request { class, cores, lock_memory: false });
-    }
-
-    fn start_child(&self, index: usize) -> Result<Child, LaunchError> {
-        let component = &self.plan.components[index];
-        let block = &self.region.components()[index];
-        if self.options.stand_in.contains(&component.name) {
-            return Ok(Child::played(&component.name, block));
-        }
-        let child = match (&component.program, self.options.hosting) {
-            (Program::Exec { path } | Program::Sibling { path, .. }, _) => {
-                Child::process(path, &self.folder, &component.name, (&self.region, index))?
-            }
-            (Program::Builtin { .. }, Hosting::Processes) => {
-                Child::process(self.program.path(), &self.folder, &component.name, (&self.region, index))?
-            }
-            (Program::Builtin { kind }, Hosting::Threads) => {
-                Child::thread(self.registry.find(kind), &self.folder, &component.name)?
-            }
-            (Program::Builtin { kind }, Hosting::Inline) => {
-                let host = Host { folder: &self.folder, plan: &self.plan, region: &self.region };
-                let mut child = Child::inline(self.registry.find(kind), &host, index)?;
-                // A restarted component joins a run that has passed its barrier.
-                if self.region.header().command() as u32 >= Command::Run as u32 {
-                    child.connect(block);
-                    child.begin(block);
-                }
-                child
-            }
-        };
-        block.pid.store(child.pid(), Relaxed);
-        Ok(child)
-    }
-
-    /// Interrupts every worker, so that it reads the command.
-    fn signal_all(&self) {
-        for (index, child) in self.children.iter().enumerate() {
-            child.interrupt(self.region.components()[index].thread.load(Relaxed) as i32);
-        }
-    }
-}
-
-impl Drop for Launch {
-    /// Ends the remaining processes, and removes everything from shared memory.
-    fn drop(&mut self) {
-        self.region.header().order(Command::Stop);
-        self.signal_all();
-        for child in &mut self.children {
-            child.kill();
-        }
-        self.children.clear();
-        self.places.end_cleaner();
-        self.services = Services::default();
-        self.folder.remove();
-        self.guard.kill();
+        let now_ns = self.clock_ns();
+        let Run { plan, region, .. } = &*self.run;
+        self.supervisor.reporter.accounts.report((plan, region), now_ns, true, observe);
     }
 }

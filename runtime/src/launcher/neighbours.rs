@@ -1,26 +1,23 @@
 //! Visible real-time work of other users on the cores of a run.
 
-use super::{Event, Launch};
+use super::Event;
 use crate::os::{Foreign, realtime_of_others};
-use crate::plan::ClockKind;
+use crate::plan::{ClockKind, Plan};
 
 /// Processes that are named; more are counted.
 const NAMED: usize = 3;
 
-impl Launch {
-    /// Warns of real-time threads of other users on the cores of the run. This user's runs are checked with
-    /// their budgets before the start; of others only the kernel's thread list is known.
-    pub(super) fn report_neighbours(&self, observe: &mut dyn FnMut(Event<'_>)) {
-        if self.plan.clock != ClockKind::Realtime {
-            return;
-        }
-        let mut cores: Vec<usize> =
-            self.plan.components.iter().filter_map(|component| component.core).collect();
-        cores.sort_unstable();
-        cores.dedup();
-        if let Some(text) = describe(&realtime_of_others(&cores)) {
-            observe(Event::Warning(&text));
-        }
+/// Warns of real-time threads of other users on the cores of the run. This user's runs are checked with
+/// their budgets before the start; of others only the kernel's thread list is known.
+pub(super) fn report(plan: &Plan, observe: &mut dyn FnMut(Event<'_>)) {
+    if plan.clock != ClockKind::Realtime {
+        return;
+    }
+    let mut cores: Vec<usize> = plan.components.iter().filter_map(|component| component.core).collect();
+    cores.sort_unstable();
+    cores.dedup();
+    if let Some(text) = describe(&realtime_of_others(&cores)) {
+        observe(Event::Warning(&text));
     }
 }
 

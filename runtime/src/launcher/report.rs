@@ -6,9 +6,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::logged_event::reported_events;
-use super::{CoreReport, Exit, Launch, LoggedEvent};
-use crate::os::monotonic_ns;
+use super::{CoreReport, Exit, LoggedEvent};
 use crate::plan::{ClockKind, ComponentPlan, Plan};
 use crate::region::{ComponentBlock, GateReport, Misses, Region, Stalls};
 use crate::state::Digest;
@@ -223,56 +221,15 @@ impl core::fmt::Display for ExpectationReport {
     }
 }
 
-impl Launch {
-    pub(super) fn report(&self, exit: Exit, duration_ns: u64) -> Report {
-        let lockstep = self.plan.clock == ClockKind::Lockstep;
-        let components = self.plan.components.iter().zip(self.region.components());
-        let (events, events_left_out) = reported_events(&self.plan, &self.region);
-        let end_ns = if lockstep { self.reached_ns } else { self.ended_ns.unwrap_or_else(monotonic_ns) };
-        // While the robot settles only its actuators step.
-        let line_ns = match self.region.header().safe_stop_ns.load(Relaxed) {
-            0 => end_ns,
-            safe_stop_ns => end_ns.min(safe_stop_ns),
-        };
-        let end_of = |plan: &ComponentPlan| if plan.actuator || lockstep { end_ns } else { line_ns };
-        Report {
-            version: REPORT_VERSION,
-            graph: self.plan.name.clone(),
-            clock: self.plan.clock,
-            duration_s: duration_ns as f64 * 1e-9,
-            realtime_factor: 1.0,
-            state_hash: lockstep.then(|| self.state_hash()),
-            episodes: self.episodes.reports(&self.plan, &self.region, line_ns),
-            exit,
-            lost: self.lost.clone(),
-            warnings: self.warnings.clone(),
-            idle_exit_ns: self.idle_states.exit_ns,
-            components: components.map(|(plan, block)| component(plan, block, end_of(plan))).collect(),
-            latencies: latencies(&self.plan, &self.region),
-            edges: edges(&self.plan, &self.region),
-            cores: Vec::new(),
-            results: self
-                .plan
-                .components
-                .iter()
-                .filter_map(|component| Some((component.name.clone(), self.folder.result(&component.name)?)))
-                .collect(),
-            expectations: Vec::new(),
-            events_left_out,
-            events,
-        }
+/// Digest of everything published in the present episode.
+pub(super) fn state_hash(plan: &Plan, region: &Region) -> String {
+    let mut digest = Digest::default();
+    for (topic, block) in plan.topics.iter().zip(region.topics()) {
+        digest.write(topic.name.as_bytes());
+        digest.write_u64(block.published.load(Relaxed));
+        digest.write_u64(block.digest.load(Relaxed));
     }
-
-    /// Digest of everything published in the present episode.
-    pub(crate) fn state_hash(&self) -> String {
-        let mut digest = Digest::default();
-        for (topic, block) in self.plan.topics.iter().zip(self.region.topics()) {
-            digest.write(topic.name.as_bytes());
-            digest.write_u64(block.published.load(Relaxed));
-            digest.write_u64(block.digest.load(Relaxed));
-        }
-        format!("{:016x}", digest.finish())
-    }
+    format!("{:016x}", digest.finish())
 }
 
 /// Steps per second of a component, at `now_ns` on the run's clock.

@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use serde::Serialize;
 
-use super::{ComponentReport, EdgeReport, LatencyReport, Launch, report};
+use super::{ComponentReport, EdgeReport, LatencyReport, report};
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, Plan};
 use crate::region::{Phase, Region};
@@ -61,11 +61,5 @@ impl Status {
             latencies: report::latencies(plan, region),
             edges: report::edges(plan, region),
         }
-    }
-}
-
-impl Launch {
-    pub(super) fn status(&self) -> Status {
-        Status::read(&self.plan, &self.region)
     }
 }

@@ -1,19 +1,75 @@
 //! Assignment of a drive's answers to the cycles.
 
-use super::{Link, Phase};
-use crate::protocols::dialogue::Dialogue as _;
+use super::Counts;
 
-impl Link {
-    /// Returns `true` if the answer of this cycle has arrived or, for a drive that reports unsolicited, if no
-    /// report is overdue. A drive with an overdue heartbeat counts as missing, whatever else it sends.
-    pub(super) fn has_answered(&self) -> bool {
-        match (self.dialogue.reports_every_ns(), self.received_ns) {
-            (None, _) => self.answered && !self.is_state_overdue(),
-            (Some(_), None) => false,
-            (Some(every_ns), Some(received_ns)) => {
-                received_ns + every_ns >= self.sent_ns && !self.is_state_overdue()
-            }
+/// Cycles of silence after which a drive counts as lost.
+pub const LOST_AFTER: u32 = 3;
+
+/// The answers of one drive: which frames it still owes one.
+#[derive(Clone, Debug)]
+pub(super) struct Answers {
+    /// The drive reports unsolicited, so its messages answer no frame.
+    is_unsolicited: bool,
+    /// Frames of its bus in this cycle after which it has been asked; `None` if it is not.
+    pub(super) asked_by: Option<usize>,
+    pub(super) asked: bool,
+    pub(super) answered: bool,
+    /// The drive has answered at least once.
+    pub(super) is_found: bool,
+    /// Unanswered frames of past cycles; their answers may still arrive.
+    owed: u32,
+    /// The drive is left out of this cycle; any answer from it belongs to an earlier frame.
+    pub(super) is_probed: bool,
+    /// Every answer of the drive comes a cycle late.
+    is_behind: bool,
+    pub(super) sent_ns: u64,
+    /// Shortest time from sending a frame to the end of its answer, ns.
+    pub(super) soonest_ns: u64,
+    /// Number of cycles without an answer.
+    pub(super) silent: u32,
+}
+
+impl Answers {
+    /// Expects answers no earlier than `soonest_ns` after their frames.
+    pub(super) fn new(is_unsolicited: bool, soonest_ns: u64) -> Self {
+        Self {
+            is_unsolicited,
+            asked_by: None,
+            asked: false,
+            answered: false,
+            is_found: false,
+            owed: 0,
+            is_probed: false,
+            is_behind: false,
+            sent_ns: 0,
+            soonest_ns,
+            silent: 0,
         }
+    }
+
+    /// Returns `true` if the drive is to answer in this cycle and has not.
+    pub(super) fn is_awaited(&self) -> bool {
+        self.asked && !self.answered && !self.is_unsolicited
+    }
+
+    /// Returns `true` if the drive has just answered.
+    pub(super) fn is_present(&self) -> bool {
+        self.silent == 0
+    }
+
+    /// Returns `true` if the drive has been silent for too long.
+    pub(super) fn is_lost(&self) -> bool {
+        self.silent >= LOST_AFTER
+    }
+
+    /// Forgets unanswered frames.
+    pub(super) fn forget(&mut self) {
+        (self.owed, self.is_probed, self.is_behind) = (0, false, false);
+    }
+
+    /// Records an answer that names its request, so no earlier answers are outstanding.
+    pub(super) fn settle(&mut self) {
+        (self.answered, self.owed) = (true, 0);
     }
 
     /// Assigns an answer received at `time_ns` to a cycle and counts it. Returns `false` if the answer must
@@ -22,46 +78,79 @@ impl Link {
     /// Answers carry no sequence number. An answer that arrives before this cycle's frame can have been
     /// answered belongs to an earlier cycle. So does the first of two answers in a cycle that follows a cycle
     /// without one.
-    pub(super) fn sort(&mut self, time_ns: u64) -> bool {
-        if self.dialogue.reports_every_ns().is_some() {
+    pub(super) fn sort(&mut self, time_ns: u64, counts: &mut Counts) -> bool {
+        if self.is_unsolicited {
             self.answered = true;
             return true;
         }
         let is_late = time_ns < self.sent_ns + self.soonest_ns || self.is_behind;
         if is_late {
-            self.counts.late += 1;
+            counts.late += 1;
             self.owed = self.owed.saturating_sub(1);
         } else if self.answered && self.owed == 0 {
-            self.counts.duplicate += 1;
+            counts.duplicate += 1;
             return false;
         } else if self.answered {
-            self.counts.late += 1;
+            counts.late += 1;
             self.owed -= 1;
         }
         self.answered |= !is_late;
         true
     }
 
+    /// Records that the frames of this cycle, `count` on its bus, were sent at `now_ns`.
+    pub(super) fn sent(&mut self, count: usize, now_ns: u64, counts: &mut Counts) {
+        if self.asked_by.is_none_or(|by| by > count) {
+            return;
+        }
+        // answers received since the end of the last cycle belong to an earlier frame
+        counts.late += u64::from(self.answered && !self.is_unsolicited);
+        self.owed = self.owed.saturating_sub(u32::from(self.answered));
+        (self.asked, self.answered, self.sent_ns) = (true, false, now_ns);
+    }
+
+    /// Counts the end of a cycle in which the answer is missing or not. `is_due` if the drive is asked in
+    /// every cycle.
+    pub(super) fn count(&mut self, is_missing: bool, is_due: bool, counts: &mut Counts) {
+        // a drive that has never answered, such as before power-up, is waited for
+        let is_lost = is_missing && self.is_found;
+        counts.awaited += u64::from(is_missing && !self.is_found);
+        counts.missing += u64::from(is_lost);
+        self.owed = self.owed.saturating_add(u32::from(is_lost && !self.is_unsolicited));
+        if (self.asked || is_due) && !self.is_probed {
+            self.silent = if is_missing { self.silent + 1 } else { 0 };
+        }
+    }
+
+    /// Begins the time between two cycles.
+    pub(super) fn end_cycle(&mut self) {
+        self.answered &= self.is_probed;
+        self.asked = false;
+    }
+
     /// Ends the cycle in which the drive was left out, if any. An answer in that cycle proves that the drive
-    /// is a cycle behind, and the function returns `true`. Without an answer, the owed one counts as lost.
-    pub(super) fn end_probe(&mut self) -> bool {
+    /// is a cycle behind: it is lost, and the function returns `true`. Without an answer, the owed one counts
+    /// as lost.
+    pub(super) fn end_probe(&mut self, counts: &mut Counts) -> bool {
         if !core::mem::take(&mut self.is_probed) {
             return false;
         }
         (self.owed, self.is_behind) = (0, self.answered);
         if self.is_behind {
             // the previous answer was just as late, and its cycle had none
-            self.counts.late += 2;
-            self.counts.missing += 1;
+            counts.late += 2;
+            counts.missing += 1;
             self.answered = false;
+            // three answers are missing: the previous one, the one mistaken for an answer in time, and the
+            // one of the cycle that was left out
+            self.silent = LOST_AFTER;
         }
         self.is_behind
     }
 
-    /// Leaves the drive out of the next cycle if its answers may be a cycle late: one answer is missing, so
-    /// all later ones may belong to the preceding frames.
-    pub(super) fn probe(&mut self) {
-        let answers = self.dialogue.reports_every_ns().is_none();
-        self.is_probed = answers && self.phase == Phase::Enabled && self.owed > 0 && self.silent == 0;
+    /// Leaves an enabled drive out of the next cycle if its answers may be a cycle late: one answer is
+    /// missing, so all later ones may belong to the preceding frames.
+    pub(super) fn probe(&mut self, is_enabled: bool) {
+        self.is_probed = is_enabled && !self.is_unsolicited && self.owed > 0 && self.is_present();
     }
 }

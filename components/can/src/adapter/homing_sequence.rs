@@ -44,7 +44,7 @@ impl Adapter {
             return;
         }
         let is_ready = |link: &Link| match link.phase {
-            Phase::Disabled => link.fresh && link.silent == 0,
+            Phase::Disabled => link.fresh && link.answers.is_present(),
             Phase::Enabled => true,
             Phase::Checking(_) | Phase::Homing | Phase::Enabling | Phase::Fault => false,
         };

@@ -31,7 +31,7 @@ pub(super) fn write(
         *group = Group::new(*register, *each);
     }
     let mut askable = [false; MOST];
-    for link in links.iter_mut().filter(|link| link.bus() == bus && !link.is_probed) {
+    for link in links.iter_mut().filter(|link| link.bus() == bus && !link.answers.is_probed) {
         let order = link.order(trip);
         let Some(servo) = link.dialogue.member_mut() else { continue };
         askable[servo.block(&order)] = true;
@@ -50,8 +50,8 @@ pub(super) fn write(
     for link in links.iter_mut().filter(|link| link.bus() == bus) {
         let order = link.order(trip);
         let Some(servo) = link.dialogue.member() else { continue };
-        let is_asked = !link.is_probed && servo.block(&order) == chosen;
-        link.asked_by = is_asked.then_some(asked_by);
+        let is_asked = !link.answers.is_probed && servo.block(&order) == chosen;
+        link.answers.asked_by = is_asked.then_some(asked_by);
         if is_asked && count < servos.len() {
             servos[count] = servo.number();
             count += 1;
@@ -61,7 +61,8 @@ pub(super) fn write(
     servos[..count].sort_unstable();
     let (register, bytes) = layout.read[chosen];
     let servos = &servos[..count];
-    let is_whole = links.iter().all(|link| link.bus() != bus || link.silent() == 0 && !link.is_probed);
+    let is_whole =
+        links.iter().all(|link| link.bus() != bus || link.answers.is_present() && !link.answers.is_probed);
     let together = is_whole && common.is_some_and(|common| common.ask(bytes));
     out.push(&match together {
         true => Instruction::FastReadMany { register, count: bytes, servos },

@@ -2,8 +2,10 @@
 
 mod homing;
 
+use super::answers::Answers;
 use super::homing::{Homing, HomingState};
-use super::{Counts, HomingFault, OnTrip, Phase, WrongSetting};
+use super::phase::{Change, Facts, Report, decide};
+use super::{Counts, OnTrip, Phase, WrongSetting};
 use crate::bus::bits::{Bits, Rates};
 use crate::drive::{Command, Fault, Ranges, State};
 use crate::frame::{DecodeError, Frame};
@@ -38,30 +40,22 @@ pub struct Link {
     pub(super) is_released: bool,
     /// The drive is only observed, never enabled.
     pub(super) is_observed: bool,
-    /// Frames of its bus in this cycle after which it has been asked; `None` if it is not.
-    pub(super) asked_by: Option<usize>,
-    pub(super) asked: bool,
-    pub(super) answered: bool,
-    /// The drive has answered at least once.
-    pub(super) is_found: bool,
-    /// Unanswered frames of past cycles; their answers may still arrive.
-    pub(super) owed: u32,
-    /// The drive is left out of this cycle; any answer from it belongs to an earlier frame.
-    pub(super) is_probed: bool,
-    /// Every answer of the drive comes a cycle late.
-    pub(super) is_behind: bool,
+    pub(super) answers: Answers,
+    /// The drive has answered in its present phase.
     pub(super) fresh: bool,
-    pub(super) sent_ns: u64,
-    /// Shortest time from sending a frame to the end of its answer, ns.
-    pub(super) soonest_ns: u64,
+    pub(super) reading: Reading,
+    pub(super) fault: Option<Fault>,
+    pub(super) counts: Counts,
+}
+
+/// Newest reading of a joint.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Reading {
     pub(super) received_ns: Option<u64>,
     pub(super) position: f64,
     pub(super) velocity: f64,
     pub(super) effort: f64,
     pub(super) temperature: Option<f64>,
-    pub(super) fault: Option<Fault>,
-    pub(super) silent: u32,
-    pub(super) counts: Counts,
 }
 
 impl Link {
@@ -84,23 +78,13 @@ impl Link {
             is_off: false,
             is_released: false,
             is_observed: false,
-            asked_by: None,
-            asked: false,
-            answered: false,
-            is_found: false,
-            owed: 0,
-            is_probed: false,
-            is_behind: false,
+            answers: Answers::new(
+                dialogue.reports_every_ns().is_some(),
+                soonest(&dialogue, &table.rates(bus)),
+            ),
             fresh: false,
-            sent_ns: 0,
-            soonest_ns: soonest(&dialogue, &table.rates(bus)),
-            received_ns: None,
-            position: 0.0,
-            velocity: 0.0,
-            effort: 0.0,
-            temperature: None,
+            reading: Reading::default(),
             fault: None,
-            silent: 0,
             counts: Counts::default(),
             dialogue,
         };
@@ -120,12 +104,12 @@ impl Link {
 
     /// Joint position (rad or m), velocity and effort of the newest answer.
     pub fn state(&self) -> (f64, f64, f64) {
-        (self.position, self.velocity, self.effort)
+        (self.reading.position, self.reading.velocity, self.reading.effort)
     }
 
     /// Temperature, degrees Celsius, if the drive reports it.
     pub fn temperature(&self) -> Option<f64> {
-        self.temperature
+        self.reading.temperature
     }
 
     /// Fault that the drive reported last.
@@ -135,17 +119,17 @@ impl Link {
 
     /// Returns `true` once the drive has answered.
     pub fn is_found(&self) -> bool {
-        self.is_found
+        self.answers.is_found
     }
 
     /// Number of cycles without an answer.
     pub fn silent(&self) -> u32 {
-        self.silent
+        self.answers.silent
     }
 
     /// Time of the newest state, ns.
     pub fn received_ns(&self) -> Option<u64> {
-        self.received_ns
+        self.reading.received_ns
     }
 
     /// Counters of the drive.
@@ -163,7 +147,7 @@ impl Link {
         {
             homing.forget();
         }
-        (self.owed, self.is_probed, self.is_behind) = (0, false, false);
+        self.answers.forget();
     }
 
     /// Restarts with a disabled drive that has lost its configuration, or may have: its settings are checked
@@ -173,7 +157,7 @@ impl Link {
             self.dialogue.forget();
             self.start();
             // its last position says nothing about its present one
-            self.received_ns = None;
+            self.reading.received_ns = None;
         }
     }
 
@@ -187,11 +171,10 @@ impl Link {
             _ => None,
         };
         let response = self.dialogue.read(checking, frame)?;
-        self.is_found |= matches!(response, Response::Setting(_) | Response::Feedback(_));
+        self.answers.is_found |= matches!(response, Response::Setting(_) | Response::Feedback(_));
         Ok(match response {
             Response::Setting(wrong) => {
-                // the frame names its request, so no earlier answers are outstanding
-                (self.answered, self.owed) = (true, 0);
+                self.answers.settle();
                 if let (None, Some(setting)) = (wrong, checking) {
                     let next = setting + 1;
                     let is_last = next >= self.dialogue.checks();
@@ -200,13 +183,13 @@ impl Link {
                 Taken { wrong, ..Taken::default() }
             }
             Response::Waiting => {
-                (self.answered, self.owed) = (true, 0);
+                self.answers.settle();
                 Taken::default()
             }
             Response::State(state) => {
                 self.state_ns = Some(time_ns);
                 self.is_off = state != State::Enabled;
-                Taken { trips: self.follow(state), ..Taken::default() }
+                Taken { trips: self.follow(Report::State(state)), ..Taken::default() }
             }
             Response::Alive => {
                 self.state_ns = Some(time_ns);
@@ -220,24 +203,26 @@ impl Link {
             }
             Response::Restarted => {
                 self.forget_homing();
-                Taken { trips: self.follow_restart(), has_restarted: true, wrong: None }
+                Taken { trips: self.follow(Report::Restarted), has_restarted: true, wrong: None }
             }
             Response::Other => Taken::default(),
             Response::Feedback(feedback) => {
                 self.refuse_implausible(&feedback, time_ns)?;
-                if !self.sort(time_ns) {
+                if !self.answers.sort(time_ns, &mut self.counts) {
                     return Ok(Taken::default());
                 }
                 self.dialogue.accept(&feedback);
                 self.fresh = true;
-                self.received_ns = Some(time_ns);
                 self.state_ns.get_or_insert(time_ns);
                 self.is_off = feedback.state != State::Enabled;
-                self.position = self.gear.to_joint(feedback.position);
-                self.velocity = feedback.velocity / self.gear.ratio;
-                self.effort = feedback.torque * self.gear.ratio;
-                self.temperature = feedback.temperature;
-                Taken { trips: self.follow(feedback.state), ..Taken::default() }
+                self.reading = Reading {
+                    received_ns: Some(time_ns),
+                    position: self.gear.to_joint(feedback.position),
+                    velocity: feedback.velocity / self.gear.ratio,
+                    effort: feedback.torque * self.gear.ratio,
+                    temperature: feedback.temperature,
+                };
+                Taken { trips: self.follow(Report::State(feedback.state)), ..Taken::default() }
             }
         })
     }
@@ -300,63 +285,44 @@ impl Link {
         self.homing.as_ref().and_then(|homing| homing.stop.as_ref()).is_some_and(|stop| stop.is_enabled)
     }
 
-    /// Records that the drive has restarted. Returns `true` if this trips the adapter: it does unless the
-    /// drive is disabled.
-    fn follow_restart(&mut self) -> bool {
-        let lets_go = matches!(self.phase, Phase::Homing | Phase::Enabling | Phase::Enabled);
-        if self.phase == Phase::Homing {
-            self.end_homing(HomingState::Failed(HomingFault::LetGo));
-        }
-        if lets_go {
-            self.phase = Phase::Fault;
-            self.counts.faults += 1;
-        }
-        lets_go
-    }
-
-    /// Processes a reported state. Returns `true` if it trips the adapter.
-    pub(super) fn follow(&mut self, state: State) -> bool {
-        match (state, self.phase) {
-            (State::Fault(fault), phase) => {
-                let is_new = phase != Phase::Fault;
-                self.forget_homing();
-                if phase == Phase::Homing {
-                    self.end_homing(HomingState::Failed(HomingFault::Drive));
-                }
-                (self.phase, self.fault) = (Phase::Fault, Some(fault));
-                self.counts.faults += u64::from(is_new);
-                is_new
-            }
-            // Nobody resumes an adapter that only listens.
-            (State::Disabled | State::Enabled | State::Unknown, Phase::Fault) if self.is_observed => {
-                self.phase = Phase::Disabled;
-                false
-            }
-            (State::Enabled | State::Unknown, Phase::Enabling) => {
-                self.phase = Phase::Enabled;
-                false
-            }
-            (State::Enabled | State::Unknown, Phase::Homing) => {
+    /// Follows a report of the drive. Returns `true` if it trips the adapter.
+    fn follow(&mut self, report: Report) -> bool {
+        let (is_observed, is_released) = (self.is_observed, self.is_released);
+        let facts = Facts { is_observed, is_released, is_led: self.is_led() };
+        match decide(self.phase, report, facts) {
+            Change::Keep => {}
+            Change::Follow => self.phase = Phase::Enabled,
+            Change::Lead => {
                 if let Some(stop) = self.homing.as_mut().and_then(|homing| homing.stop.as_mut()) {
                     stop.is_enabled = true;
                 }
-                false
             }
-            (State::Disabled, Phase::Homing) if self.is_led() && !self.is_released => {
-                self.end_homing(HomingState::Failed(HomingFault::LetGo));
-                self.phase = Phase::Fault;
-                self.counts.faults += 1;
-                true
-            }
-            // The drive disabled itself: its power was cut, or its watchdog tripped unnoticed.
-            (State::Disabled, Phase::Enabled) if !self.is_released => {
+            Change::Recover => self.phase = Phase::Disabled,
+            Change::Fail { homing, is_new } => {
                 self.forget_homing();
+                if self.phase == Phase::Homing {
+                    self.end_homing(HomingState::Failed(homing));
+                }
                 self.phase = Phase::Fault;
-                self.counts.faults += 1;
-                true
+                if let Report::State(State::Fault(fault)) = report {
+                    self.fault = Some(fault);
+                }
+                self.counts.faults += u64::from(is_new);
+                return is_new;
             }
-            _ => false,
         }
+        false
+    }
+
+    /// Returns `true` if the answer of this cycle has arrived or, for a drive that reports unsolicited, if no
+    /// report is overdue. A drive with an overdue heartbeat counts as missing, whatever else it sends.
+    pub(super) fn has_answered(&self) -> bool {
+        let has_reported = match (self.dialogue.reports_every_ns(), self.reading.received_ns) {
+            (None, _) => self.answers.answered,
+            (Some(_), None) => false,
+            (Some(every_ns), Some(received_ns)) => received_ns + every_ns >= self.answers.sent_ns,
+        };
+        has_reported && !self.is_state_overdue()
     }
 }
 

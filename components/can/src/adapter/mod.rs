@@ -28,6 +28,7 @@ use crate::protocols::dialogue::Dialogue as _;
 pub use crate::protocols::homing_fault::HomingFault;
 pub use crate::protocols::setting::WrongSetting;
 use crate::table::Table;
+pub use answers::LOST_AFTER;
 use common_answer::CommonAnswer;
 pub use counts::Counts;
 pub use homing::HomingState;
@@ -36,9 +37,6 @@ pub use link::Link;
 use motorium_drive::JointSetpoint;
 pub use on_trip::OnTrip;
 pub use phase::Phase;
-
-/// Cycles of silence after which a drive counts as lost.
-pub const LOST_AFTER: u32 = 3;
 
 /// Adapter of the drives of one robot.
 #[derive(Clone, Debug)]
@@ -185,38 +183,29 @@ impl Adapter {
     pub fn end_cycle(&mut self, counts: bool) {
         self.cycles += 1;
         for link in &mut self.links {
-            let is_missing = link.asked && !link.has_answered() && counts;
-            // a drive that has never answered, such as before power-up, is waited for
-            let is_lost = is_missing && link.is_found;
-            link.counts.awaited += u64::from(is_missing && !link.is_found);
-            link.counts.missing += u64::from(is_lost);
-            let answers = link.dialogue.reports_every_ns().is_none();
-            link.owed = link.owed.saturating_add(u32::from(is_lost && answers));
+            let is_missing = link.answers.asked && !link.has_answered() && counts;
             // while some servos of a line are checked, they are queried in turns
-            let is_due = link.asked || link.dialogue.member().is_none();
-            if is_due && !link.is_probed {
-                link.silent = if is_missing { link.silent + 1 } else { 0 };
-            }
+            let is_due = link.dialogue.member().is_none();
+            link.answers.count(is_missing, is_due, &mut link.counts);
             if is_missing
-                && link.silent == LOST_AFTER
+                && link.answers.silent == LOST_AFTER
                 && matches!(link.phase, Phase::Homing | Phase::Enabled | Phase::Enabling)
             {
                 link.lose(self.cycles);
                 self.tripped = true;
             }
-            if link.silent >= LOST_AFTER {
+            if link.answers.is_lost() {
                 link.forget_homing();
                 // after a trip the operator decides, and all drives are checked again
                 if !self.tripped {
                     link.begin_anew();
                 }
             }
-            link.answered &= link.is_probed;
-            link.asked = false;
+            link.answers.end_cycle();
         }
         self.advance_homing();
         let ready = |link: &Link| match link.phase {
-            Phase::Disabled => link.fresh && link.silent == 0 && link.is_homed(),
+            Phase::Disabled => link.fresh && link.answers.is_present() && link.is_homed(),
             Phase::Enabling | Phase::Enabled => link.is_homed(),
             Phase::Checking(_) | Phase::Homing | Phase::Fault => false,
         };
@@ -233,14 +222,13 @@ impl Adapter {
 
     /// Returns `true` if each drive queried in this cycle has answered.
     pub fn has_all_answers(&self) -> bool {
-        let waits = |link: &Link| link.asked && !link.answered && link.dialogue.reports_every_ns().is_none();
-        !self.links.iter().any(waits)
+        !self.links.iter().any(|link| link.answers.is_awaited())
     }
 
     /// Accepts answers on this bus at any time after their commands: the bus has no bit times.
     pub fn without_bit_times(&mut self, bus: usize) {
         for link in self.links.iter_mut().filter(|link| link.bus == bus) {
-            link.soonest_ns = 0;
+            link.answers.soonest_ns = 0;
         }
     }
 
@@ -255,17 +243,17 @@ impl Adapter {
 
     /// Returns `true` if the state of every joint is known and no drive is lost.
     pub fn is_complete(&self) -> bool {
-        self.is_known() && self.links.iter().all(|link| link.silent < LOST_AFTER)
+        self.is_known() && self.links.iter().all(|link| !link.answers.is_lost())
     }
 
     /// Returns `true` if every drive has answered and reads its joint's position.
     pub fn is_known(&self) -> bool {
-        self.links.iter().all(|link| link.received_ns.is_some() && link.is_homed())
+        self.links.iter().all(|link| link.reading.received_ns.is_some() && link.is_homed())
     }
 
     /// Time of the oldest state among the joints, ns.
     pub fn oldest_ns(&self) -> Option<u64> {
-        self.links.iter().map(|link| link.received_ns).min().flatten()
+        self.links.iter().map(Link::received_ns).min().flatten()
     }
 
     /// Sets the command of a joint.
@@ -277,10 +265,7 @@ impl Adapter {
     /// frames with [`sent`](Self::sent).
     pub fn write(&mut self, bus: usize, frames: &mut Vec<Frame>) {
         for link in self.links.iter_mut().filter(|link| link.bus == bus) {
-            if link.end_probe() {
-                // three answers are missing: the previous one, the one mistaken for an answer in time, and
-                // the one of the cycle that was left out
-                link.silent = LOST_AFTER;
+            if link.answers.end_probe(&mut link.counts) {
                 link.lose(self.cycles);
                 self.tripped = true;
             }
@@ -289,13 +274,15 @@ impl Adapter {
         if self.tripped {
             self.links.iter_mut().for_each(|link| link.let_go(self.on_trip));
         } else {
-            self.links.iter_mut().filter(|link| link.bus == bus).for_each(Link::probe);
+            for link in self.links.iter_mut().filter(|link| link.bus == bus) {
+                link.answers.probe(link.phase == Phase::Enabled);
+            }
         }
         let (mut is_line, mut synchronised) = (false, None);
         let (before, cycle) = (frames.len(), self.cycles);
         for (index, link) in self.links.iter_mut().enumerate().filter(|(_, link)| link.bus == bus) {
-            link.asked_by = None;
-            if link.is_probed {
+            link.answers.asked_by = None;
+            if link.answers.is_probed {
                 continue;
             }
             let order = link.order(trip);
@@ -306,7 +293,7 @@ impl Adapter {
                 synchronised = Some(index);
             }
             link.dialogue.write(&order, frames);
-            link.asked_by = Some(if waits { usize::MAX } else { frames.len() - before });
+            link.answers.asked_by = Some(if waits { usize::MAX } else { frames.len() - before });
         }
         if is_line {
             let common = self.common[bus].as_mut();
@@ -316,7 +303,7 @@ impl Adapter {
             self.links[index].dialogue.synchronise(frames);
             let whole = frames.len() - before;
             for link in self.links.iter_mut().filter(|link| link.bus == bus) {
-                link.asked_by = link.asked_by.map(|by| by.min(whole));
+                link.answers.asked_by = link.answers.asked_by.map(|by| by.min(whole));
             }
         }
     }
@@ -324,13 +311,8 @@ impl Adapter {
     /// Records that the first `count` frames of a bus were sent at `now_ns`. Answers that arrive between two
     /// cycles are late.
     pub fn sent(&mut self, bus: usize, count: usize, now_ns: u64) {
-        let was_asked = |link: &&mut Link| link.bus == bus && link.asked_by.is_some_and(|by| by <= count);
-        for link in self.links.iter_mut().filter(was_asked) {
-            // answers received since the end of the last cycle belong to an earlier frame
-            let answers = link.dialogue.reports_every_ns().is_none();
-            link.counts.late += u64::from(link.answered && answers);
-            link.owed = link.owed.saturating_sub(u32::from(link.answered));
-            (link.asked, link.answered, link.sent_ns) = (true, false, now_ns);
+        for link in self.links.iter_mut().filter(|link| link.bus == bus) {
+            link.answers.sent(count, now_ns, &mut link.counts);
         }
     }
 
@@ -341,7 +323,7 @@ impl Adapter {
             // a drive that does not report its state may have disabled itself meanwhile
             let is_well = link.phase == Phase::Enabled
                 && link.is_homed()
-                && link.silent == 0
+                && link.answers.is_present()
                 && link.dialogue.reports_state()
                 && self.on_trip == OnTrip::Damp;
             if is_well {

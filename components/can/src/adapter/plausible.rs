@@ -20,7 +20,9 @@ impl Link {
     /// Returns `true` if the state message is overdue, for a drive whose answers lack the state.
     pub(super) fn is_state_overdue(&self) -> bool {
         let within_ns = self.dialogue.state_within_ns();
-        within_ns.zip(self.state_ns).is_some_and(|(within_ns, state_ns)| state_ns + within_ns < self.sent_ns)
+        within_ns
+            .zip(self.state_ns)
+            .is_some_and(|(within_ns, state_ns)| state_ns + within_ns < self.answers.sent_ns)
     }
 
     /// Refuses an answer with an impossible position, or, while the drive follows commands, with a position
@@ -33,12 +35,12 @@ impl Link {
         let fastest = self.ranges.velocity.max;
         // a disabled joint may be moved by hand, and homing changes the zero position
         let follows = matches!(self.phase, Phase::Enabling | Phase::Enabled);
-        let moved = self.received_ns.filter(|_| follows).map(|received_ns| {
+        let moved = self.reading.received_ns.filter(|_| follows).map(|received_ns| {
             // the reading may be as old as the time between two readings
             let between_ns = time_ns.saturating_sub(received_ns);
-            let age_ns = self.dialogue.reports_every_ns().unwrap_or(between_ns.max(self.soonest_ns));
+            let age_ns = self.dialogue.reports_every_ns().unwrap_or(between_ns.max(self.answers.soonest_ns));
             let seconds = (between_ns + age_ns) as f64 * 1e-9;
-            let moved = (feedback.position - self.gear.to_drive(self.position)).abs();
+            let moved = (feedback.position - self.gear.to_drive(self.reading.position)).abs();
             (moved, FASTER * fastest * seconds + JUMP)
         });
         let field = if !feedback.position.is_finite()
@@ -58,7 +60,7 @@ impl Link {
     /// Reason why the drive is not enabled: its position is outside of the joint's range.
     pub(super) fn out_of_range(&self) -> Option<WrongSetting> {
         let ([lower, upper], margin) = self.limits;
-        let found = self.position;
+        let found = self.reading.position;
         if (lower - margin..=upper + margin).contains(&found) {
             return None;
         }

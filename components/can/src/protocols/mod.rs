@@ -100,6 +100,7 @@ pub(crate) mod servo {
     pub(crate) mod codec {
         pub mod dynamixel;
         pub mod feetech;
+        mod steps;
     }
     pub(super) mod dialogue;
     mod maker;

@@ -1,6 +1,6 @@
 //! Homing of the joint of a drive.
 
-use super::Link;
+use super::{Link, Reading};
 use crate::adapter::homing::Outcome;
 use crate::adapter::{HomingFault, HomingState, OnTrip, Phase};
 use crate::protocols::dialogue::{Dialogue as _, Order};
@@ -57,7 +57,7 @@ impl Link {
     pub(in crate::adapter) fn homing_order(&self) -> Order {
         match self.homing.as_ref().map(|homing| &homing.stop) {
             Some(Some(stop)) if stop.is_enabled => {
-                let (velocity, kd) = stop.command(self.velocity);
+                let (velocity, kd) = stop.command(self.reading.velocity);
                 self.command(JointSetpoint { velocity, kd, ..JointSetpoint::default() })
             }
             Some(Some(_)) => Order::Enable,
@@ -79,15 +79,15 @@ impl Link {
             }
             return None;
         };
-        if stop.is_enabled && self.silent == 0 {
+        if stop.is_enabled && self.answers.is_present() {
             // the offset cancels out: any constant would do
-            match stop.step(self.position - gear.offset, cycle_ns) {
+            match stop.step(self.reading.position - gear.offset, cycle_ns) {
                 Outcome::Moving => {}
                 Outcome::Failed(fault) => return Some(Err(fault)),
                 Outcome::Found(at) => {
                     let moved = stop.position - at - gear.offset;
                     gear.offset += moved;
-                    self.position += moved;
+                    self.reading.position += moved;
                     homing.state = HomingState::Homed;
                     self.phase = Phase::Enabled;
                     self.hold();
@@ -100,7 +100,7 @@ impl Link {
 
     /// Holds the joint at its position with the gains of the safe states until it is commanded.
     pub(in crate::adapter) fn hold(&mut self) {
-        let Self { position, stiffness: kp, damping: kd, .. } = *self;
+        let Self { reading: Reading { position, .. }, stiffness: kp, damping: kd, .. } = *self;
         self.setpoint = JointSetpoint { position, kp, kd, ..JointSetpoint::default() };
     }
 }

@@ -7,14 +7,12 @@
 
 use core::f64::consts::TAU;
 
+use super::steps;
+pub use super::steps::{MIDDLE, TURN};
 use crate::frame::DecodeError;
 use crate::protocols::dialogue::Layout;
 use crate::servo::Protocol;
 
-/// Steps per turn.
-pub const TURN: f64 = 4096.0;
-/// Step in the middle of the range, at position 0.
-pub const MIDDLE: f64 = 2048.0;
 /// Register of the operating mode.
 pub const OPERATING_MODE: u16 = 11;
 /// Operating mode for positions within a turn.
@@ -105,12 +103,12 @@ pub struct State {
 /// assert!((position(2148) - 0.1534).abs() < 1e-4);
 /// ```
 pub fn step(position: f64) -> i32 {
-    (MIDDLE + position / TAU * TURN + 0.5).clamp(0.0, TURN - 1.0) as i32
+    steps::nearest(position).into()
 }
 
 /// Position of a step, rad. A shaft turned by hand may be beyond a turn.
 pub fn position(step: i32) -> f64 {
-    (f64::from(step) - MIDDLE) / TURN * TAU
+    steps::position(step)
 }
 
 impl State {

@@ -7,15 +7,13 @@
 
 use core::f64::consts::TAU;
 
+use super::steps;
+pub use super::steps::{MIDDLE, TURN};
 use crate::drive::Fault;
 use crate::frame::DecodeError;
 use crate::protocols::dialogue::Layout;
 use crate::servo::Protocol;
 
-/// Steps per turn.
-pub const TURN: f64 = 4096.0;
-/// Step in the middle of the range, at position 0.
-pub const MIDDLE: f64 = 2048.0;
 /// First register of the lowest and the highest goal, two words.
 pub const ANGLE_LIMITS: u8 = 9;
 /// Register of the homing offset, a word of 11 bits with a sign bit, steps.
@@ -89,12 +87,12 @@ pub struct State {
 /// assert!((position(step(0.7)) - 0.7).abs() < 0.8e-3);
 /// ```
 pub fn step(position: f64) -> u16 {
-    (MIDDLE + position / TAU * TURN + 0.5).clamp(0.0, TURN - 1.0) as u16
+    steps::nearest(position)
 }
 
 /// Position of a step, rad.
 pub fn position(step: u16) -> f64 {
-    (f64::from(step) - MIDDLE) / TURN * TAU
+    steps::position(step.into())
 }
 
 /// Homing offset in a word, steps.
