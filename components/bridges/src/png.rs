@@ -7,7 +7,7 @@ use miniz_oxide::deflate::compress_to_vec_zlib;
 const LEVEL: u8 = 4;
 
 /// First bytes of every file.
-const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
+pub(crate) const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 
 /// A picture of rows of red, green and blue, as a file.
 ///
@@ -53,7 +53,7 @@ pub fn text(file: &[u8], keyword: &str) -> Option<String> {
 }
 
 /// Places of the chunks of a whole file, and their data.
-fn chunks(file: &[u8]) -> Option<Vec<(usize, &[u8])>> {
+pub(crate) fn chunks(file: &[u8]) -> Option<Vec<(usize, &[u8])>> {
     let (mut at, mut found) = (SIGNATURE.len(), Vec::new());
     if !file.starts_with(SIGNATURE) {
         return None;
@@ -68,7 +68,7 @@ fn chunks(file: &[u8]) -> Option<Vec<(usize, &[u8])>> {
     (&file[last + 4..last + 8] == b"IEND" && at == file.len()).then_some(found)
 }
 
-fn chunk(kind: &[u8; 4], data: &[u8], file: &mut Vec<u8>) {
+pub(crate) fn chunk(kind: &[u8; 4], data: &[u8], file: &mut Vec<u8>) {
     file.extend((data.len() as u32).to_be_bytes());
     let from = file.len();
     file.extend(kind);
