@@ -1,11 +1,11 @@
-"""Writes the robots of the catalogue whose parts repeat: URDF and profile.
+"""Writes the robots of the catalogue whose parts repeat: URDF, profile, and the shells of those that are modelled.
 
     python3 robots/generate              # all of them
     python3 robots/generate biped ur5e   # these
     python3 robots/generate --check      # writes nothing; fails if a committed file is not what this writes
 
 Masses and lengths stand in the modules beside this one; inertias are those of the primitives, standing heights and damping
-follow. The pendulum, the planar arm and the Panda were written by hand.
+follow. The pendulum, the planar arm and the Panda were written by hand, but for the shells of the Panda.
 """
 
 import pathlib
@@ -16,8 +16,38 @@ import legged
 import pendulums
 import upright
 import wheeled
+from machines import panda
 
 CATALOGUE = pathlib.Path(__file__).resolve().parents[1] / "catalogue"
+
+
+def shells(parts):
+    """{path in the robot's folder: text} of the shells of {link: parts}."""
+    return {f"shells/{part.name}.obj": part.shell.obj() for of_link in parts.values() for part in of_link}
+
+
+def files(make):
+    """The name of a robot, {path in its folder: text}, and a line about it."""
+    robot, profile = make()
+    own = {link.name: link.parts for link in robot.links if link.package == robot.name}
+    texts = {f"{robot.name}.urdf": robot.urdf(), f"{robot.name}.toml": profile.toml(robot)} | shells(own)
+    return robot.name, texts, f"{len(robot.independent())} joints, {len(robot.links)} links, {robot.mass():.3f} kg"
+
+
+def panda_files():
+    """The shells of the Panda, and its URDF with the visuals that name them."""
+    parts = panda.parts()
+    link, lines = None, []
+    for line in (CATALOGUE / "panda" / "panda.urdf").read_text().splitlines():
+        if line.startswith("  <link "):
+            link = line.split('"')[1]
+        if line.startswith("    <visual>") and link in parts:
+            continue
+        if line.startswith("    <collision>") and lines[-1].endswith("</inertial>"):
+            lines += [part.visual("panda") for part in parts[link]]
+        lines.append(line)
+    texts = {"panda.urdf": "\n".join(lines) + "\n"} | shells(parts)
+    return "panda", texts, f"{len(texts) - 1} shells"
 
 
 def main():
@@ -26,21 +56,22 @@ def main():
     wanted = [name for name in arguments if name != "--check"]
     makers = pendulums.ROBOTS + arms.ROBOTS + legged.ROBOTS + upright.ROBOTS + wheeled.ROBOTS
     known, differing = [], []
-    for make in makers:
-        robot, profile = make()
-        known.append(robot.name)
-        if wanted and robot.name not in wanted:
+    for name, texts, about in [*map(files, makers), panda_files()]:
+        known.append(name)
+        if wanted and name not in wanted:
             continue
-        folder = CATALOGUE / robot.name
-        for suffix, text in ((".urdf", robot.urdf()), (".toml", profile.toml(robot))):
-            path = folder / (robot.name + suffix)
+        folder = CATALOGUE / name
+        stale = {path for path in folder.glob("shells/*.obj")} - {folder / path for path in texts}
+        differing += map(str, sorted(stale))
+        for path, text in texts.items():
+            path = folder / path
             if check:
                 if not path.is_file() or path.read_text() != text:
                     differing.append(str(path))
                 continue
-            folder.mkdir(exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text)
-        print(f"{robot.name}: {len(robot.independent())} joints, {len(robot.links)} links, {robot.mass():.3f} kg")
+        print(f"{name}: {about}")
     unknown = set(wanted) - set(known)
     if unknown:
         sys.exit(f"no robot is named {', '.join(sorted(unknown))}; there are {', '.join(known)}")

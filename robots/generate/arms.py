@@ -4,6 +4,7 @@ from math import pi, radians
 
 import matrices as m
 from bodies import ALONG_X, ALONG_Y, Robot, box, cylinder, diagonal
+from machines import ur5e as ur5e_shells
 from profile import Profile
 
 
@@ -155,7 +156,7 @@ DH parameters, masses and centres of mass: Universal Robots, "DH Parameters for 
 Ranges, speeds and torques: the technical specifications of the arm. Universal Robots publishes no inertias of the links:
   they are those of solid cylinders of the link's mass and size.
 Names, and base_link turned half a turn from the controller's base frame: as in Universal Robots' ROS description.
-Geometry: cylinders that cover the arm roughly; visual and collision are the same.
+Geometry: cylinders that cover the arm roughly, and shells of our own to look at.
 """
 UR5E_READY = [0.0, -pi / 2, pi / 2, -pi / 2, -pi / 2, 0.0]
 UR5E_STIFFNESS = [800, 1000, 600, 150, 100, 50]
@@ -165,6 +166,7 @@ def ur5e():
     robot = Robot("ur5e", f"Universal Robots UR5e.\n{UR5E_COMMENT}")
     robot.link("base_link")
     joints = add_ur5e(robot, "base_link")
+    robot.dress(ur5e_shells.parts())
     return robot, Profile(
         title="Universal Robots UR5e",
         sources=UR5E_SOURCES,
@@ -208,6 +210,7 @@ The base: Clearpath Robotics, Ridgeback data sheet (0.96 x 0.793 x 0.296 m, 135 
     )
     robot.frame("arm_mount", "base_link", at=(0.25, 0, 0.296))
     arm = add_ur5e(robot, "arm_mount", "arm_")
+    robot.dress(ur5e_shells.parts(), "ur5e", "arm_")
     base = ["base_x", "base_y", "base_yaw"]
     return robot, Profile(
         title="Mobile manipulator: a UR5e on an omnidirectional base",

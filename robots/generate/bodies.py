@@ -76,6 +76,9 @@ class Link:
     solids: list = field(default_factory=list)
     # mass, centre of mass, inertia about it in the link's axes, where they are published; else those of the solids
     published: tuple = None
+    # what it looks like, if not like its solids; and the robot whose files these shells are
+    parts: list = field(default_factory=list)
+    package: str = ""
 
     def inertial(self):
         if self.published:
@@ -125,6 +128,16 @@ class Robot:
         """A link without mass or shape, fixed to another."""
         self.joint(f"{name}_joint", "fixed", parent, name, at=at, rpy=rpy)
         self.link(name)
+
+    def dress(self, parts, package=None, prefix=""):
+        """Gives the links their parts, {link without prefix: parts}, which are files of this robot or of `package`."""
+        for link in self.links:
+            link.parts = parts.get(link.name.removeprefix(prefix), link.parts)
+            link.package = package or self.name
+            # Cameras see a collision shape in the colour of the visual at its place.
+            places = zip(link.solids, link.parts)
+            assert all(solid.colour == part.colour for solid, part in places), f"{link.name}: colours of its parts"
+            assert not link.parts or len(link.parts) >= len(link.solids), f"{link.name}: fewer parts than solids"
 
     def independent(self):
         return [joint for joint in self.joints if joint.kind != "fixed" and joint.mimic is None]
@@ -192,6 +205,7 @@ class Robot:
 
     def urdf(self):
         used = {solid.colour for link in self.links for solid in link.solids}
+        used |= {part.colour for link in self.links for part in link.parts}
         lines = ['<?xml version="1.0"?>', "<!--", *[f"  {line}".rstrip() for line in self.comment.strip().splitlines()]]
         lines += ["-->", f'<robot name="{self.name}">']
         for colour in sorted(used):
@@ -235,9 +249,11 @@ def link_lines(link):
         inertia = " ".join(f'{key}="{number(i[row][column])}"' for key, row, column in entries)
         lines += ["    <inertial>", f"      {origin(com, (0, 0, 0))}", f'      <mass value="{number(mass)}"/>']
         lines += [f"      <inertia {inertia}/>", "    </inertial>"]
+    lines += [part.visual(link.package) for part in link.parts]
     for solid in link.solids:
         body = f"{origin(solid.at, solid.rpy)}<geometry>{solid.geometry()}</geometry>"
-        lines.append(f'    <visual>{body}<material name="{solid.colour}"/></visual>')
+        if not link.parts:
+            lines.append(f'    <visual>{body}<material name="{solid.colour}"/></visual>')
         lines.append(f"    <collision>{solid.collision()}</collision>")
     return lines + ["  </link>"]
 

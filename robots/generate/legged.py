@@ -3,6 +3,7 @@
 from math import pi
 
 from bodies import ALONG_X, ALONG_Y, Robot, box, cylinder, sphere
+from machines import quadruped as quadruped_shells
 from profile import Profile
 from upright import add_arm
 
@@ -20,7 +21,7 @@ Lengths, places of the joints and masses: those of solo12.urdf, the robot's desc
   example-robot-data 6.0.0, a foot's with its shank.
 Torque: F. Grimminger and others, "An Open Torque-Controlled Modular Robot Architecture for Legged Locomotion Research",
   IEEE Robotics and Automation Letters 5(2), 2020, 2.7 N m at 12 A. Ranges and speeds are ours.
-Bodies of even density. All joints at zero: legs straight down. Roll about x, pitch about y.
+Bodies of even density, and shells of our own to look at. All joints at zero: legs straight down. Roll about x, pitch about y.
 """,
     )
     robot.link("base", box((0.38, 0.13, 0.06), mass=1.161, colour="white"))
@@ -53,6 +54,7 @@ Bodies of even density. All joints at zero: legs straight down. Roll about x, pi
             feet[leg] = {"frame": f"{leg}_foot", "joints": joints, "radius": 0.0165}
             standing |= {joints[1]: fore * 0.8, joints[2]: -fore * 1.6}
             crouched |= {joints[1]: fore * 1.2, joints[2]: -fore * 2.4}
+    robot.dress(quadruped_shells.parts())
     stiffness = {}
     for joint in robot.independent():
         stiffness[joint.name] = 6.0

@@ -1,6 +1,7 @@
 """Robots on two legs."""
 
 from bodies import ALONG_Y, Robot, box, cylinder, sphere
+from machines import humanoid as humanoid_shells
 from profile import Profile
 
 SIDES = (("left", 1), ("right", -1))
@@ -198,7 +199,7 @@ Height, mass, largest torque: N. G. Tsagarakis and others, "COMpliant huMANoid C
   Modal Frequency Control", IEEE ICRA 2013 (945 mm, 31 kg, 55 N m).
 Ours: ranges, speeds and the torques of the weaker joints; three joints more in each arm than COMAN has, and a neck.
 Lengths and masses of the segments in proportion: {WINTER}.
-Bodies of even density.
+Bodies of even density, and shells of our own to look at.
 """,
     )
     robot.link("pelvis", box((0.1, 0.16, 0.08), at=(0, 0, 0.02), mass=0.142 * mass - 0.6, colour="black"))
@@ -244,6 +245,7 @@ Bodies of even density.
     robot.frame("gaze", "head", at=(0.075, 0, 0.065))
     stiffness |= {"neck_yaw": 15, "neck_pitch": 30}
     ends["gaze"] = {"frame": "gaze", "joints": ["neck_yaw", "neck_pitch"]}
+    robot.dress(humanoid_shells.parts())
     return robot, Profile(
         title="Humanoid of the COMAN class with two arms of seven joints",
         sources=[

@@ -5,7 +5,10 @@ use std::path::Path;
 use std::process::Command;
 
 use approx::assert_relative_eq;
-use motorium_robots::{BaseKind, Dynamics, Kinematics, Reference, catalogue, load};
+use motorium_robots::{
+    BaseKind, Dynamics, Kinematics, LoadOptions, Reference, ShapeSource, TriangleMesh, catalogue, load,
+    load_with,
+};
 use nalgebra::{DMatrix, Isometry3, SymmetricEigen, Vector3};
 
 #[test]
@@ -72,6 +75,49 @@ fn the_catalogue_is_what_its_generator_writes() {
         return;
     };
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn shells_are_closed_and_small_and_move_nothing() {
+    let mut dressed = 0;
+    for entry in catalogue() {
+        let seen = LoadOptions { shapes: ShapeSource::Visual, ..LoadOptions::default() };
+        let seen = load_with(entry.name, Path::new("/nowhere"), &seen).unwrap();
+        assert_eq!(seen.warnings, [], "{}", entry.name);
+        let digest = load(entry.name, Path::new("/nowhere")).unwrap().dynamics_digest();
+        assert_eq!(seen.dynamics_digest(), digest, "{}", entry.name);
+        let bytes = entry.urdf.len() + entry.shells.iter().map(|(_, text)| text.len()).sum::<usize>();
+        assert!(bytes <= 300_000, "{}: {bytes} bytes", entry.name);
+        dressed += usize::from(!entry.shells.is_empty());
+        for (name, text) in entry.shells {
+            let mesh = TriangleMesh::from_obj(text).unwrap();
+            assert!(mesh.volume() > 1e-8 && mesh.is_closed(), "{name}");
+            assert!(entry.urdf.contains(name), "{name} is not used");
+        }
+    }
+    assert_eq!(dressed, 4);
+}
+
+#[test]
+fn cameras_see_collision_shapes_in_their_own_colours() {
+    // Red channels of the shapes of a link, in their order.
+    const OTHERS: [(&str, &[f64]); 6] = [
+        ("panda_leftfinger", &[0.15]),
+        ("front_left_thigh", &[0.15, 0.93]),
+        ("front_left_shank", &[0.55, 0.15]),
+        ("upper_arm_link", &[0.55, 0.93, 0.55]),
+        ("forearm_link", &[0.93, 0.55]),
+        ("left_forearm", &[0.15, 0.93]),
+    ];
+    for name in ["panda", "quadruped", "ur5e", "humanoid"] {
+        let robot = load(name, Path::new(".")).unwrap();
+        let colours = robot.link_colours(ShapeSource::Collision).unwrap();
+        for (link, reds) in OTHERS.iter().filter(|(link, _)| robot.model.frame(link).is_ok()) {
+            for (place, red) in reds.iter().enumerate() {
+                assert_eq!(colours.of_shape(link, place, None)[0], *red, "{name}: {link} {place}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -2,7 +2,10 @@
 
 use std::path::Path;
 
-use motorium_robots::{Kinematics, MimicMode, Model, PackagePath, draw_as_urdf, load, parse_urdf};
+use motorium_robots::{
+    Kinematics, LinkColours, LoadOptions, MimicMode, Model, PackagePath, ShapeSource, draw_as_urdf, load,
+    parse_urdf, parse_urdf_with,
+};
 
 #[test]
 fn a_model_written_as_urdf_has_the_same_joints_and_poses() {
@@ -35,5 +38,26 @@ fn a_model_written_as_urdf_has_the_same_joints_and_poses() {
     let drawn = draw_as_urdf(&load("quadruped", Path::new(".")).unwrap().model);
     for (name, mesh) in &drawn.meshes {
         assert!(drawn.text.contains(name.as_str()) && mesh.is_closed(), "{name}");
+    }
+}
+
+#[test]
+fn collision_shapes_stand_in_for_meshes_in_their_colours() {
+    for name in ["panda", "quadruped", "ur5e", "humanoid", "mobile-manipulator"] {
+        let loaded = load(name, Path::new(".")).unwrap();
+        let drawn = loaded.drawn().unwrap().unwrap();
+        assert!(drawn.meshes.len() > 10 && drawn.text.contains("<mesh"), "{name}");
+        let plain = drawn.without_meshes();
+        assert!(!plain.contains("<mesh"), "{name}");
+        let visual = LoadOptions { shapes: ShapeSource::Visual, ..LoadOptions::default() };
+        let again = parse_urdf_with(&plain, None, &visual).unwrap().model;
+        for (one, other) in loaded.model.bodies().iter().zip(again.bodies()) {
+            assert_eq!(one.shapes, other.shapes, "{name}");
+        }
+        let colours = [&plain, &drawn.text].map(|text| LinkColours::of_urdf(text));
+        for shape in loaded.model.bodies().iter().flat_map(|body| &body.shapes) {
+            let [one, other] = colours.each_ref().map(|colours| colours.stated(&shape.link, 0));
+            assert_eq!(one, other, "{name}: {}", shape.link);
+        }
     }
 }

@@ -301,6 +301,7 @@ fn recordings_of_runs() {
             reader(&["score", "FILE"], ".mcap", corpus.clone()),
             reader(&["export", "FILE", "--output", "tables"], ".mcap", corpus.clone()),
             reader(&["report", "FILE", "--output", "out.html"], ".mcap", corpus.clone()),
+            reader(&["animate", "FILE", "--size", "64x48", "--output", "out.png"], ".mcap", corpus.clone()),
             reader(&["replay", "FILE", "--speed", "0"], ".mcap", corpus.clone()),
             reader(&["plot", "FILE", "panda/joint_state.position", "--output", "out.svg"], ".mcap", corpus),
         ],

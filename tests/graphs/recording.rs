@@ -380,13 +380,19 @@ fn a_recording_is_drawn_summarised_and_exported() {
     let output = motorium(&["report", text(&file), "--output", text(&page)]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let page = std::fs::read_to_string(page).expect("written");
-    let sections = ["Goals", "Limits: panda/joint_state", "Graph", "Topics", "Misses", "Tracking", "Events"];
-    for part in sections.iter().chain(&["0.30 s</text>", "panda/joint_command", ">measured<", "panda_joint3"])
+    let sections =
+        ["Motion", "Goals", "Limits: panda/joint_state", "Graph", "Topics", "Misses", "Tracking", "Events"];
+    for part in sections.iter().chain(&["0.30 s</span>", "panda/joint_command", ">measured<", "panda_joint3"])
     {
         assert!(page.contains(part), "{part}");
     }
     assert!(!page.contains("<h2>Results"), "the recording alone holds none");
-    assert!(!page.contains("http://") || !page.contains("src="), "it needs no network");
+    assert_eq!(
+        page.matches("src=").count(),
+        page.matches("src=\"data:image/png;base64,").count(),
+        "needs no network"
+    );
+    assert_eq!(page.matches("src=").count(), 5, "pictures of the motion");
 
     let tables = folder.path().join("tables");
     let exported =

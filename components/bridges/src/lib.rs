@@ -3,6 +3,7 @@
 //! A bridge is a component of the graph. It sends copies of outgoing values, and validates, limits and stamps
 //! incoming ones. Other components never handle values of foreign programs directly.
 
+pub mod animation;
 pub mod foxglove;
 mod iceoryx2;
 pub mod parquet;

@@ -6,7 +6,7 @@ use miniz_oxide::deflate::compress_to_vec_zlib;
 const LEVEL: u8 = 4;
 
 /// First bytes of every file.
-const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
+pub(crate) const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 
 /// Encodes rows of red, green and blue pixels as a file.
 ///
@@ -52,7 +52,7 @@ pub fn text(file: &[u8], keyword: &str) -> Option<String> {
 }
 
 /// Positions of the chunks of a complete file, and their data.
-fn chunks(file: &[u8]) -> Option<Vec<(usize, &[u8])>> {
+pub(crate) fn chunks(file: &[u8]) -> Option<Vec<(usize, &[u8])>> {
     let (mut at, mut found) = (SIGNATURE.len(), Vec::new());
     if !file.starts_with(SIGNATURE) {
         return None;
@@ -67,7 +67,7 @@ fn chunks(file: &[u8]) -> Option<Vec<(usize, &[u8])>> {
     (&file[last + 4..last + 8] == b"IEND" && at == file.len()).then_some(found)
 }
 
-fn chunk(kind: &[u8; 4], data: &[u8], file: &mut Vec<u8>) {
+pub(crate) fn chunk(kind: &[u8; 4], data: &[u8], file: &mut Vec<u8>) {
     file.extend((data.len() as u32).to_be_bytes());
     let from = file.len();
     file.extend(kind);

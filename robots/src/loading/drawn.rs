@@ -1,16 +1,19 @@
 //! Robots for viewers: as URDF text, and the colours of their links.
 
 use std::io;
+use std::sync::Arc;
 
+use crate::catalogue::{shell, shells_in};
 use crate::formats::urdf;
 use crate::{
-    DrawnRobot, LinkColours, LoadOptions, Loaded, MjcfRobot, ShapeSource, draw_as_urdf, is_mjcf, parse_mjcf,
+    DrawnRobot, LinkColours, LoadOptions, Loaded, MjcfRobot, PackagePath, ShapeSource, TriangleMesh,
+    draw_as_urdf, is_mjcf, parse_mjcf,
 };
 
 impl Loaded {
     /// Returns the robot as URDF for viewers: the text of its URDF file with [held](Self::held) joints fixed,
     /// or its model with visual shapes, [written](draw_as_urdf) as URDF. `None` if it was not loaded from a
-    /// file.
+    /// file. Shells of the catalogue are among its meshes.
     ///
     /// # Errors
     ///
@@ -22,7 +25,7 @@ impl Loaded {
                 [] => Some(text),
                 held => urdf::hold_joints(&text, self.path.as_deref(), held),
             };
-            let written = text.map(|text| DrawnRobot { text, meshes: Vec::new() });
+            let written = text.map(|text| DrawnRobot { meshes: self.shells(&text), text });
             return Ok(Some(written.unwrap_or_else(|| draw_as_urdf(&self.model))));
         }
         let held: Vec<(&str, f64)> = self.held.iter().map(|(name, held)| (name.as_str(), *held)).collect();
@@ -34,6 +37,13 @@ impl Loaded {
             Some((model, colours)) => urdf::write(&model, colours),
             None => draw_as_urdf(&self.model),
         }))
+    }
+
+    /// The shells of the catalogue in the text of its URDF that are not files of their own.
+    fn shells(&self, text: &str) -> Vec<(String, Arc<TriangleMesh>)> {
+        let packages = PackagePath::from_env();
+        let included = shells_in(text).filter(|uri| packages.resolve(uri, self.path.as_deref()).is_err());
+        included.filter_map(|uri| Some((uri.to_owned(), shell(uri)?))).collect()
     }
 
     /// Returns the colours of the links' visuals in its file. For MJCF with [`ShapeSource::Collision`] these

@@ -6,6 +6,7 @@ mod ears;
 mod error;
 mod hull;
 mod mass;
+mod normals;
 mod obj;
 mod stl;
 mod triangle_mesh;
@@ -21,6 +22,23 @@ pub use triangle_mesh::TriangleMesh;
 const LONGEST: u64 = 512 * 1024 * 1024;
 
 impl TriangleMesh {
+    /// Reads the text of a Wavefront OBJ file. Lengths are metres.
+    ///
+    /// ```
+    /// use motorium_robots::TriangleMesh;
+    ///
+    /// let mesh = TriangleMesh::from_obj("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n")?;
+    /// assert_eq!(mesh.triangles.len(), 2);
+    /// # Ok::<(), motorium_robots::MeshProblem>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// [`MeshProblem`].
+    pub fn from_obj(text: &str) -> Result<Self, MeshProblem> {
+        obj::parse(text).map_err(|(_, problem)| problem)
+    }
+
     /// Reads an `.stl` (text or binary), `.obj` or `.dae` file.
     ///
     /// Lengths in STL and OBJ files are metres. The `unit` of a COLLADA file is applied, its `up_axis` is

@@ -295,13 +295,27 @@ fn assert_drawn(file: &str, arguments: &[&str]) {
 fn pictures_of_readme_and_catalogue_are_current() {
     assert_drawn("docs/src/images/panda-reach.svg", &["graph", "graphs/panda-reach.toml", "--format", "svg"]);
     let pictures = std::fs::read_dir(workspace().join("docs/src/robots")).expect("a folder").flatten();
-    let names: Vec<String> = pictures
-        .filter_map(|entry| Some(entry.file_name().to_str()?.strip_suffix(".svg")?.to_string()))
-        .collect();
+    let names: Vec<String> =
+        pictures.filter_map(|entry| Some(entry.file_name().to_str()?.to_string())).collect();
     assert!(names.len() >= 19, "{names:?}");
     for name in names {
-        let file = format!("docs/src/robots/{name}.svg");
-        assert_drawn(&file, &["robot", "draw", &name, "--size", "420x420", "--com"]);
+        let file = format!("docs/src/robots/{name}");
+        match name.rsplit_once('.') {
+            Some((robot, "svg")) => {
+                assert_drawn(&file, &["robot", "draw", robot, "--size", "420x420", "--com"]);
+            }
+            Some((robot, "png")) => {
+                let folder = tempfile::tempdir().expect("a folder");
+                let drawn = folder.path().join(&name);
+                let drawn = drawn.to_str().expect("a plain path");
+                let arguments = ["robot", "draw", robot, "--visual", "--size", "420x420", "--output"];
+                printed(&[&arguments[..], &[drawn]].concat());
+                let current = std::fs::read(drawn).expect("the picture");
+                let kept = std::fs::read(workspace().join(&file)).expect("the picture");
+                assert!(kept == current, "{file} is out of date: motorium {} {file}", arguments.join(" "));
+            }
+            _ => panic!("{file} is no picture of a robot"),
+        }
     }
 }
 

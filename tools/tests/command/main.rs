@@ -1,5 +1,6 @@
 //! The `motorium` command: its subcommands, its files, and the book about them.
 
+mod animate;
 mod bench;
 mod book;
 mod can;

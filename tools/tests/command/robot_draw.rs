@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::program::printed;
+use crate::program::{complaint, printed};
 
 /// A robot whose link collides as a box and is seen as a bent plate, which no hull is.
 fn robot(folder: &std::path::Path) -> String {
@@ -57,4 +57,22 @@ fn visuals_are_drawn_with_their_meshes_as_they_are() {
         channel(1) > 2 * channel(3)
     };
     assert!(visual.iter().all(red), "{visual:?}");
+}
+
+#[test]
+fn png_shows_the_shells_and_refuses_marks() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("panda.png");
+    let file = file.to_str().expect("a plain path");
+    let drawn = |options: &[&str]| {
+        printed(&[&["robot", "draw", "panda", "--size", "120x120", "--output", file], options].concat());
+        std::fs::read(file).expect("the picture")
+    };
+    let (visual, collision) = (drawn(&["--visual"]), drawn(&[]));
+    assert!(visual.starts_with(b"\x89PNG") && collision.starts_with(b"\x89PNG") && visual != collision);
+    assert!(visual != drawn(&["--visual", "--no-ground"]));
+    for option in [&["--com"][..], &["--names"], &["--frames", "all"]] {
+        let said = complaint(&[&["robot", "draw", "panda", "--output", file], option].concat());
+        assert!(said.contains("write an .svg file"), "{said}");
+    }
 }

@@ -121,6 +121,7 @@ fn bad_recordings_give_the_same_error_in_every_command() {
         for arguments in [
             &["plot", &path, "a.b"][..],
             &["report", &path],
+            &["animate", &path],
             &["score", &path],
             &["export", &path],
             &["replay", &path, "--verify"],

@@ -5,7 +5,9 @@ use motorium::declare::RobotReference;
 use motorium::plan::{ComponentPlan, Plan, PortPlan};
 use motorium::state::{BaseState, JointState, StateBuffer as _};
 use motorium_recordings::messages::wire;
-use motorium_robots::{BasePose, Kinematics, Loaded, RobotSource, RobotSourceError};
+use motorium_robots::{
+    BasePose, Kinematics, LoadOptions, Loaded, RobotSource, RobotSourceError, ShapeSource,
+};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use super::Schema;
@@ -23,6 +25,9 @@ pub struct Description {
     pub topic: String,
     /// The robot as URDF: the text of its file, or a conversion of its MJCF.
     pub text: String,
+    /// The robot as URDF for viewers of files, which cannot request `meshes`: with collision shapes in their
+    /// place.
+    pub plain: String,
     /// Text of the file, if it is MJCF.
     pub mjcf: Option<String>,
     /// Meshes without a file: their names in the description and their Wavefront OBJ texts.
@@ -51,10 +56,10 @@ impl Description {
         Schema { name: "motorium.v1.RobotDescription".to_string(), encoding: "protobuf", data }
     }
 
-    /// Encodes its message.
+    /// Encodes the message of a file.
     pub fn encode(&self) -> Vec<u8> {
-        let mut message = Vec::with_capacity(self.text.len() + 8);
-        wire::bytes(1, self.text.as_bytes(), &mut message);
+        let mut message = Vec::with_capacity(self.plain.len() + 8);
+        wire::bytes(1, self.plain.as_bytes(), &mut message);
         message
     }
 }
@@ -87,12 +92,13 @@ pub fn descriptions(plan: &Plan) -> Vec<Description> {
         let loaded = load(robot).ok()?;
         let drawn = loaded.drawn().ok()??;
         let mjcf = if loaded.is_mjcf().ok()? { loaded.text().ok()? } else { None };
-        let meshes = drawn.meshes.iter().map(|(name, mesh)| (name.clone(), mesh.to_obj())).collect();
-        let text = drawn.text;
+        let meshes = drawn.meshes.iter().map(|(name, mesh)| (name.clone(), mesh.to_shaded_obj())).collect();
+        let (plain, text) = (drawn.without_meshes(), drawn.text);
         let name = &robot.name;
         let topic =
             if alone { "/robot_description".to_string() } else { format!("/{name}/robot_description") };
-        Some(Description { robot: name.clone(), topic, text, mjcf, meshes, frame_prefix: prefix(plan, name) })
+        let (robot, frame_prefix) = (name.clone(), prefix(plan, name));
+        Some(Description { robot, topic, text, plain, mjcf, meshes, frame_prefix })
     };
     robots.iter().filter_map(describe).collect()
 }
@@ -103,15 +109,29 @@ fn prefix(plan: &Plan, robot: &str) -> String {
 
 /// Loads a robot of a plan with its base at the origin.
 pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, RobotSourceError> {
-    load_with_base(robot, None)
+    load_with_base(robot, None, &LoadOptions::default())
 }
 
 /// Loads a robot of a plan with its base at its pose in the world.
 pub(crate) fn load_in_world(robot: &RobotReference) -> Result<Loaded, RobotSourceError> {
-    load_with_base(robot, robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }))
+    load_with_base(robot, in_world(robot), &LoadOptions::default())
 }
 
-fn load_with_base(robot: &RobotReference, pose: Option<BasePose>) -> Result<Loaded, RobotSourceError> {
+/// [`load_in_world`], with visible shapes.
+pub(crate) fn load_visible(robot: &RobotReference) -> Result<Loaded, RobotSourceError> {
+    let visible = LoadOptions { shapes: ShapeSource::Visual, ..LoadOptions::default() };
+    load_with_base(robot, in_world(robot), &visible)
+}
+
+fn in_world(robot: &RobotReference) -> Option<BasePose> {
+    robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy })
+}
+
+fn load_with_base(
+    robot: &RobotReference,
+    pose: Option<BasePose>,
+    options: &LoadOptions,
+) -> Result<Loaded, RobotSourceError> {
     let source = RobotSource {
         name: &robot.name,
         text: &robot.urdf,
@@ -121,7 +141,7 @@ fn load_with_base(robot: &RobotReference, pose: Option<BasePose>) -> Result<Load
         settings: robot.settings.as_ref(),
         pose,
     };
-    source.load()
+    source.load_with(options)
 }
 
 /// Returns the robot to which the arrays of a topic belong: the writer's robot, or else a reader's. `None` if

@@ -7,7 +7,7 @@ use foxglove::messages::{
 };
 use motorium::plan::Plan;
 use motorium::state::{ObjectPoses, StateBuffer as _};
-use motorium_robots::{BasePose, Colour};
+use motorium_robots::{BasePose, Colour, TriangleMesh};
 use motorium_worlds::{HeightField, Object, ObjectShape, World};
 use serde::Deserialize;
 
@@ -42,12 +42,7 @@ const TERRAIN_POINTS: f64 = 15_000.0;
 /// # }
 /// ```
 pub fn world_scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
-    let mut simulated = plan.components.iter().filter(|component| component.config["world"].is_object());
-    let world = simulated.find_map(|component| {
-        let mut world = World::deserialize(&component.config["world"]).ok()?;
-        world.locate(&component.folder).ok()?;
-        Some(world)
-    })?;
+    let world = world_of(plan)?;
     let has_poses = plan.topics.iter().any(|topic| topic.layout.type_name == ObjectPoses::NAME);
     let looks = &world.appearance;
     let mut entities: Vec<SceneEntity> =
@@ -73,8 +68,18 @@ pub fn world_scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
     Some((Schema::of::<SceneUpdate>(), message))
 }
 
+/// The world of a plan: of the first component that simulates one.
+pub(crate) fn world_of(plan: &Plan) -> Option<World> {
+    let mut simulated = plan.components.iter().filter(|component| component.config["world"].is_object());
+    simulated.find_map(|component| {
+        let mut world = World::deserialize(&component.config["world"]).ok()?;
+        world.locate(&component.folder).ok()?;
+        Some(world)
+    })
+}
+
 /// Converts a terrain to triangles, at reduced resolution if it has very many heights.
-fn terrain(field: &HeightField, colour: &Colour) -> SceneEntity {
+pub fn terrain_mesh(field: &HeightField) -> TriangleMesh {
     let (corner, counts) = field.grid();
     let lengths = counts.map(|count| (count.max(2) - 1) as f64 * field.spacing());
     let step = field.spacing().max((lengths[0] * lengths[1] / TERRAIN_POINTS).sqrt());
@@ -83,21 +88,28 @@ fn terrain(field: &HeightField, colour: &Colour) -> SceneEntity {
     let points = (0..=many[1]).flat_map(|row| (0..=many[0]).map(move |column| (column, row)));
     let points = points.map(|(column, row)| {
         let (x, y) = (along(0, column), along(1, row));
-        Point3 { x, y, z: field.height(x, y) }
+        nalgebra::Vector3::new(x, y, field.height(x, y))
     });
     let point = |column: usize, row: usize| (row * (many[0] + 1) + column) as u32;
     let squares = (0..many[1]).flat_map(|row| (0..many[0]).map(move |column| (column, row)));
-    let indices = squares.flat_map(|(column, row)| {
+    let triangles = squares.flat_map(|(column, row)| {
         let [a, b] = [point(column, row), point(column + 1, row)];
         let [c, d] = [point(column, row + 1), point(column + 1, row + 1)];
-        [a, b, d, a, d, c]
+        [[a, b, d], [a, d, c]]
     });
+    TriangleMesh { points: points.collect(), triangles: triangles.collect() }
+}
+
+/// A terrain in its colour.
+fn terrain(field: &HeightField, colour: &Colour) -> SceneEntity {
+    let mesh = terrain_mesh(field);
+    let point = |point: &nalgebra::Vector3<f64>| Point3 { x: point.x, y: point.y, z: point.z };
     let triangles = TriangleListPrimitive {
         pose: pose([0.0; 3], [0.0; 3]),
-        points: points.collect(),
+        points: mesh.points.iter().map(point).collect(),
         color: Some(opaque(colour)),
         colors: Vec::new(),
-        indices: indices.collect(),
+        indices: mesh.triangles.into_iter().flatten().collect(),
     };
     SceneEntity {
         frame_id: WORLD.to_string(),

@@ -39,7 +39,7 @@ pub(super) fn head(
         writer.attach(name, "application/octet-stream", content, start_ns)?;
     }
     for description in descriptions(plan) {
-        let texts = [("urdf", Some(&description.text)), ("mjcf.xml", description.mjcf.as_ref())];
+        let texts = [("urdf", Some(&description.plain)), ("mjcf.xml", description.mjcf.as_ref())];
         for (ending, text) in texts {
             let Some(text) = text else { continue };
             let name = format!("{}.{ending}", description.robot);

@@ -23,13 +23,13 @@ mod demonstration;
 mod ease;
 mod entries;
 mod file;
+mod film;
 mod head;
 mod lerobot;
 mod machine;
 mod order;
 mod other;
 mod outcome;
-mod postures;
 mod reader;
 mod recorded;
 mod recorder;
@@ -52,12 +52,12 @@ pub use component::{Record, RecordConfig};
 pub use csv::{TableError, write_csv};
 pub use demonstration::{Demonstration, DemonstrationError};
 pub use entries::{Entries, Entry, Images, RecordedPicture, RecordedSample, Samples};
+pub use film::{Film, Postures, film};
 pub use lerobot::{
     Camera, Dataset, DatasetCounts, DatasetError, usual_cameras, usual_signals, write_lerobot,
 };
 pub use order::InOrder;
 pub use other::{Opened, OtherLog, open};
-pub use postures::{Postures, postures};
 pub use reader::{ReadError, Recording};
 pub use recorded::{RecordedPictures, RecordedTopic};
 pub use recover::{Recovered, recover};

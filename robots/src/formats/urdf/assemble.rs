@@ -12,6 +12,7 @@ use super::source::{self, Survey};
 use super::structure::{self, Edge, Structure};
 use super::warning::ModelWarning;
 use super::{MimicMode, PackagePath, inertia, joints, transmission, warn_of_model};
+use crate::catalogue;
 use crate::formats::options::{BaseMode, LoadOptions, ShapeSource};
 use crate::{
     Base, Body, Coordinate, Drive, Frame, Geometry, Inertia, Joint, JointKind, Limits, Model, Shape,
@@ -260,16 +261,19 @@ impl Assembly<'_> {
             &urdf_rs::Geometry::Capsule { radius, length } => Geometry::Capsule { radius, length },
             &urdf_rs::Geometry::Sphere { radius } => Geometry::Sphere { radius },
             urdf_rs::Geometry::Mesh { filename, scale } => {
-                let path = match self.packages.resolve(filename, self.file) {
-                    Ok(path) => Some(path),
+                let (path, inline) = match self.packages.resolve(filename, self.file) {
+                    Ok(path) => (Some(path), None),
                     Err(tried) => {
-                        let (link, uri) = (link.to_owned(), filename.clone());
-                        self.warnings.push(ModelWarning::MissingMesh { link, uri, tried });
-                        None
+                        let inline = catalogue::shell(filename);
+                        if inline.is_none() {
+                            let (link, uri) = (link.to_owned(), filename.clone());
+                            self.warnings.push(ModelWarning::MissingMesh { link, uri, tried });
+                        }
+                        (None, inline)
                     }
                 };
                 let scale = scale.map_or(Vector3::repeat(1.0), |scale| Vector3::from(scale.0));
-                Geometry::Mesh { uri: filename.clone(), path, inline: None, scale }
+                Geometry::Mesh { uri: filename.clone(), path, inline, scale }
             }
         }
     }

@@ -12,6 +12,7 @@ mod named;
 mod pinocchio;
 mod plausibility;
 mod robot;
+mod simplified;
 mod source;
 mod structure;
 mod transmission;

@@ -1,5 +1,6 @@
 //! Recordings: making, repairing and replaying them.
 
+mod animate;
 mod export;
 mod log;
 mod page;
@@ -18,6 +19,7 @@ use motorium::os::random_bytes;
 use motorium::units::TimeSpan;
 use motorium_bridges::recording::{Opened, Recording, open};
 
+pub(super) use animate::Animate;
 pub(super) use export::Export;
 pub(super) use page::Report;
 pub(super) use plot::Plot;

@@ -15,7 +15,7 @@ mod urdf_text;
 
 use std::process::ExitCode;
 
-pub(super) use draw::strip as strip_of_pictures;
+pub(super) use draw::{OBLIQUE, Pictures, View, size};
 
 /// Show, check and draw robots: the catalogue's, installed ones, and any URDF or MJCF file.
 ///

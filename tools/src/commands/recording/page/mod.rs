@@ -13,9 +13,7 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use motorium::launcher::Report as RunReport;
 use motorium::plan::Plan;
-use motorium_bridges::recording::{
-    Analysis, Opened, Recording, Tolerance, TopicAnalysis, analyse, postures, quantile,
-};
+use motorium_bridges::recording::{Analysis, Opened, Recording, Tolerance, TopicAnalysis, analyse, quantile};
 
 use crate::draw::{self, Measured};
 use crate::out::errln;
@@ -94,9 +92,7 @@ fn page(
     results: Option<&RunReport>,
 ) -> anyhow::Result<String> {
     let mut body = facts(recording, analysis);
-    for postures in postures(recording, plan, film::FRAMES)? {
-        body += &film::strip(&postures)?;
-    }
+    body += &film::strip(recording, plan)?;
     let score = analysis.score(recording, plan, Tolerance::default())?;
     body += &reached::goals(&score);
     body += "<h2>Graph</h2>\n";

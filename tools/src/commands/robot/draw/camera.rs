@@ -8,11 +8,11 @@ use super::marks::Marks;
 use super::scene::Scene;
 
 /// The view from the right, a little in front and above.
-pub(super) const OBLIQUE: &str = "-50,20";
+pub(in crate::commands) const OBLIQUE: &str = "-50,20";
 
 /// Direction towards the camera, seen from the robot \[rad\].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct View {
+pub(in crate::commands) struct View {
     /// About z, from the x axis towards y.
     azimuth: f64,
     /// Above the horizon.
@@ -62,7 +62,17 @@ pub(super) struct Camera {
 
 impl Camera {
     /// Creates a projection that fits the whole scene.
-    pub(super) fn new(view: View, (width, height): (f64, f64), scene: &Scene, marks: &Marks) -> Self {
+    pub(super) fn new(view: View, size: (f64, f64), scene: &Scene, marks: &Marks) -> Self {
+        let origins = marks.frames.iter().map(|(_, pose)| Point3::from(pose.translation.vector));
+        Self::around(view, size, scene.points().chain(origins))
+    }
+
+    /// Creates a projection that fits points.
+    pub(super) fn around(
+        view: View,
+        (width, height): (f64, f64),
+        points: impl Iterator<Item = Point3<f64>>,
+    ) -> Self {
         let (sa, ca) = view.azimuth.sin_cos();
         let (se, ce) = view.elevation.sin_cos();
         let mut camera = Self {
@@ -74,8 +84,7 @@ impl Camera {
             width,
             height,
         };
-        let origins = marks.frames.iter().map(|(_, pose)| Point3::from(pose.translation.vector));
-        let points: Vec<_> = scene.points().chain(origins).map(|point| camera.project(&point)).collect();
+        let points: Vec<_> = points.map(|point| camera.project(&point)).collect();
         let span = |pick: fn(&(f64, f64)) -> f64| {
             let low = points.iter().map(pick).fold(f64::INFINITY, f64::min);
             let high = points.iter().map(pick).fold(f64::NEG_INFINITY, f64::max);
@@ -98,6 +107,24 @@ impl Camera {
             self.offset.0 + self.scale * self.right.dot(&point.coords),
             self.offset.1 - self.scale * self.up.dot(&point.coords),
         )
+    }
+
+    /// Returns the width and height of the picture in pixels.
+    pub(super) fn dots(&self) -> [usize; 2] {
+        [self.width, self.height].map(|side| side.round() as usize)
+    }
+
+    /// Returns the point of the world at these coordinates of the picture, in the plane through the origin.
+    pub(super) fn point(&self, x: f64, y: f64) -> Point3<f64> {
+        let (right, up) = ((x - self.offset.0) / self.scale, (self.offset.1 - y) / self.scale);
+        Point3::from(self.right * right + self.up * up)
+    }
+
+    /// Returns this projection, moved with the objects it shows.
+    pub(super) fn moved(&self, by: &Vector3<f64>) -> Self {
+        let offset =
+            (self.offset.0 - self.scale * self.right.dot(by), self.offset.1 + self.scale * self.up.dot(by));
+        Self { offset, ..self.clone() }
     }
 
     /// Returns the length in the world, m, of this many units in the picture.

@@ -1,12 +1,15 @@
 //! `motorium robot draw`: a picture of a robot in a pose.
 
 mod camera;
+mod film;
 mod marks;
 mod order;
 mod picture;
 mod pose;
+mod raster;
 mod scene;
 mod solid;
+mod world;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -16,11 +19,17 @@ use motorium_robots::{Kinematics, Loaded, MimicMode, ShapeSource};
 
 use super::source::ProfiledArgs;
 use crate::out::out;
-use camera::{Camera, OBLIQUE, View};
+use camera::Camera;
+pub(in crate::commands) use camera::{OBLIQUE, View};
+pub(in crate::commands) use film::Pictures;
 use marks::Frames;
 pub(super) use pose::PoseArgs;
+use scene::{Forms, Scene};
+use solid::Detail;
 
 /// Draw a robot in a pose as an SVG picture: its shapes (meshes as hulls, bare links as sticks).
+///
+/// A file `.png` is a shaded picture with shadows, without frames, names and centre of mass.
 ///
 /// Example: motorium robot draw panda --view 30,20 --output out/panda.svg
 #[derive(Debug, clap::Args)]
@@ -32,9 +41,9 @@ pub(super) struct Draw {
     /// View: front, back, left, right, top, or AZIMUTH,ELEVATION in degrees
     #[arg(long, default_value = OBLIQUE, allow_hyphen_values = true)]
     view: View,
-    /// Frames to draw (x red, y green, z blue); `ends`: root, end effectors, feet
-    #[arg(long, value_enum, default_value_t = Frames::Ends)]
-    frames: Frames,
+    /// Frames (x red, y green, z blue); `ends`: root, end effectors, feet [default: ends; in .png none]
+    #[arg(long, value_enum)]
+    frames: Option<Frames>,
     /// Label the frames with their names
     #[arg(long)]
     names: bool,
@@ -50,12 +59,12 @@ pub(super) struct Draw {
     /// Width and height of the picture [default: 640x640]
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "640x640", hide_default_value = true, value_parser = size)]
     size: (f64, f64),
-    /// File to write [default: standard output]
+    /// File to write: .svg or .png [default: standard output]
     #[arg(long, short)]
     output: Option<PathBuf>,
 }
 
-fn size(text: &str) -> Result<(f64, f64), String> {
+pub(in crate::commands) fn size(text: &str) -> Result<(f64, f64), String> {
     let wanted = || "expected WIDTHxHEIGHT such as 800x600, from 16 to 10000 each".to_string();
     let (width, height) = text.split_once('x').ok_or_else(wanted)?;
     let side = |side: &str| side.parse().ok().filter(|side| (16.0..=1e4).contains(side)).ok_or_else(wanted);
@@ -77,14 +86,24 @@ impl Draw {
         let mut kinematics = Kinematics::new(model);
         kinematics.update(model, &q);
         let shapes = if self.visual { ShapeSource::Visual } else { ShapeSource::Collision };
-        let scene = scene::Scene::from_robot(&robot, &kinematics, robot.link_colours(shapes)?, self.visual);
+        let png = self.output.as_ref().is_some_and(|path| path.extension().is_some_and(|kind| kind == "png"));
+        let detail = match (self.visual, png) {
+            (false, _) => Detail::Hull,
+            (true, false) => Detail::Coarse,
+            (true, true) => Detail::Full,
+        };
+        let colours = robot.link_colours(shapes)?;
+        let scene = Scene::from_robot(&robot, &kinematics, &colours, &mut Forms::new(detail));
         let marks = marks::Marks {
-            frames: marks::frames(&robot, &kinematics, self.frames),
+            frames: marks::frames(&robot, &kinematics, self.frames.unwrap_or(Frames::Ends)),
             names: self.names,
             com: self.com.then(|| kinematics.centre_of_mass(model).position),
         };
         let camera = Camera::new(self.view, self.size, &scene, &marks);
-        let picture = picture::svg(model.name(), &scene, &marks, &camera, !self.no_ground);
+        let picture = match png {
+            true => self.shaded(&scene, &camera)?,
+            false => picture::svg(model.name(), &scene, &marks, &camera, !self.no_ground).into_bytes(),
+        };
         match &self.output {
             Some(path) => {
                 if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
@@ -93,39 +112,23 @@ impl Draw {
                 }
                 std::fs::write(path, picture).with_context(|| format!("writing {}", path.display()))?;
             }
-            None => out!("{picture}"),
+            None => out!("{}", String::from_utf8_lossy(&picture)),
         }
         Ok(ExitCode::SUCCESS)
     }
-}
 
-/// Width and height of a picture of a strip.
-const FRAME: (f64, f64) = (220.0, 220.0);
-
-/// A robot at some times, s, and configurations, as pictures side by side: on one scale and seen from one
-/// place if its base is fixed, else each around the robot.
-pub(in crate::commands) fn strip(
-    robot: &Loaded,
-    configurations: &[(f64, Vec<f64>)],
-) -> anyhow::Result<String> {
-    let model = &robot.model;
-    let view: View = OBLIQUE.parse().map_err(anyhow::Error::msg)?;
-    let none = marks::Marks { frames: Vec::new(), names: false, com: None };
-    let mut kinematics = Kinematics::new(model);
-    let mut scenes = Vec::new();
-    for (_, q) in configurations {
-        kinematics.update(model, q);
-        let colours = robot.link_colours(ShapeSource::Collision)?;
-        scenes.push(scene::Scene::from_robot(robot, &kinematics, colours, false));
+    /// The picture as a PNG file.
+    fn shaded(&self, scene: &Scene, camera: &Camera) -> anyhow::Result<Vec<u8>> {
+        let marked = self.names || self.com || self.frames.is_some_and(|frames| frames != Frames::None);
+        anyhow::ensure!(
+            !marked,
+            "frames, names and the centre of mass are drawn in .svg files only; leave out --frames, --names and --com, \
+             or write an .svg file"
+        );
+        raster::check_size(self.size)?;
+        let floor = film::floor_below(scene).filter(|_| !self.no_ground && camera.eye.z > 0.05);
+        let pixels = raster::paint(scene, camera, floor.as_ref());
+        let [width, height] = camera.dots();
+        Ok(motorium_bridges::animation::encode(width, height, 0, &[pixels]))
     }
-    let all = scene::Scene { solids: scenes.iter().flat_map(|scene| scene.solids.clone()).collect() };
-    let camera = |scene| Camera::new(view, FRAME, if model.base().floating { scene } else { &all }, &none);
-    let cameras: Vec<Camera> = scenes.iter().map(camera).collect();
-    let pictures: Vec<_> = configurations
-        .iter()
-        .zip(&scenes)
-        .zip(&cameras)
-        .map(|(((time, _), scene), camera)| (format!("{time:.2} s"), scene, camera))
-        .collect();
-    Ok(picture::strip(model.name(), &pictures))
 }

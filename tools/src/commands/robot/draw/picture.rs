@@ -14,36 +14,6 @@ use crate::draw::escape;
 /// Direction of the light.
 const LIGHT: Vector3<f64> = Vector3::new(0.3, -0.45, 0.84);
 
-/// Style for dark backgrounds.
-const DARK: &str = "<style>@media (prefers-color-scheme:dark){.strip .paper{fill:#0d1117}.strip .ink{fill:#e6edf3}\
-                    .strip [stroke=\"#e3e6ea\"]{stroke:#262c34}.strip [fill=\"#cfd4da\"]{fill:#20262d}}</style>\n";
-
-/// Draws a document with pictures of equal size next to each other, each with a title.
-pub(super) fn strip(name: &str, pictures: &[(String, &Scene, &Camera)]) -> String {
-    const TITLE: f64 = 20.0;
-    let (width, height) = pictures.first().map_or((0.0, 0.0), |(_, _, camera)| (camera.width, camera.height));
-    let (all, high) = (width * pictures.len() as f64, height + TITLE);
-    let mut text = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"strip\" viewBox=\"0 0 {all} {high}\" width=\"{all}\" height=\"{high}\" \
-         font-family=\"sans-serif\" font-size=\"13\">\n<title>{}</title>\n{DARK}\
-         <rect class=\"paper\" width=\"{all}\" height=\"{high}\" fill=\"#ffffff\"/>\n",
-        escape(name)
-    );
-    for (index, (title, scene, camera)) in pictures.iter().enumerate() {
-        let left = width * index as f64;
-        let _ = writeln!(
-            text,
-            "<text class=\"ink\" fill=\"#1f2328\" text-anchor=\"middle\" x=\"{}\" y=\"15\">{}</text>\n\
-             <svg x=\"{left}\" y=\"{TITLE}\" width=\"{width}\" height=\"{height}\">",
-            left + 0.5 * width,
-            escape(title)
-        );
-        robot(scene, camera, true, &mut text);
-        text.push_str("</svg>\n");
-    }
-    text + "</svg>\n"
-}
-
 /// An SVG document.
 pub(super) fn svg(name: &str, scene: &Scene, marks: &Marks, camera: &Camera, ground: bool) -> String {
     let (width, height) = (camera.width, camera.height);

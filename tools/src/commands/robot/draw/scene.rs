@@ -1,11 +1,12 @@
-//! The robot's shapes in the world, coloured.
+//! The shapes of robots in the world, coloured.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use motorium_robots::{Geometry, Kinematics, LinkColours, Loaded, Shape};
 use nalgebra::{Isometry3, Point3, Translation3, Unit, Vector3};
 
-use super::solid::{Face, Form, Solid};
+use super::solid::{Detail, Face, Form, Solid};
 
 /// Colour of sticks for links without a shape.
 const STICK: [f64; 3] = [0.45, 0.58, 0.75];
@@ -17,16 +18,15 @@ pub(super) struct Scene {
 }
 
 impl Scene {
-    /// Creates the scene of a robot at the poses in `kinematics`, in the colours of its links. Meshes of
-    /// collision shapes are drawn as hulls.
+    /// Creates the scene of a robot at the poses in `kinematics`, in the colours of its links.
     pub(super) fn from_robot(
         robot: &Loaded,
         kinematics: &Kinematics,
-        colours: LinkColours,
-        visual: bool,
+        colours: &LinkColours,
+        forms: &mut Forms,
     ) -> Self {
         let model = &robot.model;
-        let mut painter = Painter { colours, used: BTreeMap::new(), visual };
+        let mut painter = Painter { colours, used: BTreeMap::new(), forms };
         let mut solids = Vec::new();
         let root = model.frames().iter().find(|frame| frame.body.is_none() && !frame.in_world);
         let base = root.and_then(|frame| {
@@ -94,15 +94,37 @@ impl Scene {
     }
 }
 
-struct Painter {
-    colours: LinkColours,
-    /// Number of painted shapes per link.
-    used: BTreeMap<String, usize>,
-    /// `true` if meshes are drawn unchanged.
-    visual: bool,
+/// The forms of shapes, each mesh prepared once.
+#[derive(Debug)]
+pub(super) struct Forms {
+    detail: Detail,
+    meshes: BTreeMap<String, Option<Form>>,
 }
 
-impl Painter {
+impl Forms {
+    pub(super) fn new(detail: Detail) -> Self {
+        Self { detail, meshes: BTreeMap::new() }
+    }
+
+    /// Returns the form of a shape; `None` if its mesh cannot be read.
+    fn form(&mut self, geometry: &Geometry) -> Option<Form> {
+        let Geometry::Mesh { uri, path, inline, scale } = geometry else {
+            return Form::from_geometry(geometry, self.detail);
+        };
+        let key = format!("{uri} {path:?} {:?} {scale:?}", inline.as_ref().map(Arc::as_ptr));
+        let detail = self.detail;
+        self.meshes.entry(key).or_insert_with(|| Form::from_geometry(geometry, detail)).clone()
+    }
+}
+
+struct Painter<'a> {
+    colours: &'a LinkColours,
+    /// Number of painted shapes per link.
+    used: BTreeMap<String, usize>,
+    forms: &'a mut Forms,
+}
+
+impl Painter<'_> {
     /// Paints shapes in the colour of the visual at the same place in the link, and skips unreadable meshes.
     fn paint(&mut self, shapes: &[Shape], pose: Isometry3<f64>, body: Option<usize>) -> Vec<Solid> {
         let mut solids = Vec::new();
@@ -110,7 +132,7 @@ impl Painter {
             let place = self.used.entry(shape.link.clone()).or_default();
             let colour = self.colours.of_shape(&shape.link, *place, body);
             *place += 1;
-            if let Some(form) = Form::from_geometry(&shape.geometry, self.visual) {
+            if let Some(form) = self.forms.form(&shape.geometry) {
                 solids.push(Solid { pose: pose * shape.placement, form, colour });
             }
         }

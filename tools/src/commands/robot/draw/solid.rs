@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 use motorium_robots::{Geometry, TriangleMesh};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -9,7 +10,10 @@ use nalgebra::{Isometry3, Point3, Vector3};
 /// Faces around a cylinder or a sphere.
 const ROUND: usize = 20;
 
-/// Maximum number of corners of a mesh's hull; more are not visible.
+/// Faces around it where they are shaded smoothly.
+const SMOOTH: usize = 48;
+
+/// Largest number of corners of a mesh's hull: more are not visible.
 const CORNERS: usize = 100;
 
 /// Grid cells along the longest side of a mesh drawn unchanged.
@@ -32,14 +36,37 @@ pub(super) struct Solid {
 pub(super) enum Form {
     Primitive(Geometry),
     Hull(TriangleMesh),
-    /// A mesh, possibly non-convex.
-    Mesh(TriangleMesh),
+    /// A mesh that need not be convex.
+    Mesh(Arc<Skin>),
+}
+
+/// A mesh and the normals at the corners of its triangles.
+#[derive(Debug)]
+pub(super) struct Skin {
+    pub(super) mesh: TriangleMesh,
+    pub(super) normals: Vec<[Vector3<f64>; 3]>,
+}
+
+impl Skin {
+    pub(super) fn new(mesh: TriangleMesh) -> Self {
+        Self { normals: mesh.corner_normals(), mesh }
+    }
+}
+
+/// Treatment of meshes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Detail {
+    /// As hulls.
+    Hull,
+    /// Without the triangles that are too small to be seen as one of thousands of paths.
+    Coarse,
+    /// As they are.
+    Full,
 }
 
 impl Form {
-    /// Creates the form of a shape; a mesh becomes its hull unless `whole` is set. `None` if the shape is
-    /// unreadable or flat.
-    pub(super) fn from_geometry(geometry: &Geometry, whole: bool) -> Option<Self> {
+    /// Of a shape; `None` for a mesh that cannot be read or has a flat hull.
+    pub(super) fn from_geometry(geometry: &Geometry, detail: Detail) -> Option<Self> {
         let Geometry::Mesh { path, inline, scale, .. } = geometry else {
             return Some(Self::Primitive(geometry.clone()));
         };
@@ -48,10 +75,11 @@ impl Form {
             None => TriangleMesh::read(path.as_ref()?).ok()?,
         };
         let mesh = mesh.scaled(scale);
-        if whole {
-            return Some(Self::Mesh(coarser(&mesh)));
-        }
-        Some(Self::Hull(mesh.hull(CORNERS)?))
+        Some(match detail {
+            Detail::Hull => Self::Hull(mesh.hull(CORNERS)?),
+            Detail::Coarse => Self::Mesh(Arc::new(Skin::new(coarser(&mesh)))),
+            Detail::Full => Self::Mesh(Arc::new(Skin::new(mesh))),
+        })
     }
 }
 
@@ -66,10 +94,7 @@ pub(super) struct Face {
 impl Solid {
     /// Returns the surface.
     pub(super) fn faces(&self) -> Vec<Face> {
-        let outlines = match &self.form {
-            Form::Primitive(geometry) => primitive(geometry),
-            Form::Hull(mesh) | Form::Mesh(mesh) => triangles(mesh).map(Vec::from).collect(),
-        };
+        let outlines = self.outlines(ROUND);
         let face = |points: Vec<Point3<f64>>| {
             let points: Vec<_> = points.iter().map(|point| self.pose * point).collect();
             let normal = normal(&points)?;
@@ -78,7 +103,51 @@ impl Solid {
         outlines.into_iter().filter_map(face).collect()
     }
 
-    /// Returns `true` if a point of the world is inside by a margin.
+    /// Its surface in its own frame, as outlines.
+    fn outlines(&self, round: usize) -> Vec<Vec<Point3<f64>>> {
+        match &self.form {
+            Form::Primitive(geometry) => primitive(geometry, round),
+            Form::Hull(mesh) => triangles(mesh).map(Vec::from).collect(),
+            Form::Mesh(skin) => triangles(&skin.mesh).map(Vec::from).collect(),
+        }
+    }
+
+    /// Its surface in its own frame, as triangles that share corners.
+    pub(super) fn skin(&self) -> Arc<Skin> {
+        if let Form::Mesh(skin) = &self.form {
+            return skin.clone();
+        }
+        let (mut mesh, mut known) = (TriangleMesh::default(), BTreeMap::new());
+        for outline in self.outlines(SMOOTH) {
+            let mut corner = |point: &Point3<f64>| {
+                let key: [i64; 3] = point.coords.map(|x| (1e7 * x).round() as i64).into();
+                *known.entry(key).or_insert_with(|| {
+                    mesh.points.push(point.coords);
+                    mesh.points.len() as u32 - 1
+                })
+            };
+            let corners: Vec<u32> = outline.iter().map(&mut corner).collect();
+            mesh.triangles
+                .extend((2..corners.len()).map(|last| [corners[0], corners[last - 1], corners[last]]));
+        }
+        Arc::new(Skin::new(mesh))
+    }
+
+    /// Length of the longest side of the box around its corners, in its own frame \[m\].
+    pub(super) fn extent(&self) -> f64 {
+        let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+        for point in self.outlines(ROUND).iter().flatten() {
+            (low, high) = (low.inf(&point.coords), high.sup(&point.coords));
+        }
+        (high - low).max()
+    }
+
+    /// Its corners in the world.
+    pub(super) fn corners(&self) -> Vec<Point3<f64>> {
+        self.outlines(ROUND).iter().flatten().map(|point| self.pose * point).collect()
+    }
+
+    /// True if a point of the world lies inside, by a margin.
     pub(super) fn contains(&self, point: &Point3<f64>) -> bool {
         let p = self.pose.inverse_transform_point(point);
         let margin = 1e-6;
@@ -108,12 +177,14 @@ impl Solid {
     }
 }
 
-fn primitive(geometry: &Geometry) -> Vec<Vec<Point3<f64>>> {
+fn primitive(geometry: &Geometry, round: usize) -> Vec<Vec<Point3<f64>>> {
     match *geometry {
         Geometry::Box { size } => block(size / 2.0),
-        Geometry::Cylinder { radius, length } => tower(&[(radius, -length / 2.0), (radius, length / 2.0)]),
-        Geometry::Sphere { radius } => tower(&rings(radius, 0.0)),
-        Geometry::Capsule { radius, length } => tower(&rings(radius, length)),
+        Geometry::Cylinder { radius, length } => {
+            tower(&[(radius, -length / 2.0), (radius, length / 2.0)], round)
+        }
+        Geometry::Sphere { radius } => tower(&rings(radius, 0.0, round), round),
+        Geometry::Capsule { radius, length } => tower(&rings(radius, length, round), round),
         Geometry::Mesh { .. } => Vec::new(),
     }
 }
@@ -203,9 +274,9 @@ fn block(h: Vector3<f64>) -> Vec<Vec<Point3<f64>>> {
     faces
 }
 
-/// Radius and height of the rings of a sphere, or of a capsule with this length between its caps.
-fn rings(radius: f64, length: f64) -> Vec<(f64, f64)> {
-    let half = ROUND / 4;
+/// Radius and height of the rings of a sphere, or of a capsule this long without its caps.
+fn rings(radius: f64, length: f64, round: usize) -> Vec<(f64, f64)> {
+    let half = round / 4;
     let ring = |step: usize| {
         let angle = PI * step as f64 / (2 * half) as f64;
         let lift = if step < half { -length / 2.0 } else { length / 2.0 };
@@ -219,15 +290,15 @@ fn rings(radius: f64, length: f64) -> Vec<(f64, f64)> {
 }
 
 /// A body of rings (radius, height) from bottom to top, closed at both ends.
-fn tower(rings: &[(f64, f64)]) -> Vec<Vec<Point3<f64>>> {
+fn tower(rings: &[(f64, f64)], round: usize) -> Vec<Vec<Point3<f64>>> {
     let point = |(radius, height): (f64, f64), step: usize| {
-        let angle = TAU * step as f64 / ROUND as f64;
+        let angle = TAU * step as f64 / round as f64;
         Point3::new(radius * angle.cos(), radius * angle.sin(), height)
     };
     let mut faces = Vec::new();
     for pair in rings.windows(2) {
         let (low, high) = (pair[0], pair[1]);
-        for step in 0..ROUND {
+        for step in 0..round {
             let mut outline =
                 vec![point(low, step), point(low, step + 1), point(high, step + 1), point(high, step)];
             outline.dedup_by(|a, b| (*a - *b).norm() < 1e-9);
@@ -235,8 +306,8 @@ fn tower(rings: &[(f64, f64)]) -> Vec<Vec<Point3<f64>>> {
         }
     }
     if let (Some(&bottom), Some(&top)) = (rings.first(), rings.last()) {
-        faces.push((0..ROUND).rev().map(|step| point(bottom, step)).collect());
-        faces.push((0..ROUND).map(|step| point(top, step)).collect());
+        faces.push((0..round).rev().map(|step| point(bottom, step)).collect());
+        faces.push((0..round).map(|step| point(top, step)).collect());
     }
     faces
 }
@@ -297,8 +368,8 @@ mod tests {
             inline: None,
             scale: Vector3::new(1.0, 1.0, 2.0),
         };
-        assert!(Form::from_geometry(&mesh(None), false).is_none());
-        let form = Form::from_geometry(&mesh(Some(path)), false).unwrap();
+        assert!(Form::from_geometry(&mesh(None), Detail::Hull).is_none());
+        let form = Form::from_geometry(&mesh(Some(path)), Detail::Hull).unwrap();
         let solid = Solid { pose: Isometry3::translation(5.0, 0.0, 0.0), form, colour: [1.0; 3] };
         let faces = solid.faces();
         assert_eq!(faces.len(), 4);
