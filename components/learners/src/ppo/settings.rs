@@ -24,7 +24,8 @@ pub struct PpoSettings {
     pub minibatch: usize,
     /// Learning rate of Adam, above 0. Default 3e-4.
     pub rate: f64,
-    /// True to lower the learning rate linearly to 0 over the steps. Default true.
+    /// True to lower the learning rate linearly to 0 over the steps. As in CleanRL, an update has the rate at
+    /// the first step of its horizon; in Stable-Baselines3, at the last. Default true.
     pub anneal: bool,
     /// Divergence between the policies before and after an update that the learning rate adapts to; it is
     /// divided by 1.5 above twice the target and multiplied by 1.5 below half of it (rsl_rl). Default: no
@@ -52,6 +53,9 @@ pub struct PpoSettings {
     pub sequence: usize,
     /// Initial standard deviation of the action, above 0. Default 1.
     pub deviation: f64,
+    /// True to learn from every step and its mirror image (Mittal and others, ICRA 2024); for tasks with a
+    /// `symmetry`, without recurrent units. Default false.
+    pub mirror: bool,
     /// Updates between two checkpoints, from 1. Default 10.
     pub checkpoint: u64,
 }
@@ -77,6 +81,7 @@ impl Default for PpoSettings {
             recurrent: 0,
             sequence: 16,
             deviation: 1.0,
+            mirror: false,
             checkpoint: 10,
         }
     }
@@ -125,6 +130,9 @@ impl PpoSettings {
         if self.recurrent > 0 && self.minibatch < self.sequence {
             let expected = format!("at least `sequence` = {}", self.sequence);
             return Err(check.error("minibatch", self.minibatch as f64, &expected));
+        }
+        if self.mirror && self.recurrent > 0 {
+            return Err(check.error("recurrent", self.recurrent as f64, "0 with `mirror`"));
         }
         check.positive([
             ("rate", self.rate),
