@@ -1,4 +1,4 @@
-//! The component for the measurement of the first step of an episode in real time.
+//! Component that measures the first step of an episode in real time.
 
 use motorium::component::{Component, ConfigureError, EpisodeDriver, RunClock, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
@@ -10,7 +10,7 @@ use crate::Distribution;
 
 /// Steps of an episode at 1 kHz. The launcher notes an episode within 20 ms.
 const EPISODE_STEPS: u64 = 50;
-/// Steps that are recorded at most.
+/// Maximum number of recorded steps.
 const RECORDED: usize = 1 << 18;
 
 /// Returns the kind of the component, for the host program.
@@ -25,7 +25,7 @@ pub(crate) fn kind() -> Kind {
 #[serde(deny_unknown_fields)]
 pub(crate) struct EpisodesConfig {}
 
-/// Begins episodes of 50 steps, and records the time from the release of each step to its first instruction.
+/// Starts episodes of 50 steps, and records the time from the release of each step to its first instruction.
 pub(crate) struct Episodes {
     driver: Option<EpisodeDriver>,
     clock: RunClock,

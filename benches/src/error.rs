@@ -6,7 +6,7 @@ use motorium::testing::TopicSetError;
 /// A failed measurement.
 #[derive(Debug, thiserror::Error)]
 pub enum MeasureError {
-    /// The system refused something.
+    /// The system refused an operation.
     #[error("{what} failed: {reason}")]
     System {
         /// The attempted operation.
@@ -34,7 +34,7 @@ pub enum MeasureError {
     /// The graph of a measurement ended early.
     #[error("the graph of the measurement ended early: {0}")]
     Ended(String),
-    /// Steps that must not allocate have done so.
+    /// Steps that must not allocate did allocate.
     #[error("steps of `{component}` have allocated {count} times, expected no allocation")]
     Allocations {
         /// Name of the component in the graph.

@@ -15,13 +15,13 @@ use serde::Deserialize;
 
 use crate::Distribution;
 
-/// Joints of the arm that is commanded.
+/// Number of joints of the commanded arm.
 const JOINTS: usize = 7;
 /// Effort limit of each joint, N m.
 const EFFORT: f64 = 87.0;
 /// Maximum age of commands applied by the actuator without a gate, ns.
 const STALE_NS: u64 = 5_000_000;
-/// Steps that are noted at most.
+/// Maximum number of recorded steps.
 const NOTED: usize = 1 << 16;
 
 /// Returns the kinds of both components, for the host program.
@@ -101,7 +101,7 @@ impl Actuator {
         (verdict == Verdict::Applied).then_some(efforts)
     }
 
-    /// The same for the newest command without the gate: only values and age are checked.
+    /// Applies the newest command without the gate: checks only values and age.
     #[inline(never)]
     fn apply_bare(&mut self) -> Option<f64> {
         let command = self.command.latest()?;

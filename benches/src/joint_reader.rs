@@ -1,4 +1,4 @@
-//! The component of the floor of a triggered step: reads a joint state, and does nothing else.
+//! Component for the floor of a triggered step: reads a joint state and does nothing else.
 
 use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};

@@ -1,4 +1,4 @@
-//! Payloads of the sizes that are measured.
+//! Payloads of the measured sizes.
 
 use motorium::state::{Field as _, StateBuffer};
 use motorium::transport::Loan;
@@ -11,11 +11,11 @@ pub trait Payload: StateBuffer {
     /// The numbers.
     fn values(&self) -> &[f64];
 
-    /// The numbers, to be written.
+    /// Returns the numbers for writing.
     fn values_mut(&mut self) -> &mut [f64];
 
-    /// Writes a time (ns, below 2^52) into each, raised by as many units of its last bit as the index of the
-    /// number.
+    /// Writes a time (ns, below 2^52) into each number, plus as many units in the last place as the number's
+    /// index.
     fn write(&mut self, time_ns: u64) {
         self.values_mut().iter_mut().zip(times::<Self>(time_ns)).for_each(|(value, time)| *value = time);
     }
@@ -70,7 +70,7 @@ macro_rules! payloads {
             }
         )*
 
-        /// The sizes there are, bytes.
+        /// Available sizes, bytes.
         pub const SIZES: &[usize] = &[$($bytes),*];
 
         /// Calls a visitor with the payload type of a size; `None` for an unknown size.
@@ -91,12 +91,12 @@ payloads! {
     Payload1M, "motorium.bench.Payload1M", 1048576;
 }
 
-/// Something that works for a payload of any size.
+/// An operation that works for a payload of any size.
 pub trait PayloadVisitor {
-    /// Result of the check.
+    /// Result of the operation.
     type Output;
 
-    /// Does it for one type.
+    /// Runs the operation for one type.
     fn visit<P: Payload>(self) -> Self::Output;
 }
 

@@ -29,7 +29,7 @@ pub struct Work {
 /// peers.
 ///
 /// # Errors
-/// A peer does not start or does not answer, as text.
+/// If a peer does not start or does not answer, as text.
 pub fn compare(works: &mut [Work], script: &str, packages: &[&'static str]) -> Result<Vec<Peer>, String> {
     let peers = packages.iter().map(|package| Peer::start(script, package));
     let mut peers = peers.collect::<Result<Vec<_>, _>>()?;
@@ -64,13 +64,13 @@ pub fn compare(works: &mut [Work], script: &str, packages: &[&'static str]) -> R
     Ok(peers)
 }
 
-/// Sorts, and gives the middle.
+/// Sorts the times and returns the median.
 fn median(times: &mut [f64]) -> Option<f64> {
     times.sort_by(f64::total_cmp);
     times.get(times.len() / 2).copied()
 }
 
-/// Least and middle of sorted times.
+/// Formats the minimum and the median of sorted times.
 fn shown(times: &[f64]) -> String {
     match times.first() {
         None => "-".to_string(),
@@ -113,14 +113,14 @@ impl Peer {
     /// Starts the script for a package.
     ///
     /// # Errors
-    /// It does not start or does not answer, as text.
+    /// If it does not start or does not answer, as text.
     pub fn start(script: &str, name: &'static str) -> Result<Self, String> {
         let python = std::env::var_os("MOTORIUM_PEER_PYTHON").unwrap_or_else(|| "python3".into());
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("peers").join(script);
         let mut child = Command::new(&python)
             .arg(script)
             .arg(name)
-            // the algebra libraries below numpy would use every core; one is compared with one
+            // the linear algebra libraries of numpy would use every core; the comparison is on one core
             .envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -138,7 +138,7 @@ impl Peer {
     /// Nanoseconds of processor time of one call of a work, or of all that its line describes.
     ///
     /// # Errors
-    /// No number is answered, as text.
+    /// If the answer is not a number, as text.
     pub fn measure(&mut self, work: &str) -> Result<f64, String> {
         let answer = self.values(work)?;
         match answer.as_slice() {
@@ -155,7 +155,7 @@ impl Peer {
     /// Numbers that the peer answers to a line, such as the results of a call.
     ///
     /// # Errors
-    /// Something else is answered, as text.
+    /// If the answer is not a list of numbers, as text.
     pub fn values(&mut self, line: &str) -> Result<Vec<f64>, String> {
         let answer = self.exchange(line)?;
         let numbers = answer.split_whitespace().map(str::parse).collect::<Result<_, _>>();
@@ -165,7 +165,7 @@ impl Peer {
     /// Sends a line and returns the next line of the peer.
     ///
     /// # Errors
-    /// The peer has ended, as text.
+    /// If the peer has ended, as text.
     pub fn exchange(&mut self, line: &str) -> Result<String, String> {
         self.send(line)?;
         self.line()
@@ -174,7 +174,7 @@ impl Peer {
     /// Sends a line that has no answer.
     ///
     /// # Errors
-    /// The peer has ended, as text.
+    /// If the peer has ended, as text.
     pub fn send(&mut self, line: &str) -> Result<(), String> {
         writeln!(self.ask, "{line}").map_err(|error| format!("{} does not listen: {error}", self.name))
     }
@@ -191,7 +191,7 @@ impl Peer {
 
 impl Drop for Peer {
     fn drop(&mut self) {
-        // It has nothing to save, and may be gone already.
+        // The peer has nothing to save, and may already have ended.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

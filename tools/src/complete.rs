@@ -1,10 +1,10 @@
-//! Completions for shells: graphs, runs, names in this user's newest run; robots and kinds.
+//! Shell completions: graphs, runs, names in this user's newest run, robots and kinds.
 
 use clap_complete::engine::{ArgValueCandidates, ArgValueCompleter, CompletionCandidate, PathCompleter};
 use motorium::plan::Plan;
 use motorium::run_folder::RunFolder;
 
-/// A word and a line about it.
+/// A completion candidate and a line about it.
 fn candidate(word: impl Into<String>, about: impl Into<String>) -> CompletionCandidate {
     CompletionCandidate::new(word.into()).help(Some(about.into().into()))
 }

@@ -36,7 +36,7 @@ impl Ran {
     /// Returns the duration of a component's steps, ns.
     ///
     /// # Errors
-    /// The component has made no step, or its steps have allocated.
+    /// If the component made no step, or its steps allocated.
     pub fn steps_of(&self, component: &str) -> Result<Distribution, MeasureError> {
         let none = || MeasureError::Ended(format!("`{component}` has made no step"));
         let components = &self.report.components;
@@ -61,7 +61,7 @@ impl Ran {
 /// Runs the text of a graph file to its end with a program that hosts `bench.relay`.
 ///
 /// # Errors
-/// The graph cannot run here, did not start, or ended before its time.
+/// If the graph cannot run here, did not start, or ended early.
 pub fn run(program: &Path, registry: &Registry, name: &str, text: String) -> Result<Ran, MeasureError> {
     run_plan(program, registry, plan(registry, name, text)?)
 }

@@ -26,7 +26,7 @@ fn relay(text: &mut String, name: &str, from: &str, to: Option<&str>) {
     );
 }
 
-/// One component at a rate; its topic has no reader.
+/// One component at a rate, with a topic without readers.
 pub fn release(rate_hz: u32, seconds: u32, core: usize) -> String {
     head("bench-release", rate_hz, seconds, core) + "publish = { out = \"bench/0\" }\n"
 }
@@ -69,8 +69,8 @@ pub fn fan_out(readers: usize, seconds: u32, core: usize) -> String {
     text
 }
 
-/// A commander of 7 joints at 1 kHz and the actuator that it triggers, on one core: with the command gate or
-/// without.
+/// A commander of 7 joints at 1 kHz and the actuator triggered by it, on one core, with or without the
+/// command gate.
 pub fn gate(gated: bool, seconds: u32, core: usize) -> String {
     format!(
         "name = \"bench-gate\"\nduration = \"{seconds} s\"\n[cores]\nrealtime = [{core}]\n[component.commander]\n\
@@ -80,7 +80,7 @@ pub fn gate(gated: bool, seconds: u32, core: usize) -> String {
     )
 }
 
-/// Episodes of 50 steps at 1 kHz, begun by the one component.
+/// Episodes of 50 steps at 1 kHz, started by a single component.
 pub fn episodes(seconds: u32, core: usize) -> String {
     format!(
         "name = \"bench-episodes\"\nduration = \"{seconds} s\"\n[cores]\nrealtime = [{core}]\n\
@@ -88,7 +88,7 @@ pub fn episodes(seconds: u32, core: usize) -> String {
     )
 }
 
-/// A source of values at 10 kHz on a raw port, one at a time or slices, and the sink that it triggers, on one
+/// A source of values at 10 kHz on a raw port, single or as slices, and the sink triggered by it, on one
 /// core.
 pub fn raw_ports(slices: bool, seconds: u32, core: usize) -> String {
     format!(
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn arms_mimic_by_the_files_of_a_folder() {
+    fn arms_mimic_with_the_files_of_a_folder() {
         let text = latent(Path::new("/tmp/latent"), 3);
         let graph: toml::Table = text.parse().unwrap();
         let mimic = &graph["component"]["mimic"];

@@ -12,7 +12,7 @@ pub(crate) const LOAD: &str = "--bench-load";
 /// Memory streamed by a process, bytes; exceeds the caches.
 const STREAMED: usize = 64 << 20;
 
-/// The generator of load.
+/// Load generator.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Loader {
     /// `stress-ng`: a process for each core that streams through memory, and one that passes bytes through
@@ -55,7 +55,7 @@ impl Loader {
     /// Arguments for one core; our own processes are started otherwise.
     fn arguments(&self, cores: usize) -> Vec<String> {
         let text = match self {
-            // It ends automatically if its parent has died.
+            // It ends automatically when its parent has died.
             Self::StressNg { .. } => format!("--quiet --timeout 900 --stream {cores} --pipe {cores}"),
             Self::Hackbench => format!("--pipe --groups {cores} --fds 5 --loops 1000000000"),
             Self::Own => String::new(),
@@ -84,7 +84,7 @@ impl Load {
     /// Starts the load. The built-in load needs a program that passes its arguments to [`Role`](crate::Role).
     ///
     /// # Errors
-    /// A process could not be started.
+    /// If a process could not be started.
     pub fn start(loader: &Loader, program: &Path) -> std::io::Result<Self> {
         let mut load = Self(Vec::new());
         let mut start = |program: &Path, arguments: &[String]| -> std::io::Result<()> {
@@ -168,7 +168,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn our_own_load_is_always_there_and_nothing_unknown_is() {
+    fn built_in_load_is_available_and_unknown_ones_are_not() {
         assert_eq!(Loader::named("own"), Some(Loader::Own));
         assert_eq!(Loader::named("sleep"), None);
     }

@@ -1,12 +1,12 @@
-//! The consequences of a fault.
+//! Consequences of a fault.
 
 use std::time::Duration;
 
 use super::fault::Fault;
 use super::outcome::Outcome;
 
-/// The pauses whose outcome counts: long for a command, and short for a watchdog of 200 ms on a machine that
-/// is busy.
+/// Pauses whose outcome is evaluated: long compared with a command, and short compared with a watchdog of 200
+/// ms on a busy machine.
 const PAUSES: core::ops::RangeInclusive<Duration> = Duration::from_millis(20)..=Duration::from_millis(100);
 
 /// The consequences of one fault.

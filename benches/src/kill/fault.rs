@@ -54,7 +54,7 @@ impl fmt::Display for Victim {
 pub enum Fault {
     /// `SIGKILL`.
     Kill,
-    /// `SIGABRT`, as of a failed assertion in foreign code.
+    /// `SIGABRT`, as sent by a failed assertion in foreign code.
     Abort,
     /// `SIGSEGV`, sent until the process ends: the first one is swallowed by Rust's detection of stack
     /// overflows.
@@ -94,7 +94,8 @@ impl Fault {
         self == Self::Pause
     }
 
-    /// True for a fault that ends this process. The guard ignores requests to end: it leaves with the run.
+    /// Returns `true` for a fault that ends this process. The guard ignores requests to end; it ends with the
+    /// run.
     pub fn ends(self, victim: &Victim) -> bool {
         match self {
             Self::Kill | Self::Abort | Self::Segfault => true,
@@ -113,7 +114,7 @@ impl Fault {
         match self {
             Self::Kill => process.signal(Signal::KILL),
             Self::Abort => process.signal(Signal::ABORT),
-            // Two signals pending for a process that was not scheduled count as one.
+            // Two pending signals for a process that was not scheduled count as one.
             Self::Segfault => {
                 let began = Instant::now();
                 while !process.has_ended() && began.elapsed() < SEGFAULTS {

@@ -20,15 +20,15 @@ use super::consequence::Consequence;
 use super::fault::{Fault, Victim};
 use crate::MeasureError;
 
-/// Upper bound of the time for all consequences of a fault. Detects hangs; not a figure.
+/// Upper bound of the time for all consequences of a fault, used to detect hangs.
 const LIMIT: Duration = Duration::from_secs(20);
-/// Time between two looks at the run's memory.
+/// Interval between two polls of the run's memory.
 const LOOK: Duration = Duration::from_micros(200);
 
 /// Number of printed lines of a failed run.
 const LAST_LINES: usize = 12;
 
-/// A guard that reports later than this after a fault has survived it, ns.
+/// Time after a fault from which a report of the guard proves that it survived, ns.
 const ANSWERED_NS: u64 = 10_000_000;
 
 /// A run under test.
@@ -38,7 +38,7 @@ pub(super) struct Trial {
     folder: RunFolder,
     pub(super) region: Region,
     pub(super) plan: Plan,
-    /// Every process of the run that was ever seen.
+    /// All processes of the run seen so far.
     seen: Vec<Watch>,
 }
 
@@ -156,7 +156,7 @@ impl Trial {
         self.plan.components.iter().position(|known| known.name == component)
     }
 
-    /// Hits a process of the run and waits for all that follows.
+    /// Injects a fault into a process of the run and waits for all its consequences.
     pub(super) fn inject(
         &mut self,
         program: &Path,
@@ -282,7 +282,7 @@ impl Trial {
         let mut last = None;
         for (_, (_, block)) in actuators {
             let since_ns = block.safe_since_ns.load(Relaxed);
-            // The state may have been left again: a pause can be over before the first poll.
+            // The state may have been left again, because a pause can end before the first poll.
             if since_ns < injected_ns {
                 return None;
             }
@@ -294,7 +294,7 @@ impl Trial {
     /// True while a running actuator follows a command older than ten times `stale_after` and 100 ms.
     fn outage(&self, victim: Option<usize>, now_ns: u64) -> bool {
         self.plan.components.iter().zip(self.region.components()).enumerate().any(|(index, (plan, block))| {
-            // Ten times what is allowed: the looks of this process are late, too.
+            // Ten times the permitted age, because the polls of this process may be late, too.
             let allowed_ns = 10 * self.plan.safety_of(plan).stale_after_ns + 100_000_000;
             let commands = plan.inputs.iter().filter_map(|port| port.topic);
             let stale = commands
@@ -328,7 +328,7 @@ impl Trial {
         self.seen.iter().all(Watch::has_ended)
     }
 
-    /// Ends the run, unless a fault has ended it, and inspects its remains.
+    /// Ends the run, unless a fault has ended it, and inspects what it left.
     pub(super) fn end(mut self) -> RunEnd {
         self.see();
         if let Ok(launcher) = Watch::new(self.child.id()) {
@@ -349,7 +349,7 @@ impl Trial {
             std::thread::sleep(Duration::from_millis(5));
         }
         end.strays = self.seen.iter().filter(|process| !process.has_ended()).count();
-        // The guard removes its folder as its very last deed.
+        // The guard removes its folder last.
         while self.left() > 0 && began.elapsed() < Duration::from_secs(3) {
             std::thread::sleep(Duration::from_millis(5));
         }

@@ -1,4 +1,4 @@
-//! Everything that is measured, by name.
+//! Catalogue of all measurements, by name.
 
 use super::{Bench, Outcome, Samples};
 use crate::graphs::{self, LatentFiles, PolicyFiles, Ran};
@@ -7,7 +7,7 @@ use crate::raw_chain::{self, RawChain};
 use crate::read::Reader;
 use crate::{Distribution, MeasureError, read, timer};
 
-/// One thing to measure.
+/// A measurement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Case {
     /// Its name.
@@ -50,7 +50,7 @@ const PACE_NS: u64 = 1_000_000;
 /// Events per step kept by the trace of a traced chain, as in `motorium trace`.
 const TRACED: usize = 1 << 14;
 
-/// The two things compared.
+/// Groups of compared measurements.
 const GROUPS: &[(&str, &[&str])] = &[
     (
         "polling across cores",
@@ -218,7 +218,8 @@ fn size(bytes: usize) -> String {
 }
 
 impl Case {
-    /// True if a word of `--only` means it: its name, or the beginning of its name up to a dot.
+    /// Returns `true` if an argument of `--only` selects it: by its name, or by the beginning of its name up
+    /// to a dot.
     pub fn is_meant_by(&self, word: &str) -> bool {
         self.name.strip_prefix(word).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
     }
@@ -245,7 +246,7 @@ impl Case {
             Kind::PingPong { transport, across, bytes, paced } => {
                 let other = bench.places.other.ok_or(MeasureError::Needs("a second core"));
                 let samples = bench.samples;
-                // Two samples per round trip, but one for the cache line and for a paced ping-pong.
+                // Two samples per round trip, except one for the cache line and for a paced ping-pong.
                 let rounds = match (transport, paced) {
                     (_, true) => bench.paced.min(samples),
                     (Transport::CacheLine, _) => samples,

@@ -12,15 +12,15 @@ use super::{Measurement, Written};
 use crate::Distribution;
 use crate::host::Machine;
 
-/// Minimum change that counts, whatever the noise: builds differ in code placement.
+/// Minimum factor of a change to report, whatever the noise: builds differ in code placement.
 const LEAST: f64 = 1.1;
-/// Change that counts even if there are too few ratios to estimate the noise.
+/// Factor of a change that is reported even if there are too few ratios to estimate the noise.
 const PLAIN: f64 = 1.5;
-/// The fewest ratios of a side that show anything of its noise.
+/// Minimum number of ratios per side to estimate the noise.
 const FEW: usize = 3;
 /// Minimum number of ratios for which the noise is their range without the lowest and the highest.
 const MANY: usize = 5;
-/// A larger change of a floor means that the machine has changed.
+/// Factor of a floor change above which the machine has changed.
 const MOVED: f64 = 1.5;
 
 /// A change of one ratio.
@@ -119,7 +119,7 @@ fn is_released(name: &str) -> bool {
     ["release.", "chain.", "panda"].iter().any(|family| name.starts_with(family))
 }
 
-/// The floor that a measurement is divided by: the bare machine doing the nearest to the same.
+/// Floor by which a measurement is divided: the bare machine doing the most similar work.
 fn floor_of(name: &str, is_there: impl Fn(&str) -> bool) -> Option<String> {
     const FLOORS: &[(&str, &str)] = &[
         ("hop.polling.across.", "floor.plain.512"),
@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_file_and_a_change_of_a_few_percent_are_no_change() {
+    fn same_file_and_small_changes_are_no_change() {
         assert_eq!(only(&[hop(1.1)], &[hop(1.1)]).direction, Direction::Same);
         assert_eq!(only(&[hop(1.1)], &[hop(1.17)]).direction, Direction::Same);
         assert!(!compare(&[hop(1.1)], &[hop(1.17)]).is_slower());

@@ -1,4 +1,4 @@
-//! Floors: the machine's own time to move one word between cores, or to switch from one process to another.
+//! Floors: time of the machine to move one word between cores, or to switch between processes.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::time::Duration;
@@ -8,7 +8,7 @@ use motorium::os::{futex_wait, futex_wake, monotonic_ns, sleep_until};
 use super::link::Link;
 use super::shared_buffer::SharedBuffer;
 
-/// A word and a futex: the least a blocking hand-off can do.
+/// A word and a futex: the minimum for a blocking hand-off.
 pub(super) struct Futex<'a> {
     pub(super) buffer: &'a SharedBuffer,
     pub(super) side: usize,

@@ -5,26 +5,27 @@ use motorium::os::{monotonic_ns, sleep_until};
 use super::PingPong;
 use super::shared_buffer::SharedBuffer;
 
-/// Sent instead of a time: the measurement is over.
+/// Sent instead of a time to end the measurement.
 const OVER: u64 = 0;
-/// Sent instead of a time: a pause, so that the system does not throttle real-time threads for using a whole
-/// core.
+/// Sent instead of a time to request a pause, so that the system does not throttle real-time threads for
+/// using a whole core.
 const PAUSE: u64 = 1;
-/// Both sides work at most this long without a pause, ns.
+/// Maximum working time of both sides without a pause, ns.
 const WORK_NS: u64 = 400_000_000;
-/// Length of the pause, ns: with the work above well below the usual limit of 95 %.
+/// Length of the pause, ns. Together with the working time above, the load stays well below the usual limit
+/// of 95 %.
 const PAUSE_NS: u64 = 40_000_000;
 
 /// One side's connection to the other.
 pub(super) trait Link {
-    /// Sends a payload, all of it holding this time.
+    /// Sends a payload whose numbers all contain this time.
     fn send(&mut self, time_ns: u64) -> Result<(), String>;
 
     /// Waits for a payload, reads it completely, and returns its time.
     fn receive(&mut self) -> Result<u64, String>;
 }
 
-/// The side that begins.
+/// Runs the side that starts.
 pub(super) fn ping(link: &mut dyn Link, buffer: &SharedBuffer, ping_pong: &PingPong) -> Result<(), String> {
     let mut start = monotonic_ns();
     let mut paused = start;
@@ -53,7 +54,7 @@ pub(super) fn ping(link: &mut dyn Link, buffer: &SharedBuffer, ping_pong: &PingP
     link.send(OVER)
 }
 
-/// The side that answers.
+/// Runs the side that answers.
 pub(super) fn pong(link: &mut dyn Link, buffer: &SharedBuffer, ping_pong: &PingPong) -> Result<(), String> {
     let mut round = 0;
     loop {

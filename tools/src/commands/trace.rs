@@ -1,4 +1,4 @@
-//! `motorium trace`: every step and every hand-over of a run, for Perfetto.
+//! `motorium trace`: records every step and hand-over of a run for Perfetto.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -1,5 +1,5 @@
-//! `motorium view`: a running graph in 3D, in plots and tables, for our page and for viewers that speak
-//! Foxglove's protocol.
+//! `motorium view`: shows a running graph in 3D, plots and tables, in the built-in page and in viewers that
+//! support Foxglove's protocol.
 
 use std::fs::File;
 use std::io::Read as _;
@@ -22,7 +22,7 @@ const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 /// First argument of the viewer; the order, as JSON, is the second.
 const SERVE: &str = "motorium-view";
 
-/// Default of the largest number of samples of a topic sent per second.
+/// Default of the maximum number of samples of a topic sent per second.
 const RATE_HZ: f64 = 60.0;
 
 /// Show a running graph, or a recording: the robot in 3D, plots, parameters, a stop button.
@@ -66,14 +66,14 @@ fn rate(text: &str) -> Result<f64, String> {
     }
 }
 
-/// True for a recording: by its first bytes or its name.
+/// Returns `true` for a recording, recognised by its first bytes or its name.
 fn is_recording(path: &Path) -> bool {
     let mut head = [0; MAGIC.len()];
     let read = File::open(path).and_then(|mut file| file.read_exact(&mut head));
     (read.is_ok() && &head == MAGIC) || path.extension().is_some_and(|extension| extension == "mcap")
 }
 
-/// The file of the viewer.
+/// Path of the viewer's program.
 fn program() -> anyhow::Result<PathBuf> {
     let sibling = registry::viewer();
     programs::locate(&sibling).with_context(|| {
@@ -130,17 +130,17 @@ impl View {
             "overheads": overheads::load().overheads,
             "began_ms": u64::try_from(began.as_millis())?,
         });
-        // It takes the place of this process, so that signals reach it, and with it the graph that it starts.
+        // It replaces this process, so that signals reach it and the graph that it starts.
         let error = Command::new(&program).args([SERVE, &order.to_string()]).exec();
         Err(error).with_context(|| format!("starting {}", program.display()))
     }
 }
 
-/// A viewer of a run with a client that looks at everything. It is ended when this is dropped.
+/// A viewer of a run with a client that subscribes to everything; ended when dropped.
 pub(super) struct Watched(Child);
 
 impl Watched {
-    /// Starts it, on a free port.
+    /// Starts the viewer on a free port.
     pub(super) fn start(run: &str) -> anyhow::Result<Self> {
         let program = program()?;
         let motorium = std::env::current_exe().context("finding this program's own file")?;
@@ -155,7 +155,7 @@ impl Watched {
         Ok(Self(command.spawn().with_context(|| format!("starting {}", program.display()))?))
     }
 
-    /// True if it is still running.
+    /// Returns `true` if it is still running.
     pub(super) fn goes_on(&mut self) -> bool {
         matches!(self.0.try_wait(), Ok(None))
     }
@@ -163,7 +163,7 @@ impl Watched {
 
 impl Drop for Watched {
     fn drop(&mut self) {
-        // It has started nothing that would be left behind.
+        // It has started nothing that could be left behind.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }

@@ -1,4 +1,4 @@
-//! Boxes: the texts of a component and its outputs, and their size in pixels.
+//! Boxes: texts of a component and its outputs, with their sizes in pixels.
 
 use motorium::plan::Plan;
 
@@ -7,7 +7,7 @@ use super::text::width;
 use super::wires::{Wire, outputs};
 use super::{Measured, words};
 
-/// Sizes of type.
+/// Font sizes.
 pub(super) const NAME: f64 = 15.0;
 pub(super) const FACT: f64 = 12.0;
 pub(super) const TOPIC: f64 = 12.5;
@@ -18,12 +18,13 @@ pub(super) const LINE: f64 = 17.0;
 pub(super) const SMALL_LINE: f64 = 14.5;
 /// From the top of a box to the baseline of its name.
 pub(super) const NAME_BASELINE: f64 = 24.0;
-/// From the wire up to the baseline of the topic's name, and down to the baseline of the first line below.
+/// Distance from the wire up to the baseline of the topic's name, and down to the baseline of the first line
+/// below.
 pub(super) const ABOVE: f64 = 5.0;
 pub(super) const BELOW: f64 = 13.5;
 
 const PADDING: f64 = 14.0;
-/// Height that each input needs at least.
+/// Minimum height of each input.
 const INPUT_SLOT: f64 = 24.0;
 
 /// A component as a box.
@@ -33,16 +34,16 @@ pub(super) struct Card {
     pub(super) y: f64,
     pub(super) width: f64,
     pub(super) height: f64,
-    /// Lines below the name: the program first.
+    /// Lines below the name; the first one is the program.
     pub(super) lines: Vec<String>,
     pub(super) measured: Option<String>,
-    /// Topics it writes, from top to bottom.
+    /// Its output topics, from top to bottom.
     pub(super) outputs: Vec<Output>,
-    /// Wires it reads, from top to bottom: index, and distance from the top of the box.
+    /// Its input wires, from top to bottom: index, and distance from the top of the box.
     inputs: Vec<(usize, f64)>,
 }
 
-/// A topic, written at the right side of its writer.
+/// A topic, drawn at the right side of its writer.
 #[derive(Debug, Clone)]
 pub(super) struct Output {
     pub(super) topic: usize,
@@ -75,7 +76,7 @@ impl Card {
         self.outputs.iter().find(|output| output.topic == topic).map_or(self.height / 2.0, |o| o.offset)
     }
 
-    /// Height that the names of its topics take.
+    /// Height required by the names of its topics.
     pub(super) fn slots(&self) -> f64 {
         self.outputs.iter().map(Output::height).sum()
     }
@@ -103,7 +104,7 @@ pub(super) fn card(
         items.iter().position(|other| Some(other) == item)
     };
     let column = layers.column_of[component];
-    // outputs in the order of their readers, backward ones last
+    // outputs in the order of their readers; backward ones come last
     outputs.sort_by_key(|output| {
         wires
             .iter()

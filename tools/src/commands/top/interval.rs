@@ -1,13 +1,13 @@
-//! The interval between two readings.
+//! Interval between two readings.
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use crate::runs::LivingRun;
 
-/// The shortest time between two readings: more would disturb the measurement.
+/// Shortest interval between two readings; shorter ones would disturb the measurement.
 pub(super) const SHORTEST: Duration = Duration::from_millis(100);
-/// The longest one.
+/// Longest interval.
 pub(super) const LONGEST: Duration = Duration::from_secs(3600);
 
 /// Reason for the end of the display.

@@ -1,5 +1,5 @@
-//! Tables as lines of aligned cells: the same on the screen, which may be too narrow for all columns, and as
-//! plain text.
+//! Tables as lines of aligned cells, for the screen, which may be too narrow for all columns, and for plain
+//! text.
 
 /// Alignment and style of a cell.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -40,12 +40,12 @@ impl Cell {
 /// A column of a table.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Column {
-    /// Neighbours of the same group share this heading; empty for none.
+    /// Adjacent columns of the same group share this heading; empty for none.
     pub(super) group: &'static str,
     pub(super) name: &'static str,
     /// Text is aligned to the left, numbers to the right.
     pub(super) left: bool,
-    /// Order in which columns are dropped for lack of room: the highest first; 0 is never dropped.
+    /// Order in which columns are dropped if there is not enough space: highest first; 0 is never dropped.
     pub(super) rank: u8,
 }
 
@@ -70,7 +70,8 @@ pub(super) struct Sheet {
 const GAP: usize = 2;
 
 impl Sheet {
-    /// The lines of the table, as wide as its columns need; with a `width`, without those that do not fit.
+    /// Returns the lines of the table at the width of its columns. With a `width`, columns that do not fit
+    /// are dropped.
     pub(super) fn lines(mut self, width: Option<usize>) -> Vec<Vec<Cell>> {
         if let Some(width) = width {
             self.fit(width);
@@ -129,7 +130,7 @@ impl Sheet {
         for (first, last) in self.spans() {
             let width = widths[first..=last].iter().sum::<usize>() + GAP * (last - first);
             let group = self.columns[first].group;
-            // Centred over its columns, so that it is not taken for the neighbour's.
+            // Centred over its columns, so that it is not mistaken for a neighbour's heading.
             line.push(Cell::new(format!("{group:^width$}"), Tone::Strong));
             line.push(Cell::text(" ".repeat(GAP)));
         }

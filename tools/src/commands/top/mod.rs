@@ -1,4 +1,4 @@
-//! `motorium top`: how a running graph keeps its times, read from its shared memory and from `/proc`.
+//! `motorium top`: timing of a running graph, read from its shared memory and from `/proc`.
 
 mod compare;
 mod data;

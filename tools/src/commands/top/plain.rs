@@ -20,7 +20,7 @@ pub(super) fn tables(top: &Top, view: View) -> String {
     text
 }
 
-/// The interval, in a line: what each component and each chain did in it.
+/// Prints the interval in one line, with the figures of each component and each chain.
 pub(super) fn line(top: &Top, order: Order) -> String {
     let mut components: Vec<&ComponentTop> = top.components.iter().collect();
     order.sort(&mut components, Span::Interval, false);

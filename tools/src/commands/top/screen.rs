@@ -22,7 +22,7 @@ use crate::runs::LivingRun;
 
 /// Time until the first interval is complete.
 const FIRST: Duration = Duration::from_millis(300);
-/// Interval between two checks that the run is not over.
+/// Interval between two checks whether the run has ended.
 const LIFE_CHECK: Duration = Duration::from_millis(250);
 
 /// State of the screen.
@@ -30,7 +30,7 @@ const LIFE_CHECK: Duration = Duration::from_millis(250);
 struct Screen {
     view: View,
     interval: Duration,
-    /// The first line of the tables that is shown.
+    /// Index of the first displayed line of the tables.
     scroll: u16,
     top: Top,
 }
@@ -70,20 +70,20 @@ pub(super) fn follow(
     end
 }
 
-/// The key that is pressed within this time.
+/// Returns the key pressed within this time.
 fn key_within(time: Duration) -> io::Result<Option<KeyEvent>> {
     let pressed = event::poll(time).and_then(|any| if any { event::read().map(Some) } else { Ok(None) });
     match pressed {
         Ok(Some(Event::Key(key))) if key.kind != KeyEventKind::Release => Ok(Some(key)),
         Ok(_) => Ok(None),
-        // A signal; who sent it is asked elsewhere.
+        // A signal; its sender is determined elsewhere.
         Err(error) if error.kind() == io::ErrorKind::Interrupted => Ok(None),
         Err(error) => Err(error),
     }
 }
 
 impl Screen {
-    /// Applies a key; true if it ends the display.
+    /// Applies a key. Returns `true` if it ends the display.
     fn press(&mut self, key: KeyEvent) -> bool {
         match key.code {
             KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => return true,
@@ -129,7 +129,7 @@ fn draw(frame: &mut Frame<'_>, screen: &mut Screen) {
     frame.render_widget(Paragraph::new(vec![orders(screen), keys(screen, below)]), footer);
 }
 
-/// The keys that sort, the one in use marked.
+/// The sort keys, with the current one marked.
 fn orders(screen: &Screen) -> Line<'static> {
     let mut pieces = vec![Piece::raw("sort by")];
     for (key, order, name) in Order::KEYS {

@@ -11,7 +11,7 @@ use super::order::Order;
 use crate::gate;
 use crate::report::microseconds;
 
-/// Choice of the data that is shown, and their order.
+/// Selection and order of the displayed data.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct View {
     pub(super) order: Order,
@@ -193,7 +193,7 @@ fn cores(cores: &[CoreTop]) -> Sheet {
     columns.extend(["user", "system", "interrupts", "stolen", "idle"].map(number));
     columns.push(Column::text("components", 0));
     let row = |core: &CoreTop| {
-        // The kernel counts in hundredths of a second: the first one is noise.
+        // The kernel counts in hundredths of a second, so the first one is noise.
         let stolen = if core.stolen > 0.015 { Tone::Warning } else { Tone::Plain };
         vec![
             Cell::text(core.core.to_string()),
@@ -208,7 +208,7 @@ fn cores(cores: &[CoreTop]) -> Sheet {
     Sheet { columns, rows: cores.iter().map(row).collect() }
 }
 
-/// Columns for percentiles; `rank` is the rank of the first to drop; the maximum and p99 stay longest.
+/// Percentile columns; `rank` is the rank of the first to drop. Maximum and p99 are dropped last.
 fn percentile_columns(group: &'static str, rank: u8) -> [Column; 4] {
     let ranked = |more: u8| if rank == 0 { 0 } else { rank + more };
     [

@@ -7,14 +7,14 @@ use motorium::plan::TopicPlan;
 use motorium::state::{Decoded, Decoder, FieldValue, TypeLayout};
 use serde::ser::{Error as _, Serialize, SerializeSeq as _, Serializer};
 
-/// Elements of a slice that are printed as text.
+/// Number of slice elements printed as text.
 const SHOWN: usize = 8;
-/// Numbers of a slice that are printed as text.
+/// Number of slice numbers printed as text.
 const NUMBERS_SHOWN: usize = 32;
-/// Numbers in a line.
+/// Numbers per line.
 const NUMBERS_IN_LINE: usize = 8;
 
-/// The content of a sample. As JSON, a value is an object; a slice is an array of objects, or of numbers.
+/// Content of a sample. In JSON, a value is an object; a slice is an array of objects or of numbers.
 #[derive(Debug, Clone)]
 pub(super) enum Content<'a> {
     /// A single value.
@@ -35,7 +35,7 @@ impl<'a> Content<'a> {
     /// The content of a sample of a topic.
     ///
     /// # Errors
-    /// A single value is malformed.
+    /// If a single value is malformed.
     pub(super) fn read(topic: &'a TopicPlan, decoder: &'a Decoder, bytes: &'a [u8]) -> anyhow::Result<Self> {
         Ok(match topic.pattern {
             TopicPattern::Slices { .. } => Self::Slice(Slice { decoder, layout: &topic.layout, bytes }),
@@ -59,12 +59,12 @@ impl Slice<'_> {
         self.bytes.chunks_exact(self.layout.size.max(1))
     }
 
-    /// True if the elements are numbers, not structures of them.
+    /// Returns `true` if the elements are plain numbers.
     fn is_of_numbers(&self) -> bool {
         matches!(self.layout.fields.as_slice(), [field] if field.name.is_empty())
     }
 
-    /// The first elements as readable lines, and the number of them.
+    /// Returns the first elements as readable lines, and the total number of elements.
     pub(super) fn lines(&self) -> String {
         let count = self.elements().len();
         let mut text = format!("  {count} elements of {}\n", self.layout.type_name);

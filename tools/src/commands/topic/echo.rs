@@ -70,7 +70,7 @@ impl Echo {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// Prints the newest sample, in place, whenever one is due.
+    /// Prints the newest sample in place whenever it is due.
     fn newest(&self, watch: &Watch<'_>, shown: &Shown<'_>) -> anyhow::Result<End> {
         let mut reader = watch.reader()?;
         let interval = Duration::from_secs_f64(1.0 / self.rate.unwrap_or(10.0));
@@ -112,7 +112,8 @@ impl Echo {
         Ok(end)
     }
 
-    /// Prints the sample with this number; enough once the reader has closed the pipe, or at `--count`.
+    /// Prints the sample with this number. Returns that enough was printed if the reader has closed the pipe,
+    /// or at `--count`.
     fn print(&self, shown: &Shown<'_>, stamp: &Stamp, bytes: &[u8], number: u64) -> anyhow::Result<Look> {
         let Shown { run, topic, decoder, joints } = *shown;
         let is_last = self.count == Some(number);
@@ -143,7 +144,7 @@ impl Echo {
         Ok(if self.write(&line)? && !is_last { Look::Seen } else { Look::Enough })
     }
 
-    /// Writes a line; false once the reader has closed the pipe.
+    /// Writes a line. Returns `false` once the reader has closed the pipe.
     fn write(&self, line: &Line<'_>) -> anyhow::Result<bool> {
         let text = if self.json { serde_json::to_string(line)? + "\n" } else { lines(line) };
         let mut out = anstream::stdout().lock();
@@ -156,7 +157,7 @@ impl Echo {
 }
 
 impl Echo {
-    /// Prints the events of a run as messages, every one of them.
+    /// Prints all events of a run as messages.
     fn log(&self, run: &LivingRun) -> anyhow::Result<ExitCode> {
         anyhow::ensure!(
             self.rate.is_none(),
@@ -187,11 +188,11 @@ struct Shown<'a> {
     run: &'a LivingRun,
     topic: &'a TopicPlan,
     decoder: &'a Decoder,
-    /// Names of the joints whose arrays it carries.
+    /// Names of the joints to which its arrays belong.
     joints: &'a [String],
 }
 
-/// True if a value has arrays with an entry for each of this number of joints.
+/// Returns `true` if a value has arrays with one entry per joint.
 fn are_of_joints(value: &Content<'_>, joints: usize) -> bool {
     let Content::Value(value) = value else { return false };
     joints > 0 && value.0.iter().any(|(_, value)| is_of_joints(value, joints))
@@ -216,7 +217,8 @@ fn lines(line: &Line<'_>) -> String {
     text + &value_lines(value, line.joints.unwrap_or_default())
 }
 
-/// A value as readable lines: a field a line; arrays with an entry for each joint as a table, a joint a line.
+/// Formats a value with one field per line; arrays with one entry per joint become a table with one row per
+/// joint.
 fn value_lines(value: &Decoded<'_>, joints: &[String]) -> String {
     let mut text = String::new();
     let tabled = |value: &FieldValue| !joints.is_empty() && is_of_joints(value, joints.len());
@@ -241,7 +243,7 @@ fn value_lines(value: &Decoded<'_>, joints: &[String]) -> String {
     if columns.is_empty() {
         return text;
     }
-    // five columns beside names of 20 letters are 80 characters wide
+    // five columns next to names of 20 letters are 80 characters wide
     let widths = |(name, numbers): &(&str, Vec<String>)| {
         numbers.iter().map(String::len).chain([name.len(), 10]).max().unwrap_or(0)
     };

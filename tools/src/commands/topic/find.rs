@@ -1,4 +1,4 @@
-//! The topic that a command names.
+//! The topic named on the command line.
 
 use motorium::nearest::suggest;
 use motorium::plan::{Plan, TopicPlan};

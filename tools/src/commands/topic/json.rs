@@ -1,4 +1,4 @@
-//! A topic and a sample as they are printed in JSON.
+//! JSON output of topics and samples.
 
 use serde::Serialize;
 

@@ -30,7 +30,7 @@ pub(super) struct List {
     json: bool,
 }
 
-/// Publications of a topic up to some moment.
+/// Number of publications of a topic up to a time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Count {
     published: u64,
@@ -42,7 +42,7 @@ impl Count {
         Self { published: block.published.load(Relaxed), last_ns: block.last_publish_ns.load(Relaxed) }
     }
 
-    /// Publications a second from the last one of `earlier` to the last one of `self`.
+    /// Publications per second, from the last publication in `earlier` to the last one in `self`.
     fn rate_since(self, earlier: Self) -> Option<f64> {
         let count = self.published.checked_sub(earlier.published)?;
         let time = self.last_ns.checked_sub(earlier.last_ns)?;
@@ -83,7 +83,7 @@ impl List {
     }
 }
 
-/// All topics of a run, their rates measured over `time`.
+/// All topics of a run, with rates measured over `time`.
 pub(super) fn rows(run: &LivingRun, time: Duration) -> Vec<Row> {
     let blocks = run.region.topics();
     let before: Vec<Count> = blocks.iter().map(Count::from_block).collect();

@@ -9,10 +9,10 @@ use super::content::Content;
 use super::json::{Line, Row};
 use crate::runs::LivingRun;
 
-/// Name of the topic. A topic of the graph with this name goes first.
+/// Name of the topic. A graph topic with this name takes precedence.
 pub(super) const TOPIC: &str = "motorium/events";
 
-/// An event as a message.
+/// Converts an event to a message.
 pub(super) fn message(record: &EventRecord) -> Event {
     let mut message = Event::truncated(&record.text);
     message.code = record.kind as u32;
@@ -32,7 +32,7 @@ pub(super) fn decoded(message: &Event) -> Decoded<'static> {
     ])
 }
 
-/// An event as a sample of its topic, the `sequence`-th that is shown.
+/// Converts an event to a sample of its topic, with its number among the displayed events.
 pub(super) fn line<'a>(
     run: &'a LivingRun,
     record: &EventRecord,
@@ -60,7 +60,7 @@ pub(super) fn line<'a>(
     }
 }
 
-/// The log among the topics of a run.
+/// Row of the log in the list of topics.
 pub(super) fn row(run: &LivingRun, before: u64, seconds: f64) -> Row {
     let count = run.region.events().count();
     Row {

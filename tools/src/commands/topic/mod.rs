@@ -1,4 +1,4 @@
-//! `motorium topic`: the topics of a running graph, seen and fed from outside.
+//! `motorium topic`: reads the topics of a running graph, and publishes values from outside.
 
 mod content;
 mod echo;

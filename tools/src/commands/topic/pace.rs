@@ -3,22 +3,22 @@
 use motorium::state::Stamp;
 use motorium::telemetry::Percentiles;
 
-/// Statistics of the stamps of received samples. It does not depend on the time of reading: a sample that
-/// was overwritten unread still counts for the rate, by its missing sequence number.
+/// Statistics of the stamps of received samples, independent of the time of reading: a sample overwritten
+/// before it was read is included in the rate, by its missing sequence number.
 #[derive(Debug, Default)]
 pub(super) struct Pace {
     last: Option<Stamp>,
     received: u64,
     lost: u64,
-    /// Publications from the first to the last received sample, and the time they took, ns: summed over the
-    /// restarts of the publisher.
+    /// Publications from the first to the last received sample, and their duration, ns, summed over restarts
+    /// of the publisher.
     publications: u64,
     span_ns: u64,
 }
 
 impl Pace {
-    /// Records the stamp of the next received sample. Returns the time since the publication before it, ns,
-    /// if that one was received too: across a gap only the sum of several intervals is known.
+    /// Records the stamp of the next received sample. Returns the time since the previous publication, ns, if
+    /// that sample was received as well: across a gap only the sum of several intervals is known.
     pub(super) fn see(&mut self, stamp: &Stamp) -> Option<u64> {
         self.received += 1;
         let last = self.last.replace(*stamp)?;
@@ -39,12 +39,12 @@ impl Pace {
         self.received
     }
 
-    /// Samples published between two received ones, but not received.
+    /// Number of samples published but not received between received ones.
     pub(super) fn lost(&self) -> u64 {
         self.lost
     }
 
-    /// Publications a second; `None` before two samples were received.
+    /// Publications per second; `None` before two samples were received.
     pub(super) fn rate_hz(&self) -> Option<f64> {
         (self.span_ns > 0).then(|| self.publications as f64 * 1e9 / self.span_ns as f64)
     }
@@ -55,7 +55,7 @@ impl Pace {
     }
 }
 
-/// Exact percentiles of durations, ns; `None` when there are none. Sorts them.
+/// Returns exact percentiles of durations, ns, and sorts them; `None` without durations.
 pub(super) fn percentiles(durations: &mut [u64]) -> Option<Percentiles> {
     durations.sort_unstable();
     let max = *durations.last()?;

@@ -5,14 +5,15 @@ use motorium::plan::TopicPlan;
 use motorium::session::TopicReader;
 use motorium::state::{PoseTarget, StateBuffer as _, from_bytes};
 
-/// Lengths of a quaternion that a reader of poses accepts.
+/// Range of quaternion norms accepted by readers of poses.
 const LENGTHS: core::ops::Range<f64> = 0.5..2.0;
 
 /// Completes an encoded value of `topic`: a pose without an orientation keeps the orientation of the newest
 /// value. Values of other types stay as they are.
 ///
 /// # Errors
-/// The topic has no value yet whose orientation could stay, or the orientation is not a unit quaternion.
+/// If the topic has no value yet from which to take the orientation, or the orientation is not a unit
+/// quaternion.
 pub(super) fn complete(topic: &TopicPlan, bytes: &mut [u8], newest: &mut TopicReader) -> anyhow::Result<()> {
     if topic.layout.type_name != PoseTarget::NAME {
         return Ok(());

@@ -16,9 +16,9 @@ use super::watch::{End, Look, Watch};
 use crate::out::errln;
 use crate::runs::RunArg;
 
-/// Time within which a value that was sent once must be published by the bridge.
+/// Time limit for the bridge to publish a value that was sent once.
 const ARRIVAL: Duration = Duration::from_secs(3);
-/// Interval between two looks whether it was.
+/// Interval between two polls for the publication.
 const POLL: Duration = Duration::from_millis(2);
 
 /// Publish values on a topic that a bridge of the graph feeds from outside.
@@ -58,7 +58,7 @@ impl Pub {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let run = self.run.open()?;
         let (index, topic) = find(&run.plan, &self.topic)?;
-        // what is wrong with the value is said first: it can be mended at once
+        // errors in the value are reported first, because they can be fixed immediately
         let mut bytes = encode(&topic.layout, &self.fields.join(" "))?;
         fed_from_outside(&run.plan, topic)?;
         let watch = Watch::open(&run, topic)?;
@@ -67,7 +67,7 @@ impl Pub {
             .with_context(|| format!("`{}` of run {} cannot be fed", topic.name, run.folder.id()))?;
         let (mut tap, begin) = (watch.tap()?, Instant::now());
         let Some(rate) = self.rate else {
-            // what was published before this began is not the answer
+            // publications from before this command do not confirm it
             while tap.read(|_, _| {}) {}
             feed.send(&bytes)?;
             let end = watch.follow(POLL, Some(ARRIVAL), || {
@@ -114,7 +114,7 @@ impl Pub {
     }
 }
 
-/// Only what a bridge publishes may be fed: every other topic has a component that publishes it.
+/// Checks that a bridge publishes the topic; every other topic is published by a component.
 pub(crate) fn fed_from_outside(plan: &Plan, topic: &TopicPlan) -> anyhow::Result<()> {
     let is_bridge = |program: &Program| matches!(program, Program::Builtin { kind } if kind == <Iceoryx2Bridge as motorium::component::Component>::KIND);
     let writer = &plan.components[topic.writer];

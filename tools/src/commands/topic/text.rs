@@ -17,7 +17,7 @@ pub(super) fn names(plan: &Plan, components: &[usize]) -> Vec<String> {
     components.iter().map(|&index| plan.components[index].name.clone()).collect()
 }
 
-/// A time in the unit that suits it.
+/// Formats a time in a suitable unit.
 pub(super) fn readable(ns: u64) -> String {
     let ns = ns as f64;
     match ns {

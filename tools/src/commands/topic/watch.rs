@@ -1,4 +1,4 @@
-//! Following a topic: until enough samples were seen, the run is over, or the user stops it.
+//! Follows a topic until enough samples were seen, the run ends, or the user stops.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -13,7 +13,7 @@ use crate::interrupt::interrupted;
 use crate::out::errln;
 use crate::runs::LivingRun;
 
-/// Interval between two checks that the run is not over.
+/// Interval between two checks whether the run has ended.
 const LIFE_CHECK: Duration = Duration::from_millis(100);
 /// Time without a sample after which possible reasons are printed.
 const TIMEOUT: Duration = Duration::from_secs(2);
@@ -21,17 +21,17 @@ const TIMEOUT: Duration = Duration::from_secs(2);
 /// Reason for the end of following a topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum End {
-    /// The caller ended it.
+    /// The caller has seen enough.
     Enough,
-    /// Its time was over.
+    /// The time limit was reached.
     Time,
     /// A signal requested the end.
     Interrupted,
-    /// The run is over.
+    /// The run has ended.
     RunOver,
 }
 
-/// The result of one look at a topic.
+/// Result of polling a topic once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Look {
     /// There was no new sample.
@@ -51,8 +51,8 @@ pub(crate) struct Watch<'a> {
 }
 
 impl<'a> Watch<'a> {
-    /// Prepares to follow a topic, away from the real-time cores. Signals from now on end the following in
-    /// good order, so that the place of its reader becomes free again.
+    /// Prepares to follow a topic, outside the real-time cores. From now on, signals end the following
+    /// gracefully, so that the slot of its reader becomes free again.
     pub(crate) fn open(run: &'a LivingRun, topic: &'a TopicPlan) -> anyhow::Result<Self> {
         run.stand_aside();
         let interrupted = interrupted()?;
@@ -116,7 +116,7 @@ impl<'a> Watch<'a> {
     }
 }
 
-/// Polling interval for samples of this period, short enough that none is overwritten as a rule.
+/// Polling interval for samples of this period, usually short enough that none is overwritten.
 pub(super) fn poll_for(period_ns: u64) -> Duration {
     Duration::from_nanos((period_ns / 4).clamp(100_000, 5_000_000))
 }
