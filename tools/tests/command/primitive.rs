@@ -261,6 +261,13 @@ fn doubtful_fits_and_gaps_are_reported() {
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && stderr.contains("no samples from 0.320 s to 0.593 s"), "{stderr}");
 
+    // 100 samples per second and more
+    let cutoff = |hertz: &str| fitted("time,x", |t| t.to_string(), &["--cutoff", hertz]);
+    let (good, said) = cutoff("5000");
+    assert!(good && said.contains("--cutoff 5000 has no effect: half of the sample rate is"), "{said}");
+    let (good, said) = cutoff("10");
+    assert!(good && !said.contains("--cutoff"), "{said}");
+
     // four cycles of 0.5625 s
     let wave = |t: f64| (std::f64::consts::TAU * t / 0.5625).sin().to_string();
     let rhythm = |periods| fitted("time,x", wave, &["--model", "rhythmic", "--periods", periods]);

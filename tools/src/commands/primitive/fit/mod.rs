@@ -208,6 +208,19 @@ impl Fit {
                 );
             }
         }
+        if let Some(cutoff) = self.cutoff {
+            for (file, recording) in self.files.iter().zip(&recordings) {
+                if let Some(highest) =
+                    highest_frequency(recording.times()).filter(|highest| cutoff > *highest)
+                {
+                    errln!(
+                        "{} {}: --cutoff {cutoff} has no effect: half of the sample rate is {highest:.1} Hz; choose a lower one",
+                        style::warning("warning:"),
+                        file.display()
+                    );
+                }
+            }
+        }
         if self.model == Model::Rhythmic {
             for (file, recording) in self.files.iter().zip(&recordings) {
                 if let Some(problem) = open_end(recording) {
@@ -320,12 +333,22 @@ const GAP: f64 = 20.0;
 
 /// Returns start and end of the longest gap of a recording, in seconds after its first sample.
 fn gap(times: &[f64]) -> Option<(f64, f64)> {
+    let interval = |index: usize| times[index + 1] - times[index];
+    let longest = (0..times.len().saturating_sub(1)).max_by(|a, b| interval(*a).total_cmp(&interval(*b)))?;
+    let median = median_interval(times)?;
+    (interval(longest) > GAP * median).then(|| (times[longest] - times[0], times[longest + 1] - times[0]))
+}
+
+/// Half of the sample rate of a recording \[Hz\].
+fn highest_frequency(times: &[f64]) -> Option<f64> {
+    median_interval(times).map(|interval| 0.5 / interval)
+}
+
+/// The median time from one sample to the next \[s\].
+fn median_interval(times: &[f64]) -> Option<f64> {
     let mut intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let longest = (0..intervals.len()).max_by(|a, b| intervals[*a].total_cmp(&intervals[*b]))?;
-    let length = intervals[longest];
     intervals.sort_by(f64::total_cmp);
-    let median = intervals[intervals.len() / 2];
-    (length > GAP * median).then(|| (times[longest] - times[0], times[longest + 1] - times[0]))
+    intervals.get(intervals.len() / 2).copied()
 }
 
 /// Returns the channel whose end differs from its start by more than a fraction of its range, and both
