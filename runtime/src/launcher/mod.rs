@@ -236,8 +236,8 @@ impl Launch {
             && region.components().iter().any(|block| block.phase() == Phase::Running);
         let has_actuators = plan.components.iter().any(|component| component.actuator);
         if is_running && has_actuators && region.header().command() == Command::Run {
-            let unsafe_ones = SafeStop::order(&self.run, workers).settle_at_the_end(observe);
-            self.findings.warnings.extend(unsafe_ones);
+            let unsettled = SafeStop::order(&self.run, workers).settle_at_the_end(observe);
+            self.findings.warnings.extend(unsettled);
         }
         // The reserve for restarts makes space for results.
         memory.release_reserve();

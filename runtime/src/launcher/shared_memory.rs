@@ -29,7 +29,7 @@ impl SharedMemory {
     }
 
     /// Frees the slots of a component that has ended, and gives its successor the reserve.
-    pub(super) fn make_way(&mut self, run: &Run) {
+    pub(super) fn free_slots(&mut self, run: &Run) {
         self.places.free(&run.options, &run.folder, &self.services);
         self.spare.release();
     }

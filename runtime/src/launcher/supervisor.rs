@@ -248,7 +248,7 @@ impl Supervisor {
         let down = self.supervision[index].state.down()?;
         if action == Action::Clear {
             // The dead process occupies its slots in the topics until they are cleaned up.
-            self.memory.make_way(&self.run);
+            self.memory.free_slots(&self.run);
             self.supervision[index].state = State::Due(down);
             return None;
         }
