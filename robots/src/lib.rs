@@ -15,8 +15,8 @@
 //!   `a` starts with the derivative of these six numbers (the spatial acceleration, not the classical one),
 //!   and `tau` with a wrench at the base's origin in its axes. This is Pinocchio's convention;
 //!   [`Model::to_pinocchio`] and [`Model::to_mujoco`] convert the differences.
-//! - A mimic joint is at `multiplier * q[of] + offset`; its motion, forces and inertia are included in the
-//!   column of the joint it follows.
+//! - The position of a mimic joint is `multiplier * q[of] + offset`; its motion, forces and inertia are
+//!   included in the column of the joint it follows.
 //! - Spatial vectors and the rows of a Jacobian have the linear part first, then the angular part.
 //! - A body frame is the frame of the URDF child link of its joint; links fixed to it are merged into it.
 //! - Joint damping and friction are read but not part of any dynamics quantity here; simulators add them.
@@ -37,8 +37,8 @@
 //!
 //! # Modules
 //!
-//! The modules form layers. Each uses only modules above it or in its own row, and no two import each other,
-//! which a test checks.
+//! The modules form layers. Each uses only modules above it or in its own row, and no two import each other;
+//! a test checks this.
 //!
 //! | modules | contents |
 //! |---|---|
@@ -49,7 +49,7 @@
 //! | `geometry` | distances between links, collision rules |
 //! | `profile` | poses, gains, end effectors |
 //! | `formats`, `catalogue` | readers of URDF and [MJCF](mjcf), options of reading; included robots |
-//! | `loading` | robots ready to use, their drafts, pictures and digests |
+//! | `loading` | robots ready to use, their drafts, images and digests |
 
 mod actuator;
 mod catalogue;

@@ -4,7 +4,7 @@
 ///
 /// The measure is the case-insensitive Damerau-Levenshtein distance, in which `-`, `_` and spaces are equal.
 /// A candidate is similar within a third of the letters of `wanted` (at least one), or if `wanted` (at least
-/// three letters) is its prefix or suffix, as `index_q1` of `left_index_q1`. Graph files use the same
+/// three letters) is its prefix or suffix, as `index_q1` is of `left_index_q1`. Graph files use the same
 /// measure.
 pub fn nearest<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let plain = |name: &str| name.to_lowercase().replace(['-', ' '], "_");
@@ -23,7 +23,7 @@ pub fn nearest<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) 
         .map(|(_, name)| name)
 }
 
-/// ` (did you mean "x"?)`, or nothing.
+/// Returns ` (did you mean "x"?)`, or an empty string.
 pub fn suggestion(nearest: Option<&str>) -> String {
     nearest.map(|name| format!(" (did you mean \"{name}\"?)")).unwrap_or_default()
 }
@@ -52,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_unlike_all_others_finds_none() {
+    fn dissimilar_name_has_no_suggestion() {
         for wanted in ["elbow", "", "q", "x1"] {
             assert_eq!(nearest(wanted, LINKS), None, "{wanted}");
         }

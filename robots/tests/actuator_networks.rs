@@ -1,4 +1,4 @@
-//! Learned actuator networks against numpy, and the files that they are read from.
+//! Learned actuator networks compared with numpy, and their files.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -22,7 +22,7 @@ fn settings(input_order: InputOrder) -> NetworkSettings {
     }
 }
 
-/// Position errors, velocities and the efforts that numpy makes of them.
+/// Position errors, velocities and the efforts that numpy computes from them.
 fn golden() -> [Vec<f64>; 3] {
     let json: serde_json::Value = serde_json::from_str(include_str!("golden/actuator_network.json")).unwrap();
     ["error", "velocity", "effort"]
@@ -45,7 +45,7 @@ fn network_efforts_match_numpy_with_measurement_history() {
 }
 
 #[test]
-fn the_input_order_exchanges_errors_and_velocities() {
+fn input_order_swaps_errors_and_velocities() {
     let [errors, velocities, efforts] = golden();
     let other = NetworkSettings {
         position_scale: 0.25,
@@ -78,7 +78,7 @@ fn file(tensors: &[(&str, &str, &[usize])]) -> Vec<u8> {
 }
 
 #[test]
-fn layers_that_do_not_fit_are_named_with_the_shape_that_would() {
+fn mismatched_layers_report_the_expected_shape() {
     let refused = |tensors: &[(&str, &str, &[usize])], inputs: usize| {
         NetworkWeights::read(&file(tensors), inputs, Activation::Tanh).unwrap_err().to_string()
     };
@@ -99,7 +99,7 @@ fn layers_that_do_not_fit_are_named_with_the_shape_that_would() {
 }
 
 #[test]
-fn damaged_files_are_refused_and_nothing_is_read_beyond_them() {
+fn damaged_files_are_rejected_without_overread() {
     assert!(matches!(safetensors::read::<f64>(&FILE[..5]), Err(SafetensorsError::Short { found: 5, .. })));
     let cut = safetensors::read::<f64>(&FILE[..FILE.len() - 1]).unwrap_err();
     assert!(matches!(cut, SafetensorsError::Bytes { .. }), "{cut}");
@@ -115,7 +115,7 @@ fn damaged_files_are_refused_and_nothing_is_read_beyond_them() {
 }
 
 #[test]
-fn a_table_reads_its_network_and_names_the_invalid_key() {
+fn table_reads_its_network_and_names_the_invalid_key() {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden"));
     let read = |text: &str| {
         let network: NetworkTable<f64> = toml::from_str(text).unwrap();

@@ -1,4 +1,4 @@
-//! Models of actuators against their equations.
+//! Actuator models compared with their equations.
 
 use motorium_robots::{Actuator, ActuatorSettings, Delay, Envelope, Thermal};
 
@@ -7,13 +7,13 @@ fn actuator(settings: ActuatorSettings, limit: f64) -> Actuator {
 }
 
 #[test]
-fn an_ideal_actuator_gives_what_is_wanted_within_its_limit() {
+fn ideal_actuator_delivers_the_command_within_its_limit() {
     let mut ideal = actuator(ActuatorSettings::default(), 5.0);
     assert_eq!([3.0, 7.0, -9.0].map(|wanted| ideal.step(wanted, 2.0, 1e-3)), [3.0, 5.0, -5.0]);
 }
 
 #[test]
-fn the_effort_follows_a_step_as_a_first_order_lag() {
+fn effort_follows_a_step_as_a_first_order_lag() {
     let lag = 0.03;
     let mut lagging = actuator(ActuatorSettings { lag, ..ActuatorSettings::default() }, f64::INFINITY);
     let h = 1e-6;
@@ -25,7 +25,7 @@ fn the_effort_follows_a_step_as_a_first_order_lag() {
 }
 
 #[test]
-fn a_long_step_neither_overshoots_nor_oscillates() {
+fn long_step_neither_overshoots_nor_oscillates() {
     let mut lagging = actuator(ActuatorSettings { lag: 1e-4, ..ActuatorSettings::default() }, 10.0);
     let mut before = 0.0;
     for _ in 0..20 {
@@ -37,7 +37,7 @@ fn a_long_step_neither_overshoots_nor_oscillates() {
 }
 
 #[test]
-fn a_saturated_motor_approaches_its_limit_with_its_lag() {
+fn saturated_motor_approaches_its_limit_with_its_lag() {
     let lag = 0.01;
     let settings = ActuatorSettings { lag, ..ActuatorSettings::default() };
     let (mut asked_much, mut asked_the_limit) = (actuator(settings.clone(), 10.0), actuator(settings, 10.0));
@@ -47,26 +47,26 @@ fn a_saturated_motor_approaches_its_limit_with_its_lag() {
 }
 
 #[test]
-fn the_rate_of_the_effort_stays_within_its_limit_either_way() {
+fn effort_rate_is_limited_in_both_directions() {
     let settings = ActuatorSettings { rate_limit: Some(200.0), ..ActuatorSettings::default() };
     let mut slow = actuator(settings, 50.0);
     let efforts: Vec<f64> =
         (0..200).map(|step| slow.step(if step < 100 { 10.0 } else { -10.0 }, 0.0, 1e-3)).collect();
     for (step, effort) in efforts.iter().enumerate() {
         let time = 1e-3 * (step + 1) as f64;
-        // up for 50 ms, there until 100 ms, down for 100 ms
+        // rises for 50 ms, constant until 100 ms, falls for 100 ms
         let expected = if step < 100 { (200.0 * time).min(10.0) } else { 10.0 - 200.0 * (time - 0.1) };
         assert!((effort - expected.max(-10.0)).abs() < 1e-9, "step {step}: {effort}, {expected}");
     }
 }
 
 #[test]
-fn the_envelope_falls_with_the_speed_and_leaves_braking_whole() {
+fn envelope_falls_with_speed_but_not_for_braking() {
     let envelope = Envelope { stall_effort: 12.0, no_load_velocity: 6.0 };
     let motor = actuator(ActuatorSettings { envelope: Some(envelope), ..ActuatorSettings::default() }, 10.0);
     for (velocity, low, high) in [
         (0.0, -10.0, 10.0),
-        // 12 (1 - v / 6), the joint's limit of 10 above it
+        // 12 (1 - v / 6), with the joint's limit of 10 above it
         (0.5, -10.0, 10.0),
         (3.0, -10.0, 6.0),
         (6.0, -10.0, 0.0),
@@ -79,7 +79,7 @@ fn the_envelope_falls_with_the_speed_and_leaves_braking_whole() {
 }
 
 #[test]
-fn a_delayed_command_acts_exactly_at_its_time() {
+fn delayed_command_acts_exactly_at_its_time() {
     for (delay, steps) in [(0.0, 0), (1e-3, 1), (2.5e-3, 3), (20e-3, 20)] {
         let mut line = Delay::new(delay, -1);
         for step in 0..100 {
@@ -93,12 +93,12 @@ fn a_delayed_command_acts_exactly_at_its_time() {
 }
 
 #[test]
-fn a_winding_warms_exponentially_to_the_continuous_effort() {
+fn winding_heats_exponentially_to_the_continuous_effort() {
     let thermal = Thermal { continuous_effort: 5.0, time_constant: 2.0 };
     let mut motor =
         actuator(ActuatorSettings { thermal: Some(thermal), ..ActuatorSettings::default() }, 10.0);
     let h = 1e-3;
-    // four times the continuous losses: the limit begins to fall at a heat of 0.8
+    // four times the continuous losses: the limit starts to decrease at a heat of 0.8
     let full_until = -2.0 * (1.0_f64 - 0.8 / 4.0).ln();
     for step in 1..=20_000 {
         let (time, effort) = (h * f64::from(step), motor.step(10.0, 0.0, h));
@@ -119,7 +119,7 @@ fn a_winding_warms_exponentially_to_the_continuous_effort() {
 }
 
 #[test]
-fn all_stages_together_keep_every_bound() {
+fn combined_stages_respect_every_bound() {
     let settings = ActuatorSettings {
         envelope: Some(Envelope { stall_effort: 30.0, no_load_velocity: 8.0 }),
         thermal: Some(Thermal { continuous_effort: 6.0, time_constant: 0.3 }),
@@ -142,7 +142,7 @@ fn all_stages_together_keep_every_bound() {
 }
 
 #[test]
-fn settings_that_describe_no_actuator_are_refused_by_name() {
+fn invalid_actuator_settings_are_rejected_by_name() {
     let bad = |change: fn(&mut ActuatorSettings)| {
         let mut settings = ActuatorSettings::default();
         change(&mut settings);

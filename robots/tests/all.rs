@@ -1,5 +1,5 @@
-//! The integration tests of the crate as one program. `allocations.rs` is another, for it counts through the
-//! allocator.
+//! The integration tests of the crate as one program. `allocations.rs` is a separate program because it
+//! counts allocations.
 
 mod actuator_networks;
 mod actuators;
@@ -45,7 +45,7 @@ mod forward_kinematics_example;
 mod inverse_dynamics_example;
 
 #[test]
-fn the_examples_run_on_a_fixed_and_on_a_floating_base() {
+fn examples_run_on_fixed_and_floating_bases() {
     for robot in ["panda", "quadrotor"] {
         inverse_dynamics_example::run(robot).unwrap();
     }
@@ -55,7 +55,7 @@ fn the_examples_run_on_a_fixed_and_on_a_floating_base() {
 }
 
 #[test]
-fn every_file_of_this_folder_is_part_of_a_test_program() {
+fn every_file_in_this_folder_is_part_of_a_test_program() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests");
     let all = std::fs::read_to_string(folder.join("all.rs")).unwrap();
     for entry in std::fs::read_dir(folder).unwrap() {
@@ -64,7 +64,7 @@ fn every_file_of_this_folder_is_part_of_a_test_program() {
         let part = all.lines().any(|line| line == format!("mod {module};"));
         assert!(
             part || ["all", "allocations"].contains(&module),
-            "tests/{name} is no module of tests/all.rs"
+            "tests/{name} is not a module of tests/all.rs"
         );
     }
 }

@@ -46,7 +46,7 @@ fn calls(work: impl FnOnce()) -> usize {
 }
 
 #[test]
-fn the_counter_counts() {
+fn allocation_counter_counts() {
     assert_eq!(calls(|| drop(std::hint::black_box(vec![1_u8; 64]))), 2);
 }
 
@@ -85,7 +85,7 @@ fn kinematics_and_dynamics_do_not_allocate_after_construction() {
 }
 
 #[test]
-fn nothing_allocates_on_a_floating_base_either() {
+fn floating_base_algorithms_do_not_allocate() {
     let options =
         LoadOptions { base: BaseMode::Floating, mimic: MimicMode::Independent, ..LoadOptions::default() };
     let model = load_with("panda", Path::new("."), &options).unwrap().model;
@@ -145,7 +145,7 @@ fn nothing_allocates_on_a_floating_base_either() {
 }
 
 #[test]
-fn distances_and_their_jacobians_do_not_allocate_either() {
+fn distances_and_their_jacobians_do_not_allocate() {
     let model = load("panda", Path::new(".")).unwrap().model;
     let solids =
         CollisionModel::new(&model, &CollisionOptions { adjacent: true, ..CollisionOptions::default() })
@@ -166,13 +166,13 @@ fn distances_and_their_jacobians_do_not_allocate_either() {
         }
     };
     assert_eq!(calls(|| run(0.2)), 0);
-    // Overlaps that no radius bridges are among them.
+    // deep overlaps, beyond the radii, are included
     assert!(deepest < -0.02 && found > 1000, "{deepest} {found}");
 }
 
 #[test]
-fn the_deepest_overlaps_of_hulls_and_cylinders_do_not_allocate() {
-    // Round bodies take the search for a depth to its last corner.
+fn deep_overlaps_of_hulls_and_cylinders_do_not_allocate() {
+    // round bodies use all corners of the depth search
     let points = (0..400).map(|index| {
         let (turn, height) = (f64::from(index) * 2.399_963, f64::from(index) / 199.5 - 1.0);
         let radius = (1.0 - height * height).max(0.0).sqrt();
@@ -216,7 +216,7 @@ fn the_deepest_overlaps_of_hulls_and_cylinders_do_not_allocate() {
 }
 
 #[test]
-fn capsules_never_allocate_however_deep() {
+fn capsules_do_not_allocate_at_any_depth() {
     let text = "<robot name=\"r\"><link name=\"a\"><collision><geometry><capsule radius=\"0.1\" length=\"1\"/></geometry>\
                 </collision></link><link name=\"v\"/><link name=\"b\"><collision><geometry><capsule radius=\"0.2\" length=\"1\"/>\
                 </geometry></collision></link>\

@@ -1,9 +1,9 @@
 //! Robots whose joint axes are at or nearly at a coordinate axis: CAD programs write `0 1.22465e-16 -1` for
 //! -z.
 //!
-//! Random trees against closed forms of the file's own numbers: Rodrigues' rotation about the axis as
-//! written, one joint after the other from the root. And trees and a real robot against Pinocchio, by vectors
-//! that `golden/axes.py` wrote.
+//! Random trees are compared with closed forms of the file's own numbers: Rodrigues' rotation about the axis
+//! as written, one joint after the other from the root. Trees and a real robot are compared with Pinocchio,
+//! by vectors written by `golden/axes.py`.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt::Write;
@@ -46,7 +46,7 @@ const TILTS: [f64; 20] = [
 /// One joint and the link it carries, with the numbers of the file.
 #[derive(Clone, Debug)]
 struct Part {
-    /// The link it hangs on: 0 is the root, part `i` carries link `i + 1`.
+    /// Parent link: 0 is the root, part `i` carries link `i + 1`.
     parent: usize,
     prismatic: bool,
     xyz: Vector3<f64>,
@@ -63,7 +63,7 @@ fn vector(size: f64) -> impl Strategy<Value = Vector3<f64>> {
     [-size..size, -size..size, -size..size].prop_map(|[x, y, z]| Vector3::new(x, y, z))
 }
 
-/// A pole, tilted in a random direction and stretched: axes need not be of length one.
+/// A pole, tilted in a random direction and scaled: axes need not be unit vectors.
 fn axis() -> impl Strategy<Value = Vector3<f64>> {
     (0..6_usize, 0..TILTS.len(), -3.2..3.2_f64, prop_oneof![3 => Just(1.0), 1 => 0.1..10.0_f64]).prop_map(
         |(pole, tilt, direction, length)| {
@@ -101,7 +101,7 @@ fn tree() -> impl Strategy<Value = Vec<Part>> {
 }
 
 fn urdf(parts: &[Part]) -> String {
-    // The shortest text that reads back as the same number.
+    // the shortest text that parses to the same number
     let text = |v: &Vector3<f64>| format!("{:e} {:e} {:e}", v.x, v.y, v.z);
     let mut urdf = String::from("<robot name=\"tree\"><link name=\"0\"/>");
     for (index, part) in parts.iter().enumerate() {
@@ -136,7 +136,7 @@ fn rodrigues(k: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
     Matrix3::identity() * cos + k.cross_matrix() * sin + k * k.transpose() * (1.0 - cos)
 }
 
-/// A link in the world, and the line its joint turns about or slides along.
+/// A link in the world, and the line about which its joint rotates or along which it slides.
 struct Placed {
     rotation: Matrix3<f64>,
     position: Vector3<f64>,
@@ -169,7 +169,7 @@ fn place_parts(parts: &[Part]) -> Vec<Placed> {
     links
 }
 
-/// Jacobian of a point of link `link`, linear rows first: each joint's line, one after the other.
+/// Returns the Jacobian of a point of link `link`, linear rows first, from each joint's line.
 fn jacobian(parts: &[Part], links: &[Placed], link: usize, point: &Vector3<f64>) -> DMatrix<f64> {
     let mut jacobian = DMatrix::zeros(6, parts.len());
     for &joint in &links[link].ancestors {
@@ -185,7 +185,7 @@ fn jacobian(parts: &[Part], links: &[Placed], link: usize, point: &Vector3<f64>)
     jacobian
 }
 
-/// The largest difference, relative to the largest entry, if that exceeds one.
+/// Returns the largest difference, relative to the largest entry if that exceeds one.
 fn error(ours: &DMatrix<f64>, theirs: &DMatrix<f64>) -> f64 {
     assert!(ours.iter().all(|entry| entry.is_finite()));
     (ours - theirs).amax() / theirs.amax().max(1.0)
@@ -199,12 +199,12 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(512))]
 
     #[test]
-    fn joints_turn_about_their_axes_even_near_a_pole(parts in tree()) {
+    fn joints_rotate_about_axes_near_a_pole(parts in tree()) {
         const BOUND: f64 = 1e-13;
         let model = parse_urdf(&urdf(&parts), None, MimicMode::Follow, &PackagePath::default()).unwrap().model;
         let n = parts.len();
         let links = place_parts(&parts);
-        // Our columns follow the tree, theirs the file.
+        // our columns follow the tree, theirs the file
         let column = |part: usize| model.joint_index(&format!("j{}", part + 1)).unwrap();
         let arrange = |theirs: DMatrix<f64>| {
             let mut ours = theirs.clone();
@@ -263,7 +263,8 @@ fn trees_with_axes_near_every_pole_match_pinocchio() {
         let errors = Golden::from_document(tree.clone()).compare(&model);
         println!("{}: {}", model.name(), errors.summary());
         assert!(errors.0.len() >= 30, "{}", errors.summary());
-        // Pinocchio takes an axis within 1e-12 of a pole for the pole itself: nearer it cannot judge.
+        // Pinocchio treats an axis within 1e-12 of a pole as the pole itself, so closer axes cannot be
+        // compared
         errors.stay_below(1e-10, 1e-10);
     }
 }

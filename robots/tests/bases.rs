@@ -1,4 +1,4 @@
-//! Floating and planar joints of the file itself.
+//! Floating and planar joints in files.
 
 use approx::assert_relative_eq;
 use motorium_robots::{Dynamics, Kinematics, LoadOptions, Model, parse_urdf_with};
@@ -6,7 +6,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
-/// A box of 2 kg with its centre 0.1 m above its frame, on a joint of this kind.
+/// A box of 2 kg with its centre 0.1 m above its frame, on a joint of this type.
 fn on(kind: &str) -> Model {
     let text = format!(
         r#"<robot name="r"><link name="world"/><link name="box"><inertial><origin xyz="0 0 0.1"/><mass value="2"/>
@@ -18,7 +18,7 @@ fn on(kind: &str) -> Model {
 }
 
 #[test]
-fn a_floating_joint_at_the_root_makes_a_floating_base() {
+fn floating_root_joint_creates_a_floating_base() {
     let model = on("floating");
     assert!(model.base().floating);
     assert_eq!((model.nq(), model.nv(), model.joint_count()), (7, 6, 0));
@@ -32,7 +32,7 @@ fn a_floating_joint_at_the_root_makes_a_floating_base() {
 }
 
 #[test]
-fn a_free_box_falls_with_gravity_and_keeps_turning() {
+fn free_box_falls_and_keeps_rotating() {
     let model = on("floating");
     let mut q = model.neutral();
     let turn = UnitQuaternion::from_euler_angles(0.4, -0.7, 1.1);
@@ -45,7 +45,7 @@ fn a_free_box_falls_with_gravity_and_keeps_turning() {
 }
 
 #[test]
-fn a_planar_joint_is_two_slides_and_a_turn() {
+fn planar_joint_is_two_slides_and_a_rotation() {
     let model = on("planar");
     assert_eq!(model.joint_names(), ["j/x", "j/y", "j/yaw"]);
     let mut kinematics = Kinematics::new(&model);

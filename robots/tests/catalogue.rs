@@ -1,4 +1,4 @@
-//! Every robot of the catalogue is sound, and the known ones move as published.
+//! All robots of the catalogue are plausible, and the known ones match their publications.
 
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
@@ -12,7 +12,7 @@ use motorium_robots::{
 use nalgebra::{DMatrix, Isometry3, SymmetricEigen, Vector3};
 
 #[test]
-fn every_entry_loads_without_a_warning_and_its_profile_fits() {
+fn entries_load_without_warnings_and_match_their_profile() {
     assert!(catalogue().is_sorted_by_key(|entry| entry.name));
     assert!(catalogue().len() >= 19);
     for entry in catalogue() {
@@ -30,13 +30,13 @@ fn every_entry_loads_without_a_warning_and_its_profile_fits() {
                 assert!(range.contains(q), "{}: {name} leaves the limits of joint {index}", entry.name);
             }
             let placed = profile.base == BaseKind::Fixed || profile.base_poses.contains_key(name);
-            assert!(placed, "{}: {name} does not say where the base is", entry.name);
+            assert!(placed, "{}: {name} has no base pose", entry.name);
         }
     }
 }
 
 #[test]
-fn every_body_of_the_catalogue_is_one_that_could_be_built() {
+fn every_body_of_the_catalogue_is_plausible() {
     for entry in catalogue() {
         let model = load(entry.name, Path::new(".")).unwrap().model;
         let base = model.base().floating.then_some(&model.base().inertia);
@@ -68,7 +68,7 @@ fn every_body_of_the_catalogue_is_one_that_could_be_built() {
 }
 
 #[test]
-fn the_catalogue_is_what_its_generator_writes() {
+fn catalogue_matches_its_generator() {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("generate");
     let run = Command::new("python3").arg("-B").arg(script).arg("--check").output();
     let Ok(output) = run.inspect_err(|error| println!("skipped: python3 does not start: {error}")) else {
@@ -121,7 +121,7 @@ fn cameras_see_collision_shapes_in_their_own_colours() {
 }
 
 #[test]
-fn published_sizes_and_masses_are_kept() {
+fn sizes_and_masses_match_publications() {
     let mass = |name| load(name, Path::new(".")).unwrap().model.mass();
     // Grimminger 2020, Kashiri 2019, Tsagarakis 2013, Chevallereau 2003, O'Kelly 2020, Förster 2015, ROBOTIS
     for (name, kilograms, tolerance) in [
@@ -157,7 +157,7 @@ fn chain(rows: &[(f64, f64, f64)], q: &[f64]) -> Isometry3<f64> {
 }
 
 #[test]
-fn the_ur5es_tool_is_where_its_dh_parameters_put_it() {
+fn ur5e_tool_pose_matches_its_dh_parameters() {
     const DH: [(f64, f64, f64); 6] = [
         (0.0, 0.1625, FRAC_PI_2),
         (-0.425, 0.0, 0.0),
@@ -171,13 +171,13 @@ fn the_ur5es_tool_is_where_its_dh_parameters_put_it() {
     let mut kinematics = Kinematics::new(&model);
     kinematics.update(&model, &q);
     let tool = kinematics.pose(&model, model.frame("tool0").unwrap());
-    // ROS turns the base half a turn against the controller's.
+    // the ROS base is rotated by half a turn relative to the controller's
     let expected = Isometry3::rotation(Vector3::z() * std::f64::consts::PI) * chain(&DH, &q);
     assert_relative_eq!(tool, expected, epsilon = 1e-12);
 }
 
 #[test]
-fn the_iiwas_flange_is_where_kukas_lengths_put_it() {
+fn iiwa_flange_pose_matches_its_datasheet() {
     // d and alpha of the specification's drawing: 0.36, 0.42, 0.4, 0.126 m.
     const DH: [(f64, f64, f64); 7] = [
         (0.0, 0.36, -FRAC_PI_2),
@@ -197,7 +197,7 @@ fn the_iiwas_flange_is_where_kukas_lengths_put_it() {
 }
 
 #[test]
-fn the_pandas_hand_is_where_its_dh_parameters_put_it() {
+fn panda_hand_pose_matches_its_dh_parameters() {
     // Craig's convention: a, d, alpha of joints 1 to 7 and the flange, from Franka's documentation.
     const DH: [(f64, f64, f64); 8] = [
         (0.0, 0.333, 0.0),
@@ -229,7 +229,7 @@ fn the_pandas_hand_is_where_its_dh_parameters_put_it() {
         hand * Isometry3::translation(0.0, 0.0, 0.1034),
         epsilon = 1e-12
     );
-    // The fingers open both ways by the one coordinate they share.
+    // the fingers open in opposite directions by the coordinate they share
     let left = (hand.inverse() * pose("panda_leftfinger")).translation.vector;
     let right = (hand.inverse() * pose("panda_rightfinger")).translation.vector;
     assert_relative_eq!(left, Vector3::new(0.0, 0.02, 0.0584), epsilon = 1e-12);
@@ -237,7 +237,7 @@ fn the_pandas_hand_is_where_its_dh_parameters_put_it() {
 }
 
 #[test]
-fn at_home_the_pandas_hand_points_down_in_front_of_it() {
+fn panda_hand_points_down_in_front_at_home() {
     let panda = load("panda", Path::new(".")).unwrap();
     let home = panda.profile.as_ref().unwrap().home(&panda.model).unwrap();
     let frame = &panda.profile.as_ref().unwrap().end_effector("hand").unwrap().frame;
@@ -250,7 +250,7 @@ fn at_home_the_pandas_hand_points_down_in_front_of_it() {
 }
 
 #[test]
-fn the_pendulum_weighs_and_resists_as_a_uniform_rod() {
+fn pendulum_has_weight_and_inertia_of_a_uniform_rod() {
     let model = load("pendulum", Path::new(".")).unwrap().model;
     let mut dynamics = Dynamics::new(&model);
     let mut tau = [0.0];
@@ -265,7 +265,7 @@ fn the_pendulum_weighs_and_resists_as_a_uniform_rod() {
 }
 
 #[test]
-fn the_planar_arm_has_the_textbook_jacobian() {
+fn planar_arm_has_the_textbook_jacobian() {
     let model = load("planar-3r", Path::new(".")).unwrap().model;
     let q: [f64; 3] = [0.4, -0.9, 1.3];
     let mut kinematics = Kinematics::new(&model);

@@ -1,4 +1,4 @@
-//! Signed distances between links: pairs, rules, ranges, slopes.
+//! Signed distances between links: pairs, rules, ranges, gradients.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ fn panda(base: BaseMode) -> Model {
     load_with("panda", Path::new("."), &LoadOptions { base, ..LoadOptions::default() }).unwrap().model
 }
 
-/// A configuration a little away from neutral, in the middle of the limits.
+/// Returns a configuration slightly away from neutral, in the middle of the limits.
 fn configuration(model: &Model, random: &mut Random) -> Vec<f64> {
     let v: Vec<f64> = (0..model.nv()).map(|_| random.next()).collect();
     let (start, mut q) = (model.neutral(), model.neutral());
@@ -23,7 +23,7 @@ fn configuration(model: &Model, random: &mut Random) -> Vec<f64> {
 }
 
 #[test]
-fn the_jacobian_is_the_slope_of_the_distance() {
+fn jacobian_is_the_gradient_of_the_distance() {
     let mut random = Random(5);
     for base in [BaseMode::AsFile, BaseMode::Floating] {
         let model = panda(base);
@@ -64,7 +64,7 @@ fn the_jacobian_is_the_slope_of_the_distance() {
                 let mut row = vec![f64::NAN; model.nv()];
                 solids.distance_jacobian(&model, &kinematics, proximity, &mut row);
                 assert!(rows.row(pair).iter().eq(row.iter()));
-                // Where the nearest points jump the distance has a kink and no slope.
+                // where the nearest points jump, the distance has a kink and no gradient
                 if kinks[pair] {
                     sharp += 1;
                     continue;
@@ -80,7 +80,7 @@ fn the_jacobian_is_the_slope_of_the_distance() {
 }
 
 #[test]
-fn links_joined_by_a_joint_are_not_checked_unless_asked_for() {
+fn adjacent_links_are_checked_on_request_only() {
     let model = panda(BaseMode::AsFile);
     let solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
     let names: Vec<_> = (0..solids.pairs().len()).map(|pair| solids.pair_links(pair)).collect();
@@ -94,7 +94,7 @@ fn links_joined_by_a_joint_are_not_checked_unless_asked_for() {
 }
 
 #[test]
-fn an_srdf_takes_pairs_out_and_puts_them_back() {
+fn srdf_disables_and_enables_pairs() {
     let model = panda(BaseMode::AsFile);
     let srdf = Srdf::parse(
         "<robot name=\"panda\"><group name=\"arm\"/>\
@@ -119,7 +119,7 @@ fn an_srdf_takes_pairs_out_and_puts_them_back() {
 }
 
 #[test]
-fn the_nearest_pair_is_the_minimum_and_ranges_skip_far_ones() {
+fn nearest_pair_is_the_minimum_and_ranges_skip_far_pairs() {
     let model = panda(BaseMode::AsFile);
     let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
     solids.add_obstacle("table", translation(0.0, 0.0, -0.3), cube(0.4), MeshMode::default()).unwrap();
@@ -147,7 +147,7 @@ fn the_nearest_pair_is_the_minimum_and_ranges_skip_far_ones() {
 }
 
 #[test]
-fn a_shape_that_cannot_be_used_is_named_or_left_out() {
+fn unusable_shape_is_named_or_left_out() {
     let model = with_shape("<mesh filename=\"package://nowhere/a.stl\"/>");
     let error = CollisionModel::new(&model, &CollisionOptions::default()).unwrap_err();
     assert!(
@@ -164,7 +164,7 @@ fn a_shape_that_cannot_be_used_is_named_or_left_out() {
 }
 
 #[test]
-fn a_state_that_is_no_number_has_no_distance_and_does_no_harm() {
+fn nan_state_has_no_distance_and_no_lasting_effect() {
     let model = with_shape("<box size=\"1 1 1\"/>");
     let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
     solids.add_obstacle("other", translation(0.0, 0.0, 0.0), cube(1.0), MeshMode::default()).unwrap();
@@ -176,7 +176,7 @@ fn a_state_that_is_no_number_has_no_distance_and_does_no_harm() {
 }
 
 #[test]
-fn the_panda_at_home_stands_free_of_itself() {
+fn panda_at_home_is_not_in_self_collision() {
     let loaded = load("panda", Path::new(".")).unwrap();
     let model = &loaded.model;
     let home = loaded.profile.as_ref().unwrap().home(model).unwrap();
@@ -189,9 +189,9 @@ fn the_panda_at_home_stands_free_of_itself() {
     assert!(met.is_none(), "{:?} {met:?}", met.map(|met| solids.pair_links(met.pair)));
 }
 
-/// `MOTORIUM_EXAMPLE_ROBOT_DATA`: the folder of the robots of the PyPI package example-robot-data.
+/// Uses `MOTORIUM_EXAMPLE_ROBOT_DATA`, the folder of the robots of the PyPI package example-robot-data.
 #[test]
-fn a_humanoid_has_distances_from_its_meshes_and_srdf() {
+fn humanoid_distances_use_its_meshes_and_srdf() {
     let Some(folder) = std::env::var_os("MOTORIUM_EXAMPLE_ROBOT_DATA").map(std::path::PathBuf::from) else {
         println!("skipped: set MOTORIUM_EXAMPLE_ROBOT_DATA to the robots of example-robot-data");
         return;
@@ -201,7 +201,7 @@ fn a_humanoid_has_distances_from_its_meshes_and_srdf() {
     let model = load_with("talos_data/robots/talos_reduced.urdf", &folder, &options).unwrap().model;
     let text = std::fs::read_to_string(folder.join("talos_data/srdf/talos.srdf")).unwrap();
     let srdf = Srdf::parse(&text).unwrap();
-    // The posture that the file calls half sitting.
+    // the posture called half_sitting in the file
     let document = roxmltree::Document::parse(&text).unwrap();
     let posture = document.descendants().find(|node| node.attribute("name") == Some("half_sitting")).unwrap();
     let mut q = model.neutral();
@@ -228,16 +228,16 @@ fn a_humanoid_has_distances_from_its_meshes_and_srdf() {
         let all = (0..solids.pairs().len()).map(|pair| collisions.distance(&solids, pair).distance);
         found.push(all.collect::<Vec<_>>());
     }
-    // Capsules hold their meshes: they are never farther apart.
+    // capsules contain their meshes, so they are never farther apart
     assert!(found[0].iter().zip(&found[1]).all(|(hull, capsule)| *capsule <= hull + 1e-6));
-    // Hulls fill the hollows of their meshes: a few links that nestle into each other overlap then.
+    // hulls fill the concavities of their meshes, so a few nested links overlap
     let overlaps = found[0].iter().filter(|distance| **distance <= 0.0).count();
     assert!(overlaps < found[0].len() / 100, "{overlaps} of {}", found[0].len());
 }
 
 /// Height above a tilted plane of the lowest point of each shape, from its corners or its definition.
 #[test]
-fn the_distance_from_a_half_space_is_the_lowest_height() {
+fn half_space_distance_is_the_lowest_height() {
     let mut random = Random(11);
     let shapes = [
         (r#"<sphere radius="0.2"/>"#, 0.2, [0.0, 0.0, 0.0]),

@@ -14,7 +14,7 @@ fn branching(base: BaseMode, mimic: MimicMode) -> Model {
     parse_urdf_with(include_str!("fixtures/branching.urdf"), None, &options).unwrap().model
 }
 
-/// A state that is nothing special.
+/// Returns a generic state.
 fn state(model: &Model) -> (DVector<f64>, DVector<f64>, DVector<f64>) {
     let n = model.nv();
     let wave = |scale: f64, shift: f64| DVector::from_fn(n, |i, _| scale * (1.7 * i as f64 + shift).sin());
@@ -24,7 +24,7 @@ fn state(model: &Model) -> (DVector<f64>, DVector<f64>, DVector<f64>) {
 }
 
 #[test]
-fn the_regressor_times_the_parameters_is_inverse_dynamics() {
+fn regressor_times_parameters_is_inverse_dynamics() {
     for model in [
         branching(BaseMode::AsFile, MimicMode::Follow),
         branching(BaseMode::Floating, MimicMode::Follow),
@@ -40,7 +40,7 @@ fn the_regressor_times_the_parameters_is_inverse_dynamics() {
     }
 }
 
-/// Jacobian and drift of the tool's origin.
+/// Returns Jacobian and drift of the tool's origin.
 fn held_tool(model: &Model, q: &DVector<f64>, v: &DVector<f64>) -> (DMatrix<f64>, DVector<f64>) {
     let tool = model.frame("tool").unwrap();
     let mut kinematics = Kinematics::new(model);
@@ -52,7 +52,7 @@ fn held_tool(model: &Model, q: &DVector<f64>, v: &DVector<f64>) -> (DMatrix<f64>
 }
 
 #[test]
-fn a_held_point_does_not_accelerate_under_its_force() {
+fn held_point_does_not_accelerate() {
     for mimic in [MimicMode::Follow, MimicMode::Independent] {
         let model = branching(BaseMode::Floating, mimic);
         let (q, v, tau) = state(&model);
@@ -85,7 +85,7 @@ fn a_held_point_does_not_accelerate_under_its_force() {
 }
 
 #[test]
-fn a_constraint_stated_twice_is_refused_unless_it_may_give() {
+fn duplicate_constraint_requires_damping() {
     let model = branching(BaseMode::Floating, MimicMode::Independent);
     let (q, v, tau) = state(&model);
     let (once, drift) = held_tool(&model, &q, &v);

@@ -1,5 +1,5 @@
-//! The same motions in the coordinates of Pinocchio and of MuJoCo, by vectors that `conventions/generate.py`
-//! wrote.
+//! The same motions in the coordinates of Pinocchio and MuJoCo, by vectors written by
+//! `conventions/generate.py`.
 
 use std::path::Path;
 
@@ -62,7 +62,7 @@ fn assert_moves(model: &Model, q: &[f64], v: &[f64], name: &str, expected: &Valu
     assert_relative_eq!(velocity.angular, vector(&expected["angular"]), epsilon = 1e-11);
 }
 
-/// The same rotation may be written with either sign.
+/// Negates a quaternion where required: the same rotation may have either sign.
 fn with_the_sign_of(theirs: &[f64], quaternion: std::ops::Range<usize>, mut ours: Vec<f64>) -> Vec<f64> {
     let product: f64 = quaternion.clone().map(|index| ours[index] * theirs[index]).sum();
     ours[quaternion].iter_mut().for_each(|part| *part *= product.signum());
@@ -70,7 +70,7 @@ fn with_the_sign_of(theirs: &[f64], quaternion: std::ops::Range<usize>, mut ours
 }
 
 #[test]
-fn configurations_of_pinocchio_describe_the_same_motions() {
+fn pinocchio_configurations_describe_the_same_motions() {
     let model = rover();
     for case in vectors()["cases"].as_array().unwrap() {
         let (theirs, v) = (numbers(&case["pinocchio"]["q"]), numbers(&case["pinocchio"]["v"]));
@@ -85,7 +85,7 @@ fn configurations_of_pinocchio_describe_the_same_motions() {
             assert_moves(&model, &q, &v, name, link);
         }
         assert_close(&model.to_pinocchio(&q), &theirs);
-        // Turns of a continuous joint are lost there.
+        // whole turns of a continuous joint are lost there
         let mut turned = q.clone();
         *turned.last_mut().unwrap() += 2.0 * std::f64::consts::TAU;
         assert_close(&model.to_pinocchio(&turned), &theirs);
@@ -93,7 +93,7 @@ fn configurations_of_pinocchio_describe_the_same_motions() {
 }
 
 #[test]
-fn the_way_from_one_configuration_to_another_is_pinocchios() {
+fn difference_of_configurations_matches_pinocchio() {
     let model = rover();
     let document = vectors();
     let cases = document["cases"].as_array().unwrap();
@@ -106,8 +106,8 @@ fn the_way_from_one_configuration_to_another_is_pinocchios() {
         model.interpolate(&from, &to, 0.3, &mut between);
         let theirs = numbers(&case["pinocchio"]["difference"]);
         let there = model.from_pinocchio(&numbers(&case["pinocchio"]["interpolated"])).unwrap();
-        // A continuous joint is one unbounded angle here; Pinocchio takes the shorter way around, half a turn
-        // at most.
+        // A continuous joint is one unbounded angle here; Pinocchio uses the shorter rotation, at most half a
+        // turn.
         let wheel = (way.len() - 1, between.len() - 1);
         let turns = ((way[wheel.0] - theirs[wheel.0]) / std::f64::consts::TAU).round();
         assert_relative_eq!(way[wheel.0] - turns * std::f64::consts::TAU, theirs[wheel.0], epsilon = 1e-11);
@@ -123,7 +123,7 @@ fn the_way_from_one_configuration_to_another_is_pinocchios() {
 }
 
 #[test]
-fn accelerations_and_efforts_are_pinocchios() {
+fn accelerations_and_efforts_match_pinocchio() {
     let model = rover();
     let mut dynamics = Dynamics::new(&model);
     for case in vectors()["cases"].as_array().unwrap() {
@@ -137,7 +137,7 @@ fn accelerations_and_efforts_are_pinocchios() {
 }
 
 #[test]
-fn configurations_of_mujoco_describe_the_same_motions() {
+fn mujoco_configurations_describe_the_same_motions() {
     let model = rover();
     for case in vectors()["cases"].as_array().unwrap() {
         let (qpos, qvel) = (numbers(&case["mujoco"]["qpos"]), numbers(&case["mujoco"]["qvel"]));
@@ -157,7 +157,7 @@ fn configurations_of_mujoco_describe_the_same_motions() {
 }
 
 #[test]
-fn a_planar_joint_matches_pinocchio_in_fixed_axes() {
+fn planar_joint_matches_pinocchio_in_fixed_axes() {
     let document = vectors();
     let urdf = document["planar"]["urdf"].as_str().unwrap();
     let model = parse_urdf_with(urdf, None, &LoadOptions::default()).unwrap().model;
@@ -165,12 +165,12 @@ fn a_planar_joint_matches_pinocchio_in_fixed_axes() {
         let theirs = numbers(&case["q"]);
         let q = model.from_pinocchio(&theirs).unwrap();
         assert_close(&model.to_pinocchio(&q), &theirs);
-        // Theirs is along the axes of the body, ours along the plane's.
+        // their velocity is along the axes of the body, ours along the plane's
         let v = numbers(&case["v"]);
         let ours = model.velocity_from_pinocchio(&q, &v);
         assert_moves(&model, &q, &ours, "plate", case);
         assert_close(&model.velocity_to_pinocchio(&q, &ours), &v);
-        // Efforts are dual to velocities: their power is the same.
+        // efforts are dual to velocities: the power is the same
         let tau = [0.7, -1.1, 0.4];
         let theirs = model.velocity_to_pinocchio(&q, &tau);
         let power = |tau: &[f64], v: &[f64]| tau.iter().zip(v).map(|(tau, v)| tau * v).sum::<f64>();
@@ -179,7 +179,7 @@ fn a_planar_joint_matches_pinocchio_in_fixed_axes() {
 }
 
 #[test]
-fn a_configuration_of_another_length_is_refused() {
+fn configuration_of_another_length_is_rejected() {
     let model = rover();
     let theirs = numbers(&vectors()["cases"][0]["pinocchio"]["q"]);
     assert!(model.from_pinocchio(&theirs[..theirs.len() - 1]).is_none());

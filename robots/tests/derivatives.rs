@@ -1,4 +1,4 @@
-//! Analytical derivatives against finite differences along the configuration manifold.
+//! Analytical derivatives compared with finite differences along the configuration manifold.
 
 use std::path::Path;
 
@@ -39,7 +39,7 @@ fn moved(model: &Model, q: &DVector<f64>, v: &DVector<f64>) -> DVector<f64> {
     out
 }
 
-/// Central differences of `f` by the nv entries of its argument.
+/// Returns central differences of `f` with respect to the nv entries of its argument.
 fn differences(n: usize, f: impl Fn(&DVector<f64>) -> DVector<f64>) -> DMatrix<f64> {
     let h = 1e-5;
     let columns: Vec<_> = (0..n)
@@ -65,7 +65,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
-    fn those_of_inverse_dynamics(q in numbers(), v in numbers(), a in numbers()) {
+    fn inverse_dynamics_derivatives_match_differences(q in numbers(), v in numbers(), a in numbers()) {
         for model in robots() {
             let n = model.nv();
             let (q, v, a) = (configuration(&model, &q), vector(&model, &v, 2.0), vector(&model, &a, 4.0));
@@ -85,7 +85,7 @@ proptest! {
     }
 
     #[test]
-    fn those_of_forward_dynamics(q in numbers(), v in numbers(), tau in numbers()) {
+    fn forward_dynamics_derivatives_match_differences(q in numbers(), v in numbers(), tau in numbers()) {
         for model in robots() {
             let n = model.nv();
             let (q, v, tau) = (configuration(&model, &q), vector(&model, &v, 2.0), vector(&model, &tau, 4.0));

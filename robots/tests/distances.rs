@@ -1,4 +1,4 @@
-//! Signed distances of shapes, compared with geometry.
+//! Signed distances of shapes compared with geometry.
 
 use crate::solids::{Random, cube, translation, with_shape};
 use approx::assert_relative_eq;
@@ -29,7 +29,7 @@ fn between(geometry: &str, other: Geometry, placement: Isometry3<f64>) -> Proxim
 }
 
 #[test]
-fn primitives_are_as_far_apart_as_geometry_says() {
+fn primitive_distances_match_geometry() {
     let sphere = Geometry::Sphere { radius: 0.2 };
     let found = between("<sphere radius=\"0.1\"/>", sphere.clone(), translation(0.3, 0.4, 0.0));
     assert_relative_eq!(found.distance, 0.2, epsilon = 1e-12);
@@ -37,7 +37,7 @@ fn primitives_are_as_far_apart_as_geometry_says() {
     assert_relative_eq!(found.points[1], Point3::new(0.18, 0.24, 0.0), epsilon = 1e-12);
     assert_relative_eq!(found.normal.into_inner(), Vector3::new(0.6, 0.8, 0.0), epsilon = 1e-12);
 
-    // A corner of the cube against the sphere, an edge, a face.
+    // a corner of the cube against the sphere, then an edge, then a face
     let gap = between("<box size=\"2 2 2\"/>", sphere.clone(), translation(2.0, 2.0, 2.0)).distance;
     assert_relative_eq!(gap, 3.0_f64.sqrt() - 0.2, epsilon = 1e-9);
     let gap = between("<box size=\"2 2 2\"/>", sphere.clone(), translation(2.0, 2.0, 0.3)).distance;
@@ -45,7 +45,7 @@ fn primitives_are_as_far_apart_as_geometry_says() {
     let gap = between("<box size=\"2 2 2\"/>", sphere.clone(), translation(2.0, 0.2, 0.3)).distance;
     assert_relative_eq!(gap, 0.8, epsilon = 1e-9);
 
-    // URDF cylinders and capsules stand along z.
+    // URDF cylinders and capsules are along z
     let cylinder = "<cylinder radius=\"0.5\" length=\"2\"/>";
     assert_relative_eq!(
         between(cylinder, sphere.clone(), translation(0.0, 1.0, 0.9)).distance,
@@ -67,7 +67,7 @@ fn primitives_are_as_far_apart_as_geometry_says() {
 }
 
 #[test]
-fn depths_are_the_shortest_way_out() {
+fn depths_are_the_shortest_separations() {
     let sphere = Geometry::Sphere { radius: 0.2 };
     let found = between("<sphere radius=\"0.1\"/>", sphere.clone(), translation(0.1, 0.0, 0.0));
     assert_relative_eq!(found.distance, -0.2, epsilon = 1e-12);
@@ -78,7 +78,7 @@ fn depths_are_the_shortest_way_out() {
     let found = between("<box size=\"2 2 2\"/>", cube(1.0), translation(0.2, 1.3, 0.1));
     assert_relative_eq!(found.distance, -0.2, epsilon = 1e-9);
     assert_relative_eq!(found.normal.into_inner(), Vector3::y(), epsilon = 1e-9);
-    // Crossed in the middle: out sideways by both radii.
+    // crossed in the middle: separated sideways by both radii
     let crossing = Isometry3::rotation(Vector3::y() * std::f64::consts::FRAC_PI_2);
     let other = Geometry::Capsule { radius: 0.25, length: 1.0 };
     let found = between("<capsule radius=\"0.5\" length=\"2\"/>", other, crossing);
@@ -86,7 +86,7 @@ fn depths_are_the_shortest_way_out() {
     assert_relative_eq!(found.normal.y.abs(), 1.0, epsilon = 1e-9);
 }
 
-/// The farthest point of a shape along a direction, from its definition.
+/// Returns the farthest point of a shape along a direction, from its definition.
 fn support(geometry: &Geometry, placement: &Isometry3<f64>, direction: &Vector3<f64>) -> Point3<f64> {
     let d = placement.inverse_transform_vector(direction);
     let local = match *geometry {
@@ -106,7 +106,7 @@ fn support(geometry: &Geometry, placement: &Isometry3<f64>, direction: &Vector3<
 }
 
 #[test]
-fn planes_between_the_shapes_prove_every_distance() {
+fn separating_planes_prove_every_distance() {
     let urdf = |geometry: &Geometry| match *geometry {
         Geometry::Box { size } => format!("<box size=\"{} {} {}\"/>", size.x, size.y, size.z),
         Geometry::Sphere { radius } => format!("<sphere radius=\"{radius}\"/>"),
@@ -144,16 +144,17 @@ fn planes_between_the_shapes_prove_every_distance() {
                 assert_relative_eq!(normal.norm(), 1.0, epsilon = 1e-9);
                 assert_relative_eq!((q - p).dot(&normal), found.distance, epsilon = 1e-9);
                 // No point of the first lies farther along the normal than p, none of the second less far
-                // than q: the slab between is empty (or shared), so the distance can be no other along it ...
+                // than q. The slab in between is empty (or shared), so no other distance along the normal is
+                // possible ...
                 let far = support(first, &Isometry3::identity(), &normal);
                 let near = support(second, &placement, &-normal);
                 assert_relative_eq!((near - far).dot(&normal), found.distance, epsilon = 1e-6);
                 if found.distance > 0.0 {
-                    // ... and the points are joined by it: it is the distance.
+                    // ... and it connects the points, so it is the distance.
                     apart += 1;
                     assert_relative_eq!((q - p).norm(), found.distance, epsilon = 1e-9);
                 } else {
-                    // ... and no other direction gets them apart sooner.
+                    // ... and no other direction separates them sooner.
                     deep += 1;
                     for _ in 0..50 {
                         let direction = random_vector(&mut random, 1.0).normalize();

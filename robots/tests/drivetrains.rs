@@ -1,8 +1,8 @@
-//! Series elasticity and backlash against closed forms.
+//! Series elasticity and backlash compared with closed forms.
 
 use motorium_robots::{Actuator, ActuatorSettings, DriveCommand, Drivetrain, Motor};
 
-/// A motor, a drivetrain, and an inertia behind it that nothing else moves but a torque.
+/// A motor, a drivetrain, and a load inertia that is otherwise moved only by a torque.
 struct Pair {
     actuator: Actuator,
     inertia: f64,
@@ -22,7 +22,7 @@ impl Pair {
         let law = self.actuator.joint_law(command, self.joint, h).unwrap();
         let rate = self.inertia / h;
         let x = |effort: f64, slope: f64| (rate * self.joint.velocity + effort + torque) / (rate + slope);
-        // the effort falls with x, the joint's own line rises: both have the same bounds
+        // the effort decreases with x, the joint's own line increases: both have the same bounds
         let end = x(law.effort, law.slope).clamp(x(law.low, 0.0), x(law.high, 0.0));
         let effort = law.at(end);
         self.joint.velocity = end;
@@ -53,7 +53,7 @@ fn two_inertias_on_a_spring_oscillate_as_predicted() {
     for step in 1..=30_000 {
         let effort = pair.step(&idle, 0.0, h);
         let time = h * f64::from(step);
-        // the mean moves on evenly, the twist swings: 0.3 s are one turn and three quarters
+        // the mean moves uniformly and the twist oscillates: 0.3 s are one and three quarters of a period
         let twist = -(omega * time).sin() / omega;
         assert!(
             (pair.motor().position - pair.joint.position - twist).abs() < 2e-3 / omega + 5e-5,
@@ -67,7 +67,7 @@ fn two_inertias_on_a_spring_oscillate_as_predicted() {
 }
 
 #[test]
-fn damping_beside_the_spring_decays_as_that_of_an_oscillator() {
+fn damped_spring_decays_like_an_oscillator() {
     let (motor_inertia, stiffness, damping, inertia) = (0.1, 500.0, 0.4, 0.4);
     let drivetrain = Drivetrain { motor_inertia, stiffness, damping, backlash: 0.0 };
     let mut pair = Pair::new(drivetrain, inertia, Motor { position: 0.01, velocity: 0.0 }, FREE);
@@ -86,7 +86,7 @@ fn damping_beside_the_spring_decays_as_that_of_an_oscillator() {
 }
 
 #[test]
-fn a_load_deflects_a_held_joint_by_both_stiffnesses() {
+fn load_deflects_a_held_joint_by_both_stiffnesses() {
     let drivetrain = Drivetrain { motor_inertia: 0.2, stiffness: 400.0, damping: 3.0, backlash: 0.0 };
     let mut pair = Pair::new(drivetrain, 0.5, Motor::default(), 50.0);
     let hold = DriveCommand { kp: 1000.0, kd: 40.0, ..DriveCommand::effort(0.0) };
@@ -100,7 +100,7 @@ fn a_load_deflects_a_held_joint_by_both_stiffnesses() {
 }
 
 #[test]
-fn the_motor_limit_holds_behind_a_soft_spring() {
+fn motor_limit_applies_behind_a_soft_spring() {
     let drivetrain = Drivetrain { motor_inertia: 0.1, stiffness: 50.0, damping: 1.0, backlash: 0.0 };
     let mut pair = Pair::new(drivetrain, 1e9, Motor::default(), 5.0);
     let far = DriveCommand { position: 10.0, kp: 300.0, kd: 5.0, ..DriveCommand::effort(0.0) };
@@ -113,14 +113,14 @@ fn the_motor_limit_holds_behind_a_soft_spring() {
 }
 
 #[test]
-fn a_drive_brakes_its_motor_beyond_the_limits_of_its_command() {
+fn drive_brakes_its_motor_beyond_the_velocity_limits() {
     let drivetrain = Drivetrain { motor_inertia: 0.1, stiffness: 1e4, damping: 10.0, backlash: 0.0 };
     let mut pair = Pair::new(drivetrain, 0.4, Motor::default(), 20.0);
     let limits = DriveCommand { velocity_limits: [-2.0, 2.0], braking: 400.0, ..DriveCommand::effort(20.0) };
     for _ in 0..4000 {
         pair.step(&limits, 0.0, 1e-3);
     }
-    // where the highest effort has fallen to nothing
+    // where the maximum effort has decreased to zero
     assert!((pair.motor().velocity - 2.05).abs() < 1e-6, "{:?}", pair.motor());
     assert!((pair.joint.velocity - 2.05).abs() < 1e-6);
 }
@@ -128,7 +128,7 @@ fn a_drive_brakes_its_motor_beyond_the_limits_of_its_command() {
 const GEAR: Drivetrain = Drivetrain { motor_inertia: 0.2, stiffness: 2e5, damping: 40.0, backlash: 0.02 };
 
 #[test]
-fn within_the_backlash_neither_side_feels_the_other() {
+fn sides_are_decoupled_within_the_backlash() {
     let mut pair = Pair::new(GEAR, 0.3, Motor { position: 0.0, velocity: 0.5 }, FREE);
     let (h, idle) = (1e-4, DriveCommand::effort(0.0));
     // half the gap at 0.5 rad/s: 20 ms
@@ -139,7 +139,7 @@ fn within_the_backlash_neither_side_feels_the_other() {
     let efforts: Vec<f64> = (0..20).map(|_| pair.step(&idle, 0.0, h)).collect();
     assert!(efforts.iter().any(|effort| *effort < 0.0), "they meet: {efforts:?}");
     for _ in 0..20_000 {
-        // teeth push and never pull; whatever they do, the momentum of both stays
+        // teeth push and never pull; the total momentum is conserved
         let twist = pair.motor().position - pair.joint.position;
         let effort = pair.step(&idle, 0.0, h);
         assert!(effort == 0.0 || effort.signum() == twist.signum(), "{effort} at {twist}");
@@ -148,7 +148,7 @@ fn within_the_backlash_neither_side_feels_the_other() {
 }
 
 #[test]
-fn a_joint_behind_a_held_motor_moves_by_the_backlash() {
+fn joint_behind_a_held_motor_moves_by_the_backlash() {
     let mut pair = Pair::new(GEAR, 0.3, Motor::default(), 1e4);
     let hold = DriveCommand { kp: 1e6, kd: 1e3, ..DriveCommand::effort(0.0) };
     let mut ends = [0.0; 2];
@@ -159,16 +159,16 @@ fn a_joint_behind_a_held_motor_moves_by_the_backlash() {
         *end = pair.joint.position;
     }
     let play = ends[0] - ends[1];
-    // the gap, and twice the load over the stiffness of teeth and drive
+    // the gap, plus twice the load divided by the stiffness of teeth and drive
     let expected = 0.02 + 2.0 * 4.0 * (1.0 / 2e5 + 1.0 / 1e6);
     assert!((play - expected).abs() < 1e-9, "{play}, {expected}");
 }
 
 #[test]
-fn a_reversed_motor_crosses_the_gap_before_the_joint_moves() {
+fn reversed_motor_crosses_the_gap_before_the_joint_moves() {
     let mut pair = Pair::new(GEAR, 0.3, Motor::default(), FREE);
     let turn = |velocity| DriveCommand { velocity, kd: 500.0, ..DriveCommand::effort(0.0) };
-    // a little friction behind the gear, or the joint would go on
+    // a little friction after the gear; otherwise the joint would keep moving
     let mut run = |velocity: f64, steps: usize| {
         for _ in 0..steps {
             let friction = -20.0 * pair.joint.velocity;
@@ -179,7 +179,10 @@ fn a_reversed_motor_crosses_the_gap_before_the_joint_moves() {
     let (motor, joint) = run(1.0, 5000);
     assert!((motor - joint - 0.01).abs() < 1e-3, "the motor leads by half the gap: {motor}, {joint}");
     let (motor, joint) = run(-1.0, 5000);
-    assert!((motor - joint + 0.01).abs() < 1e-3, "and then by half the gap the other way: {motor}, {joint}");
+    assert!(
+        (motor - joint + 0.01).abs() < 1e-3,
+        "then it leads by half the gap in the other direction: {motor}, {joint}"
+    );
 }
 
 #[test]
@@ -195,7 +198,7 @@ fn stiff_teeth_and_long_steps_stay_stable() {
 }
 
 #[test]
-fn an_invalid_drivetrain_is_refused_by_name() {
+fn invalid_drivetrain_is_rejected_by_name() {
     let refused = |change: fn(&mut Drivetrain)| {
         let mut drivetrain = GEAR;
         change(&mut drivetrain);

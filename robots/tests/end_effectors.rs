@@ -1,4 +1,4 @@
-//! The frame that a task controls by default.
+//! The frame controlled by tasks by default.
 
 use std::path::Path;
 
@@ -9,16 +9,16 @@ fn robot(name: &str) -> Loaded {
 }
 
 #[test]
-fn the_only_end_effector_is_taken_unless_a_frame_is_named() {
+fn only_end_effector_is_the_default_frame() {
     let panda = robot("panda");
     assert_eq!(panda.end_effector(None).unwrap(), panda.model.frame("panda_hand_tcp").unwrap());
     assert_eq!(panda.end_effector(Some("panda_link4")).unwrap(), panda.model.frame("panda_link4").unwrap());
-    // Without the profile nothing is known of its end effectors, but a frame can still be named.
+    // Without the profile its end effectors are unknown, but a frame can still be named.
     assert!(panda.model.end_effector(None, Some("panda_link4")).is_ok());
 }
 
 #[test]
-fn a_missing_or_ambiguous_tip_is_an_error_with_an_example() {
+fn missing_or_ambiguous_tip_is_an_error_with_an_example() {
     let panda = robot("panda");
     let error = panda.model.end_effector(None, None).unwrap_err();
     assert_eq!(error.to_string(), "robot `panda` has no known end effector, and no `frame` is given");
@@ -38,7 +38,7 @@ fn a_missing_or_ambiguous_tip_is_an_error_with_an_example() {
 }
 
 #[test]
-fn an_immovable_frame_is_refused_and_the_tip_suggested() {
+fn immovable_frame_is_rejected_and_the_tip_suggested() {
     let panda = robot("panda");
     let error = panda.end_effector(Some("panda_link0")).unwrap_err();
     assert_eq!(error.to_string(), "`panda_link0` of robot `panda` is fixed to the world: no joint moves it");
@@ -49,12 +49,12 @@ fn an_immovable_frame_is_refused_and_the_tip_suggested() {
 }
 
 #[test]
-fn the_tip_of_every_robot_ends_its_longest_chain() {
+fn tip_is_the_end_of_the_longest_chain() {
     for (name, tip) in
         [("ur5e", "tool0"), ("panda", "panda_hand_tcp"), ("iiwa14", "iiwa_link_ee"), ("double-pendulum", "")]
     {
         let model = robot(name).model;
-        let found = model.tip().expect("it has joints");
+        let found = model.tip().expect("the robot has joints");
         assert!(model.moves(found), "{name}");
         assert!(
             tip.is_empty() || model.frames()[found.index()].name == tip,
@@ -65,7 +65,7 @@ fn the_tip_of_every_robot_ends_its_longest_chain() {
 }
 
 #[test]
-fn a_robot_that_fails_to_load_is_named_with_the_cause() {
+fn robot_that_fails_to_load_is_named_with_the_cause() {
     let error =
         RobotSource { name: "left", text: "pnada", base: Path::new("/nowhere"), ..RobotSource::default() }
             .load()

@@ -1,4 +1,4 @@
-//! Laws of mechanics on floating bases, with rotors, mimic joints and models made from models.
+//! Laws of mechanics for floating bases, with rotors, mimic joints and combined models.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ fn robots() -> Vec<Model> {
     let branching = parse_urdf_with(include_str!("fixtures/branching.urdf"), None, &floating).unwrap().model;
     let panda = load_with("panda", Path::new("."), &independent).unwrap().model;
     let walker = parse_mjcf(include_str!("mujoco/walker.xml"), None, &LoadOptions::default()).unwrap().model;
-    // Bodies that do not stand depth first.
+    // bodies that are not in depth-first order
     let hand = panda.frame("panda_link4").unwrap();
     let arm = load_with("planar-3r", Path::new("."), &LoadOptions::default()).unwrap().model;
     let two = panda.attached(hand, &arm, &nalgebra::Isometry3::translation(0.1, 0.2, 0.3), "other/").unwrap();
@@ -43,7 +43,7 @@ fn moved(model: &Model, q: &[f64], v: &DVector<f64>) -> Vec<f64> {
 }
 
 #[test]
-fn mass_bias_inverse_and_forward_dynamics_fit_together() {
+fn mass_bias_inverse_and_forward_dynamics_are_consistent() {
     let mut random = Random(1);
     for model in robots() {
         let n = model.nv();
@@ -75,7 +75,7 @@ fn mass_bias_inverse_and_forward_dynamics_fit_together() {
 }
 
 #[test]
-fn jacobians_are_slopes_of_poses_along_the_manifold() {
+fn jacobians_are_derivatives_of_poses_on_the_manifold() {
     let mut random = Random(2);
     for model in robots() {
         let n = model.nv();
@@ -112,7 +112,8 @@ fn jacobians_are_slopes_of_poses_along_the_manifold() {
     }
 }
 
-/// One step of the midpoint method: of second order on the manifold, too, along the mean velocity.
+/// Performs one step of the midpoint method along the mean velocity, which is second order on the manifold
+/// too.
 fn step(
     model: &Model,
     dynamics: &mut Dynamics,
@@ -135,7 +136,7 @@ fn step(
 }
 
 #[test]
-fn a_robot_that_falls_keeps_its_energy_and_momentum() {
+fn falling_robot_conserves_energy_and_momentum() {
     let mut random = Random(3);
     for model in robots() {
         let n = model.nv();
@@ -143,7 +144,8 @@ fn a_robot_that_falls_keeps_its_energy_and_momentum() {
         let start = moved(&model, &model.neutral(), &random.vector(n, 1.0));
         let speed = random.vector(n, 0.5);
         let mut errors = [0.0; 2];
-        // Half the step, a quarter of the error: what is left is the method's, not the dynamics'.
+        // half the step gives a quarter of the error: the remainder is caused by the integrator, not the
+        // dynamics
         for (error, steps) in errors.iter_mut().zip([100, 200]) {
             let (mut q, mut v) = (start.clone(), speed.clone());
             let energy = |dynamics: &mut Dynamics, q: &[f64], v: &DVector<f64>| {
@@ -158,7 +160,7 @@ fn a_robot_that_falls_keeps_its_energy_and_momentum() {
             }
             let scale = dynamics.kinetic_energy(&model, &q, v.as_slice());
             *error = ((energy(&mut dynamics, &q, &v) - before) / scale).abs();
-            // Gravity acts on the centre of mass alone.
+            // gravity acts on the centre of mass only
             let after = dynamics.momentum(&model, &q, v.as_slice());
             let gained = after.linear - momentum.linear - GRAVITY * (model.mass() * time);
             assert!(gained.norm() < 1e-3 * after.linear.norm(), "{gained}");

@@ -21,7 +21,7 @@ fn nearly_all_reachable_panda_poses_are_solved_within_limits() {
     let mut ik = InverseKinematics::new(model);
     let mut found = 0;
     for case in 0..500 {
-        // Spread over the inner four fifths of the range of every joint.
+        // spread over the inner four fifths of every joint's range
         let there: Vec<f64> = (0..model.nq())
             .map(|i| {
                 let share = 0.1 + 0.8 * (f64::from(case) * (i as f64 + 1.3).ln()).fract().abs();
@@ -44,7 +44,7 @@ fn nearly_all_reachable_panda_poses_are_solved_within_limits() {
 }
 
 #[test]
-fn an_unreachable_target_is_refused_with_its_distance() {
+fn unreachable_target_fails_with_its_distance() {
     let model = load("planar-3r", Path::new(".")).unwrap().model;
     let frame = model.frame("tip").unwrap();
     let options = IkOptions { rotation_tolerance: f64::INFINITY, ..IkOptions::default() };
@@ -60,7 +60,7 @@ fn an_unreachable_target_is_refused_with_its_distance() {
 }
 
 #[test]
-fn freedom_left_over_goes_to_the_posture() {
+fn remaining_freedom_approaches_the_posture() {
     let panda = load("panda", Path::new(".")).unwrap();
     let model = &panda.model;
     let home = panda.profile.as_ref().unwrap().home(model).unwrap();
@@ -70,7 +70,7 @@ fn freedom_left_over_goes_to_the_posture() {
     InverseKinematics::new(model)
         .solve(model, frame, &target, &IkOptions::default(), q.as_mut_slice())
         .unwrap();
-    // Fingers do not move the hand: they stay where they were.
+    // fingers do not move the hand, so they stay in place
     assert_relative_eq!(q[7], home[7], epsilon = 1e-12);
     assert!((&q - &home).amax() < 0.3, "{q}");
 }

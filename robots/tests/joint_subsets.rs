@@ -1,4 +1,4 @@
-//! Robots of which a graph moves some joints, and robots in MJCF files.
+//! Robots of which a graph moves only some joints, and robots in MJCF files.
 
 use std::path::Path;
 
@@ -39,11 +39,11 @@ const ARM: [&str; 7] = [
 ];
 
 #[test]
-fn an_arm_without_fingers_keeps_the_data_of_its_joints() {
+fn arm_without_fingers_keeps_the_data_of_its_joints() {
     let all = whole("panda");
     let (full, home) =
         (all.profile.as_ref().unwrap(), all.profile.as_ref().unwrap().home(&all.model).unwrap());
-    // by its joints, by its end effector, and by what is held alone
+    // by its joints, by its end effector, and by the held joints alone
     for settings in [
         json!({ "joints": ARM }),
         json!({ "joints": ["hand"] }),
@@ -59,7 +59,7 @@ fn an_arm_without_fingers_keeps_the_data_of_its_joints() {
         assert_eq!(limits.as_slice(), &full.acceleration_limit(&all.model).unwrap().as_slice()[..7]);
         profile.check(model).unwrap();
         assert!(profile.end_effectors["hand"].fingers.is_empty());
-        // what is held is carried: the mass matrix is the block of the whole one
+        // held parts are carried: the mass matrix is a block of the whole robot's
         assert!((model.mass() - all.model.mass()).abs() < 1e-12);
         let mass = |model: &motorium_robots::Model, q: &[f64]| {
             let mut mass = DMatrix::zeros(model.nv(), model.nv());
@@ -73,7 +73,7 @@ fn an_arm_without_fingers_keeps_the_data_of_its_joints() {
 }
 
 #[test]
-fn a_joint_is_held_at_its_configured_or_initial_position() {
+fn joint_is_held_at_its_configured_or_initial_position() {
     let humanoid = whole("humanoid");
     let profile = humanoid.profile.as_ref().unwrap();
     let left = &profile.end_effectors["left_hand"].joints;
@@ -84,7 +84,7 @@ fn a_joint_is_held_at_its_configured_or_initial_position() {
     let kept = arm.profile.as_ref().unwrap();
     assert!(kept.end_effectors.contains_key("left_hand"));
     kept.check(&arm.model).unwrap();
-    // the fingers of a Panda, wide open: the tip of one is where it is in the whole robot at that position
+    // with the fingers of a Panda wide open, a fingertip is where it is in the whole robot at that position
     let place = |robot: &Loaded, q: &[f64]| {
         let mut kinematics = motorium_robots::Kinematics::new(&robot.model);
         kinematics.update(&robot.model, q);
@@ -133,7 +133,7 @@ const BAR: &str = r#"<robot name="bar"><link name="bar"><inertial><mass value="1
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"#;
 
 #[test]
-fn an_mjcf_file_is_preferred_if_the_graph_asks_for_it() {
+fn mjcf_file_is_preferred_if_the_graph_requests_it() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("swing.xml"), SWING).unwrap();
     std::fs::write(folder.path().join("bar.urdf"), BAR).unwrap();
@@ -157,15 +157,15 @@ fn an_mjcf_file_is_preferred_if_the_graph_asks_for_it() {
     }
 }
 
-/// The model for viewers.
+/// Returns the model for viewers.
 fn seen(robot: &Loaded) -> Model {
     let drawn = robot.drawn().unwrap().unwrap();
     let read = parse_urdf(&drawn.text, None, MimicMode::Follow, &PackagePath::default());
     read.unwrap_or_else(|error| panic!("{error}\n{}", drawn.text)).model
 }
 
-/// The largest distance, m and rad, between frames of two models at the same joint positions, from the root
-/// of each.
+/// Returns the largest distance, m and rad, between frames of two models at the same joint positions,
+/// relative to the root of each.
 fn apart(one: &Model, other: &Model) -> f64 {
     assert_eq!(one.joint_names(), other.joint_names());
     let poses = |model: &Model| {
@@ -185,7 +185,7 @@ fn apart(one: &Model, other: &Model) -> f64 {
 }
 
 #[test]
-fn joints_that_are_held_are_drawn_where_they_are_held() {
+fn held_joints_are_drawn_at_their_positions() {
     for (name, settings) in [
         ("panda", json!({ "joints": ["hand"], "fixed": { "panda_finger_joint1": 0.03 } })),
         ("humanoid", json!({ "joints": ["left_hand"] })),
@@ -194,7 +194,7 @@ fn joints_that_are_held_are_drawn_where_they_are_held() {
         let robot = load(name, &settings).unwrap();
         let distance = apart(&robot.model, &seen(&robot));
         assert!(distance < 1e-9, "{name}: a link is drawn {distance} off");
-        // what is seen of a link stands in its own file's words
+        // the visuals of a link are unchanged from the file
         let (whole, text) = (whole(name).text().unwrap().unwrap(), robot.drawn().unwrap().unwrap().text);
         assert_eq!(text.matches("<visual").count(), whole.matches("<visual").count(), "{name}");
         assert!(text.matches("type=\"fixed\"").count() > whole.matches("type=\"fixed\"").count(), "{name}");
@@ -209,7 +209,7 @@ const GRIPPER: &str = r#"<mujoco model="gripper"><worldbody><body name="palm" po
 </body></worldbody></mujoco>"#;
 
 #[test]
-fn an_mjcf_robot_with_held_joints_shows_its_visual_shapes() {
+fn mjcf_robot_with_held_joints_shows_its_visual_shapes() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("gripper.xml"), GRIPPER).unwrap();
     let settings = json!({ "fixed": { "left": 0.03 } });
@@ -228,7 +228,7 @@ fn an_mjcf_robot_with_held_joints_shows_its_visual_shapes() {
 }
 
 #[test]
-fn a_robot_without_a_profile_gets_one_when_needed() {
+fn profile_is_created_when_needed() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("swing.xml"), SWING).unwrap();
     let profile = |settings: Value| {
@@ -249,8 +249,8 @@ fn a_robot_without_a_profile_gets_one_when_needed() {
 }
 
 #[test]
-fn an_unfitting_home_pose_is_reported_at_its_key() {
-    // the profile knows no joint that mimics another
+fn mismatched_home_pose_is_reported_at_its_key() {
+    // the profile has no joint that mimics another
     let options = LoadOptions { mimic: MimicMode::Independent, ..LoadOptions::default() };
     for (key, settings) in
         [("fixed", json!({ "fixed": { "panda_joint1": 0.0 } })), ("joints", json!({ "joints": ["hand"] }))]

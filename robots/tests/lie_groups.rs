@@ -1,4 +1,4 @@
-//! The Lie groups against values computed with 60 digits by `lie/generate.py`, and rotations between
+//! The Lie groups compared with values computed with 60 digits by `lie/generate.py`, and rotations between
 //! directions.
 
 use std::f64::consts::PI;
@@ -32,8 +32,8 @@ fn motion(case: &Value) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(vector(case, "translation")), rotation)
 }
 
-/// Largest difference relative to the largest entry, if that exceeds one, is within `units` units in the last
-/// place of one.
+/// Asserts that the largest difference, relative to the largest entry if that exceeds one, is within `units`
+/// units in the last place of one.
 fn assert_close<'a>(
     what: &str,
     case: &Value,
@@ -51,7 +51,7 @@ fn assert_close<'a>(
 }
 
 #[test]
-fn the_exponential_is_exact_up_to_almost_a_whole_turn() {
+fn exponential_is_exact_up_to_almost_a_whole_turn() {
     for case in cases() {
         let found = se3::exp(&xi(&case));
         assert_close("rotation", &case, found.rotation.coords.iter(), &numbers(&case, "quaternion"), 2.0);
@@ -61,12 +61,12 @@ fn the_exponential_is_exact_up_to_almost_a_whole_turn() {
 }
 
 #[test]
-fn the_logarithm_is_exact_up_to_almost_half_a_turn() {
+fn logarithm_is_exact_up_to_almost_half_a_turn() {
     let short: Vec<_> = cases().into_iter().filter(|case| case["short"] == true).collect();
     assert!(short.len() > 80);
     for case in short {
         assert_close("log", &case, se3::log(&motion(&case)).iter(), xi(&case).as_slice(), 8.0);
-        // The other quaternion of the same rotation.
+        // the other quaternion of the same rotation
         let mut negated = motion(&case);
         negated.rotation = UnitQuaternion::new_unchecked(-negated.rotation.into_inner());
         assert_close("log", &case, se3::log(&negated).iter(), xi(&case).as_slice(), 8.0);
@@ -83,7 +83,7 @@ fn small_rotations_keep_their_relative_accuracy() {
 }
 
 #[test]
-fn the_jacobians_are_exact_on_both_sides_of_every_seam() {
+fn jacobians_are_exact_on_both_sides_of_every_seam() {
     for case in cases() {
         let (xi, phi) = (xi(&case), xi(&case).fixed_rows::<3>(3).into_owned());
         let rows = |matrix: Matrix3<f64>| matrix.transpose().as_slice().to_vec();
@@ -104,9 +104,9 @@ fn the_jacobians_are_exact_on_both_sides_of_every_seam() {
 }
 
 #[test]
-fn the_jacobian_of_the_logarithm_is_the_inverse_right_jacobian() {
+fn logarithm_jacobian_is_the_inverse_right_jacobian() {
     for case in cases().iter().filter(|case| case["short"] == true) {
-        // Of the inverse motion the right Jacobian is the left one of the motion.
+        // the right Jacobian of the inverse motion is the left Jacobian of the motion
         let found = se3::log_jacobian(&motion(case).inverse()).transpose();
         assert_close("log_jacobian", case, found.iter(), &numbers(case, "se3_left_inverse"), 64.0);
     }
@@ -137,7 +137,7 @@ fn rotation_vector_rates_convert_to_angular_velocity_and_back() {
 }
 
 #[test]
-fn the_logarithm_of_half_a_turn_has_length_pi() {
+fn logarithm_of_half_a_turn_has_length_pi() {
     for axis in [Vector3::x(), -Vector3::y(), Vector3::new(1.0, -1.0, 0.5).normalize()] {
         for real in [0.0, -0.0, 1e-17, -1e-17] {
             let rotation = UnitQuaternion::new_unchecked(Quaternion::from_parts(real, axis));
@@ -151,7 +151,7 @@ fn the_logarithm_of_half_a_turn_has_length_pi() {
 }
 
 #[test]
-fn the_adjoint_moves_a_body_velocity_to_the_outer_frame() {
+fn adjoint_moves_a_body_velocity_to_the_outer_frame() {
     for case in cases() {
         let (motion, body) = (motion(&case), Vector6::new(0.3, -0.2, 0.5, 1.0, 0.1, -0.7));
         // exp(Ad xi) M = M exp(xi)
@@ -163,7 +163,7 @@ fn the_adjoint_moves_a_body_velocity_to_the_outer_frame() {
 }
 
 #[test]
-fn the_least_rotation_maps_directions_without_extra_turn() {
+fn least_rotation_maps_directions_without_extra_turn() {
     let directions = [
         Vector3::x(),
         -Vector3::y(),
@@ -175,7 +175,7 @@ fn the_least_rotation_maps_directions_without_extra_turn() {
     let angles = angles.into_iter().flat_map(|angle| [angle, PI - angle]);
     for (from, angle) in directions.iter().flat_map(|from| angles.clone().map(move |angle| (from, angle))) {
         let across = from.cross(&Vector3::ith(from.iamin(), 1.0)).normalize();
-        // Near pi from the other side: pi itself is no number.
+        // approaches pi from above, because pi itself is not representable
         let (sin, cos) =
             if angle > 3.0 { ((PI - angle).sin(), -(PI - angle).cos()) } else { angle.sin_cos() };
         let to = Unit::new_normalize(from * cos + from.cross(&across) * sin);

@@ -1,4 +1,4 @@
-//! Robots by the names and files a graph gives them: URDF, MJCF, folders of either.
+//! Robots loaded by the names and files in a graph: URDF, MJCF, or folders of either.
 
 use std::path::Path;
 
@@ -21,7 +21,7 @@ const URDF: &str = r#"<robot name="bar"><link name="bar"><inertial><mass value="
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"#;
 
 #[test]
-fn an_mjcf_file_loads_wherever_a_urdf_does() {
+fn mjcf_file_loads_like_a_urdf() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("swing.xml"), MJCF).unwrap();
     for reference in ["swing.xml", "./swing.xml", "."] {
@@ -29,7 +29,7 @@ fn an_mjcf_file_loads_wherever_a_urdf_does() {
         assert_eq!(robot.model.joint_names(), ["hinge"], "{reference}");
         assert!(robot.path.unwrap().ends_with("swing.xml"));
     }
-    // Beside a URDF a folder means that, and other files in XML are no robots.
+    // in a folder with a URDF that file is used, and other XML files are not robots
     std::fs::write(folder.path().join("package.xml"), "<package/>").unwrap();
     assert_eq!(load(".", folder.path()).unwrap().model.name(), "swing");
     std::fs::write(folder.path().join("bar.urdf"), URDF).unwrap();
@@ -37,7 +37,7 @@ fn an_mjcf_file_loads_wherever_a_urdf_does() {
 }
 
 #[test]
-fn a_profile_beside_an_mjcf_file_is_its_own() {
+fn profile_next_to_an_mjcf_file_is_loaded() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("swing.xml"), MJCF).unwrap();
     let profile =
@@ -49,7 +49,7 @@ fn a_profile_beside_an_mjcf_file_is_its_own() {
 }
 
 #[test]
-fn a_fault_in_an_mjcf_file_comes_with_line_and_column() {
+fn mjcf_errors_have_line_and_column() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("swing.xml"), MJCF.replace("axis=\"0 1 0\"", "axis=\"0 1\"")).unwrap();
     let error = load("swing.xml", folder.path()).unwrap_err();
@@ -59,7 +59,7 @@ fn a_fault_in_an_mjcf_file_comes_with_line_and_column() {
 }
 
 #[test]
-fn the_key_poses_of_an_srdf_come_with_the_robot() {
+fn srdf_key_poses_are_loaded_with_the_robot() {
     let folder = tempfile::tempdir().unwrap();
     for (file, text) in [
         ("urdf/swing.xml", MJCF),
@@ -79,7 +79,7 @@ fn the_key_poses_of_an_srdf_come_with_the_robot() {
 }
 
 #[test]
-fn a_file_that_is_not_utf8_is_refused_with_position() {
+fn file_that_is_not_utf8_is_rejected_with_position() {
     let folder = tempfile::tempdir().unwrap();
     for (name, before) in
         [("arm.urdf", "<robot name=\"r\">\n  <!-- grün "), ("arm.xml", "<mujoco>\n  <!-- grün ")]

@@ -1,4 +1,4 @@
-//! Yoshikawa's measure and its slope.
+//! Yoshikawa's measure and its gradient.
 
 use std::path::Path;
 
@@ -22,7 +22,7 @@ fn manipulability_at(model: &Model, q: &[f64], frame: FrameId, rows: TaskRows) -
 }
 
 #[test]
-fn two_links_in_a_plane_span_the_parallelogram_of_the_textbook() {
+fn two_link_arm_has_the_textbook_manipulability() {
     let link = |name: &str| format!("<link name=\"{name}\"/>");
     let joint = |name: &str, parent: &str, child: &str, x: f64, kind: &str| {
         format!(
@@ -60,7 +60,7 @@ fn two_links_in_a_plane_span_the_parallelogram_of_the_textbook() {
 }
 
 #[test]
-fn the_slope_is_that_of_the_measure() {
+fn gradient_matches_finite_differences() {
     let panda = |base| {
         load_with("panda", Path::new("."), &LoadOptions { base, ..LoadOptions::default() }).unwrap().model
     };
@@ -97,7 +97,7 @@ fn the_slope_is_that_of_the_measure() {
                     - manipulability_at(&model, &moved[1], frame, rows);
                 assert_relative_eq!(slope[column], rise / (2.0 * h), epsilon = 1e-7);
             }
-            // From the Jacobian itself, base columns left out.
+            // from the Jacobian itself, without the base columns
             let mut jacobian = Matrix6xX::zeros(model.nv());
             kinematics.jacobian(&model, frame, Reference::LocalWorldAligned, &mut jacobian);
             let picked: Vec<usize> = (0..6).filter(|&row| rows.0[row]).collect();
@@ -113,7 +113,7 @@ fn the_slope_is_that_of_the_measure() {
 }
 
 #[test]
-fn the_relative_jacobian_is_the_derivative_of_the_pose() {
+fn relative_jacobian_is_the_derivative_of_the_pose() {
     for base in [BaseMode::AsFile, BaseMode::Floating] {
         let options = LoadOptions { base, ..LoadOptions::default() };
         let model = load_with("panda", Path::new("."), &options).unwrap().model;
@@ -142,7 +142,7 @@ fn the_relative_jacobian_is_the_derivative_of_the_pose() {
 }
 
 #[test]
-fn the_jacobian_of_the_centre_of_mass_is_its_slope() {
+fn centre_of_mass_jacobian_is_its_derivative() {
     for base in [BaseMode::AsFile, BaseMode::Floating] {
         let options = LoadOptions { base, ..LoadOptions::default() };
         let text = include_str!("fixtures/branching.urdf");
@@ -168,7 +168,7 @@ fn the_jacobian_of_the_centre_of_mass_is_its_slope() {
 }
 
 #[test]
-fn the_jacobian_of_a_single_frame_matches_a_full_update() {
+fn single_frame_jacobian_matches_a_full_update() {
     for base in [BaseMode::AsFile, BaseMode::Floating] {
         let options = LoadOptions { base, ..LoadOptions::default() };
         let model = load_with("humanoid", Path::new("."), &options).unwrap().model;

@@ -1,5 +1,5 @@
-//! The mass matrix in frames on the joints' axes, compared with inverse dynamics, which is independent of
-//! them; its factor, compared with a dense one.
+//! The mass matrix in frames on the joint axes, compared with the independent inverse dynamics; its factor,
+//! compared with a dense one.
 
 use std::path::Path;
 
@@ -33,7 +33,7 @@ fn robot(joints: &[(usize, &str, &str, &str, &str)], base: BaseMode) -> Model {
     parse_urdf_with(&text, None, &options).unwrap().model
 }
 
-/// A configuration and a state that are nothing special.
+/// Returns a generic configuration.
 fn configuration(model: &Model, shift: f64) -> Vec<f64> {
     let wave: Vec<f64> = (0..model.nv()).map(|i| 1.3 * (1.7 * i as f64 + shift).sin()).collect();
     let mut q = model.neutral();
@@ -41,7 +41,7 @@ fn configuration(model: &Model, shift: f64) -> Vec<f64> {
     q
 }
 
-/// Column by column: the efforts of unit accelerations from rest without gravity.
+/// Returns the mass matrix column by column, from the efforts of unit accelerations at rest without gravity.
 fn by_inverse_dynamics(model: &Model, q: &[f64]) -> DMatrix<f64> {
     let n = model.nv();
     let mut dynamics = Dynamics::new(model);
@@ -58,7 +58,7 @@ fn by_inverse_dynamics(model: &Model, q: &[f64]) -> DMatrix<f64> {
 fn assert_mass(model: &Model, what: &str) {
     let n = model.nv();
     let mut dynamics = Dynamics::new(model);
-    // Of the upper triangle only what may differ from zero is written; of the whole everything.
+    // in the upper triangle, only entries that may be nonzero are written; in the whole matrix, all entries
     let (mut upper, mut whole) = (DMatrix::zeros(n, n), DMatrix::from_element(n, n, f64::NAN));
     for shift in [0.2, 1.9, -3.0] {
         let q = configuration(model, shift);
@@ -74,8 +74,8 @@ fn assert_mass(model: &Model, what: &str) {
 
 #[test]
 fn axes_at_any_angle_match_inverse_dynamics() {
-    // Angle between the axes: none, all but none, rounding's worth of a parallel, few degrees, skew, square,
-    // opposite.
+    // Angle between the axes: zero, nearly zero, within rounding of parallel, a few degrees, skew,
+    // perpendicular, opposite.
     let turns = [
         "0 0 0",
         "1e-9 0 0",
@@ -152,7 +152,7 @@ fn every_catalogue_robot_matches_inverse_dynamics() {
 }
 
 #[test]
-fn a_state_that_is_no_number_does_not_outlast_its_call() {
+fn nan_state_does_not_persist() {
     let model = load_with("panda", Path::new("."), &LoadOptions::default())
         .unwrap()
         .model
@@ -168,7 +168,7 @@ fn a_state_that_is_no_number_does_not_outlast_its_call() {
 }
 
 #[test]
-fn the_sparse_factor_solves_like_a_dense_one() {
+fn sparse_factor_solves_like_a_dense_one() {
     for name in ["panda", "quadruped", "humanoid"] {
         let model = load_with(name, Path::new("."), &LoadOptions::default()).unwrap().model;
         let n = model.nv();
@@ -188,7 +188,7 @@ fn the_sparse_factor_solves_like_a_dense_one() {
         let mut inverse = DMatrix::zeros(n, n);
         factor.inverse(&mut inverse);
         assert_relative_eq!(inverse, dense.inverse(), epsilon = 1e-11 * scale);
-        // X M = B, of more than one row.
+        // X M = B, with more than one row
         let rows = DMatrix::from_fn(3, n, |i, j| (0.7 * i as f64 + 1.3 * j as f64).sin());
         let mut found = rows.clone();
         factor.solve_right(&mut found);

@@ -1,4 +1,4 @@
-//! Mesh files, and their substitutes in a collision model.
+//! Mesh files and their substitutes in a collision model.
 
 use std::path::{Path, PathBuf};
 
@@ -52,12 +52,12 @@ fn stl_binary(header: &[u8]) -> Vec<u8> {
 
 fn obj() -> String {
     let corners = CORNERS.map(|[x, y, z]| format!("v {x} {y} {z}\n")).concat();
-    // Each way to name a corner, and a fan of four.
+    // every way to reference a corner, and a fan of four
     let faces = FACES.map(|[a, b, c, d]| format!("f {} {}/1 {}//1 {}\n", a + 1, b + 1, c + 1, d as i32 - 8));
     format!("# a cube\nmtllib x.mtl\no cube\n{corners}vn 0 0 1\nvt 0 0\n{}", faces.concat())
 }
 
-/// The cube in centimetres, with normal and corner indices alternating, moved and turned by two nodes.
+/// The cube in centimetres, with normal and corner indices alternating, moved and rotated by two nodes.
 fn dae() -> String {
     let corners: String = CORNERS.iter().flatten().map(|x| format!("{} ", x * 100)).collect();
     let indices: String = FACES.iter().flatten().map(|corner| format!("0 {corner} ")).collect();
@@ -83,7 +83,7 @@ fn extent(mesh: &TriangleMesh) -> (Vector3<f64>, Vector3<f64>) {
     mesh.points.iter().fold((first, first), |(low, high), point| (low.inf(point), high.sup(point)))
 }
 
-/// Volume by the divergence theorem: right only when all triangles face outwards.
+/// Volume by the divergence theorem, which is correct only if all triangles face outwards.
 fn volume(mesh: &TriangleMesh) -> f64 {
     let corner = |index: u32| mesh.points[index as usize];
     mesh.triangles.iter().map(|&[a, b, c]| corner(a).cross(&corner(b)).dot(&corner(c)) / 6.0).sum()
@@ -95,7 +95,7 @@ fn stl_and_obj_give_the_same_cube() {
     for (name, content) in [
         ("text.stl", stl_text().into_bytes()),
         ("binary.stl", stl_binary(b"made by a test")),
-        // Some programs begin binary files like text.
+        // some programs start binary files like text
         ("liar.STL", stl_binary(b"solid cube")),
         ("cube.obj", obj().into_bytes()),
     ] {
@@ -108,7 +108,8 @@ fn stl_and_obj_give_the_same_cube() {
     }
 }
 
-/// Corners of an L of thickness 1 and area 3, and its faces, each with the notch where a fan would cover it.
+/// Corners of an L with thickness 1 and area 3, and its faces, each with the notch where a fan would cover
+/// it.
 const L: [[i32; 2]; 6] = [[0, 0], [2, 0], [2, 2], [1, 2], [1, 1], [0, 1]];
 
 fn l_faces() -> Vec<Vec<usize>> {
@@ -156,7 +157,7 @@ fn concave_polygons_keep_their_notches() {
 }
 
 #[test]
-fn collada_faces_that_are_not_read_are_refused() {
+fn unsupported_collada_faces_are_rejected() {
     let folder = tempfile::tempdir().unwrap();
     for (element, expected) in [("tristrips", "<tristrips> is not supported"), ("trifans", "<trifans>")] {
         let text = dae().replace("polylist", element);
@@ -183,7 +184,7 @@ fn collada_honours_units_nodes_and_repeated_instances() {
     assert_relative_eq!(high, Vector3::new(4.0, 2.0, 11.0), epsilon = 1e-9);
 }
 
-/// The cube of side 2 m in a scene of these nodes, and the nodes of a library.
+/// Returns the cube with sides of 2 m in a scene of these nodes, and the nodes of a library.
 fn scene(unit: &str, nodes: &str, library: &str) -> String {
     let whole = dae().replace("<unit meter=\"0.01\" name=\"centimeter\"/>", unit);
     let start = whole.find("<library_visual_scenes>").unwrap();
@@ -211,7 +212,7 @@ fn collada_nodes_place_the_mesh_outermost_first() {
          <node><rotate>0 0 1 90</rotate><translate>500 0 0</translate>{cube}</node></node>"
     );
     assert_relative_eq!(centre(unit, &nested, ""), Vector3::new(3.0, 5.0, 0.0), epsilon = 1e-12);
-    // Lengths of nodes have the unit of the file, and short ones count.
+    // translations of nodes have the unit of the file, and small ones are applied too
     let moved = format!("<node><translate>0.9 0 0</translate>{cube}</node>");
     assert_relative_eq!(centre(unit, &moved, ""), Vector3::new(0.009, 0.0, 0.0), epsilon = 1e-12);
     let matrix = format!("<node><matrix>0 -1 0 100 1 0 0 200 0 0 1 300 0 0 0 1</matrix>{cube}</node>");
@@ -223,7 +224,7 @@ fn collada_nodes_place_the_mesh_outermost_first() {
 }
 
 #[test]
-fn a_faulty_mesh_is_refused_with_its_line() {
+fn faulty_mesh_is_rejected_with_its_line() {
     let folder = tempfile::tempdir().unwrap();
     let refusal = |name: &str, content: &[u8]| {
         let error = TriangleMesh::read(&write(folder.path(), name, content)).unwrap_err().to_string();
@@ -233,7 +234,7 @@ fn a_faulty_mesh_is_refused_with_its_line() {
     assert_eq!(refusal("b.obj", b"v 0 0 zero\n"), "b.obj:1: \"zero\" is not the number expected there");
     assert_eq!(
         refusal("c.stl", &stl_binary(b"")[..200]),
-        "c.stl: ends after 200 bytes where its header promises 684"
+        "c.stl: ends after 200 bytes where its header states 684"
     );
     assert_eq!(
         refusal("d.stl", b"solid x\nfacet\nvertex 1 2\n"),
@@ -283,7 +284,7 @@ fn mesh_and_ball(mode: MeshMode, x: f64) -> (SolidKind, Proximity) {
 }
 
 #[test]
-fn a_mesh_is_asked_as_a_hull_as_its_surface_or_as_a_capsule() {
+fn mesh_distances_use_a_hull_a_surface_or_a_capsule() {
     let (kind, found) = mesh_and_ball(MeshMode::default(), 3.0);
     assert_eq!(kind, SolidKind::Hull { corners: 8 });
     assert_relative_eq!(found.distance, 1.5, epsilon = 1e-9);
@@ -299,7 +300,7 @@ fn a_mesh_is_asked_as_a_hull_as_its_surface_or_as_a_capsule() {
     let (_, found) = mesh_and_ball(MeshMode::Surface, 1.2);
     assert_relative_eq!(found.distance, -0.3, epsilon = 1e-9);
 
-    // More corners than allowed: a capsule around all of them, hence nearer.
+    // more corners than allowed: a capsule around all of them, hence closer
     for mode in [MeshMode::Hull { most_corners: 7 }, MeshMode::Capsule] {
         let (kind, found) = mesh_and_ball(mode, 3.0);
         assert_eq!(kind, SolidKind::Fitted);

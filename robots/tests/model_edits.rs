@@ -1,4 +1,4 @@
-//! Models made from models: locked joints, tools, payloads, worlds, other sizes; and drives.
+//! Modified models: locked joints, tools, payloads, worlds, other sizes; and drives.
 
 use std::path::Path;
 
@@ -45,7 +45,7 @@ fn inverse(model: &Model, q: &[f64], v: &[f64], a: &[f64]) -> DVector<f64> {
 }
 
 #[test]
-fn a_locked_robot_moves_like_one_with_held_joints() {
+fn locked_robot_moves_like_one_with_held_joints() {
     let robots = [
         (panda(BaseMode::AsFile), vec![("panda_joint2", 0.4), ("panda_joint5", -1.1)]),
         (panda(BaseMode::Floating), vec![("panda_joint1", 0.7), ("panda_finger_joint1", 0.02)]),
@@ -109,7 +109,7 @@ fn a_locked_robot_moves_like_one_with_held_joints() {
 }
 
 #[test]
-fn a_tool_attached_is_a_tool_in_the_file() {
+fn attached_tool_equals_a_tool_in_the_file() {
     let tool = "<link name=\"T/palm\"><inertial><origin xyz=\"0.01 0.02 0.03\"/><mass value=\"0.5\"/>\
                 <inertia ixx=\"0.01\" ixy=\"0.001\" ixz=\"0\" iyy=\"0.012\" iyz=\"0\" izz=\"0.008\"/></inertial></link>\
                 <link name=\"T/claw\"><inertial><origin xyz=\"0 0 0.05\"/><mass value=\"0.2\"/>\
@@ -130,7 +130,7 @@ fn a_tool_attached_is_a_tool_in_the_file() {
         );
         let model = arm.attached(frame, &read(&alone, BaseMode::AsFile).model, &placement, "T/").unwrap();
         assert_eq!(model.joint_names().last().unwrap(), "T/close");
-        // In the file the tool hangs deep in the tree: the order of the joints differs.
+        // in the file the tool is deep in the tree, so the order of the joints differs
         let order: Vec<usize> =
             model.joint_names().iter().map(|name| expected.joint_index(name).unwrap()).collect();
         let (q, v, a) = (configuration(&model, 4.0), numbers(model.nv(), 5.0), numbers(model.nv(), 6.0));
@@ -153,7 +153,7 @@ fn a_tool_attached_is_a_tool_in_the_file() {
 }
 
 #[test]
-fn a_payload_loads_the_joints_as_a_force_does() {
+fn payload_loads_the_joints_like_a_force() {
     let arm = panda(BaseMode::AsFile);
     let hand = arm.frame("panda_hand_tcp").unwrap();
     let payload =
@@ -179,7 +179,7 @@ fn a_payload_loads_the_joints_as_a_force_does() {
 }
 
 #[test]
-fn robots_in_one_world_do_not_feel_each_other() {
+fn robots_in_one_world_are_independent() {
     let (one, other) = (panda(BaseMode::AsFile), read(BRANCHING, BaseMode::AsFile).model);
     let placement = Isometry3::new(Vector3::new(1.0, 2.0, 0.5), Vector3::new(0.2, -0.4, 2.0));
     let world = Model::world(
@@ -197,7 +197,7 @@ fn robots_in_one_world_do_not_feel_each_other() {
     let tau = inverse(&world, &q, &v, &a);
     let first = inverse(&one, &q[..n], &v[..n], &a[..n]);
     assert_relative_eq!(tau.rows(0, n).into_owned(), first, epsilon = 1e-11);
-    // Seen from the second robot gravity points elsewhere.
+    // in the frame of the second robot, gravity has another direction
     let mut second = DVector::zeros(other.nv());
     let gravity = placement.rotation.inverse() * GRAVITY;
     Dynamics::new(&other).rnea(&other, &q[n..], &v[n..], &a[n..], gravity, second.as_mut_slice());
@@ -220,13 +220,13 @@ fn robots_in_one_world_do_not_feel_each_other() {
 }
 
 #[test]
-fn a_robot_of_another_size_obeys_the_laws_of_scaling() {
+fn scaled_robot_obeys_the_scaling_laws() {
     let arm = load("panda", Path::new(".")).unwrap().model.locked(&[("panda_finger_joint1", 0.0)]).unwrap();
     let scale = 1.7_f64;
     let large = arm.scaled(scale).unwrap();
     let q = configuration(&arm, 8.0);
     let (v, a) = (numbers(arm.nv(), 1.0), numbers(arm.nv(), 2.0));
-    // Turning joints only: everything in M is an inertia, everything in g a mass times a length.
+    // revolute joints only: everything in M is an inertia, everything in g a mass times a length
     assert_relative_eq!(
         mass(&large, &q),
         mass(&arm, &q) * scale.powi(5),
@@ -330,9 +330,9 @@ fn faulty_transmissions_are_named() {
     assert!(error.to_string().starts_with("URDF:1:") && error.to_string().contains("\"fifty\""), "{error}");
 }
 
-/// Every body has the inertia of the links fixed to it, also after edits of the model.
+/// Every body has the inertia of the links fixed to it, also after modifications of the model.
 #[test]
-fn the_inertias_of_links_make_up_those_of_their_bodies() {
+fn link_inertias_sum_to_body_inertias() {
     use motorium_robots::{BodyFactors, Inertia, catalogue};
     let whole = |model: &Model, name: &str| {
         for (index, body) in model.bodies().iter().enumerate() {
@@ -346,7 +346,7 @@ fn the_inertias_of_links_make_up_those_of_their_bodies() {
         }
         for (index, frame) in model.frames().iter().enumerate() {
             assert!(frame.parent.is_none_or(|parent| parent < index), "{name}, {}", frame.name);
-            // The link above is on the same body, or on the one that carries it.
+            // the link above is on the same body, or on the body that carries it
             let above = frame.parent.and_then(|parent| model.frames()[parent].body);
             let own = frame.body;
             assert!(own == above || frame.parent.is_some() || frame.body.is_none(), "{name}, {}", frame.name);

@@ -1,5 +1,5 @@
-//! MuJoCo, which shares no code with Pinocchio, on files of both formats; `mujoco/generate.py` writes the
-//! vectors.
+//! Files of both formats compared with MuJoCo, which shares no code with Pinocchio; `mujoco/generate.py`
+//! writes the vectors.
 
 use std::path::{Path, PathBuf};
 
@@ -59,11 +59,11 @@ fn both_formats_agree_with_mujoco() {
 }
 
 #[test]
-fn the_total_mass_a_file_sets_is_that_of_its_bodies() {
+fn configured_total_mass_is_distributed_over_bodies() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mujoco/runner.xml");
     let model = read(&path);
     assert_relative_eq!(model.mass(), 14.0, epsilon = 1e-12);
-    // What they weigh beside one another stays: as 1000 kg/m3 would have them.
+    // the mass ratios are kept: as with 1000 kg/m3
     let plain = std::fs::read_to_string(&path).unwrap().replace(" settotalmass=\"14\"", "");
     let plain = parse_mjcf(&plain, None, &LoadOptions::default()).unwrap().model;
     for (set, own) in model.bodies().iter().zip(plain.bodies()) {
@@ -76,9 +76,9 @@ fn the_total_mass_a_file_sets_is_that_of_its_bodies() {
     }
 }
 
-/// Other files: `MOTORIUM_MUJOCO_VECTORS` names the script's output, next to the files themselves.
+/// Other files: `MOTORIUM_MUJOCO_VECTORS` names the script's output, which is next to the files themselves.
 #[test]
-fn files_of_others_agree_with_mujoco() {
+fn external_files_agree_with_mujoco() {
     let Some(path) = std::env::var_os("MOTORIUM_MUJOCO_VECTORS").map(PathBuf::from) else {
         println!(
             "skipped: set MOTORIUM_MUJOCO_VECTORS to the vectors that mujoco/generate.py wrote of some files"
@@ -93,12 +93,12 @@ fn files_of_others_agree_with_mujoco() {
 }
 
 #[test]
-fn what_collides_and_what_does_not_is_read() {
+fn collision_masks_are_read() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mujoco/walker.xml");
     let text = std::fs::read_to_string(&path).unwrap();
     let robot = parse_mjcf(&text, Some(&path), &LoadOptions::default()).unwrap();
     let model = &robot.model;
-    // Floor and step stand in the world, box and sphere on the trunk; its cylinder collides with nothing.
+    // Floor and step are in the world, box and sphere on the trunk; its cylinder does not collide.
     assert_eq!((model.base().world_shapes.len(), model.base_shapes().len()), (2, 2));
     let options = CollisionOptions { srdf: robot.exclusions, ..CollisionOptions::default() };
     let solids = CollisionModel::new(model, &options).unwrap();
@@ -122,10 +122,10 @@ fn bodies_whose_geoms_never_collide_in_mujoco_are_excluded() {
     };
     let pair = |one: &str, other: &str| (one.to_owned(), other.to_owned());
     assert_eq!(excluded("", ""), []);
-    // A floor that touches the robot, which does not touch itself.
+    // a floor that collides with the robot, which has no self-collision
     assert_eq!(excluded("conaffinity=\"0\" contype=\"1\"", "contype=\"0\""), [pair("a", "b")]);
     assert_eq!(excluded("contype=\"2\" conaffinity=\"2\"", ""), [pair("a", "world"), pair("b", "world")]);
-    // Bit 31 is a bit like any other.
+    // bit 31 is treated like any other
     assert_eq!(
         excluded("contype=\"2147483648\" conaffinity=\"0\"", "contype=\"0\" conaffinity=\"2147483648\""),
         [pair("a", "b")]
@@ -160,12 +160,12 @@ const PAINTED: &str = r#"<mujoco model="painted">
 </mujoco>"#;
 
 #[test]
-fn geoms_have_the_colours_of_mujoco_also_as_urdf() {
+fn geom_colours_match_mujoco_and_survive_urdf() {
     let options = LoadOptions { shapes: ShapeSource::Visual, ..LoadOptions::default() };
     let robot = parse_mjcf(PAINTED, None, &options).unwrap();
     assert_eq!(robot.colours.of_shape("world", 0, None), [0.9, 0.8, 0.7]);
     let drawn = [[0.1, 0.2, 0.3], [0.0, 1.0, 0.0], [0.8, 0.1, 0.1], [1.0; 3], [0.3, 0.3, 0.9]];
-    assert_eq!(robot.model.bodies()[0].shapes.len(), drawn.len(), "what has no opacity is not seen");
+    assert_eq!(robot.model.bodies()[0].shapes.len(), drawn.len(), "invisible geoms are omitted");
     for (place, colour) in drawn.into_iter().enumerate() {
         assert_eq!(robot.colours.of_shape("arm", place, Some(0)), colour, "geom {place}");
     }
@@ -178,13 +178,13 @@ fn geoms_have_the_colours_of_mujoco_also_as_urdf() {
     for (place, colour) in drawn.into_iter().enumerate() {
         assert_eq!(again.of_shape("arm", place, Some(0)), colour, "geom {place} in {urdf}");
     }
-    // The shapes that collide are all of them, the one that is not seen among them.
+    // The colliding shapes are all shapes, including the invisible one.
     let colliding = loaded.link_colours(ShapeSource::Collision).unwrap();
     assert_eq!(colliding.of_shape("arm", 5, Some(0)), [1.0, 0.0, 0.0]);
 }
 
 #[test]
-fn a_link_takes_missing_colours_from_its_visual_geoms() {
+fn missing_link_colours_come_from_visual_geoms() {
     let text = r#"<mujoco><worldbody><body name="arm"><joint axis="0 0 1"/>
         <inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>
         <geom size="0.1" contype="0" conaffinity="0" rgba="0.2 0.4 0.6 1"/><geom size="0.1" group="3"/>
@@ -198,7 +198,7 @@ fn a_link_takes_missing_colours_from_its_visual_geoms() {
 }
 
 #[test]
-fn unknown_materials_and_short_colours_are_refused() {
+fn unknown_materials_and_short_colours_are_rejected() {
     let geom = |looks: &str| {
         refusal(&format!(
             "<asset><material name=\"red\"/></asset><worldbody><geom size=\"0.1\" {looks}/></worldbody>"
@@ -216,7 +216,7 @@ fn refusal(body: &str) -> String {
 }
 
 #[test]
-fn what_is_not_read_is_refused_with_its_place() {
+fn unsupported_content_is_rejected_with_its_position() {
     let world =
         |content: &str| refusal(&format!("<worldbody><body name=\"b\">\n{content}</body></worldbody>"));
     assert!(
@@ -250,7 +250,7 @@ fn what_is_not_read_is_refused_with_its_place() {
 }
 
 #[test]
-fn a_coupling_of_first_order_is_a_mimic_joint() {
+fn first_order_coupling_is_a_mimic_joint() {
     let text = "<mujoco><compiler angle=\"radian\"/><worldbody><body name=\"a\"><joint name=\"one\" ref=\"0.2\"/>\
                 <geom size=\"0.1\"/><body name=\"b\" pos=\"1 0 0\"><joint name=\"two\" ref=\"0.5\"/><geom size=\"0.1\"/></body></body>\
                 </worldbody><equality><joint joint1=\"two\" joint2=\"one\" polycoef=\"0.1 -2 0 0 0\"/></equality></mujoco>";

@@ -1,5 +1,4 @@
-//! Damaged files: whatever happens to their text, reading ends in a model or in an error with a place inside
-//! the text.
+//! Damaged files: reading always ends in a model or in an error with a position inside the text.
 
 use std::path::Path;
 
@@ -10,7 +9,7 @@ use nalgebra::DMatrix;
 use proptest::prelude::*;
 use serde_json::Value;
 
-/// Words put in the place of others: numbers at the edge, values of attributes, pieces of XML.
+/// Replacement tokens: extreme numbers, attribute values, pieces of XML.
 const WORDS: [&str; 24] = [
     "0",
     "-0.0",
@@ -38,7 +37,7 @@ const WORDS: [&str; 24] = [
     "\u{1F916}",
 ];
 
-/// The files that are damaged.
+/// Returns the files to damage.
 fn texts() -> Vec<String> {
     let document: Value = serde_json::from_str(include_str!("mujoco/traps.json")).unwrap();
     let traps = document["files"].as_array().unwrap();
@@ -50,13 +49,13 @@ fn texts() -> Vec<String> {
         include_str!("fixtures/branching.urdf"),
         include_str!("../catalogue/rrbot/rrbot.urdf"),
     ] {
-        // As often as all the small ones together.
+        // as often as all the small ones together
         texts.extend(std::iter::repeat_n(text.to_owned(), 60));
     }
     texts
 }
 
-/// Bounds of the tokens of a text: names, values of attributes, single characters of the rest.
+/// Returns the bounds of the tokens of a text: names, attribute values, and single characters of the rest.
 fn tokens(text: &str) -> Vec<std::ops::Range<usize>> {
     let mut words: Vec<std::ops::Range<usize>> = Vec::new();
     let mut inside = false;
@@ -72,7 +71,7 @@ fn tokens(text: &str) -> Vec<std::ops::Range<usize>> {
     words
 }
 
-/// A text with some of its words replaced, removed, repeated or exchanged.
+/// Returns a text with some of its tokens replaced, removed, repeated or swapped.
 fn damaged(mut text: String, damages: &[(u8, prop::sample::Index, prop::sample::Index)]) -> String {
     for (kind, first, second) in damages {
         let words = tokens(&text);
@@ -89,7 +88,7 @@ fn damaged(mut text: String, damages: &[(u8, prop::sample::Index, prop::sample::
                 let word = text[there].to_owned();
                 text.replace_range(here, &word);
             }
-            // A piece of the text, twice.
+            // a piece of the text, duplicated
             _ => {
                 let piece = text[here.start.min(there.start)..here.end.max(there.end)].to_owned();
                 text.insert_str(here.start.min(there.start), &piece[..piece.floor_char_boundary(400)]);
@@ -99,7 +98,7 @@ fn damaged(mut text: String, damages: &[(u8, prop::sample::Index, prop::sample::
     text
 }
 
-/// Uses a model that was read.
+/// Exercises a model that was read.
 fn walk(model: &Model) {
     let q = model.neutral();
     let mut kinematics = Kinematics::new(model);
@@ -130,7 +129,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 3000, ..ProptestConfig::default() })]
 
     #[test]
-    fn damaged_files_are_read_or_refused_with_a_place_in_them(
+    fn damaged_files_are_read_or_rejected_with_a_position(
         file in any::<prop::sample::Index>(),
         damages in prop::collection::vec(any::<(u8, prop::sample::Index, prop::sample::Index)>(), 0..6),
         base in prop::sample::select(vec![BaseMode::AsFile, BaseMode::Floating, BaseMode::Fixed]),
@@ -143,13 +142,13 @@ proptest! {
 }
 
 #[test]
-fn nested_bodies_are_read_to_a_depth_that_fits_the_stack() {
+fn nested_bodies_are_limited_to_the_stack_size() {
     let chain = |depth: usize| {
         let bodies = "<body><joint/><geom size=\".1\"/>\n".repeat(depth);
         let text = format!("<mujoco><worldbody>\n{bodies}{}</worldbody></mujoco>", "</body>".repeat(depth));
         parse_mjcf(&text, None, &LoadOptions::default()).map(|robot| robot.model.nv())
     };
-    // Half of what a thread has.
+    // half of a thread's stack
     let thread = std::thread::Builder::new().stack_size(1 << 20).spawn(move || {
         assert_eq!(chain(140), Ok(140));
         for depth in [150, 1000, 50_000] {

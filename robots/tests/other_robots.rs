@@ -1,8 +1,8 @@
 //! Third-party robots compared with Pinocchio, if their files are installed; each test reports why it is
 //! skipped.
 //!
-//! Vectors: `MOTORIUM_GOLDEN`, or `../shared/golden` next to the repository. URDFs:
-//! `MOTORIUM_EXAMPLE_ROBOT_DATA` (a folder with `panda_description` and others in it), or the PyPI package
+//! Vectors are in `MOTORIUM_GOLDEN`, or in `../shared/golden` next to the repository. URDFs are in
+//! `MOTORIUM_EXAMPLE_ROBOT_DATA` (a folder with `panda_description` and others in it), or in the PyPI package
 //! `example-robot-data` of the `python3` in the path.
 
 use std::path::{Path, PathBuf};
@@ -54,7 +54,7 @@ fn agrees(name: &str, urdf: &str, base: BaseMode) {
 }
 
 #[test]
-fn our_panda_agrees_with_frankas() {
+fn catalogue_panda_agrees_with_frankas_panda() {
     let Some(golden) = vectors("panda") else { return };
     let panda = independent("panda", Path::new("."), BaseMode::AsFile);
     let errors = golden.compare(&panda.model);
@@ -69,23 +69,23 @@ fn frankas_panda_agrees_with_pinocchio() {
 }
 
 #[test]
-fn the_ur5_agrees_with_pinocchio() {
+fn ur5_agrees_with_pinocchio() {
     agrees("ur5", "ur_description/urdf/ur5_robot.urdf", BaseMode::AsFile);
 }
 
 #[test]
-fn the_solo12_agrees_with_pinocchio() {
+fn solo12_agrees_with_pinocchio() {
     agrees("solo12", "solo_description/robots/solo12.urdf", BaseMode::Floating);
 }
 
 #[test]
-fn the_talos_agrees_with_pinocchio() {
+fn talos_agrees_with_pinocchio() {
     agrees("talos_full", "talos_data/robots/talos_full_v2.urdf", BaseMode::Floating);
 }
 
 /// Its knee has the axis `0 1.22465e-16 -1`. The vectors come from `golden/axes.py`.
 #[test]
-fn the_icub_with_an_axis_near_minus_z_matches_pinocchio() {
+fn icub_with_an_axis_near_minus_z_matches_pinocchio() {
     let Some(robots) = robots() else { return };
     let golden = Golden::parse(include_str!("golden/icub.json"));
     let icub = independent("icub_description/robots/icub_reduced.urdf", &robots, BaseMode::AsFile);
@@ -101,7 +101,7 @@ fn tiago_with_its_impossible_inertias_agrees_with_pinocchio() {
 }
 
 #[test]
-fn every_package_robot_loads_or_is_refused_by_line() {
+fn every_package_robot_loads_or_fails_with_a_line() {
     let Some(robots) = robots() else { return };
     let mut files = Vec::new();
     find_urdfs(&robots, &mut files);
@@ -120,7 +120,7 @@ fn every_package_robot_loads_or_is_refused_by_line() {
             Err(error) => panic!("{error}"),
         }
     }
-    println!("{loaded} loaded, {refused} refused");
+    println!("{loaded} loaded, {refused} rejected");
     assert!(loaded > 20 * refused);
 }
 

@@ -1,4 +1,4 @@
-//! The catalogue against Pinocchio, by vectors that `golden/generate.py` wrote.
+//! The catalogue compared with Pinocchio, by vectors written by `golden/generate.py`.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use crate::golden::Golden;
 use motorium_robots::load;
 
 #[test]
-fn the_panda_agrees_with_pinocchio_in_every_quantity() {
+fn panda_agrees_with_pinocchio_in_every_quantity() {
     let golden = Golden::parse(include_str!("golden/panda.json"));
     let panda = load("panda", Path::new(".")).unwrap();
     let errors = golden.compare(&panda.model);
@@ -16,7 +16,7 @@ fn the_panda_agrees_with_pinocchio_in_every_quantity() {
 }
 
 #[test]
-fn the_panda_has_the_limits_pinocchio_reads() {
+fn panda_limits_match_pinocchio() {
     let golden = Golden::parse(include_str!("golden/panda.json"));
     golden.compare_limits(&load("panda", Path::new(".")).unwrap().model);
 }

@@ -1,4 +1,4 @@
-//! Every robot of the catalogue against Pinocchio, by vectors that `golden/catalogue.py` wrote.
+//! Every robot of the catalogue compared with Pinocchio, by vectors written by `golden/catalogue.py`.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ fn vectors(name: &str) -> String {
     std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// The robot with every joint independent, as the vectors have it.
+/// Returns the robot with all joints independent, as in the vectors.
 fn model(name: &str) -> Model {
     let options = LoadOptions { mimic: MimicMode::Independent, ..LoadOptions::default() };
     load_with(name, Path::new("."), &options).unwrap().model
@@ -33,7 +33,7 @@ fn every_catalogue_robot_has_the_mass_and_limits_of_pinocchio() {
         let document: Value = serde_json::from_str(&vectors(entry.name)).unwrap();
         let model = model(entry.name);
         let mass = document["total_mass"].as_f64().unwrap();
-        // Pinocchio leaves out what is fixed to the world.
+        // Pinocchio excludes links fixed to the world
         assert!(
             (model.mass() - mass).abs() <= 1e-12 * mass,
             "{}: {} kg, {mass} kg",

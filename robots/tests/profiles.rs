@@ -1,4 +1,4 @@
-//! Profiles: parsed, refused, and queried.
+//! Profiles: parsing, errors and queries.
 
 use std::path::Path;
 
@@ -19,7 +19,7 @@ fn refused(text: &str) -> ProfileError {
 }
 
 #[test]
-fn a_profile_with_a_fault_is_refused() {
+fn invalid_profile_is_rejected() {
     let model = load("pendulum", Path::new(".")).unwrap().model;
     let small = Profile::parse(SMALL).unwrap();
     assert!(matches!(small.gains(&model), Err(ProfileError::NoGains)));
@@ -37,7 +37,7 @@ fn a_profile_with_a_fault_is_refused() {
 }
 
 #[test]
-fn one_number_in_a_profile_stands_for_all_joints() {
+fn single_number_in_a_profile_applies_to_all_joints() {
     let model = load("planar-3r", Path::new(".")).unwrap().model;
     let text = "title = \"t\"\nsources = []\njoints = [\"joint1\", \"joint2\", \"joint3\"]\nhome = \"zero\"\n\
                 [poses]\nzero = 0\nbent = [0.1, 0.2, 0.3]\n[gains]\nkp = 40.0\nkd = [3.0, 2.0, 1.0]\n\
@@ -48,7 +48,7 @@ fn one_number_in_a_profile_stands_for_all_joints() {
     assert_eq!(profile.gains(&model).unwrap().kp.as_slice(), [40.0; 3]);
     assert_eq!(profile.gains(&model).unwrap().kd.as_slice(), [3.0, 2.0, 1.0]);
     assert_eq!(profile.velocity_limit(&model).unwrap().as_slice(), [1.5; 3]);
-    // A list of one number is a list of the wrong length.
+    // a list with one number has the wrong length
     let error = refused(&text.replace("kp = 40.0", "kp = [40.0]")).to_string();
     assert_eq!(error, "gains.kp has 1 entries, expected 3: one per joint of `joints`");
     let error = refused(&text.replace("kp = 40.0", "kp = \"stiff\"")).to_string();
@@ -58,7 +58,7 @@ fn one_number_in_a_profile_stands_for_all_joints() {
 }
 
 #[test]
-fn what_stands_and_drives_is_checked_too() {
+fn feet_and_mobile_bases_are_checked() {
     let with = |tail: &str| refused(&format!("{SMALL}{tail}")).to_string();
     let placed = with("[base_poses]\na = { position = [0.0, 0.0, 1.0] }\n");
     assert!(placed.contains("base = \"floating\""), "{placed}");
@@ -81,7 +81,7 @@ fn what_stands_and_drives_is_checked_too() {
 }
 
 #[test]
-fn a_floating_robot_stands_where_its_profile_puts_it() {
+fn floating_robot_starts_at_its_profile_pose() {
     let robot = load("quadruped", Path::new(".")).unwrap();
     let (model, profile) = (robot.model, robot.profile.unwrap());
     let q = profile.configuration(&model, "standing").unwrap();
@@ -106,7 +106,7 @@ fn the_base_follows_the_profile_unless_configured() {
 }
 
 #[test]
-fn a_profile_beside_a_file_makes_its_base_float() {
+fn profile_next_to_a_file_makes_its_base_float() {
     let folder = tempfile::tempdir().unwrap();
     let entry = catalogue().iter().find(|entry| entry.name == "pendulum").unwrap();
     std::fs::write(folder.path().join("swing.urdf"), entry.urdf).unwrap();
@@ -122,7 +122,7 @@ fn a_profile_beside_a_file_makes_its_base_float() {
 }
 
 #[test]
-fn facts_of_bases_and_rotors_are_there() {
+fn mobile_bases_and_rotors_have_their_properties() {
     let car = profile("ackermann").mobile_base.unwrap();
     assert_eq!(car.drive, Steering::Ackermann);
     assert_relative_eq!(car.wheelbase.unwrap(), 0.15875 + 0.17145);
@@ -132,10 +132,9 @@ fn facts_of_bases_and_rotors_are_there() {
     assert_eq!(profile("quadrotor").rotors.len(), 4);
 }
 
-/// At zero a `ur5e` is straight in its elbow and turned flat in its wrist: no joint alone leaves that
-/// posture.
+/// At zero a `ur5e` has a straight elbow and a flat wrist: no single joint leaves that posture.
 #[test]
-fn the_first_home_of_an_arm_moves_its_tool_in_all_directions() {
+fn drafted_home_of_an_arm_is_not_singular() {
     for name in ["ur5e", "panda", "iiwa14"] {
         let arm = load(name, Path::new(".")).unwrap();
         let mut kinematics = Kinematics::new(&arm.model);
@@ -156,11 +155,11 @@ fn the_first_home_of_an_arm_moves_its_tool_in_all_directions() {
     let wheels = load("differential-drive", Path::new(".")).unwrap();
     assert!(
         draft_profile(&wheels, BaseMode::AsFile).contains("inside the limits.\n"),
-        "it has no arm that could be bent"
+        "it has no arm to bend"
     );
 }
 
-/// The robot without its profile, and the first one that is drafted for it.
+/// Returns the robot without its profile, and the draft profile for it.
 fn drafted(reference: &str) -> (Loaded, Profile, String) {
     let options = LoadOptions { profile: ProfileChoice::Without, ..LoadOptions::default() };
     let robot = load_with(reference, Path::new("."), &options).unwrap();
@@ -171,7 +170,7 @@ fn drafted(reference: &str) -> (Loaded, Profile, String) {
 }
 
 #[test]
-fn legged_robots_stand_in_their_first_home() {
+fn legged_robots_stand_in_their_drafted_home() {
     for (name, feet) in [("quadruped", 4), ("humanoid", 2)] {
         let (robot, profile, text) = drafted(name);
         assert_eq!((profile.base, profile.feet.len()), (BaseKind::Floating, feet), "{text}");
@@ -290,16 +289,16 @@ fn first_tool_is_before_its_fingers() {
         assert_eq!(tool.joints, ["shoulder", "turn"]);
     };
     check("tool");
-    // The SRDF of a gripper names its moving jaw.
+    // the SRDF of a gripper names its moving jaw
     let srdf =
         "<robot name=\"arm\"><end_effector name=\"hand\" parent_link=\"jaw\" group=\"gripper\"/></robot>";
     std::fs::write(folder.path().join("arm.srdf"), srdf).unwrap();
     check("hand");
 }
 
-/// Two links whose drive at the root cannot hold them stretched out.
+/// Two links whose root drive cannot hold them stretched out.
 #[test]
-fn first_home_of_a_weak_arm_is_where_its_drives_hold_it() {
+fn drafted_home_of_a_weak_arm_is_holdable() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("weak.urdf");
     let link = |name: &str| {

@@ -1,4 +1,4 @@
-//! Laws of mechanics that hold whatever the robot, over random states.
+//! Laws of mechanics that hold for every robot, over random states.
 
 use std::path::Path;
 
@@ -30,7 +30,7 @@ fn mass(model: &Model, q: &DVector<f64>) -> DMatrix<f64> {
     mass
 }
 
-/// Height of all masses against gravity [J], from the poses of the bodies.
+/// Potential energy of all masses [J], from the poses of the bodies.
 fn potential_energy(model: &Model, q: &DVector<f64>) -> f64 {
     let mut kinematics = Kinematics::new(model);
     kinematics.update(model, q.as_slice());
@@ -59,7 +59,7 @@ fn kinetic_energy(model: &Model, q: &DVector<f64>, v: &DVector<f64>) -> f64 {
         .sum()
 }
 
-/// A vector of `model`'s size, from numbers in -1 .. 1.
+/// Returns a vector of `model`'s size, from numbers in -1 .. 1.
 fn state(model: &Model, numbers: &[f64], scale: f64) -> DVector<f64> {
     DVector::from_iterator(model.nv(), numbers.iter().cycle().take(model.nv()).map(|x| x * scale))
 }
@@ -72,7 +72,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn the_jacobian_is_the_derivative_of_the_pose(q in numbers()) {
+    fn jacobian_is_the_derivative_of_the_pose(q in numbers()) {
         for model in robots() {
             let q = state(&model, &q, 2.0);
             let mut kinematics = Kinematics::new(&model);
@@ -112,7 +112,7 @@ proptest! {
                     let (linear, angular) = match reference {
                         Reference::LocalWorldAligned => (aligned.linear, aligned.angular),
                         Reference::Local => (pose.rotation.inverse() * aligned.linear, pose.rotation.inverse() * aligned.angular),
-                        // The point of the body that passes the world's origin.
+                        // the point of the body at the world's origin
                         Reference::World => (aligned.linear - aligned.angular.cross(&pose.translation.vector), aligned.angular),
                     };
                     let expected = Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z);
@@ -125,7 +125,7 @@ proptest! {
     }
 
     #[test]
-    fn the_mass_matrix_is_definite_and_gives_the_kinetic_energy(q in numbers(), v in numbers()) {
+    fn mass_matrix_is_definite_and_gives_the_kinetic_energy(q in numbers(), v in numbers()) {
         for model in robots() {
             let (q, v) = (state(&model, &q, 2.0), state(&model, &v, 2.0));
             let mass = mass(&model, &q);
@@ -137,7 +137,7 @@ proptest! {
     }
 
     #[test]
-    fn gravity_is_the_slope_of_the_potential_energy(q in numbers()) {
+    fn gravity_is_the_gradient_of_the_potential_energy(q in numbers()) {
         for model in robots() {
             let q = state(&model, &q, 2.0);
             let mut gravity = DVector::zeros(model.nv());
@@ -180,7 +180,7 @@ proptest! {
     }
 
     #[test]
-    fn the_bias_takes_no_energy_from_free_motion(q in numbers(), v in numbers()) {
+    fn bias_forces_conserve_energy_in_free_motion(q in numbers(), v in numbers()) {
         // d/dt of the kinetic energy at a = M^-1 (-C v) must vanish: v' M a + 1/2 v' dM/dt v = 0.
         for model in robots() {
             let (q, v) = (state(&model, &q, 2.0), state(&model, &v, 2.0));
@@ -194,7 +194,7 @@ proptest! {
 }
 
 #[test]
-fn a_mimic_chain_follows_its_independent_master() {
+fn mimic_chain_follows_its_independent_master() {
     let [_, model] = robots();
     assert_eq!(model.joint_names(), ["waist", "lift_joint", "shoulder", "wheel_joint"]);
     let find = |name: &str| model.bodies().iter().find(|body| body.joint.name == name).unwrap();

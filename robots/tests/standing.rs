@@ -15,7 +15,7 @@ fn loaded(entry: &Entry) -> (Model, Profile) {
     (model, profile.unwrap())
 }
 
-/// Frames and points in them at which the robot touches the ground, its feet in these poses.
+/// Frames and points in them at which the robot touches the ground, with its feet in these poses.
 fn contacts(
     model: &Model,
     profile: &Profile,
@@ -38,7 +38,7 @@ fn contacts(
     for foot in profile.feet.values() {
         touch(&foot.frame, foot.radius, foot.sole);
     }
-    // A wheel that is a foot as well is listed once.
+    // a wheel that is also a foot is listed once
     if let (Some(base), true) = (&profile.mobile_base, profile.feet.len() < 4) {
         for wheel in &base.wheels {
             let body = model.joint_body(model.joint_index(wheel).unwrap());
@@ -48,7 +48,7 @@ fn contacts(
     found
 }
 
-/// Vertical forces of least norm at `points` that carry the robot, of this mass and centre of mass.
+/// Returns minimum-norm vertical forces at `points` that carry the robot with this mass and centre of mass.
 fn loads(points: &[Point3<f64>], mass: f64, com: &Vector3<f64>, planar: bool) -> DVector<f64> {
     let rows = if planar { 2 } else { 3 };
     let row = |row, point: &Vector3<f64>| [1.0, point.x, point.y][row];
@@ -59,10 +59,10 @@ fn loads(points: &[Point3<f64>], mass: f64, com: &Vector3<f64>, planar: bool) ->
     forces
 }
 
-/// Frame, point in it, and the vertical force there \[N\].
+/// Frame, point in the frame, and vertical force at that point \[N\].
 type Load = (usize, Vector3<f64>, f64);
 
-/// The robot in a pose, and the force on each contact; `None` if it does not stand.
+/// Returns the robot in a pose and the force on each contact; `None` if it does not stand.
 fn stand(model: &Model, profile: &Profile, pose: &str) -> Option<(DVector<f64>, Vec<Load>)> {
     let q = profile.configuration(model, pose).unwrap();
     let mut kinematics = Kinematics::new(model);
@@ -79,7 +79,7 @@ fn stand(model: &Model, profile: &Profile, pose: &str) -> Option<(DVector<f64>, 
     let forces = loads(&points, model.mass(), &com, !model.base().floating);
     assert!(
         forces.min() > 0.02 * forces.mean(),
-        "{}: {pose}: centre of mass {com:.3} at the edge of what it stands on: {forces:.2}",
+        "{}: {pose}: centre of mass {com:.3} at the edge of its support: {forces:.2}",
         model.name()
     );
     let carried = contacts.iter().zip(forces.iter()).map(|(contact, force)| (contact.0, contact.2, *force));
@@ -99,8 +99,8 @@ fn standing_poses_have_feet_on_the_ground_below_the_weight() {
     assert_eq!(standing.join(" "), expected);
 }
 
-/// Torques that hold the robot still at home, with the weight on its feet; the rows without a drive must be
-/// zero.
+/// Returns the torques that hold the robot still at home, with the weight on its feet. The rows without a
+/// drive must be zero.
 fn holding(model: &Model, profile: &Profile) -> DVector<f64> {
     let mut dynamics = Dynamics::new(model);
     let mut tau = DVector::zeros(model.nv());
@@ -143,7 +143,7 @@ fn drives_hold_every_robot_at_home_with_little_sag() {
             let torque = tau[offset + index].abs();
             let limit = model.effort_limit()[index];
             if profile.passive.contains(joint) {
-                assert!(torque < 1e-6, "{}: nothing holds {joint} against {torque:.3}", entry.name);
+                assert!(torque < 1e-6, "{}: no drive holds {joint} against {torque:.3}", entry.name);
                 continue;
             }
             assert!(torque <= 0.7 * limit, "{}: {joint} must hold {torque:.2} of {limit:.2}", entry.name);
@@ -173,7 +173,7 @@ fn default_gains_damp_every_joint_near_critically_at_home() {
                 assert_eq!((kp, kd), (0.0, 0.0), "{} {joint} has no drive", entry.name);
             } else if kp == 0.0 {
                 let base = profile.mobile_base.as_ref().expect("only wheels are driven by speed");
-                assert!(base.wheels.contains(joint), "{} {joint} is no wheel", entry.name);
+                assert!(base.wheels.contains(joint), "{} {joint} is not a wheel", entry.name);
                 let settling = inertia / kd;
                 assert!((1e-4..0.1).contains(&settling), "{} {joint}: {settling:.4} s", entry.name);
             } else {
@@ -185,7 +185,7 @@ fn default_gains_damp_every_joint_near_critically_at_home() {
 }
 
 #[test]
-fn the_quadrotor_can_hover_and_turn_either_way() {
+fn quadrotor_can_hover_and_yaw_in_both_directions() {
     let entry = catalogue().iter().find(|entry| entry.name == "quadrotor").unwrap();
     let (model, profile) = loaded(entry);
     let mut kinematics = Kinematics::new(&model);
@@ -194,7 +194,7 @@ fn the_quadrotor_can_hover_and_turn_either_way() {
     let share = model.mass() * 9.81 / profile.rotors.len() as f64;
     let (mut moment, mut drag) = (Vector3::zeros(), 0.0);
     for rotor in profile.rotors.values() {
-        assert!(share < 0.6 * rotor.max_thrust, "hovering takes {share:.3} of {} N", rotor.max_thrust);
+        assert!(share < 0.6 * rotor.max_thrust, "hovering requires {share:.3} of {} N", rotor.max_thrust);
         let pose = kinematics.pose(&model, model.frame(&rotor.frame).unwrap());
         moment += (pose.translation.vector - com).cross(&(pose * Vector3::z() * share));
         let sign = if rotor.spin == Spin::Clockwise { 1.0 } else { -1.0 };
@@ -203,7 +203,7 @@ fn the_quadrotor_can_hover_and_turn_either_way() {
     assert!(moment.norm() < 1e-12 && drag.abs() < 1e-12, "{moment} {drag}");
 }
 
-/// The joint, link or row of the other side.
+/// Returns the joint, link or row of the other side.
 fn other_side(name: &str) -> String {
     match name.contains("left") {
         true => name.replace("left", "right"),
@@ -217,7 +217,7 @@ fn left_and_right_mirror_each_other() {
     let mut mirrored = 0;
     for entry in catalogue() {
         let (model, profile) = loaded(entry);
-        // The Panda's fingers mirror each other, the arm does not.
+        // the Panda's fingers mirror each other, the arm does not
         if entry.name == "panda" || !model.frames().iter().any(|frame| frame.name.contains("left")) {
             continue;
         }
@@ -227,7 +227,7 @@ fn left_and_right_mirror_each_other() {
         for (index, name) in model.joint_names().iter().enumerate() {
             let joint = model.joint(index);
             let other =
-                model.joint_index(&other_side(name)).unwrap_or_else(|| panic!("{name} has no other side"));
+                model.joint_index(&other_side(name)).unwrap_or_else(|| panic!("{name} has no counterpart"));
             let across = joint.axis.y.abs() > 0.5;
             let kept = across != (joint.kind == motorium_robots::JointKind::Prismatic);
             let sign = if kept { 1.0 } else { -1.0 };

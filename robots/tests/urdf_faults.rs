@@ -1,17 +1,17 @@
-//! Files that cannot become a model, and the exact messages.
+//! Files that do not contain a valid model, and the exact messages.
 
 use std::path::Path;
 
 use motorium_robots::{LoadError, MimicMode, PackagePath, load, parse_urdf};
 
-/// The message for a URDF text, as if it stood in `robot.urdf`.
+/// Returns the message for a URDF text, as if it were in `robot.urdf`.
 fn fault(text: &str) -> String {
     parse_urdf(text, Some(Path::new("robot.urdf")), MimicMode::Follow, &PackagePath::default())
         .expect_err("the file has a fault")
         .to_string()
 }
 
-/// A robot of the links a, b, c with these joints, the first on line 5.
+/// Returns a robot with the links a, b, c and these joints, the first on line 5.
 fn joints(joints: &str) -> String {
     format!(
         "<robot name=\"r\">\n<link name=\"a\"/>\n<link name=\"b\"/>\n<link name=\"c\"/>\n{joints}\n</robot>"
@@ -21,7 +21,7 @@ fn joints(joints: &str) -> String {
 const B_TO_C: &str = r#"<joint name="bc" type="fixed"><parent link="b"/><child link="c"/></joint>"#;
 
 #[test]
-fn malformed_xml_is_refused_with_line_and_column() {
+fn malformed_xml_is_rejected_with_line_and_column() {
     assert_eq!(
         fault("<robot name=\"r\">\n  <link name=\"a\">\n</robot>"),
         "robot.urdf:3:1: not well-formed XML: expected 'link' tag, not 'robot'"
@@ -34,7 +34,7 @@ fn malformed_xml_is_refused_with_line_and_column() {
 }
 
 #[test]
-fn a_file_that_is_not_urdf_says_what_it_is() {
+fn file_that_is_not_urdf_reports_its_format() {
     assert_eq!(fault("<mujoco/>"), "robot.urdf:1:1: the root element is <mujoco>, expected <robot>");
     assert_eq!(fault("<robot name=\"r\"/>"), "robot.urdf:1:1: the robot has no <link>");
     let xacro = "<robot name=\"r\" xmlns:xacro=\"http://www.ros.org/wiki/xacro\">\n<xacro:include filename=\"x\"/></robot>";
@@ -45,7 +45,7 @@ fn a_file_that_is_not_urdf_says_what_it_is() {
 }
 
 #[test]
-fn an_unknown_link_is_named_with_its_nearest() {
+fn unknown_link_is_named_with_a_suggestion() {
     let text = joints(r#"<joint name="ab" type="fixed"><parent link="a"/><child link="bb"/></joint>"#);
     assert_eq!(
         fault(&text),
@@ -59,7 +59,7 @@ fn an_unknown_link_is_named_with_its_nearest() {
 }
 
 #[test]
-fn links_that_are_not_one_tree_are_refused() {
+fn links_that_are_not_one_tree_are_rejected() {
     assert_eq!(
         fault(&joints(B_TO_C)),
         "robot.urdf:3:1: the robot has 2 root links: a, b; connect them with (fixed) joints"
@@ -79,7 +79,7 @@ fn links_that_are_not_one_tree_are_refused() {
 }
 
 #[test]
-fn a_name_given_twice_is_refused_with_both_lines() {
+fn duplicate_name_is_rejected_with_both_lines() {
     let text = "<robot name=\"r\">\n<link name=\"a\"/>\n<link name=\"a\"/>\n</robot>";
     assert_eq!(fault(text), "robot.urdf:3:1: a second link is named \"a\"; the first is at line 2");
     let text = joints(&format!(
@@ -90,7 +90,8 @@ fn a_name_given_twice_is_refused_with_both_lines() {
     assert_eq!(fault(&text), "robot.urdf:6:1: a second joint is named \"j\"; the first is at line 5");
 }
 
-/// The fault of a chain a - b - c whose first joint is of this kind with this inside; `b` follows on line 6.
+/// Returns the error for a chain a - b - c whose first joint has this type and content; `b` follows on
+/// line 6.
 fn joint_fault(kind: &str, inside: &str) -> String {
     fault(&joints(&format!(
         "<joint name=\"ab\" type=\"{kind}\"><parent link=\"a\"/><child link=\"b\"/>\n{inside}</joint>\n{B_TO_C}"
@@ -98,7 +99,7 @@ fn joint_fault(kind: &str, inside: &str) -> String {
 }
 
 #[test]
-fn joints_that_cannot_be_used_are_refused() {
+fn invalid_joints_are_rejected() {
     assert_eq!(
         joint_fault("revolut", ""),
         "robot.urdf:5:1: joint \"ab\" has the unknown type \"revolut\" (did you mean \"revolute\"?)"
@@ -142,7 +143,7 @@ fn joints_that_cannot_be_used_are_refused() {
 }
 
 #[test]
-fn numbers_that_are_not_numbers_are_refused_where_they_stand() {
+fn malformed_numbers_are_rejected_with_their_position() {
     assert_eq!(
         joint_fault("fixed", r#"<origin xyz="0 0 1,5"/>"#),
         "robot.urdf:6:1: xyz=\"0 0 1,5\" of <origin> of <joint name=\"ab\">: expected 3 numbers separated by spaces"
@@ -160,7 +161,7 @@ fn numbers_that_are_not_numbers_are_refused_where_they_stand() {
 }
 
 #[test]
-fn elements_missing_or_given_twice_are_refused() {
+fn missing_or_duplicate_elements_are_rejected() {
     let link = |inside: &str| fault(&format!("<robot name=\"r\">\n<link name=\"a\">{inside}</link></robot>"));
     assert_eq!(
         link("\n<inertial><mass value=\"1\"/></inertial>"),
@@ -183,13 +184,13 @@ fn elements_missing_or_given_twice_are_refused() {
 }
 
 #[test]
-fn negative_mass_is_refused() {
+fn negative_mass_is_rejected() {
     let text = "<robot name=\"r\">\n<link name=\"a\"><inertial><mass value=\"-1\"/>\
                 <inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial></link></robot>";
     assert_eq!(fault(text), "robot.urdf:2:1: link \"a\" has the negative mass -1 kg");
 }
 
-/// The fault of two continuous joints, `ab` and `bc`, with these insides, on lines 5 and 6.
+/// Returns the error for two continuous joints, `ab` and `bc`, with this content, on lines 5 and 6.
 fn mimic_fault(first: &str, second: &str) -> String {
     fault(&joints(&format!(
         "<joint name=\"ab\" type=\"continuous\"><parent link=\"a\"/><child link=\"b\"/>{first}</joint>\n\
@@ -198,7 +199,7 @@ fn mimic_fault(first: &str, second: &str) -> String {
 }
 
 #[test]
-fn mimics_that_lead_nowhere_are_refused() {
+fn unresolvable_mimics_are_rejected() {
     assert_eq!(
         mimic_fault("", r#"<mimic joint="abb"/>"#),
         "robot.urdf:6:1: joint \"bc\" mimics \"abb\", which does not exist (did you mean \"ab\"?)"
@@ -218,7 +219,7 @@ fn mimics_that_lead_nowhere_are_refused() {
 }
 
 #[test]
-fn a_robot_that_is_nowhere_gets_the_nearest_catalogue_name() {
+fn unknown_robot_suggests_the_nearest_catalogue_name() {
     let error = load("pandas", Path::new("/nowhere")).unwrap_err();
     assert_eq!(
         error.to_string(),
@@ -228,7 +229,7 @@ fn a_robot_that_is_nowhere_gets_the_nearest_catalogue_name() {
 }
 
 #[test]
-fn a_folder_without_one_clear_urdf_is_refused() {
+fn ambiguous_folder_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
     assert!(matches!(load(".", folder.path()), Err(LoadError::NoUrdf(_))));
     for name in ["x.urdf", "y.urdf"] {
@@ -239,13 +240,13 @@ fn a_folder_without_one_clear_urdf_is_refused() {
 }
 
 #[test]
-fn xacro_is_told_from_a_faulty_urdf_however_it_shows() {
+fn xacro_is_recognised_in_every_form() {
     let link = "<link name=\"a\"/>";
     for (text, line) in [
         ("<robot name=\"r\" xmlns:xacro=\"http://ros.org/wiki/xacro\">\n<xacro:arm/></robot>".to_owned(), 2),
         // The prefix is declared nowhere.
         ("<robot name=\"r\">\n<xacro:arm/></robot>".to_owned(), 2),
-        // Expressions and substitutions without an element of xacro.
+        // expressions and substitutions without a xacro element
         (
             format!(
                 "<robot name=\"r\">{link}\n<link name=\"b\"><inertial><mass value=\"${{m}}\"/></inertial></link></robot>"
@@ -261,7 +262,7 @@ fn xacro_is_told_from_a_faulty_urdf_however_it_shows() {
 }
 
 #[test]
-fn mimics_of_floating_and_planar_joints_are_refused() {
+fn mimics_of_floating_and_planar_joints_are_rejected() {
     for (leader, follower) in [("floating", "continuous"), ("planar", "continuous"), ("planar", "planar")] {
         let text = joints(&format!(
             "<joint name=\"ab\" type=\"{leader}\"><parent link=\"a\"/><child link=\"b\"/></joint>\n\
@@ -278,7 +279,7 @@ fn mimics_of_floating_and_planar_joints_are_refused() {
 }
 
 #[test]
-fn floating_joint_that_mimics_is_refused() {
+fn floating_joint_that_mimics_is_rejected() {
     let text = joints(
         "<joint name=\"ab\" type=\"floating\"><parent link=\"a\"/><child link=\"b\"/><mimic joint=\"bc\"/></joint>\n\
          <joint name=\"bc\" type=\"continuous\"><parent link=\"b\"/><child link=\"c\"/></joint>",

@@ -1,4 +1,4 @@
-//! Models that are read from URDF files.
+//! Models read from URDF files.
 
 use std::path::Path;
 
@@ -35,7 +35,7 @@ fn inertial(mass: f64, [x, y, z]: [f64; 3]) -> String {
 }
 
 #[test]
-fn joints_come_parents_first_and_every_link_has_a_frame() {
+fn joints_are_parents_first_and_every_link_has_a_frame() {
     let UrdfRobot { model, warnings } = read(BRANCHING);
     let bodies: Vec<_> = model.bodies().iter().map(|body| body.name.as_str()).collect();
     assert_eq!(bodies, ["torso", "lift", "upper", "lower", "slider", "wheel"]);
@@ -46,7 +46,7 @@ fn joints_come_parents_first_and_every_link_has_a_frame() {
     assert_eq!((model.nq(), model.nv(), model.joint_index("shoulder")), (4, 4, Some(2)));
     assert_eq!(model.joint_index("elbow"), None);
     assert_eq!(model.joint(1).kind, JointKind::Prismatic);
-    // "1 2 -2" is three long; the elbow at 3 rad and 3 rad/s holds the shoulder at 2.2 rad and 2 rad/s.
+    // "1 2 -2" has length three; the elbow at 3 rad and 3 rad/s limits the shoulder to 2.2 rad and 2 rad/s
     let [
         ModelWarning::AxisLength { joint, length },
         ModelWarning::FollowerRange { .. },
@@ -59,7 +59,7 @@ fn joints_come_parents_first_and_every_link_has_a_frame() {
 }
 
 #[test]
-fn limits_are_infinite_where_the_file_gives_none() {
+fn missing_limits_are_infinite() {
     let model = read(BRANCHING).model;
     let wheel = model.joint_index("wheel_joint").unwrap();
     assert_eq!(model.lower()[wheel], f64::NEG_INFINITY);
@@ -74,7 +74,7 @@ fn limits_are_infinite_where_the_file_gives_none() {
 
 #[test]
 fn welded_links_merge_by_the_parallel_axis_theorem() {
-    // Two points of 1 kg, 2 m apart along x: about the middle 0, 2, 2 kg m2.
+    // two points of 1 kg, 2 m apart along x: about the middle 0, 2, 2 kg m2
     let point = "<inertial><mass value=\"1\"/><inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0\"/></inertial>";
     let text = format!(
         "<robot name=\"r\"><link name=\"a\"/><link name=\"b\">{point}</link><link name=\"c\">{point}</link>\
@@ -97,14 +97,14 @@ fn welded_links_merge_by_the_parallel_axis_theorem() {
 }
 
 #[test]
-fn independent_mimics_have_columns_of_their_own() {
+fn independent_mimics_have_separate_columns() {
     let options = (MimicMode::Independent, PackagePath::default());
     let model = parse_urdf(BRANCHING, None, options.0, &options.1).unwrap().model;
     assert_eq!(model.joint_names(), ["waist", "lift_joint", "shoulder", "elbow", "slide", "wheel_joint"]);
 }
 
 #[test]
-fn following_is_what_independent_joints_do_when_moved_together() {
+fn mimics_match_independent_joints_moved_together() {
     let followed = read(BRANCHING).model;
     let free = parse_urdf(BRANCHING, None, MimicMode::Independent, &PackagePath::default()).unwrap().model;
     let (q, v) = ([0.3, -0.1, 0.7, 1.1], [0.5, 0.2, -0.8, 2.0]);
@@ -120,7 +120,7 @@ fn following_is_what_independent_joints_do_when_moved_together() {
     let (ours, theirs) = (pose(&followed, &q, &v), pose(&free, &q_free, &v_free));
     assert_relative_eq!(ours.0, theirs.0, epsilon = 1e-14);
     assert_relative_eq!(ours.1, theirs.1, epsilon = 1e-14);
-    // Virtual work: the master carries the efforts of its followers by their ratios.
+    // virtual work: the master carries the efforts of its followers, multiplied by their ratios
     let gravity = Vector3::new(0.0, 0.0, -9.81);
     let (mut tau, mut tau_free) = ([0.0; 4], [0.0; 6]);
     Dynamics::new(&followed).bias(&followed, &q, &v, gravity, &mut tau);
@@ -130,7 +130,7 @@ fn following_is_what_independent_joints_do_when_moved_together() {
 }
 
 #[test]
-fn impossible_inertias_load_with_a_warning_that_names_the_link() {
+fn impossible_inertias_load_with_a_warning() {
     assert_eq!(warnings(&with_inertial(&inertial(1.0, [1.0, 1.0, 1.5]))), [""; 0]);
     assert_eq!(
         warnings(&with_inertial(&inertial(1.0, [1.0, -1.0, 1.5]))),
@@ -148,7 +148,7 @@ fn impossible_inertias_load_with_a_warning_that_names_the_link() {
 }
 
 #[test]
-fn a_massless_joint_loads_but_has_no_forward_dynamics() {
+fn massless_joint_loads_but_has_no_forward_dynamics() {
     let UrdfRobot { model, warnings } = read(&with_inertial(""));
     let [ModelWarning::NoInertia { link, joint }] = &warnings[..] else { panic!("{warnings:?}") };
     assert_eq!((link.as_str(), joint.as_str()), ("b", "j"));
@@ -159,7 +159,7 @@ fn a_massless_joint_loads_but_has_no_forward_dynamics() {
 }
 
 #[test]
-fn limits_that_are_probably_meant_otherwise_are_named() {
+fn suspicious_limits_are_reported() {
     let text = "<robot name=\"r\"><link name=\"a\"/><link name=\"b\">INERTIAL</link>\
                 <joint name=\"j\" type=\"revolute\"><parent link=\"a\"/><child link=\"b\"/>LIMIT</joint></robot>"
         .replace("INERTIAL", &inertial(1.0, [1.0, 1.0, 1.0]));
@@ -178,7 +178,8 @@ fn limits_that_are_probably_meant_otherwise_are_named() {
     );
 }
 
-/// A lift of two stages: the upper one from 0 to 0.4 m, and one that follows it with these attributes.
+/// A lift with two stages: the upper one moves from 0 to 0.4 m, and the other follows it with these
+/// attributes.
 fn lift(limit: &str, mimic: &str) -> String {
     let mass = inertial(5.0, [0.05; 3]);
     format!(
@@ -191,7 +192,7 @@ fn lift(limit: &str, mimic: &str) -> String {
 }
 
 #[test]
-fn a_follower_narrows_the_limits_of_its_leader() {
+fn follower_narrows_the_limits_of_its_leader() {
     let narrow = lift(r#"lower="0" upper="0.25" velocity="0.5""#, r#"multiplier="2""#);
     let UrdfRobot { model, .. } = read(&narrow);
     assert_eq!((model.lower()[0], model.upper()[0], model.velocity_limit()[0]), (0.0, 0.125, 0.25));
@@ -202,23 +203,23 @@ fn a_follower_narrows_the_limits_of_its_leader() {
             "joint \"upper\": its follower \"lower\" limits its velocity to 0.25; the file has 0.5",
         ]
     );
-    // The other way round, with an offset: -0.5 x + 0.1 is within -0.05 to 0.1 from 0 to 0.3.
+    // the reverse, with an offset: -0.5 x + 0.1 is within -0.05 to 0.1 from 0 to 0.3
     let mirrored = lift(r#"lower="-0.05" upper="0.1" velocity="0.5""#, r#"multiplier="-0.5" offset="0.1""#);
     let UrdfRobot { model, warnings } = read(&mirrored);
     assert_relative_eq!(model.upper()[0], 0.3, epsilon = 1e-12);
     assert!(matches!(&warnings[..], [ModelWarning::FollowerRange { .. }]), "{warnings:?}");
-    // Equal limits, though 0.36 / 0.9 is not 0.4 to the last bit, and an unknown velocity narrow nothing.
+    // equal limits narrow nothing although 0.36 / 0.9 is not exactly 0.4, nor does an unknown velocity
     let equal = lift(r#"lower="0" upper="0.36" velocity="0""#, r#"multiplier="0.9""#);
     let UrdfRobot { model, warnings } = read(&equal);
     assert_eq!((model.upper()[0], model.velocity_limit()[0]), (0.4, 0.5));
     assert!(matches!(&warnings[..], [ModelWarning::ZeroLimit { .. }]), "{warnings:?}");
-    // Independent joints keep what the file says.
+    // independent joints keep the limits of the file
     let alone = parse_urdf(&narrow, None, MimicMode::Independent, &PackagePath::default()).unwrap();
     assert_eq!((alone.model.upper()[0], alone.warnings.len()), (0.4, 0));
 }
 
 #[test]
-fn a_follower_without_a_common_position_is_named() {
+fn follower_without_a_common_position_is_reported() {
     let text = lift(r#"lower="2" upper="3" velocity="9""#, r#"multiplier="1""#);
     assert_eq!(
         warnings(&text),
@@ -240,7 +241,7 @@ fn couplings_of_mjcf_narrow_their_leader() {
 }
 
 #[test]
-fn sizes_as_of_millimetres_are_doubted() {
+fn sizes_in_millimetres_are_reported() {
     let robot = |inside: &str, origin: &str| {
         format!(
             r#"<robot name="r"><link name="a"/><link name="b">{inside}</link><link name="c"/>
@@ -268,7 +269,7 @@ fn sizes_as_of_millimetres_are_doubted() {
 }
 
 #[test]
-fn the_total_mass_counts_fixed_links() {
+fn total_mass_includes_fixed_links() {
     let heavy = inertial(3.0, [1.0; 3]);
     let text = with_inertial(&inertial(1.0, [1.0; 3]))
         .replace(r#"<link name="a"/>"#, &format!(r#"<link name="a">{heavy}</link>"#));
@@ -277,8 +278,8 @@ fn the_total_mass_counts_fixed_links() {
 }
 
 #[test]
-fn visuals_and_extensions_do_no_harm() {
-    // A texture without a file and a missing mesh, in parts nobody here reads.
+fn visuals_and_extensions_are_skipped() {
+    // a texture without a file and a missing mesh, in parts that are not read
     let text = "<robot name=\"r\"><material name=\"m\"><texture/></material><gazebo><plugin/></gazebo>\
                 <link name=\"a\"><visual><geometry><mesh filename=\"package://no/such\"/></geometry>\
                 <material name=\"é\"><texture/></material></visual></link></robot>";
@@ -333,7 +334,7 @@ fn meshes_are_found_by_folders_prefixes_and_ancestors() {
 }
 
 #[test]
-fn an_unknown_frame_suggests_the_nearest() {
+fn unknown_frame_suggests_the_nearest() {
     let model = load("panda", Path::new(".")).unwrap().model;
     assert_eq!(
         model.frame("panda_hnd_tcp").unwrap_err().to_string(),
@@ -342,7 +343,7 @@ fn an_unknown_frame_suggests_the_nearest() {
 }
 
 #[test]
-fn a_folder_is_loaded_with_the_profile_beside_its_urdf() {
+fn folder_is_loaded_with_the_profile_next_to_its_urdf() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
     std::fs::create_dir(root.join("mine")).unwrap();
@@ -367,7 +368,7 @@ fn a_folder_is_loaded_with_the_profile_beside_its_urdf() {
 }
 
 #[test]
-fn range_of_a_continuous_joint_is_named() {
+fn range_of_a_continuous_joint_is_reported() {
     let robot = |limits: &str| {
         warnings(&format!(
             "<robot name=\"r\"><link name=\"a\"/><link name=\"b\"><inertial><mass value=\"1\"/>\
@@ -383,7 +384,7 @@ fn range_of_a_continuous_joint_is_named() {
 }
 
 #[test]
-fn misspelt_names_degrees_and_empty_shapes_are_warned_of() {
+fn misspelt_names_degrees_and_empty_shapes_are_reported() {
     let joint = |inside: &str| {
         format!(
             "<robot name=\"r\"><link name=\"a\"/><link name=\"b\">{}</link>\n<joint name=\"j\" type=\"revolute\"><parent \
@@ -428,7 +429,7 @@ fn misspelt_names_degrees_and_empty_shapes_are_warned_of() {
 }
 
 #[test]
-fn a_second_shape_of_a_geometry_is_refused() {
+fn second_shape_of_a_geometry_is_rejected() {
     let text = with_inertial(
         "\n<collision><geometry><sphere radius=\"0.1\"/><box size=\"1 1 1\"/></geometry></collision>",
     );

@@ -8,7 +8,7 @@ use motorium_robots::{
 };
 
 #[test]
-fn a_model_written_as_urdf_has_the_same_joints_and_poses() {
+fn model_written_as_urdf_keeps_joints_and_poses() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mujoco");
     for name in ["arm.xml", "walker.xml", "runner.xml"] {
         let loaded = load(name, &folder).unwrap();

@@ -1,4 +1,4 @@
-//! The points that take turns at being the nearest, held to the shapes and to the distances after a turn.
+//! Witness points, compared with the shapes and with the distances after a rotation.
 
 use crate::solids::{Random, cube, translation, with_shape};
 use motorium_robots::{
@@ -6,7 +6,7 @@ use motorium_robots::{
 };
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
-/// A shape at the origin and another one at a place, with the nearest points and the witnesses.
+/// Returns the nearest points and the witnesses of a shape at the origin and another one at a pose.
 fn between(shape: &str, other: Geometry, placement: Isometry3<f64>) -> (Proximity, Vec<Proximity>) {
     let model = with_shape(shape);
     let mut kinematics = Kinematics::new(&model);
@@ -25,7 +25,7 @@ fn witnesses(solids: &CollisionModel, kinematics: &Kinematics) -> (Proximity, Ve
     (nearest, found)
 }
 
-/// True if one of the witnesses has this point on the first solid, and the gap \[m\] opposite of it.
+/// Returns `true` if one of the witnesses has this point on the first solid and this gap \[m\] opposite it.
 fn has(found: &[Proximity], x: f64, y: f64, z: f64, gap: f64) -> bool {
     found.iter().any(|witness| {
         (witness.points[0] - Point3::new(x, y, z)).norm() < 1e-6 && (witness.distance - gap).abs() < 1e-6
@@ -33,7 +33,7 @@ fn has(found: &[Proximity], x: f64, y: f64, z: f64, gap: f64) -> bool {
 }
 
 #[test]
-fn witnesses_between_sides_are_the_corners_of_the_overlap() {
+fn witnesses_between_faces_are_the_corners_of_the_overlap() {
     // a corner of the small cube and a corner of the large one: 0.5 by 0.5
     let (nearest, found) = between("<box size=\"2 2 2\"/>", cube(1.0), translation(1.0, 1.0, 1.6));
     assert!((nearest.distance - 0.1).abs() < 1e-9);
@@ -43,7 +43,7 @@ fn witnesses_between_sides_are_the_corners_of_the_overlap() {
         assert!(is_nearest(x, y) || has(&found, x, y, 1.0, 0.1), "({x}, {y}): {found:?}");
     }
     assert!(found.len() <= 4);
-    // half a side tilted: the far edge is known before it is the nearest
+    // with half of the face tilted, the far edge is known before it is the nearest
     let tilted = Isometry3::new(Vector3::new(0.0, 0.0, 1.6), Vector3::new(0.02, 0.0, 0.0));
     let (nearest, found) = between("<box size=\"2 2 2\"/>", cube(1.0), tilted);
     let farther = found.iter().filter(|witness| witness.distance > nearest.distance + 0.015).count();
@@ -51,7 +51,7 @@ fn witnesses_between_sides_are_the_corners_of_the_overlap() {
 }
 
 #[test]
-fn an_edge_above_a_side_has_two_witnesses_and_a_corner_none() {
+fn edge_above_a_face_has_two_witnesses_and_a_corner_none() {
     let edge = Isometry3::new(Vector3::new(0.1, 0.0, 1.8), Vector3::y() * std::f64::consts::FRAC_PI_4);
     let (nearest, found) = between("<box size=\"2 2 2\"/>", cube(1.0), edge);
     let gap = 1.8 - 1.0 - 0.5_f64.sqrt();
@@ -69,7 +69,7 @@ fn an_edge_above_a_side_has_two_witnesses_and_a_corner_none() {
 }
 
 #[test]
-fn crossing_edges_have_no_witness_and_parallel_ones_do() {
+fn only_parallel_edges_have_witnesses() {
     let up = UnitQuaternion::from_scaled_axis(Vector3::y() * std::f64::consts::FRAC_PI_4);
     let stands = |turn: f64, y: f64| {
         let turned = UnitQuaternion::from_scaled_axis(Vector3::z() * turn) * up;
@@ -137,8 +137,8 @@ fn witnesses_above_a_half_space_are_the_lower_corners() {
 }
 
 #[test]
-fn a_witness_stays_nearest_after_a_small_turn() {
-    // the distance after a turn, by the motion of the points known before it, is what is measured after it
+fn witnesses_predict_the_distance_after_a_small_rotation() {
+    // the distance after a rotation, predicted from the previously known points, equals the measured one
     let shapes = [
         "<box size=\"0.4 0.3 0.1\"/>",
         "<cylinder radius=\"0.15\" length=\"0.2\"/>",
@@ -150,7 +150,7 @@ fn a_witness_stays_nearest_after_a_small_turn() {
             let about = |random: &mut Random, size: f64| {
                 Vector3::new(random.next(), random.next(), random.next()) * size
             };
-            // nearly parallel to the cube, above its upper side or beside its rim
+            // nearly parallel to the cube, above its upper face or next to its rim
             let pose = Isometry3::new(
                 about(&mut random, 0.3) + Vector3::new(0.0, 0.0, 0.9),
                 about(&mut random, 0.02),
@@ -179,7 +179,7 @@ fn a_witness_stays_nearest_after_a_small_turn() {
                 (moved - witness.points[0]).dot(&witness.normal)
             });
             let known = known.fold(f64::INFINITY, f64::min);
-            // second order in the turn, and the part of a rim between two of its witnesses
+            // second order in the rotation, plus the part of a rim between two of its witnesses
             let rim = if shape.starts_with("<cyl") { 0.01 * 0.05 } else { 0.0 };
             assert!(known - after < 2e-4 + rim, "{shape} {case}: {known} {after} {nearest:?} {found:?}");
         }

@@ -1,12 +1,12 @@
-//! Capsules around points: replacements of meshes that are a hundred times faster to query.
+//! Capsules around points: substitutes for meshes that are a hundred times faster to query.
 
 use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Translation3, Unit, Vector3};
 
 use crate::Geometry;
 use crate::math::lie::so3;
 
-/// Steps of the search for the best axis: from 0.3 rad, halved each time no direction is better, to below a
-/// milliradian.
+/// Step sizes of the search for the best axis: from 0.3 rad, halved whenever no direction improves, to below
+/// a milliradian.
 const WIDEST: f64 = 0.3;
 const FINEST: f64 = 1e-3;
 const MOST_STEPS: usize = 60;
@@ -14,8 +14,8 @@ const MOST_STEPS: usize = 60;
 /// Fits a tight capsule around `points`: returns its pose, with the axis along z, and its
 /// [`Geometry::Capsule`].
 ///
-/// The axis is the one of smallest volume found by a local search from each principal axis of the points. The
-/// radius is the smallest circle's around the points seen along the axis. `None` without points.
+/// The axis minimises the volume, found by a local search from each principal axis of the points. The radius
+/// is the smallest circle's around the points projected along the axis. `None` without points.
 pub fn fit_capsule(points: &[Vector3<f64>]) -> Option<(Isometry3<f64>, Geometry)> {
     if points.is_empty() {
         return None;
@@ -54,7 +54,7 @@ impl Fit {
         std::f64::consts::PI * self.radius.powi(2) * (self.length + 4.0 / 3.0 * self.radius)
     }
 
-    /// The least capsule along `axis`.
+    /// Returns the smallest capsule along `axis`.
     fn along(points: &[Vector3<f64>], axis: Unit<Vector3<f64>>) -> Self {
         let across = axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize();
         let other = axis.cross(&across);
@@ -77,7 +77,7 @@ impl Fit {
     }
 }
 
-/// Tilts the axis while that reduces the volume.
+/// Tilts the axis as long as that reduces the volume.
 fn improve(points: &[Vector3<f64>], axis: Unit<Vector3<f64>>) -> Fit {
     let mut best = Fit::along(points, axis);
     let mut step = WIDEST;
@@ -99,7 +99,7 @@ fn improve(points: &[Vector3<f64>], axis: Unit<Vector3<f64>>) -> Fit {
     best
 }
 
-/// Centre and radius of the smallest circle around points (Welzl 1991, in the iterative form).
+/// Returns centre and radius of the smallest circle around points (Welzl 1991, in the iterative form).
 fn smallest_circle(points: &[[f64; 2]]) -> ([f64; 2], f64) {
     let mut circle = ([0.0; 2], -1.0);
     for (i, &p) in points.iter().enumerate() {
@@ -133,7 +133,7 @@ fn through(p: [f64; 2], q: [f64; 2], r: [f64; 2]) -> ([f64; 2], f64) {
     let (bx, by, cx, cy) = (q[0] - p[0], q[1] - p[1], r[0] - p[0], r[1] - p[1]);
     let double = 2.0 * (bx * cy - by * cx);
     if double == 0.0 {
-        // Collinear: the two farthest apart.
+        // Collinear: the circle around the two points farthest apart.
         let pairs = [around(p, q), around(p, r), around(q, r)];
         return pairs.into_iter().fold(pairs[0], |a, b| if b.1 > a.1 { b } else { a });
     }
@@ -148,7 +148,7 @@ mod tests {
 
     use super::*;
 
-    /// True if `point` is inside a placed capsule, within `slack`.
+    /// Returns `true` if `point` is inside a placed capsule, within `slack`.
     fn holds(placement: &Isometry3<f64>, geometry: &Geometry, point: &Vector3<f64>, slack: f64) -> bool {
         let &Geometry::Capsule { radius, length } = geometry else { return false };
         let local = placement.inverse_transform_point(&Point3::from(*point));
@@ -156,7 +156,7 @@ mod tests {
         Vector3::new(local.x, local.y, z).norm() <= radius + slack
     }
 
-    /// Points on the surface of a capsule, by two angles and a height.
+    /// Returns points on the surface of a capsule, by two angles and a height.
     fn surface(placement: &Isometry3<f64>, radius: f64, length: f64) -> Vec<Vector3<f64>> {
         let mut points = Vec::new();
         for turn in 0..24 {
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_capsule_is_found_again_from_points_on_it() {
+    fn capsule_is_recovered_from_its_surface_points() {
         let placement = Isometry3::new(Vector3::new(0.3, -0.2, 0.9), Vector3::new(0.4, 1.1, -0.3));
         let points = surface(&placement, 0.06, 0.4);
         let (found, geometry) = fit_capsule(&points).unwrap();
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn every_point_is_inside_and_nothing_much_else() {
+    fn capsule_contains_every_point_tightly() {
         let mut seed = 7_u64;
         let mut random = move || {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn points_without_extent_have_a_capsule_too() {
+    fn degenerate_points_have_a_capsule() {
         let one = [Vector3::new(1.0, 2.0, 3.0)];
         let (placement, geometry) = fit_capsule(&one).unwrap();
         assert!(holds(&placement, &geometry, &one[0], 1e-12));

@@ -10,21 +10,21 @@ use parry3d_f64::query::gjk::CsoPoint;
 use super::support::Placed;
 use crate::math::{V3, v3, vector};
 
-/// Corners at most: each turn of the search adds one.
+/// Maximum number of corners; each iteration of the search adds one.
 const CORNERS: usize = 128;
 /// Maximum number of faces of a closed triangle surface with this number of corners (Euler).
 const FACES: usize = 2 * CORNERS;
 
-/// Distance at which a face counts as on the boundary \[m\], within rounding.
+/// Distance within rounding at which a face counts as on the boundary \[m\].
 const ON_BOUNDARY: f64 = 2e-14;
 /// Distance below which a search without progress is limited by rounding \[m\].
 const STALLED: f64 = 1e-11;
 /// Depth below a face's plane at which a corner counts as in the plane \[m\].
 const IN_PLANE: f64 = 1e-13;
-/// Thinner than this \[m\] a set is flat.
+/// Thickness below which a set counts as flat \[m\].
 const FLAT: f64 = 1e-10;
 
-/// A difference of two points, and the points.
+/// A difference of two points, with the points.
 #[derive(Clone, Copy)]
 struct Corner {
     at: V3,
@@ -33,7 +33,7 @@ struct Corner {
 }
 
 impl Corner {
-    /// The farthest along `direction`.
+    /// Returns the corner farthest along `direction`.
     #[inline(always)]
     fn farthest([first, second]: &[Placed<'_>; 2], direction: V3) -> Self {
         let still = parry3d_f64::math::Pose::IDENTITY;
@@ -42,16 +42,16 @@ impl Corner {
     }
 }
 
-/// A triangle, seen from outside its corners run counter-clockwise.
+/// A triangle; seen from outside, its corners are counter-clockwise.
 #[derive(Clone, Copy)]
 struct Face {
     corners: [usize; 3],
     /// Neighbours across the edges that start at the corners.
     neighbours: [usize; 3],
-    /// Part of the surface; else its place is free.
+    /// Whether the face is part of the surface; otherwise its slot is free.
     alive: bool,
     normal: V3,
-    /// Distance of its plane from the origin, along the normal.
+    /// Distance of the face's plane from the origin, along the normal.
     distance: f64,
 }
 
@@ -78,7 +78,7 @@ impl Polytope {
     /// first to the second along which they separate soonest. `None` if all differences are collinear.
     pub(super) fn search(&mut self, pair: &[Placed<'_>; 2]) -> Option<(V3, V3, V3)> {
         self.begin(pair)?;
-        // The separation is no longer than the best one proven so far.
+        // the separation is at most the best one proven so far
         let (mut best, mut least) = (self.faces[self.nearest()?], f64::INFINITY);
         loop {
             let nearest = self.nearest()?;
@@ -148,7 +148,7 @@ impl Polytope {
         let [a, b, c] = corners.map(|corner| self.corners[corner].at);
         let normal = (b - a).cross(c - a);
         let length = normal.dot(normal).sqrt();
-        // A degenerate face is neither the nearest nor ever visible.
+        // a degenerate face is neither the nearest nor ever visible
         let (normal, distance) = if length > f64::MIN_POSITIVE {
             let normal = normal * (1.0 / length);
             (normal, normal.dot(a))
@@ -185,7 +185,7 @@ impl Polytope {
             self.find_horizon(corner.at, face, edge);
         }
         let count = self.horizon.len();
-        // From corner to corner around the region; the covered faces are free.
+        // From corner to corner around the region; slots of covered faces are free.
         let edge = |index: usize| {
             let (face, edge) = self.horizon[index % count];
             let corners = self.faces[face].corners;
@@ -223,7 +223,7 @@ impl Polytope {
         let Face { corners, neighbours, .. } = self.faces[face];
         let (place, begin) = (neighbours[edge], corners[(edge + 1) % 3]);
         let neighbour = &mut self.faces[place];
-        // The same edge has the opposite direction there.
+        // the same edge has the opposite direction there
         let Some(back) = neighbour.corners.iter().position(|&corner| corner == begin) else { return };
         if !neighbour.alive {
             return;

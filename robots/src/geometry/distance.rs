@@ -1,4 +1,4 @@
-//! The workspace that measures the distances of the pairs of a collision model.
+//! Workspace for the distances of the pairs of a collision model.
 
 use super::depth::Polytope;
 use super::pairs::CollisionModel;
@@ -12,16 +12,17 @@ use nalgebra::{Isometry3, IsometryMatrix3, Point3, Rotation3, Unit, Vector3};
 use parry3d_f64::query::gjk::VoronoiSimplex;
 use parry3d_f64::query::{ClosestPoints, DefaultQueryDispatcher, QueryDispatcher};
 
-/// The distance of two solids.
+/// Distance between two solids.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proximity {
     /// Index in [`CollisionModel::pairs`].
     pub pair: usize,
-    /// Signed distance \[m\]: the gap, or minus the depth.
+    /// Signed distance \[m\]: the gap, or the negative penetration depth.
     pub distance: f64,
-    /// Point of each solid nearest to (or deepest in) the other \[m, world\].
+    /// Point of each solid nearest to (or deepest in) the other solid, in the world \[m\].
     pub points: [Point3<f64>; 2],
-    /// From the first to the second, world axes: `distance == normal . (points[1] - points[0])`.
+    /// Direction from the first to the second solid, in world axes:
+    /// `distance == normal . (points[1] - points[0])`.
     pub normal: Unit<Vector3<f64>>,
     /// `true` if the search for the nearest points failed. `distance` is then only a lower bound, from the
     /// bounding spheres or NaN, and points and normal belong to the spheres.
@@ -33,10 +34,10 @@ pub struct Proximity {
 pub struct Collisions {
     pub(super) rotations: Vec<M3>,
     pub(super) positions: Vec<V3>,
-    /// Direction from the first to the second of each pair when last measured.
+    /// Direction from the first to the second solid of each pair, from the last measurement.
     hints: Vec<V3>,
     near: Vec<Proximity>,
-    /// The pair found nearest last.
+    /// The pair that was nearest in the last search.
     last: usize,
     simplex: VoronoiSimplex,
     polytope: Polytope,
@@ -65,12 +66,13 @@ impl Collisions {
         self.update_robot(model, 0, kinematics);
     }
 
-    /// Moves the obstacle of solid `index`: `pose` replaces its initial placement in the world.
+    /// Moves the obstacle of solid `index`; `pose` replaces its initial placement in the world.
     ///
     /// Panics if `index` is not an obstacle.
     pub fn move_obstacle(&mut self, model: &CollisionModel, index: usize, pose: &Isometry3<f64>) {
         assert!(model.is_obstacle(index), "solid {index} belongs to the robot");
-        // A hull is centred on itself, a fitted capsule likewise; their offset from the file's frame is kept.
+        // A hull is centred on itself, and so is a fitted capsule; their offset from the file's frame is
+        // kept.
         let solid = &model.solids[index];
         let original = &model.obstacle_frames[index - model.robot_solids];
         let (r, p) = (nalgebra::Matrix3::from(solid.rotation), Vector3::from(solid.position));
@@ -87,13 +89,13 @@ impl Collisions {
         self.positions[index] = pose.translation.vector.into();
     }
 
-    /// Pose of solid `index`: its [placement](CollisionModel::placement) in the world.
+    /// Returns the pose of solid `index`: its [placement](CollisionModel::placement) in the world.
     pub fn pose(&self, index: usize) -> IsometryMatrix3<f64> {
         let rotation = Rotation3::from_matrix_unchecked(self.rotations[index].into());
         IsometryMatrix3::from_parts(Vector3::from(self.positions[index]).into(), rotation)
     }
 
-    /// Origin of solid `index` in the world \[m\].
+    /// Returns the origin of solid `index` in the world \[m\].
     pub fn position(&self, index: usize) -> Vector3<f64> {
         self.positions[index].into()
     }
@@ -104,8 +106,8 @@ impl Collisions {
         self.last = 0;
     }
 
-    /// Search directions of the last distances, one per pair; besides the poses, the next distances depend on
-    /// them.
+    /// Search directions of the last distances, one per pair. Together with the poses they determine the next
+    /// distances.
     pub fn hints(&self) -> Vec<[f64; 3]> {
         self.hints.iter().map(|hint| hint.array()).collect()
     }
@@ -123,9 +125,9 @@ impl Collisions {
         self.measure(model, pair, range)
     }
 
-    /// Distance of one pair.
+    /// Returns the distance of one pair.
     pub fn distance(&mut self, model: &CollisionModel, pair: usize) -> Proximity {
-        // No distance exceeds this range; only surfaces can fail.
+        // no distance exceeds this range; only surfaces can fail
         self.measure(model, pair, f64::MAX).unwrap_or_else(|| self.bound(model, pair))
     }
 
@@ -152,8 +154,8 @@ impl Collisions {
         if model.pairs.is_empty() {
             return None;
         }
-        // The previous nearest pair is probably still near, and excludes most others by their bounding
-        // spheres.
+        // The previous nearest pair is probably still near, and its distance excludes most others by their
+        // bounding spheres.
         let mut best = self.distance(model, self.last);
         for pair in 0..model.pairs.len() {
             if pair != best.pair
@@ -167,7 +169,7 @@ impl Collisions {
         Some(best)
     }
 
-    /// Some pair that overlaps, or is nearer than `margin` \[m\].
+    /// Returns a pair that overlaps or is closer than `margin` \[m\], if any.
     pub fn colliding(&mut self, model: &CollisionModel, margin: f64) -> Option<Proximity> {
         (0..model.pairs.len()).find_map(|pair| {
             self.measure(model, pair, margin).filter(|proximity| proximity.distance < margin)
@@ -221,7 +223,8 @@ impl Collisions {
         })
     }
 
-    /// Distance of a solid from a half-space: its point farthest along the inward normal decides.
+    /// Returns the distance of a solid from a half-space, determined by the solid's farthest point along the
+    /// inward normal.
     fn measure_half_space(&self, model: &CollisionModel, pair: usize) -> Proximity {
         let [a, b] = model.pairs[pair];
         let first_is_plane = model.solids[a].is_half_space();
@@ -241,7 +244,7 @@ impl Collisions {
         }
     }
 
-    /// Distance of a pair with a surface, by parry.
+    /// Returns the distance of a pair with a surface, by parry.
     fn measure_surfaces(&mut self, model: &CollisionModel, pair: usize, range: f64) -> Option<Proximity> {
         let [a, b] = model.pairs[pair];
         let (first, second) = (model.shape(a)?, model.shape(b)?);
@@ -273,7 +276,7 @@ impl Collisions {
         })
     }
 
-    /// A lower bound of the distance by bounding spheres.
+    /// Returns a lower bound of the distance from bounding spheres.
     fn bound(&self, model: &CollisionModel, pair: usize) -> Proximity {
         let [a, b] = model.pairs[pair];
         let (first, second) = (model.solids[a].reach, model.solids[b].reach);

@@ -1,4 +1,4 @@
-//! The solids of a collision model, and the pairs of them to check.
+//! The solids of a collision model and the pairs to check.
 
 use std::collections::HashSet;
 
@@ -17,23 +17,24 @@ use crate::{Geometry, Model, Shape};
 pub struct CollisionOptions {
     /// The collision shape that replaces meshes.
     pub meshes: MeshMode,
-    /// Check links joined by a joint against each other too. Their shapes overlap at the joint in nearly all
-    /// files.
+    /// Whether links connected by a joint are checked against each other. Their shapes overlap at the joint
+    /// in nearly all files. Default false.
     pub adjacent: bool,
-    /// Checks links attached to the same link by a joint each, such as two fingers, against each other.
-    /// Default true.
+    /// Whether links attached to the same link by one joint each, such as two fingers, are checked against
+    /// each other. Default true.
     pub siblings: bool,
-    /// Check links of the robot against each other at all. Default true.
+    /// Whether links of the robot are checked against each other at all. Default true.
     pub self_collision: bool,
     /// Rules of an SRDF file.
     pub srdf: Srdf,
-    /// Skips unusable shapes, such as missing meshes, and rules for unknown links, instead of rejecting the
-    /// robot. [`CollisionModel::left_out`] lists them.
+    /// Whether unusable shapes, such as missing meshes, and rules for unknown links are skipped instead of
+    /// rejecting the robot. [`CollisionModel::left_out`] lists them. Default false.
     pub leave_out_defects: bool,
 }
 
 impl Default for CollisionOptions {
-    /// Convex hulls of up to 500 corners; no checks between links connected by a joint, no rules, no defects.
+    /// Convex hulls with up to 500 corners, no checks between links connected by a joint, no rules, no
+    /// skipped defects.
     fn default() -> Self {
         Self {
             meshes: MeshMode::default(),
@@ -46,26 +47,26 @@ impl Default for CollisionOptions {
     }
 }
 
-/// The frame that a solid is fixed to.
+/// Frame to which a solid is fixed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Attachment {
     /// The world: obstacles and immovable links.
     World,
-    /// The base of the robot.
+    /// The robot's base.
     Base,
-    /// The moving body of this index, as in [`Model::bodies`].
+    /// The moving body with this index in [`Model::bodies`].
     Body(usize),
 }
 
 /// The collision model cannot be created.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CollisionError {
-    /// A shape that cannot be used.
+    /// A shape is unusable.
     #[error("link \"{link}\": {problem}")]
     Solid {
         /// Link at fault.
         link: String,
-        /// The defect of its shape.
+        /// Defect of the shape.
         problem: SolidProblem,
     },
     /// A rule refers to an unknown link.
@@ -73,28 +74,28 @@ pub enum CollisionError {
     UnknownLink {
         /// The robot.
         robot: String,
-        /// The name in the rule.
+        /// The unknown name in the rule.
         link: String,
         /// The link most likely meant.
         nearest: Option<String>,
     },
 }
 
-/// The solids of a robot and the obstacles, with the pairs to check. Immutable while a
-/// [`Collisions`](super::Collisions) works on it.
+/// The solids of a robot and obstacles, with the pairs to check. Immutable while a
+/// [`Collisions`](super::Collisions) uses it.
 #[derive(Clone)]
 pub struct CollisionModel {
     pub(super) solids: Vec<Solid>,
-    /// The frame each is fixed to, as a slot: base, bodies, world.
+    /// Slot of the frame to which each solid is fixed: base, bodies, world.
     pub(super) slots: Vec<usize>,
     pub(super) pairs: Vec<[usize; 2]>,
     /// First solid of each robot.
     pub(super) robots: Vec<usize>,
-    /// Solids from here on are obstacles.
+    /// Index of the first obstacle among the solids.
     pub(super) robot_solids: usize,
-    /// Placement that each obstacle was added with.
+    /// Initial placement of each obstacle.
     pub(super) obstacle_frames: Vec<Isometry3<f64>>,
-    /// Per obstacle: it moves freely.
+    /// For each obstacle, whether it moves freely.
     free: Vec<bool>,
     pub(super) left_out: Vec<CollisionError>,
 }
@@ -229,7 +230,7 @@ impl CollisionModel {
     ///
     /// # Errors
     ///
-    /// [`CollisionError::Solid`]: the shape is unusable.
+    /// [`CollisionError::Solid`] if the shape is unusable.
     pub fn add_obstacle(
         &mut self,
         name: &str,
@@ -241,11 +242,11 @@ impl CollisionModel {
         Ok(self.add(solid, placement, false))
     }
 
-    /// Adds an object that moves freely: an obstacle that is checked against every solid.
+    /// Adds a freely moving object: an obstacle that is checked against every solid.
     ///
     /// # Errors
     ///
-    /// [`CollisionError::Solid`]: the shape is unusable.
+    /// [`CollisionError::Solid`] if the shape is unusable.
     pub fn add_free_object(
         &mut self,
         name: &str,
@@ -257,7 +258,7 @@ impl CollisionModel {
         Ok(self.add(solid, placement, true))
     }
 
-    /// Adds an obstacle that fills all below the plane z = 0 of `placement`, such as a ground.
+    /// Adds an obstacle that fills the half-space below the plane z = 0 of `placement`, such as a ground.
     pub fn add_half_space(&mut self, name: &str, placement: Isometry3<f64>) -> usize {
         self.add(Solid::half_space(name, placement), placement, false)
     }
@@ -297,17 +298,17 @@ impl CollisionModel {
         before - self.pairs.len()
     }
 
-    /// Number of solids: the robots', then the obstacles.
+    /// Number of solids: first the robots', then the obstacles.
     pub fn solid_count(&self) -> usize {
         self.solids.len()
     }
 
-    /// Link, or obstacle, that solid `index` belongs to.
+    /// Name of the link or obstacle to which solid `index` belongs.
     pub fn link(&self, index: usize) -> &str {
         &self.solids[index].link
     }
 
-    /// The shape of solid `index`.
+    /// Kind of shape of solid `index`.
     pub fn kind(&self, index: usize) -> SolidKind {
         self.solids[index].kind
     }
@@ -327,18 +328,18 @@ impl CollisionModel {
         self.solids[index].placement
     }
 
-    /// Shape of solid `index`, relative to its [placement](Self::placement). A [surface](MeshMode::Surface)
-    /// returns its convex hull.
+    /// Returns the shape of solid `index`, relative to its [placement](Self::placement). A
+    /// [surface](MeshMode::Surface) returns its convex hull.
     pub fn convex_shape(&self, index: usize) -> ConvexShape {
         self.solids[index].convex_shape()
     }
 
-    /// The pairs of solids checked, each with the lower index first.
+    /// The checked pairs of solids, each with the lower index first.
     pub fn pairs(&self) -> &[[usize; 2]] {
         &self.pairs
     }
 
-    /// Names of the links (or obstacles) of pair `index`.
+    /// Names of the links or obstacles of pair `index`.
     pub fn pair_links(&self, index: usize) -> [&str; 2] {
         self.pairs[index].map(|solid| self.link(solid))
     }
@@ -348,7 +349,7 @@ impl CollisionModel {
         &self.left_out
     }
 
-    /// Solid `index` is an obstacle.
+    /// Returns `true` if solid `index` is an obstacle.
     pub fn is_obstacle(&self, index: usize) -> bool {
         index >= self.robot_solids
     }
@@ -369,7 +370,7 @@ fn obstacle(
         .map_err(|problem| CollisionError::Solid { link: name.to_owned(), problem })
 }
 
-/// For every slot, the next slot with a shape towards the base.
+/// Returns, for every slot, the next slot with a shape towards the base.
 fn carriers(model: &Model, slots: &[usize]) -> Vec<usize> {
     let nodes = &model.flat().nodes;
     let mut carriers = vec![0; nodes.len() + 1];

@@ -2,9 +2,9 @@
 
 use nalgebra::Vector2;
 
-/// The corners of the convex hull of points, counter-clockwise, in `corners`: two for points in one line, one
-/// for a single point. `at` places a point in the plane; `points` are put in order. Within the capacity of
-/// twice as many corners as points, and two, nothing allocates. (Andrew, *Another efficient algorithm for
+/// Writes the corners of the convex hull of points to `corners`, counter-clockwise: two for collinear points,
+/// one for a single point. `at` projects a point into the plane; `points` are sorted. Nothing allocates if
+/// `corners` has capacity for twice the number of points plus two. (Andrew, *Another efficient algorithm for
 /// convex hulls in two dimensions*, 1979.)
 ///
 /// ```

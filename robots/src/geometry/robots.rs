@@ -8,9 +8,9 @@ use crate::model::flat::FlatModel;
 use crate::{Kinematics, Model};
 
 impl CollisionModel {
-    /// Adds another robot with its own base. `options` and their rules concern its own links. Each link is
-    /// also checked against every link of the previous robots, unless both are fixed in the world next to
-    /// floating bases. Returns its index.
+    /// Adds another robot with its own base and returns its index. `options` and their rules apply to its own
+    /// links. Each link is also checked against every link of the previous robots, unless both are fixed in
+    /// the world next to floating bases.
     ///
     /// ```
     /// use motorium_robots::{CollisionModel, CollisionOptions, load};
@@ -30,7 +30,7 @@ impl CollisionModel {
     ///
     /// # Panics
     ///
-    /// After an obstacle has been added.
+    /// If an obstacle has been added already.
     pub fn add_robot(&mut self, model: &Model, options: &CollisionOptions) -> Result<usize, CollisionError> {
         assert!(self.solids.len() == self.robot_solids, "robots are added before obstacles");
         let own = Self::new(model, options)?;
@@ -51,12 +51,12 @@ impl CollisionModel {
         Ok(self.robots.len() - 1)
     }
 
-    /// Index of the robot of solid `index`; `None` for an obstacle.
+    /// Index of the robot to which solid `index` belongs; `None` for an obstacle.
     pub fn robot(&self, index: usize) -> Option<usize> {
         (index < self.robot_solids).then(|| self.robots.partition_point(|first| *first <= index) - 1)
     }
 
-    /// The solids of a robot.
+    /// Range of the solids of a robot.
     pub(super) fn solids_of(&self, robot: usize) -> Range<usize> {
         self.robots[robot]..self.robots.get(robot + 1).copied().unwrap_or(self.robot_solids)
     }

@@ -1,16 +1,15 @@
-//! Searches for the nearest points of two cores: Gilbert, Johnson and Keerthi's algorithm (parry's) with
-//! restarts, the expanding polytope where they overlap, and a closed form for segments.
+//! Searches for the nearest points of two cores: the algorithm of Gilbert, Johnson and Keerthi (parry's) with
+//! restarts, the expanding polytope for overlaps, and a closed form for segments.
 
 use super::depth::Polytope;
 use super::support::Placed;
 use crate::math::{V3, v3, vector};
 use parry3d_f64::query::gjk::{CsoPoint, GJKResult, VoronoiSimplex, closest_points};
 
-/// Closer than this \[m\] the direction from one point to the other is noise.
+/// Distance below which the direction between two points is noise \[m\].
 pub(super) const TOUCHING: f64 = 1e-9;
 
-/// Gap between a distance and its proven lower bound that is acceptable \[m\], and the maximum number of
-/// restarts.
+/// Acceptable gap between a distance and its proven lower bound \[m\], and the maximum number of restarts.
 const SETTLED: f64 = 1e-9;
 const AGAIN: usize = 4;
 
@@ -27,7 +26,7 @@ pub(super) enum Search {
     Lost,
 }
 
-/// Nearest (or deepest) points of two cores.
+/// Finds the nearest (or deepest) points of two cores.
 pub(super) fn search(
     simplex: &mut VoronoiSimplex,
     polytope: &mut Polytope,
@@ -56,7 +55,7 @@ pub(super) fn search(
                     .search(pair)
                     .map_or(Search::Lost, |(p, q, normal)| Search::Found(p, q, normal));
             }
-            // Also returned if the search gives up: only a gap along the direction is a proof.
+            // Also returned if the search gives up; only a gap along the direction is a proof.
             GJKResult::NoIntersection(along) => {
                 if -along.dot(CsoPoint::from_shapes(&still, first, second, along).point) > range {
                     return Search::Farther;
@@ -111,8 +110,8 @@ fn settle(simplex: &mut VoronoiSimplex, pair: &[Placed<'_>; 2], found: (V3, V3, 
     Search::Found(p, q, (q - p) * (1.0 / gap))
 }
 
-/// Nearest points of two segments along the z axes of their frames, or of points (Ericson 2005, section
-/// 5.1.9).
+/// Returns the nearest points of two segments along the z axes of their frames, or of points (Ericson 2005,
+/// section 5.1.9).
 pub(super) fn lines([first, second]: &[Placed<'_>; 2], half: f64, other: f64) -> (V3, V3, V3) {
     let (u, v) = (first.rotation.z, second.rotation.z);
     let r = first.position - second.position;
@@ -125,7 +124,7 @@ pub(super) fn lines([first, second]: &[Placed<'_>; 2], half: f64, other: f64) ->
         t = t.clamp(-other, other);
         s = (b * t - c).clamp(-half, half);
     } else if denominator <= 1e-12 {
-        // Parallel: any s will do that leaves t inside.
+        // Parallel: any s that keeps t inside.
         s = (b * t - c).clamp(-half, half);
     }
     let (p, q) = (first.position + u * s, second.position + v * t);

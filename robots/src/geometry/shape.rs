@@ -8,7 +8,7 @@ use crate::math::{V3, v3, vector};
 /// Tolerance of equal plane normals.
 const SAME: f64 = 1e-9;
 
-/// A convex shape about the origin of its frame. Lengths in metres, axes of revolution along z.
+/// A convex shape about the origin of its frame. Lengths are in metres, axes of revolution along z.
 ///
 /// # Example
 ///
@@ -60,7 +60,8 @@ pub enum ConvexShape {
 }
 
 impl ConvexShape {
-    /// Radius of the smallest sphere about the origin that holds the shape \[m\]; infinite for a half-space.
+    /// Returns the radius of the smallest sphere about the origin that contains the shape \[m\]; infinite for
+    /// a half-space.
     pub fn bounding_radius(&self) -> f64 {
         match self {
             Self::Sphere { radius } => *radius,
@@ -72,8 +73,8 @@ impl ConvexShape {
         }
     }
 
-    /// Planes of the faces of a hull: outward normal and offset \[m\]. Empty for other shapes and hulls
-    /// without volume.
+    /// Returns the planes of the faces of a hull: outward normal and offset \[m\]. Empty for other shapes and
+    /// for hulls without volume.
     pub fn faces(&self) -> Vec<(Vector3<f64>, f64)> {
         let Self::Hull { points } = self else { return Vec::new() };
         let planes = planes(points).unwrap_or_default();
@@ -81,7 +82,7 @@ impl ConvexShape {
     }
 }
 
-/// The planes of the faces of a convex hull, each once; `None` without volume.
+/// Returns the planes of the faces of a convex hull, each once; `None` without volume.
 pub(crate) fn planes(points: &[Vector3<f64>]) -> Option<Vec<(V3, f64)>> {
     let points: Vec<_> = points.iter().map(|&point| vector(point.into())).collect();
     let (corners, triangles) = try_convex_hull(&points).ok()?;
@@ -95,7 +96,7 @@ pub(crate) fn planes(points: &[Vector3<f64>]) -> Option<Vec<(V3, f64)>> {
             continue;
         }
         let normal = normal * (1.0 / length);
-        // the outermost corner, so that rounding leaves no corner outside
+        // the offset uses the outermost corner, so that rounding leaves no corner outside
         let height = corners.iter().map(|corner| normal.dot(*corner)).fold(f64::NEG_INFINITY, f64::max);
         let known = |(other, at): &(V3, f64)| 1.0 - normal.dot(*other) < SAME && (height - at).abs() < SAME;
         if !planes.iter().any(known) {
@@ -105,7 +106,7 @@ pub(crate) fn planes(points: &[Vector3<f64>]) -> Option<Vec<(V3, f64)>> {
     (planes.len() > 3).then_some(planes)
 }
 
-/// The points that are outermost towards the faces, edges and corners of a cube: at most 26.
+/// Returns the points that are outermost towards the faces, edges and corners of a cube: at most 26.
 pub(super) fn outermost(points: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     let mut chosen: Vec<usize> = Vec::new();
     for x in [-1.0, 0.0, 1.0] {

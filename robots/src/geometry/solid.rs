@@ -1,4 +1,4 @@
-//! A solid: one collision shape, ready for distance queries.
+//! Solids: collision shapes prepared for distance queries.
 
 use std::path::PathBuf;
 
@@ -17,16 +17,16 @@ use crate::{Geometry, MeshError, Shape, TriangleMesh};
 pub enum MeshMode {
     /// Convex hull, or a capsule around it if the hull has more corners than this.
     Hull {
-        /// Most corners of a hull.
+        /// Maximum number of corners of a hull.
         most_corners: usize,
     },
-    /// A capsule around it: the cheapest, and smooth.
+    /// A capsule around the mesh: the cheapest option, and smooth.
     Capsule,
-    /// The convex hull of its 26 outermost points, towards the faces, edges and corners of a cube: coarse,
-    /// and a little smaller than the mesh. For contact points, of which a robot needs few.
+    /// The convex hull of the 26 outermost points, towards the faces, edges and corners of a cube: coarse,
+    /// and slightly smaller than the mesh. Suitable for contact points, of which a robot needs few.
     Outermost,
-    /// Unmodified triangles: exact and slow. Surfaces have no inside; where they intersect the distance is
-    /// minus the depth of the deepest triangle.
+    /// Unmodified triangles: exact and slow. Surfaces have no interior; if they intersect, the distance is
+    /// the negative depth of the deepest triangle.
     Surface,
 }
 
@@ -39,11 +39,11 @@ impl Default for MeshMode {
 /// The shape of a solid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SolidKind {
-    /// As the file gives it.
+    /// A primitive, as in the file.
     Primitive,
     /// The convex hull of a mesh.
     Hull {
-        /// Its corners.
+        /// Number of corners.
         corners: usize,
     },
     /// A capsule around a mesh.
@@ -57,7 +57,7 @@ pub enum SolidKind {
     },
 }
 
-/// Geometry that cannot be used.
+/// Unusable geometry.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SolidProblem {
     /// The mesh file was not found when the robot was loaded.
@@ -66,18 +66,18 @@ pub enum SolidProblem {
          link out of the collision model"
     )]
     MissingMesh {
-        /// Its name in the URDF.
+        /// Name of the mesh in the URDF.
         uri: String,
     },
-    /// The mesh file has a fault.
+    /// The mesh file has an error.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// A mesh without volume.
+    /// The mesh has no volume.
     #[error("its mesh {} has no convex hull ({why}); use a capsule for it", .path.display())]
     NoHull {
         /// The file.
         path: PathBuf,
-        /// The error of parry.
+        /// Error reported by parry.
         why: String,
     },
     /// The size is not positive.
@@ -109,7 +109,7 @@ pub(super) struct Solid {
 }
 
 impl Solid {
-    /// Reads and prepares one shape; `within` is the pose of the body frame in its node's frame.
+    /// Reads and prepares a shape; `within` is the pose of the body frame in its node's frame.
     pub(super) fn new(shape: &Shape, within: &Isometry3<f64>, mode: MeshMode) -> Result<Self, SolidProblem> {
         let placement = (within, shape.placement);
         let link = &shape.link;
@@ -221,7 +221,7 @@ impl Solid {
         }
     }
 
-    /// The half-space below the plane z = 0 of `placement`, in the world.
+    /// Returns the half-space below the plane z = 0 of `placement`, in the world.
     pub(super) fn half_space(name: &str, placement: Isometry3<f64>) -> Self {
         Self::placed(name, SolidKind::HalfSpace, (&Isometry3::identity(), placement), Core::HalfSpace, 0.0)
     }
@@ -247,7 +247,7 @@ impl Solid {
         }
     }
 
-    /// The shape as a convex one: of a surface, its convex hull.
+    /// Returns the shape as a convex shape; for a surface, its convex hull.
     pub(super) fn convex_shape(&self) -> ConvexShape {
         let radius = self.radius;
         match &self.core {

@@ -9,13 +9,13 @@ use roxmltree::{Document, Node, ParsingOptions};
 pub struct Srdf {
     /// `<disable_collisions link1 link2>`
     pub disabled: Vec<(String, String)>,
-    /// `<enable_collisions link1 link2>`: wins over everything that disables the pair.
+    /// `<enable_collisions link1 link2>`: overrides all rules that disable the pair.
     pub enabled: Vec<(String, String)>,
     /// `<disable_default_collisions link>`: the link is checked only against links listed in `enabled`.
     pub disabled_links: Vec<String>,
 }
 
-/// An SRDF file with a fault.
+/// An error in an SRDF file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("SRDF:{line}:{column}: {problem}")]
 pub struct SrdfError {
@@ -23,7 +23,7 @@ pub struct SrdfError {
     pub line: u32,
     /// Column in characters, counted from 1.
     pub column: u32,
-    /// The fault.
+    /// The problem.
     pub problem: String,
 }
 
@@ -49,7 +49,7 @@ impl Srdf {
     ///
     /// # Errors
     ///
-    /// [`SrdfError`]: XML that is not well formed, another root than `<robot>`, a rule without its links.
+    /// [`SrdfError`] if the XML is not well-formed, the root is not `<robot>`, or a rule lacks its links.
     pub fn parse(text: &str) -> Result<Self, SrdfError> {
         let document = read(text)?;
         let mut rules = Self::default();
@@ -70,7 +70,7 @@ impl Srdf {
         Ok(rules)
     }
 
-    /// Returns the rules for a robot whose link names begin with `prefix`.
+    /// Returns the rules for a robot whose link names start with `prefix`.
     pub fn prefixed(&self, prefix: &str) -> Self {
         let named = |link: &String| format!("{prefix}{link}");
         let pairs = |pairs: &[(String, String)]| pairs.iter().map(|(a, b)| (named(a), named(b))).collect();
@@ -88,7 +88,7 @@ impl Srdf {
         self.disabled_links.extend(other.disabled_links);
     }
 
-    /// Links that the rules name.
+    /// Returns the links named in the rules.
     pub fn links(&self) -> HashSet<&str> {
         let pairs = self.disabled.iter().chain(&self.enabled);
         let links = pairs.flat_map(|(first, second)| [first.as_str(), second.as_str()]);
@@ -96,7 +96,7 @@ impl Srdf {
     }
 }
 
-/// The states of the groups in the text of an SRDF file, in their order.
+/// Parses the group states in the text of an SRDF file, in their order.
 pub(crate) fn group_states(text: &str) -> Result<Vec<GroupState>, SrdfError> {
     let document = read(text)?;
     let states = document.root_element().children().filter(|node| node.has_tag_name("group_state"));
@@ -120,7 +120,7 @@ pub(crate) fn group_states(text: &str) -> Result<Vec<GroupState>, SrdfError> {
         .collect())
 }
 
-/// The end effectors in the text of an SRDF file, in their order, without those that name no link.
+/// Parses the end effectors in the text of an SRDF file, in their order, without those that name no link.
 pub(crate) fn group_ends(text: &str) -> Result<Vec<GroupEnd>, SrdfError> {
     let document = read(text)?;
     let ends = document.root_element().children().filter(|node| node.has_tag_name("end_effector"));

@@ -1,8 +1,8 @@
-//! Convex shapes for GJK: a core and a radius around it.
+//! Convex shapes for GJK: a core with a radius.
 //!
-//! A sphere is a point with a radius, a capsule a segment with one. While the cores are separate, the signed
-//! distance of two shapes is the distance of their cores minus the radii: exact, smooth, and without a depth
-//! search.
+//! A sphere is a point with a radius, a capsule a segment with a radius. While the cores are separate, the
+//! signed distance of two shapes is the distance of their cores minus the radii: exact, smooth, and without a
+//! depth search.
 
 use parry3d_f64::math::{Pose, Vector};
 use parry3d_f64::shape::SupportMap;
@@ -14,11 +14,11 @@ use crate::math::{M3, V3, vector};
 pub(super) enum Core {
     /// The origin.
     Point,
-    /// Along z, from minus to plus this.
+    /// A segment along z, from minus to plus this value.
     Segment(f64),
-    /// Half sides.
+    /// A box with these half sides.
     Box(V3),
-    /// Along z: radius and half length.
+    /// A cylinder along z: radius and half length.
     Cylinder(f64, f64),
     /// The convex hull of points.
     Hull(Cloud),
@@ -27,7 +27,7 @@ pub(super) enum Core {
 }
 
 impl Core {
-    /// The point of the set farthest along `direction` (of any length).
+    /// Returns the point of the set farthest along `direction`, which may have any length.
     #[inline(always)]
     pub(super) fn support(&self, direction: V3) -> V3 {
         match self {
@@ -69,7 +69,7 @@ impl Core {
         })
     }
 
-    /// Farthest distance of a point of the set from the origin.
+    /// Returns the largest distance of a point of the set from the origin.
     pub(super) fn reach(&self) -> f64 {
         match self {
             Self::Point => 0.0,
@@ -81,7 +81,7 @@ impl Core {
         }
     }
 
-    /// Half length along z of a point or segment.
+    /// Returns the half length along z of a point or segment.
     pub(super) fn line(&self) -> Option<f64> {
         match self {
             Self::Point => Some(0.0),
@@ -97,16 +97,16 @@ pub(super) struct Cloud {
     x: Vec<f64>,
     y: Vec<f64>,
     z: Vec<f64>,
-    /// Points without the copies that fill up the last block.
+    /// Number of points without the padding of the last block.
     count: usize,
 }
 
-/// Points looked at together.
+/// Number of points compared at once.
 const WIDE: usize = 8;
 
 impl Cloud {
     pub(super) fn new(points: &[V3]) -> Self {
-        // Padded with copies of the last point, which have no effect.
+        // padded with copies of the last point, which have no effect
         let count = points.len().next_multiple_of(WIDE);
         let at = |index: usize| points[index.min(points.len() - 1)];
         Self {
@@ -121,7 +121,7 @@ impl Cloud {
         self.x.iter().zip(&self.y).zip(&self.z).map(|((&x, &y), &z)| V3::new(x, y, z))
     }
 
-    /// Each point once.
+    /// Iterates over the points without padding.
     pub(super) fn corners(&self) -> impl Iterator<Item = V3> {
         self.points().take(self.count)
     }
@@ -158,7 +158,7 @@ impl Cloud {
     }
 }
 
-/// A core somewhere, in the axes of the world and about a point near both shapes of the pair.
+/// A placed core, in world axes relative to a point near both shapes of the pair.
 pub(super) struct Placed<'a> {
     pub(super) core: &'a Core,
     pub(super) rotation: &'a M3,
@@ -186,7 +186,7 @@ impl SupportMap for Placed<'_> {
         vector(self.farthest(V3::new(direction.x, direction.y, direction.z)))
     }
 
-    /// Both shapes are placed already: the relative pose is always the identity.
+    /// both shapes are already placed, so the relative pose is always the identity
     #[inline(always)]
     fn support_point(&self, _: &Pose, direction: Vector) -> Vector {
         self.local_support_point(direction)

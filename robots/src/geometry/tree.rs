@@ -1,17 +1,17 @@
-//! A tree of boxes.
+//! A bounding-box tree.
 
 use crate::math::V3;
 
-/// Boxes of a leaf, at most.
+/// Maximum number of boxes of a leaf.
 const LEAF: usize = 4;
 
-/// Deepest path of a tree: it halves at every node.
+/// Maximum depth of a tree, which is halved at every node.
 const DEEPEST: usize = 64;
 
-/// A box along the axes: its lowest and its highest corner.
+/// An axis-aligned box: its lowest and its highest corner.
 pub(super) type Bounds = (V3, V3);
 
-/// A tree of boxes along the axes, halved at every node along its longest side. Visits allocate nothing.
+/// A tree of axis-aligned boxes, halved at every node along the longest side. Visits do not allocate.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct BoxTree {
     nodes: Vec<Node>,
@@ -22,7 +22,7 @@ pub(super) struct BoxTree {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Node {
     bounds: Bounds,
-    /// First of its boxes in the order.
+    /// Position of the first box in the order.
     first: u32,
     /// Number of boxes of a leaf; 0 for a node, whose halves are the next node and `second`.
     count: u32,
@@ -65,12 +65,12 @@ impl BoxTree {
         self.split(boxes, first + half, end);
     }
 
-    /// The box around all.
+    /// Returns the bounding box of all boxes.
     pub(super) fn bounds(&self) -> Option<Bounds> {
         self.nodes.first().map(|node| node.bounds)
     }
 
-    /// Passes the numbers of all boxes in the leaves that `meets` to `visit`.
+    /// Calls `visit` with the indices of all boxes in the leaves accepted by `meets`.
     pub(super) fn visit(&self, mut meets: impl FnMut(&Bounds) -> bool, mut visit: impl FnMut(usize)) {
         let mut stack = [0_u32; DEEPEST];
         let mut waiting = usize::from(!self.nodes.is_empty());
@@ -100,7 +100,7 @@ pub(super) fn most(a: V3, b: V3) -> V3 {
     V3::new(a.x.max(b.x), a.y.max(b.y), a.z.max(b.z))
 }
 
-/// True for two boxes that share a point.
+/// Returns `true` if two boxes share a point.
 pub(super) fn overlap(a: &Bounds, b: &Bounds) -> bool {
     let apart = |a_low: f64, a_high: f64, b_low: f64, b_high: f64| a_low > b_high || b_low > a_high;
     !(apart(a.0.x, a.1.x, b.0.x, b.1.x)
@@ -108,11 +108,11 @@ pub(super) fn overlap(a: &Bounds, b: &Bounds) -> bool {
         || apart(a.0.z, a.1.z, b.0.z, b.1.z))
 }
 
-/// True for a box that the line from `origin` along `1 / inverse` meets within `range`.
+/// Returns `true` if the line from `origin` along `1 / inverse` meets a box within `range`.
 pub(super) fn is_met((low, high): &Bounds, origin: V3, inverse: V3, range: f64) -> bool {
     let slab = |low: f64, high: f64, origin: f64, inverse: f64| {
         let (a, b) = ((low - origin) * inverse, (high - origin) * inverse);
-        // A line in the plane of a side: 0 times infinity.
+        // a line in the plane of a side: 0 times infinity
         if a.is_nan() || b.is_nan() { (f64::NEG_INFINITY, f64::INFINITY) } else { (a.min(b), a.max(b)) }
     };
     let (x, y, z) = (

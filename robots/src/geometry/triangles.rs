@@ -15,24 +15,24 @@ pub struct SurfaceTriangle {
     pub corners: [Point3<f64>; 3],
     /// Outward unit normal.
     pub normal: Vector3<f64>,
-    /// Per side, the first from the first to the second corner: height by which the neighbour rises above
-    /// this plane \[m\]; 0 otherwise.
+    /// For each side, starting with the side from the first to the second corner: height by which the
+    /// neighbour rises above this plane \[m\]; 0 otherwise.
     pub valley: [f64; 3],
 }
 
-/// A side of triangles that sticks out: a ridge between two triangles, or the rim of an open surface.
+/// A convex side of triangles: a ridge between two triangles, or the rim of an open surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceEdge {
     /// Ends \[m\].
     pub ends: [Point3<f64>; 2],
     /// Outward unit normals of both adjacent triangles. At a rim: the triangle's normal, and the direction
-    /// away from it in its plane.
+    /// away from the triangle in its plane.
     pub normals: [Vector3<f64>; 2],
 }
 
-/// Surface of a mesh. The front of its triangles is outside.
+/// Surface of a mesh. The front side of its triangles is outside.
 ///
-/// Flat and concave sides of triangles are not [edges](SurfaceEdge), so nothing catches on them.
+/// Flat and concave sides of triangles are not [edges](SurfaceEdge), so that nothing catches on them.
 ///
 /// ```
 /// use motorium_robots::{TriangleMesh, TriangleSurface};
@@ -57,11 +57,11 @@ pub struct TriangleSurface {
 /// Sine of the angle between two triangles below which they count as coplanar.
 const FLAT: f64 = 1e-3;
 
-/// Triangles smaller than this have no normal \[m2\].
+/// Area below which triangles have no normal \[m2\].
 const NO_AREA: f64 = 1e-16;
 
 impl TriangleSurface {
-    /// The surface of a mesh.
+    /// Creates the surface of a mesh.
     pub fn new(mesh: &TriangleMesh) -> Self {
         let mesh = mesh.welded();
         let at = |index: u32| mesh.points[index as usize];
@@ -77,7 +77,7 @@ impl TriangleSurface {
             kept.push(*triangle);
             triangles.push(SurfaceTriangle { corners, normal, valley: [0.0; 3] });
         }
-        // Both triangles of each side: index, number of the side.
+        // Both triangles of each side: index and number of the side.
         let mut sides: HashMap<(u32, u32), Vec<(usize, usize)>> = HashMap::new();
         for (index, corners) in kept.iter().enumerate() {
             for side in 0..3 {
@@ -102,7 +102,7 @@ impl TriangleSurface {
                     let apex = triangles[two].corners[(other + 2) % 3];
                     let rise = normals[0].dot(&(apex - ends[0]));
                     let bend = normals[0].cross(&normals[1]).norm();
-                    // Folded back onto itself: a plate without thickness.
+                    // Folded back onto itself, a plate without thickness.
                     let folded = normals[0].dot(&normals[1]) < 0.0 && bend < FLAT;
                     if bend < FLAT && !folded {
                         continue;
@@ -161,8 +161,8 @@ impl TriangleSurface {
         (0..8).map(corner).collect()
     }
 
-    /// Passes the triangles whose boxes share a point with that from `low` to `high` \[m\] to `visit`, with
-    /// their numbers.
+    /// Calls `visit` with the triangles, and their indices, whose boxes intersect the box from `low` to
+    /// `high` \[m\].
     pub fn visit(
         &self,
         low: &Point3<f64>,
@@ -185,8 +185,8 @@ impl TriangleSurface {
         self.edge_tree.visit(|bounds| overlap(bounds, &wanted), |index| visit(index, &self.edges[index]));
     }
 
-    /// Distance along a ray to the first triangle within `range`, and its normal, turned towards the origin
-    /// of the ray.
+    /// Returns the distance along a ray to the first triangle within `range`, and its normal on the side of
+    /// the ray's origin.
     #[inline]
     pub fn meet(&self, origin: V3, direction: V3, range: f64) -> Option<(f64, V3)> {
         let inverse = V3::new(1.0 / direction.x, 1.0 / direction.y, 1.0 / direction.z);
@@ -221,7 +221,7 @@ impl TriangleSurface {
 }
 
 impl SurfaceTriangle {
-    /// The point of the triangle nearest to `point` \[m\].
+    /// Returns the point of the triangle nearest to `point` \[m\].
     pub fn nearest(&self, point: &Point3<f64>) -> Point3<f64> {
         let corners = self.corners.map(|corner| V3::from(corner.coords));
         Point3::from(Vector3::from(nearest_on_triangle(point.coords.into(), corners)))
@@ -242,7 +242,8 @@ impl SurfaceTriangle {
 }
 
 impl SurfaceEdge {
-    /// True for a unit vector that points out of the edge, between the normals of both its triangles.
+    /// Returns `true` for a unit vector that points out of the edge, between the normals of both its
+    /// triangles.
     pub fn points_out(&self, direction: &Vector3<f64>) -> bool {
         let along = (self.ends[1] - self.ends[0]).normalize();
         let across = direction - along * direction.dot(&along);
@@ -252,12 +253,12 @@ impl SurfaceEdge {
         }
         let across = across / length;
         let least = self.normals[0].dot(&self.normals[1]) - 1e-6;
-        // Between both by angle: closer to each than they are to one another.
+        // between both by angle: closer to each of them than they are to each other
         across.dot(&self.normals[0]) >= least && across.dot(&self.normals[1]) >= least
     }
 }
 
-/// The point of a triangle nearest to `p`, by the regions of its corners, sides and face.
+/// Returns the point of a triangle nearest to `p`, by the regions of its corners, sides and face.
 #[inline]
 pub fn nearest_on_triangle(p: V3, [a, b, c]: [V3; 3]) -> V3 {
     let (ab, ac, ap) = (b - a, c - a, p - a);

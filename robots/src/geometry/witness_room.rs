@@ -17,20 +17,21 @@ pub(super) const TURNS: [(f64, f64); 8] = [
     (0.0, -1.0),
     (FRAC_1_SQRT_2, -FRAC_1_SQRT_2),
 ];
-/// A point of a solid, and its place square to the normal of a pair, from the nearest point \[m\].
+/// A point of a solid, and its position perpendicular to the normal of a pair, relative to the nearest point
+/// \[m\].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
     pub(super) place: Vector2<f64>,
     pub(super) point: V3,
 }
 
-/// Room for the witnesses of a pair.
+/// Memory for the witnesses of a pair.
 #[derive(Debug)]
 pub(super) struct WitnessRoom {
     pub(super) points: Vec<Seen>,
-    /// Corners of the part of each solid that is near.
+    /// Corners of the near part of each solid.
     pub(super) corners: [Vec<Seen>; 2],
-    /// Corners of the region in which these parts are opposite each other.
+    /// Corners of the region in which these parts face each other.
     pub(super) overlap: Vec<Vector2<f64>>,
     pub(super) clipped: Vec<Vector2<f64>>,
 }

@@ -10,7 +10,7 @@ use super::support::{Core, Placed};
 use super::witness_room::{Seen, TURNS, WitnessRoom};
 use crate::math::{M3, V3};
 
-/// Rotation after which another point may be the nearest \[rad\].
+/// Rotation after which another point may become the nearest \[rad\].
 const TILT: f64 = 0.05;
 /// Areas \[m2\] below rounding, and lengths \[m\] within which points coincide.
 const NO_AREA: f64 = 1e-13;
@@ -21,16 +21,16 @@ struct View<'a> {
     solid: &'a Solid,
     rotation: &'a M3,
     position: V3,
-    /// Out of the solid, towards the other.
+    /// Outward direction, towards the other solid.
     outward: V3,
-    /// Its nearest point.
+    /// Nearest point of the solid.
     centre: V3,
-    /// Axes square to the normal.
+    /// Axes perpendicular to the normal.
     axes: [V3; 2],
 }
 
 impl View<'_> {
-    /// Corners of the outermost part, at this pose or after a rotation by [`TILT`].
+    /// Finds the corners of the outermost part, at this pose or after a rotation by [`TILT`].
     fn near(&self, points: &mut Vec<Seen>, corners: &mut Vec<Seen>) {
         let placed = Placed { core: &self.solid.core, rotation: self.rotation, position: self.position };
         let [x, y] = self.axes;
@@ -46,8 +46,8 @@ impl View<'_> {
         flatten(corners);
     }
 
-    /// The point of the solid at a place within the corners: on one of the triangles between two corners and
-    /// the nearest point.
+    /// Returns the point of the solid at a position within the corners: on one of the triangles between two
+    /// corners and the nearest point.
     fn point_at(&self, place: Vector2<f64>, corners: &[Seen]) -> V3 {
         let [x, y] = self.axes;
         if self.solid.is_half_space() {
@@ -63,7 +63,7 @@ impl View<'_> {
                 return self.centre + (a.point - self.centre) * of_a + (b.point - self.centre) * of_b;
             }
         }
-        // a line, or the edge of the area
+        // on a line, or on the edge of the area
         let along = |corner: &&Seen| corner.place.dot(&place) / corner.place.norm().max(SAME);
         let Some(end) = corners.iter().max_by(|a, b| along(a).total_cmp(&along(b))) else {
             return self.centre;
@@ -74,13 +74,13 @@ impl View<'_> {
 }
 
 impl Collisions {
-    /// Largest number of [witnesses](Self::witnesses) of a pair.
+    /// Maximum number of [witnesses](Self::witnesses) of a pair.
     pub const MOST_WITNESSES: usize = 12;
 
     /// Appends the witnesses of a pair to `found`, at most `most` and
     /// [`MOST_WITNESSES`](Self::MOST_WITNESSES). Witnesses are pairs of opposite points, any of which may
     /// become the nearest after a small rotation. `nearest`, measured at these poses, is not included. Each
-    /// has the normal of `nearest` and, as its distance, the gap along it, which is no smaller than
+    /// witness has the normal of `nearest`; its distance is the gap along that normal, which is at least
     /// `nearest`'s.
     ///
     /// Between a flat face and an edge or another face, the nearest points jump from corner to corner as the
@@ -176,7 +176,7 @@ fn flatten(corners: &mut Vec<Seen>) {
     }
 }
 
-/// Corners of the intersection of two convex polygons, each of which may be degenerate.
+/// Finds the corners of the intersection of two convex polygons, each of which may be degenerate.
 fn intersect(
     [first, second]: &[Vec<Seen>; 2],
     overlap: &mut Vec<Vector2<f64>>,
@@ -185,7 +185,7 @@ fn intersect(
     if let ([a, b], [c, d]) = (&**first, &**second) {
         let (from, way) = (a.place, b.place - a.place);
         let (length, other) = (way.norm(), d.place - c.place);
-        // lines that cross have one nearest point
+        // crossing lines have a single nearest point
         if length < SAME || way.perp(&other).abs() > 2.0 * TILT * length * other.norm() {
             return;
         }

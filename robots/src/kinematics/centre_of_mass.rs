@@ -7,12 +7,12 @@ use crate::Model;
 use crate::math::{RigidInertia, V3};
 use crate::model::flat::FlatModel;
 
-/// Motion of the centre of mass of all that moves, in world axes.
+/// Motion of the centre of mass of all moving parts, in world axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CentreOfMass {
-    /// Its position \[m\].
+    /// Position \[m\].
     pub position: Vector3<f64>,
-    /// Its velocity \[m/s\].
+    /// Velocity \[m/s\].
     pub velocity: Vector3<f64>,
     /// Acceleration \[m/s2\]; the drift `Jdot v` after [`Kinematics::update_with_velocity`].
     pub acceleration: Vector3<f64>,
@@ -26,7 +26,7 @@ impl Kinematics {
         let (mut mass, mut position, mut velocity, mut acceleration) = (0.0, V3::ZERO, V3::ZERO, V3::ZERO);
         let inertias = std::iter::once(&flat.base).chain(flat.nodes.iter().map(|node| &node.inertia));
         for (body, inertia) in self.bodies.iter().zip(inertias) {
-            // Everything times the mass: a body without any has no centre.
+            // Everything is multiplied by the mass, because a massless body has no centre.
             let arm = body.rotation * inertia.moment;
             let across = body.angular.cross(arm);
             mass += inertia.mass;
@@ -43,9 +43,10 @@ impl Kinematics {
         }
     }
 
-    /// Jacobian of the centre of mass (3 x nv), world axes: `jacobian * v` is its velocity \[m/s\].
+    /// Computes the Jacobian of the centre of mass (3 x nv) in world axes: `jacobian * v` is its velocity
+    /// \[m/s\].
     ///
-    /// `out` is overwritten. Not a number for a robot without mass.
+    /// `out` is overwritten. NaN for a robot without mass.
     pub fn com_jacobian<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &self,
         model: &Model,
@@ -123,7 +124,7 @@ impl Kinematics {
         whole
     }
 
-    /// First moment of mass of the body at `slot` about the world's origin, world axes.
+    /// Returns the first moment of mass of the body at `slot` about the world's origin, in world axes.
     fn moment(&self, slot: usize, inertia: &RigidInertia) -> V3 {
         let body = &self.bodies[slot];
         body.position * inertia.mass + body.rotation * inertia.moment

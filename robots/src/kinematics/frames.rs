@@ -8,37 +8,38 @@ use crate::model::flat::FlatModel;
 use crate::{FrameId, Model, Reference, Twist};
 
 impl Kinematics {
-    /// Pose of `frame` in the world.
+    /// Returns the pose of `frame` in the world.
     pub fn pose(&self, model: &Model, frame: FrameId) -> Isometry3<f64> {
         let (rotation, position) = self.placement(model, frame);
         isometry(&rotation, position)
     }
 
-    /// Pose of the body frame of body `index` of [`Model::bodies`] in the world.
+    /// Returns the pose of the body frame of body `index` of [`Model::bodies`] in the world.
     pub fn body_pose(&self, index: usize) -> Isometry3<f64> {
         let body = &self.bodies[index + 1];
         isometry(&(body.rotation * self.align[index].transpose()), body.position)
     }
 
-    /// Velocity of the origin of body `index` of [`Model::bodies`], or of the base (`None`), and its angular
-    /// velocity, in world axes. Zero after [`update`](Self::update).
+    /// Returns the velocity of the origin of body `index` of [`Model::bodies`], or of the base (`None`), and
+    /// its angular velocity, in world axes. Zero after [`update`](Self::update).
     pub fn body_velocity(&self, index: Option<usize>) -> Twist {
         let body = &self.bodies[index.map_or(0, |index| index + 1)];
         Twist { linear: body.linear.into(), angular: body.angular.into() }
     }
 
-    /// Origin of body `index` of [`Model::bodies`], or of the base (`None`), in the world \[m\].
+    /// Returns the origin of body `index` of [`Model::bodies`], or of the base (`None`), in the world \[m\].
     pub fn body_position(&self, index: Option<usize>) -> Vector3<f64> {
         self.bodies[index.map_or(0, |index| index + 1)].position.into()
     }
 
-    /// Velocity of `frame`'s origin and its angular velocity, in world axes
+    /// Returns the velocity of `frame`'s origin and its angular velocity, in world axes
     /// ([`Reference::LocalWorldAligned`]). Zero after [`update`](Self::update).
     pub fn velocity(&self, model: &Model, frame: FrameId) -> Twist {
         self.velocity_in(model, frame, Reference::LocalWorldAligned)
     }
 
-    /// Velocity of `frame` with the point and axes of `reference`. Zero after [`update`](Self::update).
+    /// Returns the velocity of `frame` with the point and axes of `reference`. Zero after
+    /// [`update`](Self::update).
     pub fn velocity_in(&self, model: &Model, frame: FrameId, reference: Reference) -> Twist {
         let placement = &model.flat().frame_placements[frame.index()];
         let body = self.carrier(placement);
@@ -47,8 +48,8 @@ impl Kinematics {
         express(reference, &(body.rotation, placement.rotation), body.position + arm, (linear, body.angular))
     }
 
-    /// Classical acceleration of `frame`'s origin and its angular acceleration, in world axes: `J a + Jdot v`
-    /// of the local-world-aligned Jacobian.
+    /// Returns the classical acceleration of `frame`'s origin and its angular acceleration, in world axes:
+    /// `J a + Jdot v` of the local-world-aligned Jacobian.
     ///
     /// After [`update_with_velocity`](Self::update_with_velocity) `a` is zero, and this is the drift `Jdot
     /// v`.
@@ -61,10 +62,11 @@ impl Kinematics {
         Twist { linear: linear.into(), angular: body.angular_rate.into() }
     }
 
-    /// Time derivative of [`velocity_in`](Self::velocity_in): `J a + Jdot v` of the Jacobian in `reference`.
+    /// Returns the time derivative of [`velocity_in`](Self::velocity_in): `J a + Jdot v` of the Jacobian in
+    /// `reference`.
     ///
-    /// In [`Reference::LocalWorldAligned`] that is the classical [`acceleration`](Self::acceleration), in the
-    /// others the spatial one, which lacks the `w x v` of the origin's own motion. After
+    /// In [`Reference::LocalWorldAligned`] this is the classical [`acceleration`](Self::acceleration). In the
+    /// others it is the spatial acceleration, which lacks the `w x v` of the origin's own motion. After
     /// [`update_with_velocity`](Self::update_with_velocity) `a` is zero, and this is the drift `Jdot v`.
     pub fn acceleration_in(&self, model: &Model, frame: FrameId, reference: Reference) -> Twist {
         let classical = self.acceleration(model, frame);
@@ -84,13 +86,13 @@ impl Kinematics {
         )
     }
 
-    /// Node frame of a slot in the world.
+    /// Returns the node frame of a slot in the world.
     pub(crate) fn slot_pose(&self, slot: usize) -> (M3, V3) {
         let body = if slot == FlatModel::WORLD { &self.world } else { &self.bodies[slot] };
         (body.rotation, body.position)
     }
 
-    /// Orientation and origin of `frame` in the world.
+    /// Returns orientation and origin of `frame` in the world.
     pub(super) fn placement(&self, model: &Model, frame: FrameId) -> (M3, V3) {
         let placement = &model.flat().frame_placements[frame.index()];
         let body = self.carrier(placement);
@@ -98,7 +100,7 @@ impl Kinematics {
     }
 }
 
-/// A motion given at `point` in world axes, with the point and axes of `reference`.
+/// Converts a motion at `point` in world axes to the point and axes of `reference`.
 fn express(
     reference: Reference,
     (body, placement): &(M3, M3),

@@ -1,14 +1,14 @@
 //! Inverse kinematics: finds a configuration for a pose of a frame.
 //!
 //! Damped least squares (Wampler 1986; damping proportional to the error, in the spirit of Sugihara 2011) on
-//! the configuration manifold, within the joint limits and from several starting points. The remaining
+//! the configuration manifold, within the joint limits and from several initial guesses. The remaining
 //! freedom is pulled towards the initial posture.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3, Vector6};
 
 use crate::{FrameId, Kinematics, Model, Reference};
 
-/// Their square roots are independent over the rationals.
+/// Their square roots are linearly independent over the rationals.
 const PRIMES: [f64; 16] =
     [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0, 41.0, 43.0, 47.0, 53.0];
 
@@ -17,19 +17,19 @@ const PRIMES: [f64; 16] =
 pub struct IkOptions {
     /// Largest distance from the target \[m\].
     pub position_tolerance: f64,
-    /// Largest angle from the target \[rad\]; infinite when only the position matters.
+    /// Largest angle from the target \[rad\]; infinite if only the position matters.
     pub rotation_tolerance: f64,
-    /// Steps from each starting point.
+    /// Iterations from each initial guess.
     pub iterations: usize,
-    /// Starting points: the one given, then configurations spread over the limits.
+    /// Number of initial guesses: the given configuration, then configurations spread over the limits.
     pub seeds: usize,
-    /// Gain of the pull towards the posture in the null space, per step: 0 (no pull) to 1.
+    /// Gain of the null-space pull towards the posture, per iteration: 0 (no pull) to 1.
     pub posture: f64,
 }
 
 impl Default for IkOptions {
-    /// Tolerances of 0.1 um and 1 urad, 100 steps from each of 32 starting points, and a pull of a tenth of
-    /// the distance to the posture per step.
+    /// Tolerances of 0.1 um and 1 urad, 100 iterations from each of 32 initial guesses, and a pull of a tenth
+    /// of the distance to the posture per iteration.
     fn default() -> Self {
         Self { position_tolerance: 1e-7, rotation_tolerance: 1e-6, iterations: 100, seeds: 32, posture: 0.1 }
     }
@@ -38,33 +38,33 @@ impl Default for IkOptions {
 /// A configuration that reaches the target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IkSolution {
-    /// Distance left \[m\].
+    /// Remaining distance from the target \[m\].
     pub position_error: f64,
-    /// Angle left \[rad\].
+    /// Remaining angle from the target \[rad\].
     pub rotation_error: f64,
-    /// Index of the successful starting point, from 0.
+    /// Index of the successful initial guess, from 0.
     pub seed: usize,
-    /// Steps from there.
+    /// Number of iterations from that guess.
     pub iterations: usize,
 }
 
 /// State of a search that advances in parts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum IkProgress {
-    /// The search has not ended.
+    /// The search has not finished.
     Searching,
     /// `q` reaches the target.
     Found(IkSolution),
-    /// No starting point leads to the target; `q` is the best configuration found.
+    /// No initial guess leads to the target; `q` is the best configuration found.
     NotFound {
-        /// Distance of that configuration from the target \[m\].
+        /// Distance of this configuration from the target \[m\].
         position_error: f64,
-        /// Its angle from the target \[rad\].
+        /// Angle of this configuration from the target \[rad\].
         rotation_error: f64,
     },
 }
 
-/// A search without success. The best configuration it found is in `q`.
+/// The search failed. The best configuration found is in `q`.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
     "no configuration puts \"{frame}\" there within tolerance after {seeds} starting points; the best is \
@@ -74,15 +74,16 @@ pub enum IkProgress {
 pub struct IkFailure {
     /// The frame.
     pub frame: String,
-    /// Starting points tried.
+    /// Number of initial guesses tried.
     pub seeds: usize,
-    /// Distance of the best configuration \[m\].
+    /// Distance of the best configuration from the target \[m\].
     pub position_error: f64,
-    /// Angle from the target \[rad\].
+    /// Angle of the best configuration from the target \[rad\].
     pub rotation_error: f64,
     /// Joints at a limit.
     pub at_limits: Vec<String>,
-    /// The arm is stretched or folded: no joint motion reduces the error further.
+    /// Whether the configuration is singular, with the arm stretched or folded: no joint motion reduces the
+    /// error further.
     pub singular: bool,
 }
 
@@ -113,16 +114,16 @@ pub struct InverseKinematics {
 /// Progress of a search.
 #[derive(Clone, Copy, Debug, Default)]
 struct Search {
-    /// Index of the starting point.
+    /// Index of the initial guess.
     seed: usize,
-    /// Steps from there.
+    /// Number of iterations from that guess.
     iterations: usize,
     /// Smallest error so far; `None` before the first iteration.
     least: Option<f64>,
 }
 
 impl InverseKinematics {
-    /// A workspace for `model`.
+    /// Creates a workspace for `model`.
     pub fn new(model: &Model) -> Self {
         let (nq, nv) = (model.nq(), model.nv());
         Self {
@@ -139,12 +140,12 @@ impl InverseKinematics {
         }
     }
 
-    /// Finds `q` that puts `frame` at `target` (in the world), starting from the `q` handed in, which is also
-    /// the posture that freedom left over is drawn towards. All joints stay within their limits.
+    /// Finds a `q` that puts `frame` at `target` (in the world), starting from the given `q`. The given `q`
+    /// is also the posture to which the remaining freedom is pulled. All joints stay within their limits.
     ///
     /// # Errors
     ///
-    /// [`IkFailure`]; `q` is then the best configuration met.
+    /// [`IkFailure`]; `q` is then the best configuration found.
     pub fn solve(
         &mut self,
         model: &Model,
@@ -163,7 +164,7 @@ impl InverseKinematics {
         }
     }
 
-    /// Begins a search that [`search`](Self::search) continues.
+    /// Starts a search that [`search`](Self::search) continues.
     pub fn restart(&mut self) {
         self.progress = Search::default();
     }
@@ -217,8 +218,9 @@ impl InverseKinematics {
                 return IkProgress::Found(IkSolution { position_error, rotation_error, seed, iterations });
             }
             if iterations < options.iterations {
-                // From the given start, the first half of the steps includes the pull towards the posture;
-                // the rest does not, so that the target is met. Other starts seek other solutions.
+                // From the given start, the first half of the iterations includes the pull towards the
+                // posture. The rest does not, so that the target is reached. Other guesses search for other
+                // solutions.
                 let posture = (seed == 0 && 2 * iterations < options.iterations).then_some(&*q);
                 self.advance(model, frame, &error, posture, options);
                 self.progress.iterations += 1;
@@ -235,7 +237,8 @@ impl InverseKinematics {
         IkProgress::Searching
     }
 
-    /// The starting point `seed`: the one given, then points of a low-discrepancy sequence over the limits.
+    /// Returns initial guess `seed`: the given configuration first, then points of a low-discrepancy sequence
+    /// over the limits.
     fn start(&mut self, model: &Model, q: &[f64], seed: usize) {
         self.trial.copy_from_slice(q);
         let offset = model.nq() - model.joint_count();
@@ -245,7 +248,7 @@ impl InverseKinematics {
             if seed > 0 {
                 let low = if lower.is_finite() { lower } else { *entry - std::f64::consts::PI };
                 let high = if upper.is_finite() { upper } else { *entry + std::f64::consts::PI };
-                // Multiples of independent irrationals, one for each joint (Weyl 1916).
+                // multiples of independent irrationals, one per joint (Weyl 1916)
                 let share = (seed as f64 * PRIMES[index % PRIMES.len()].sqrt() + index as f64 * 0.37).fract();
                 *entry = low + share * (high - low);
             }
@@ -253,8 +256,8 @@ impl InverseKinematics {
         }
     }
 
-    /// Error at `trial`: the remaining motion of the frame, in world axes. The angular part is zero if
-    /// irrelevant.
+    /// Returns the error at `trial`: the remaining motion of the frame, in world axes. The angular part is
+    /// zero if irrelevant.
     fn error(
         &mut self,
         model: &Model,
@@ -273,7 +276,7 @@ impl InverseKinematics {
         Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
     }
 
-    /// One damped step; joints stop at the ends of their range.
+    /// Performs one damped step; joints stop at the ends of their range.
     fn advance(
         &mut self,
         model: &Model,
@@ -358,7 +361,7 @@ impl InverseKinematics {
     }
 }
 
-/// Distance and angle.
+/// Returns distance and angle.
 fn sizes(error: &Vector6<f64>) -> (f64, f64) {
     (error.fixed_rows::<3>(0).norm(), error.fixed_rows::<3>(3).norm())
 }

@@ -8,7 +8,8 @@ use crate::model::flat::FlatModel;
 use crate::{FrameId, Model, Reference};
 
 impl Kinematics {
-    /// Jacobian of `frame` (6 x nv, linear rows first): `jacobian * v` is its velocity in `reference`.
+    /// Computes the Jacobian of `frame` (6 x nv, linear rows first): `jacobian * v` is its velocity in
+    /// `reference`.
     ///
     /// `out` may be any 6 x nv matrix or view; it is overwritten. Columns of joints that do not move the
     /// frame are zero.
@@ -44,8 +45,9 @@ impl Kinematics {
         }
     }
 
-    /// Returns the Jacobian of `frame` at `q` (nq), as [`jacobian`](Self::jacobian) after an update, at the
-    /// cost of the bodies that carry `frame`. Results of the last update become invalid.
+    /// Computes the Jacobian of `frame` at `q` (nq). The result equals [`jacobian`](Self::jacobian) after an
+    /// update, but only the bodies that carry `frame` are processed. Results of the last update become
+    /// invalid.
     pub fn jacobian_at<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &mut self,
         model: &Model,
@@ -62,7 +64,7 @@ impl Kinematics {
         }
     }
 
-    /// From the frame to the base, in the frame's axes, without world poses.
+    /// Computes the Jacobian from the frame to the base, in the frame's axes, without world poses.
     fn local_jacobian<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &mut self,
         model: &Model,
@@ -80,7 +82,7 @@ impl Kinematics {
         }
         let chain = placement.slot.checked_sub(1).map_or(&[][..], |body| flat.chain(body));
         self.positions.update_chain(&flat.nodes, chain, q);
-        // The frame in the axes and about the origin of the body it has come down to.
+        // the frame's pose relative to the current body of the traversal
         let (mut rotation, mut position) = (placement.rotation, placement.position);
         for (place, &slot) in chain.iter().enumerate().rev() {
             let node = &flat.nodes[slot - 1];
@@ -134,8 +136,8 @@ impl Kinematics {
         }
     }
 
-    /// Jacobian of the pose of `frame` in `base` (6 x nv, linear rows first), at the origin of `frame` in the
-    /// axes of `base`: its velocity as seen from `base`.
+    /// Computes the Jacobian of the pose of `frame` in `base` (6 x nv, linear rows first), at the origin of
+    /// `frame` in the axes of `base`: its velocity as seen from `base`.
     ///
     /// `scratch` is another 6 x nv matrix.
     pub fn relative_jacobian<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
@@ -159,8 +161,9 @@ impl Kinematics {
         }
     }
 
-    /// Adds to `out` (nv rows) how fast a point fixed to body `body` (`None`: the base), now at `point` in
-    /// the world \[m\], moves along each of `axes` per unit of each velocity, times `sign`.
+    /// Adds to `out` (nv rows) the velocity along each of `axes`, per unit of each joint velocity and times
+    /// `sign`, of a point. The point is fixed to body `body` (`None`: the base) and currently at `point` in
+    /// the world \[m\].
     pub fn add_point_jacobian(
         &self,
         model: &Model,
@@ -195,8 +198,8 @@ impl Kinematics {
         }
     }
 
-    /// Adds to `row` (nv) how fast a point fixed to `slot`, now at `point` in the world, moves along
-    /// `direction` per unit of each velocity.
+    /// Adds to `row` (nv) the velocity along `direction`, per unit of each joint velocity, of a point fixed
+    /// to `slot` and currently at `point` in the world.
     pub(crate) fn add_point_slope(
         &self,
         model: &Model,
@@ -208,7 +211,7 @@ impl Kinematics {
         self.add_point_slope_strided(model, slot, (point, direction), row, 1);
     }
 
-    /// Adds the slope to every `stride`-th entry: a row of a matrix that is stored by columns.
+    /// Adds the slope to every `stride`-th entry: a row of a column-major matrix.
     pub(crate) fn add_point_slope_strided(
         &self,
         model: &Model,
@@ -238,7 +241,7 @@ impl Kinematics {
     }
 }
 
-/// Linear and angular velocity of `point` for one unit of velocity of the joint.
+/// Returns the linear and angular velocity of `point` per unit of the joint's velocity.
 #[inline(always)]
 pub(super) fn column(prismatic: bool, body: &BodyState, point: V3) -> (V3, V3) {
     let axis = body.rotation.z;
@@ -255,7 +258,7 @@ fn clear<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(out: &mut Matrix<f64, R, C, S
     }
 }
 
-/// Adds to a column, in `axes` if any.
+/// Adds to a column, rotated into `axes` if given.
 #[inline(always)]
 fn write<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
     out: &mut Matrix<f64, R, C, S>,

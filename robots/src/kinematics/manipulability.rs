@@ -7,32 +7,32 @@ use super::jacobian::column;
 use crate::math::V3;
 use crate::{FrameId, Model};
 
-/// The motions of a frame that count, in world axes: velocity along x, y, z, then angular velocity about x,
-/// y, z.
+/// The selected motions of a frame, in world axes: velocity along x, y, z, then angular velocity about x, y,
+/// z.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TaskRows(pub [bool; 6]);
 
 impl TaskRows {
-    /// The velocity of the frame's origin.
+    /// Velocity of the frame's origin.
     pub const POSITION: Self = Self([true, true, true, false, false, false]);
-    /// The angular velocity.
+    /// Angular velocity.
     pub const ORIENTATION: Self = Self([false, false, false, true, true, true]);
     /// All six directions. Metres and radians then have equal weights.
     pub const POSE: Self = Self([true; 6]);
 }
 
 impl Kinematics {
-    /// Manipulability of `frame` by the joints: `sqrt(det(J J'))` of the rows that count. Zero in a singular
-    /// configuration, and always where fewer joints move the frame than there are rows. A floating base does
-    /// not count: with it everything could be reached.
+    /// Returns the manipulability of `frame` by the joints: `sqrt(det(J J'))` of the selected rows. It is
+    /// zero in a singular configuration, and always if fewer joints move the frame than there are rows. A
+    /// floating base is excluded, because it could reach everything.
     pub fn manipulability(&self, model: &Model, frame: FrameId, rows: TaskRows) -> f64 {
         // The square root of rounding noise is only accurate to half the digits.
         self.gram(model, frame, rows).determinant().max(0.0).sqrt()
     }
 
-    /// Gradient of the [`manipulability`](Self::manipulability): `out` (nv) times a velocity is its rate.
-    /// Also returns the manipulability. In a singular configuration the gradient is undefined and `out` is
-    /// zero.
+    /// Computes the gradient of the [`manipulability`](Self::manipulability): `out` (nv) times a velocity is
+    /// its rate. Also returns the manipulability. In a singular configuration the gradient is undefined and
+    /// `out` is zero.
     pub fn manipulability_gradient(
         &self,
         model: &Model,
@@ -57,7 +57,7 @@ impl Kinematics {
             for (other_place, &other) in chain.iter().enumerate() {
                 let mover = &flat.nodes[other - 1];
                 let (their_linear, their_angular) = column(mover.prismatic, &self.bodies[other], point);
-                // Joints nearer the base turn the axis; those farther out move the point.
+                // joints nearer the base rotate the axis; joints farther out move the point
                 let (dl, da) = if other_place <= place {
                     (their_angular.cross(linear), their_angular.cross(angular))
                 } else {
@@ -79,7 +79,7 @@ impl Kinematics {
         let flat = model.flat();
         if let Some((chain, point)) = self.movers(model, frame) {
             for (place, &slot) in chain.iter().enumerate() {
-                // Once per column of v, at its first joint.
+                // once per column of v, at its first joint
                 let at = flat.nodes[slot - 1].column;
                 if chain[..place].iter().any(|&earlier| flat.nodes[earlier - 1].column == at) {
                     continue;
@@ -91,7 +91,7 @@ impl Kinematics {
         gram
     }
 
-    /// Slots that move `frame`, and the position of its origin.
+    /// Returns the slots that move `frame`, and the position of its origin.
     fn movers<'m>(&self, model: &'m Model, frame: FrameId) -> Option<(&'m [usize], V3)> {
         let flat = model.flat();
         let slot = flat.frame_placements[frame.index()].slot;
@@ -99,7 +99,7 @@ impl Kinematics {
         Some((flat.chain(body), self.placement(model, frame).1))
     }
 
-    /// Column `at` of the Jacobian: the sum over all joints that share it.
+    /// Returns column `at` of the Jacobian: the sum over all joints that share it.
     fn masked_column(
         &self,
         model: &Model,

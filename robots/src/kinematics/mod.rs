@@ -13,7 +13,7 @@ use crate::Model;
 use crate::math::{M3, V3, Work, widest};
 use crate::model::flat::{FlatModel, FramePlacement, Positions};
 
-/// Motion of one body in world axes: of its node frame's origin.
+/// Motion of one body in world axes, at the origin of its node frame.
 #[derive(Clone, Debug)]
 struct BodyState {
     rotation: M3,
@@ -81,7 +81,7 @@ impl Kinematics {
         }
     }
 
-    /// Forward kinematics of all bodies at `q` (nq). Velocities and accelerations become zero.
+    /// Computes forward kinematics of all bodies at `q` (nq). Velocities and accelerations become zero.
     pub fn update(&mut self, model: &Model, q: &[f64]) {
         self.set_positions(model, q);
         for body in &mut self.bodies {
@@ -90,13 +90,14 @@ impl Kinematics {
         }
     }
 
-    /// Forward kinematics of all bodies at `q` (nq) moving with `v` (nv). Accelerations become the
+    /// Computes forward kinematics of all bodies at `q` (nq) moving with `v` (nv). Accelerations become the
     /// drift `Jdot v` of every frame, at `a = 0`.
     pub fn update_with_velocity(&mut self, model: &Model, q: &[f64], v: &[f64]) {
         widest(Moving { kinematics: self, model, motion: (q, v) });
     }
 
-    /// Forward kinematics of all bodies at `q` (nq) moving with `v` (nv) and accelerating with `a` (nv).
+    /// Computes forward kinematics of all bodies at `q` (nq) moving with `v` (nv) and accelerating with `a`
+    /// (nv).
     pub fn update_with_acceleration(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64]) {
         assert_eq!(a.len(), model.nv(), "length of a");
         self.set_positions(model, q);
@@ -170,7 +171,7 @@ impl Kinematics {
         }
     }
 
-    /// The body a frame is mounted on.
+    /// Returns the body on which a frame is mounted.
     #[inline(always)]
     fn carrier(&self, placement: &FramePlacement) -> &BodyState {
         if placement.slot == FlatModel::WORLD { &self.world } else { &self.bodies[placement.slot] }

@@ -1,4 +1,4 @@
-//! Digests of robots: numbers that are equal for equal robots, whatever the order of their joints.
+//! Digests of robots: equal robots have equal numbers, regardless of the order of their joints.
 
 use core::hash::Hasher as _;
 
@@ -8,18 +8,18 @@ use twox_hash::XxHash3_64;
 use crate::model::{Coordinate, Inertia, Joint};
 use crate::{JointKind, Loaded, Model};
 
-/// A digest under construction.
+/// A digest in progress.
 #[derive(Default)]
 struct Digest(XxHash3_64);
 
 impl Digest {
-    /// Adds a name.
+    /// Adds a string.
     fn text(&mut self, text: &str) {
         self.0.write(text.as_bytes());
         self.0.write(&[0xff]);
     }
 
-    /// Adds numbers, rounded to 1e-9: the last bits of a sum or a sine differ between processors.
+    /// Adds numbers, rounded to 1e-9, because the last bits of a sum or a sine differ between processors.
     fn numbers(&mut self, numbers: impl IntoIterator<Item = f64>) {
         for number in numbers {
             let rounded = if number.is_finite() { (number * 1e9).round() + 0.0 } else { number };
@@ -78,7 +78,7 @@ impl Model {
 
 impl Loaded {
     /// Returns a digest of everything that affects the motion of the robot: base, links, inertias, joints,
-    /// drives, and the gains of its profile. Shapes and appearance are not part of it.
+    /// drives, and the gains of its profile. Shapes and appearance are excluded.
     pub fn dynamics_digest(&self) -> u64 {
         let Self { model, profile, .. } = self;
         let mut digest = Digest::default();

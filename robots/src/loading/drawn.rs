@@ -1,4 +1,4 @@
-//! Robots for viewers: as URDF text, and the colours of their links.
+//! Robots for viewers: as URDF text, with the colours of their links.
 
 use std::io;
 use std::sync::Arc;
@@ -75,16 +75,16 @@ impl Loaded {
         })
     }
 
-    /// The robot of its MJCF text with these shapes.
+    /// Parses the MJCF text of the robot with these shapes.
     fn with_shapes(&self, text: &str, shapes: ShapeSource) -> Option<MjcfRobot> {
         parse_mjcf(text, self.path.as_deref(), &LoadOptions { shapes, ..LoadOptions::default() }).ok()
     }
 
-    /// True if its file is MJCF.
+    /// Returns `true` if the robot's file is MJCF.
     ///
     /// # Errors
     ///
-    /// The file cannot be read any more.
+    /// The file can no longer be read.
     pub fn is_mjcf(&self) -> io::Result<bool> {
         Ok(self.text()?.is_some_and(|text| is_mjcf(&text)))
     }

@@ -2,7 +2,7 @@
 
 use crate::{FrameId, Loaded, Model, Profile, UnknownFrame};
 
-/// A frame to control that cannot be chosen.
+/// No frame to control can be chosen.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EndEffectorError {
     /// No frame is named, and the profile (if any) has no end effector.
@@ -10,7 +10,7 @@ pub enum EndEffectorError {
     NoneKnown {
         /// Name of the robot in its file.
         robot: String,
-        /// A link that could be named: the tip of the longest chain of joints.
+        /// A frame that could be named: the tip of the longest chain of joints.
         example: String,
     },
     /// No frame is named, and the profile has more than one end effector.
@@ -28,7 +28,7 @@ pub enum EndEffectorError {
         frame: String,
         /// Name of the robot in its file.
         robot: String,
-        /// A link that could be named: the tip of the longest chain of joints.
+        /// A frame that could be named: the tip of the longest chain of joints.
         example: String,
     },
     /// The named frame does not exist.
@@ -52,7 +52,7 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// [`EndEffectorError`]: the frame is unknown or immovable, or there is no unique end effector.
+    /// [`EndEffectorError`] if the frame is unknown or immovable, or there is no unique end effector.
     ///
     /// ```
     /// # use std::path::Path;
@@ -87,14 +87,14 @@ impl Model {
 }
 
 impl Model {
-    /// True if a joint, or the floating base, moves a frame.
+    /// Returns `true` if a joint or the floating base moves a frame.
     pub fn moves(&self, frame: FrameId) -> bool {
         let frame = &self.frames()[frame.index()];
         frame.body.is_some() || (self.base().floating && !frame.in_world)
     }
 
-    /// The frame at the end of the longest chain of joints, before its fingers: the last frame of its body,
-    /// which is usually the tool's. `None` if no joint moves any frame.
+    /// Returns the frame at the end of the longest chain of joints, before its fingers: the last frame of its
+    /// body, which is usually the tool's. `None` if no joint moves any frame.
     ///
     /// ```
     /// # use std::path::Path;
@@ -110,15 +110,15 @@ impl Model {
         let longest = depths.iter().copied().max()?;
         let mut ends = (0..depths.len()).filter(|body| depths[*body] == longest);
         let first = ends.next()?;
-        // Several bodies side by side are the fingers of a hand; otherwise the first of several chains of one
-        // length.
+        // Several sibling bodies are the fingers of a hand; otherwise the first of several equally long
+        // chains is used.
         let parent = self.bodies()[first].parent;
         let fingers = ends.clone().next().is_some() && ends.all(|body| self.bodies()[body].parent == parent);
         let body = self.before_fingers(parent.filter(|_| fingers).unwrap_or(first));
         self.frames().iter().rposition(|frame| frame.body == Some(body)).map(FrameId)
     }
 
-    /// The nearest body towards the base, or `body` itself, that is not moved by a finger's joint.
+    /// Returns the nearest body towards the base, or `body` itself, that is not moved by a finger's joint.
     pub(crate) fn before_fingers(&self, body: usize) -> usize {
         let mut palm = body;
         while let Some(parent) =
@@ -131,7 +131,7 @@ impl Model {
 }
 
 impl Loaded {
-    /// [`Model::end_effector`] with the robot's own profile.
+    /// Like [`Model::end_effector`], with the robot's own profile.
     ///
     /// # Errors
     ///
@@ -141,7 +141,8 @@ impl Loaded {
     }
 }
 
-/// True if a joint opens and closes a gripper, by its name. The wrist of a gripper has an axis in its name.
+/// Returns `true` if a joint opens and closes a gripper, by its name. The wrist of a gripper has an axis in
+/// its name.
 fn moves_finger(joint: &str) -> bool {
     let joint = joint.to_ascii_lowercase();
     let parts = ["finger", "gripper", "jaw", "claw", "thumb"];
@@ -149,7 +150,7 @@ fn moves_finger(joint: &str) -> bool {
     parts.iter().any(|part| joint.contains(part)) && !wrist.iter().any(|part| joint.contains(part))
 }
 
-/// Joints that move the tip, starting at the base, and the joints beyond it (its fingers).
+/// Returns the joints that move the tip, starting at the base, and the joints beyond it (its fingers).
 pub(crate) fn tip_joints(model: &Model, tip: FrameId) -> (Vec<String>, Vec<String>) {
     let body = model.frames()[tip.index()].body;
     let parents = |mut body: Option<usize>| {

@@ -6,16 +6,16 @@ use std::path::{Path, PathBuf};
 /// A robot found in the folder of installed robots.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Installed {
-    /// The name to load it by: its file's, without the extension.
+    /// Name by which the robot is loaded: its file name without the extension.
     pub name: String,
     /// Collection of the robot. `COLLECTION/NAME` loads it as well.
     pub collection: String,
-    /// Its URDF file.
+    /// URDF file of the robot.
     pub urdf: PathBuf,
 }
 
-/// The folder of installed robots: `$MOTORIUM_ROBOTS`, `$XDG_DATA_HOME/motorium/robots` or
-/// `~/.local/share/motorium/robots`. `None` when neither those variables nor `HOME` are set.
+/// Returns the folder of installed robots: `$MOTORIUM_ROBOTS`, `$XDG_DATA_HOME/motorium/robots` or
+/// `~/.local/share/motorium/robots`. `None` if neither these variables nor `HOME` are set.
 pub fn installed_folder() -> Option<PathBuf> {
     let variable = |name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     variable("MOTORIUM_ROBOTS").or_else(|| {
@@ -42,7 +42,7 @@ fn installed_in(folder: &Path) -> Vec<Installed> {
     found
 }
 
-/// Collects the `.urdf` files of a folder and those below it.
+/// Collects the `.urdf` files of a folder and its subfolders.
 fn search(folder: &Path, collection: &str, depth: usize, found: &mut Vec<Installed>) {
     for path in entries(folder) {
         if path.extension().is_some_and(|extension| extension == "urdf") && path.is_file() {
@@ -63,7 +63,7 @@ fn text(name: Option<&std::ffi::OsStr>) -> String {
     name.unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// The file of the installed robot `reference`: `NAME` or `COLLECTION/NAME`.
+/// Finds the installed robot `reference`: `NAME` or `COLLECTION/NAME`.
 pub(crate) fn find<'a>(robots: &'a [Installed], reference: &str) -> Option<&'a Installed> {
     robots.iter().find(|robot| match reference.split_once('/') {
         Some((collection, name)) => robot.collection == collection && robot.name == name,
@@ -76,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn robots_are_found_by_name_wherever_they_lie_in_a_collection() {
+    fn robots_are_found_by_name_anywhere_in_a_collection() {
         let folder = tempfile::tempdir().unwrap();
         for file in [
             "data/robots/leg/urdf/leg.urdf",

@@ -1,4 +1,4 @@
-//! A robot of which a graph moves only some joints; the others are held at given positions and their bodies
+//! Robots of which a graph moves only some joints; the others are held at given positions and their bodies
 //! welded.
 
 use std::collections::BTreeMap;
@@ -9,16 +9,16 @@ use crate::{Loaded, Model, Profile, SettingError};
 /// The joints of a robot moved by a graph, and the positions of the others.
 #[derive(Debug, Default)]
 pub(crate) struct JointSubset {
-    /// Joints, or end effectors of the profile for the joints that move them. `None`: all joints without a
-    /// fixed position.
+    /// Joints to move, or end effectors of the profile for the joints that move them. `None` selects all
+    /// joints without a fixed position.
     pub(crate) joints: Option<Vec<String>>,
-    /// Positions at which joints are held \[rad or m\].
+    /// Positions of held joints \[rad or m\].
     pub(crate) fixed: BTreeMap<String, f64>,
 }
 
 impl JointSubset {
-    /// Locks the joints that are left out: at their position, or else in the pose `pose` of the profile, or
-    /// the one that it starts in.
+    /// Locks the remaining joints: at their fixed position, otherwise in the pose `pose` of the profile or in
+    /// its home pose.
     pub(crate) fn apply(&self, robot: &mut Loaded, pose: Option<&str>) -> Result<(), SettingError> {
         if self.joints.is_none() && self.fixed.is_empty() {
             return Ok(());
@@ -27,7 +27,7 @@ impl JointSubset {
         let moved = self.moved(model, profile)?;
         let names = model.joint_names();
         if !moved.contains(&true) {
-            return Err(SettingError::new("joints", "no joint is left that moves"));
+            return Err(SettingError::new("joints", "no joint is left to move"));
         }
         // the key that requests the pose
         let asks = match (pose, &self.joints) {
@@ -78,7 +78,7 @@ impl JointSubset {
         Ok(())
     }
 
-    /// For each joint of the model, `true` if it moves.
+    /// Returns, for each joint of the model, `true` if it moves.
     fn moved(&self, model: &Model, profile: Option<&Profile>) -> Result<Vec<bool>, SettingError> {
         let mut moved = vec![self.joints.is_none(); model.joint_count()];
         for name in self.joints.iter().flatten() {
@@ -104,7 +104,7 @@ impl JointSubset {
     }
 }
 
-/// The index of a joint of the model that a key names.
+/// Returns the index of the joint named by a key.
 fn joint(
     key: &'static str,
     name: &str,

@@ -1,4 +1,4 @@
-//! Loading a robot by its name in a graph file, or by a path.
+//! Loading of robots by their name in a graph file, or by path.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use crate::{
     catalogue, parse_mjcf, parse_urdf_with,
 };
 
-/// Longest file of a robot or its profile, bytes. Robots of a hundred joints take a tenth of a megabyte.
+/// Maximum size of a robot or profile file, bytes. A robot with a hundred joints needs a tenth of a megabyte.
 const LONGEST: u64 = 16 * 1024 * 1024;
 
 /// A robot ready to use.
@@ -21,12 +21,12 @@ const LONGEST: u64 = 16 * 1024 * 1024;
 pub struct Loaded {
     /// The robot.
     pub model: Model,
-    /// Defects of its file, each naming the link or joint. Show them to the user.
+    /// Defects of its file, each naming the link or joint, to be shown to the user.
     pub warnings: Vec<ModelWarning>,
     /// Poses, end effectors and gains: from the catalogue, or from the `.toml` of the same name next to the
     /// file.
     pub profile: Option<Profile>,
-    /// Key poses in the file's SRDF, next to it or in the `srdf` folder next to its folder.
+    /// Key poses of the SRDF next to the file, or in the `srdf` folder next to its folder.
     pub postures: Vec<Posture>,
     /// Pairs of bodies that an MJCF file excludes from collision.
     pub exclusions: Srdf,
@@ -60,7 +60,7 @@ impl Loaded {
     }
 }
 
-/// A robot that cannot be loaded.
+/// The robot cannot be loaded.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The robot is neither in the catalogue nor on disk.
@@ -69,17 +69,17 @@ pub enum LoadError {
         .path.display(), suggestion(.nearest.as_deref())
     )]
     NotFound {
-        /// The text that should name a robot.
+        /// The robot reference.
         reference: String,
-        /// The path it would have.
+        /// The path to which it would refer.
         path: PathBuf,
         /// The robot of the catalogue or the installed one most likely meant.
         nearest: Option<String>,
     },
-    /// A folder without a robot.
+    /// The folder contains no robot.
     #[error("no .urdf file in {} or its urdf/ folder, and no MJCF (.xml) file", .0.display())]
     NoUrdf(PathBuf),
-    /// A folder with more than one robot.
+    /// The folder contains more than one robot.
     #[error("several robot files in {}: {}; name one of them", .folder.display(), .names.join(", "))]
     SeveralUrdf {
         /// The folder.
@@ -90,7 +90,7 @@ pub enum LoadError {
     /// The file is not MJCF, although it was specified as such.
     #[error("{} is no MJCF file: its root element is not <mujoco>; name it by `urdf`", .0.display())]
     NotMjcf(PathBuf),
-    /// A file that cannot be read.
+    /// The file cannot be read.
     #[error("cannot read {}: {source}", .path.display())]
     Read {
         /// The file.
@@ -103,21 +103,21 @@ pub enum LoadError {
     NotText {
         /// The file.
         path: PathBuf,
-        /// The first byte at fault; columns count characters.
+        /// Position of the first invalid byte; columns count characters.
         at: Position,
         /// The invalid byte.
         byte: u8,
     },
-    /// A URDF with a fault.
+    /// The URDF has an error.
     #[error(transparent)]
     Urdf(#[from] UrdfError),
-    /// An MJCF file with a fault.
+    /// The MJCF file has an error.
     #[error(transparent)]
     Mjcf(#[from] MjcfError),
     /// A setting of a graph does not match the robot.
     #[error(transparent)]
     Setting(#[from] crate::SettingError),
-    /// A profile with a fault.
+    /// The profile has an error.
     #[error("{}: {source}", .path.display())]
     Profile {
         /// The file.
@@ -140,7 +140,7 @@ pub fn load(reference: &str, base: &Path) -> Result<Loaded, LoadError> {
     load_with(reference, base, &LoadOptions::default())
 }
 
-/// [`load`], with options.
+/// Like [`load`], with options.
 ///
 /// # Errors
 ///
@@ -171,7 +171,7 @@ pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<
     let profile = profile_of(&options.profile, &path.with_extension("toml"))?;
     let options = based(options, profile.as_ref());
     let Parsed { model, warnings, exclusions, profile: own } = parse(&read(&path)?, &path, &options)?;
-    // Poses and gains in the file itself, unless another profile is chosen.
+    // poses and gains from the file itself, unless another profile is chosen
     let own = own.filter(|_| options.profile == ProfileChoice::Own).map(|own| (own, path.clone()));
     let profile = profile.or(own);
     let postures = Posture::beside(&path, &model);
@@ -180,7 +180,7 @@ pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<
     profiled(loaded, profile, &options)
 }
 
-/// The robot with its profile, and with the limits of that.
+/// Adds the profile to the robot and applies the profile's limits.
 fn profiled(
     loaded: Loaded,
     profile: Option<(Profile, PathBuf)>,
@@ -203,7 +203,7 @@ fn profiled(
     Ok(Loaded { model, profile: Some(profile), ..loaded })
 }
 
-/// A robot of a file.
+/// A robot parsed from a file.
 struct Parsed {
     model: Model,
     warnings: Vec<ModelWarning>,
@@ -232,7 +232,7 @@ fn based(options: LoadOptions, profile: Option<&(Profile, PathBuf)>) -> LoadOpti
     }
 }
 
-/// The file that `reference` means.
+/// Returns the file to which `reference` refers.
 fn file(reference: &str, base: &Path, format: FileFormat) -> Result<PathBuf, LoadError> {
     let path = base.join(reference);
     if path.exists() {
@@ -273,7 +273,7 @@ fn robot_in(folder: &Path, format: FileFormat) -> Result<PathBuf, LoadError> {
         let mut found: Vec<_> = entries
             .filter_map(|entry| Some(entry.ok()?.path()))
             .filter(|path| path.extension().is_some_and(|found| found == extension))
-            // Packages have a package.xml, launch files and the like.
+            // packages contain a package.xml, launch files and similar files
             .filter(|path| extension == "urdf" || read(path).is_ok_and(|text| is_mjcf(&text)))
             .collect();
         found.sort();

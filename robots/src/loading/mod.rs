@@ -1,4 +1,4 @@
-//! Robots ready to use: loading by name or path, settings from graph files, drafts of profiles.
+//! Robots ready to use: loading by name or path, settings from graph files, draft profiles.
 
 pub(crate) mod digest;
 pub(crate) mod draft;

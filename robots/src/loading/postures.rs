@@ -1,4 +1,4 @@
-//! Key poses that the SRDF of a robot names: its `<group_state>` elements.
+//! Key poses named by the SRDF of a robot: its `<group_state>` elements.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use crate::file::read_bounded;
 use crate::geometry::srdf::{GroupState, group_states};
 use crate::model::configuration::write_pose;
 
-/// Longest SRDF file, bytes.
+/// Maximum size of an SRDF file, bytes.
 const LONGEST: u64 = 16 * 1024 * 1024;
 
 /// A named configuration of an SRDF file. Unnamed joints are at zero. Joints that the model does not have,
@@ -108,7 +108,7 @@ mod tests {
         <parent link="shank"/><child link="wheel"/><axis xyz="0 1 0"/></joint></robot>"#;
 
     #[test]
-    fn the_states_of_an_srdf_are_postures_of_base_and_joints() {
+    fn srdf_states_are_postures_of_base_and_joints() {
         let srdf = r#"<robot name="leg"><group_state name="standing" group="all"><joint name="root_joint"
             value="0. 0. 0.7 0. 0. 0. 1."/><joint name="knee" value="-0.4"/><joint name="axle" value="0 1"/>
             <joint name="of another" value="1"/></group_state><group_state name="standing" group="knees">

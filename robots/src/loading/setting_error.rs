@@ -1,4 +1,4 @@
-//! Faults of the settings of a robot in a graph file.
+//! Errors in the settings of a robot in a graph file.
 
 /// A robot setting in a graph file does not match the robot.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -6,7 +6,7 @@
 pub struct SettingError {
     /// The key: `joints`, `fixed`, `frame`, `start` or `gains`.
     pub key: &'static str,
-    /// The reason for which its value is refused.
+    /// Reason why the value is rejected.
     pub message: String,
 }
 

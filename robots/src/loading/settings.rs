@@ -14,7 +14,7 @@ use crate::{BaseKind, EndEffector, Loaded, Model, PerJoint, Profile, SettingErro
 /// Settings of a robot in a graph file.
 pub(crate) struct Settings {
     subset: JointSubset,
-    /// The frame that tasks move.
+    /// Frame that tasks control.
     frame: Option<String>,
     start: Option<Start>,
     gains: Option<GivenGains>,
@@ -103,7 +103,7 @@ fn without_poses(model: &Model) -> Profile {
     profile
 }
 
-/// Numbers in the order of the model's joints, as a list of the profile.
+/// Expands numbers in the order of the model's joints to a list of the profile.
 fn listed(profile: &Profile, model: &Model, values: &[f64]) -> PerJoint {
     let of = |joint: &String| model.joint_index(joint).map_or(0.0, |index| values[index]);
     PerJoint::Each(profile.joints.iter().map(of).collect())
@@ -137,7 +137,7 @@ fn set_gains(profile: &mut Profile, given: GivenGains, model: &Model) -> Result<
     Ok(())
 }
 
-/// Name of the pose given by numbers in a graph.
+/// Name of the pose that a graph specifies by numbers.
 const START: &str = "start";
 
 fn set_start(profile: &mut Profile, position: &PerJoint, model: &Model) -> Result<(), SettingError> {

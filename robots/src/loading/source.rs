@@ -21,13 +21,13 @@ use crate::{BasePose, FileFormat, LoadError, LoadOptions, Loaded, ProfileChoice,
 pub struct RobotSource<'a> {
     /// Name of the robot in the graph.
     pub name: &'a str,
-    /// A catalogue name, a file or a folder, or an installed robot: see [`load`](crate::load).
+    /// A catalogue name, a file or folder, or an installed robot; see [`load`](crate::load).
     pub text: &'a str,
     /// Folder for relative paths in `text`: the graph file's folder.
     pub base: &'a Path,
-    /// Pose of its base in the world, if given in the graph.
+    /// Pose of the base in the world, if given in the graph.
     pub pose: Option<BasePose>,
-    /// Profile named by the graph, if any; else the robot's own.
+    /// Profile named by the graph, if any; otherwise the robot's own is used.
     pub profile: Option<&'a Path>,
     /// Folders searched for packages before all others.
     pub packages: &'a [PathBuf],
@@ -50,7 +50,7 @@ impl Default for RobotSource<'_> {
     }
 }
 
-/// A robot of a graph that cannot be loaded.
+/// A robot in a graph cannot be loaded.
 #[derive(Debug, thiserror::Error)]
 #[error("robot `{name}`: {source}")]
 pub struct RobotSourceError {
@@ -74,7 +74,7 @@ impl RobotSource<'_> {
     ///
     /// # Errors
     ///
-    /// As [`load`](Self::load).
+    /// Same as [`load`](Self::load).
     pub fn load_with(&self, options: &LoadOptions) -> Result<Loaded, RobotSourceError> {
         let mut options = options.clone();
         options.packages.folders.splice(0..0, self.packages.iter().cloned());

@@ -1,5 +1,5 @@
-//! Inertias turned about and moved along one coordinate axis: a quarter of the arithmetic of a general
-//! placement.
+//! Inertias rotated about and translated along one coordinate axis: a quarter of the arithmetic of a general
+//! transform.
 
 use super::{RigidInertia, S3, V3, fused};
 
@@ -17,13 +17,13 @@ impl Turn {
         Self { sin, cos, sin2: 2.0 * sin * cos, cos2: cos * cos - sin * sin }
     }
 
-    /// The components of a vector across the axis, turned.
+    /// Rotates the components of a vector perpendicular to the axis.
     #[inline(always)]
     pub(crate) fn across<const FUSED: bool>(&self, a: f64, b: f64) -> (f64, f64) {
         (fused::<FUSED>(self.cos, a, -(self.sin * b)), fused::<FUSED>(self.sin, a, self.cos * b))
     }
 
-    /// The entries `aa`, `ab`, `bb` of a symmetric matrix across the axis, turned.
+    /// Rotates the entries `aa`, `ab`, `bb` of a symmetric matrix perpendicular to the axis.
     #[inline(always)]
     fn plane<const FUSED: bool>(&self, aa: f64, ab: f64, bb: f64) -> (f64, f64, f64) {
         let (mean, half) = (0.5 * (aa + bb), 0.5 * (aa - bb));
@@ -33,7 +33,7 @@ impl Turn {
 }
 
 impl RigidInertia {
-    /// Turned about z, then moved by `lift` along it.
+    /// Returns the inertia rotated about z, then translated by `lift` along it.
     #[inline(always)]
     pub(crate) fn screwed_z<const FUSED: bool>(&self, turn: &Turn, lift: f64) -> Self {
         let (h, i) = (self.moment, &self.rotational);
@@ -57,7 +57,7 @@ impl RigidInertia {
         }
     }
 
-    /// Turned about x, then moved by `shift` along it.
+    /// Returns the inertia rotated about x, then translated by `shift` along it.
     #[inline(always)]
     pub(crate) fn screwed_x<const FUSED: bool>(&self, turn: &Turn, shift: f64) -> Self {
         let (h, i) = (self.moment, &self.rotational);

@@ -1,4 +1,4 @@
-//! Vectors of parry, a separate type.
+//! Conversion to and from parry's vector type.
 
 use parry3d_f64::math::Vector;
 

@@ -32,7 +32,7 @@ impl Spatial {
         [l.x, l.y, l.z, a.x, a.y, a.z]
     }
 
-    /// Power of a wrench along a motion.
+    /// Returns the power of a wrench along a motion.
     #[inline(always)]
     pub(crate) fn dot(self, other: Self) -> f64 {
         self.linear.dot(other.linear) + self.angular.dot(other.angular)
@@ -136,7 +136,8 @@ impl RigidInertia {
         Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) - shift * (1.0 / self.mass)
     }
 
-    /// Momentum of a body with velocity `motion`, or the wrench that causes the acceleration `motion`.
+    /// Returns the momentum of a body with velocity `motion`, or the wrench that causes the acceleration
+    /// `motion`.
     #[inline(always)]
     pub(crate) fn apply(&self, motion: Spatial) -> Spatial {
         Spatial {
@@ -155,8 +156,8 @@ impl AddAssign for RigidInertia {
     }
 }
 
-/// Articulated inertia: the inertia of a body whose outer joints are free to move: a symmetric 6 x 6 matrix
-/// in blocks, `force = mass u + coupling w`, `moment = coupling' u + rotational w`.
+/// Articulated inertia: the inertia of a body whose outer joints are free to move. It is a symmetric 6 x 6
+/// matrix in blocks, `force = mass u + coupling w`, `moment = coupling' u + rotational w`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ArticulatedInertia {
     pub(crate) mass: S3,

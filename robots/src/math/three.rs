@@ -28,7 +28,7 @@ impl V3 {
     /// Reads the first three numbers.
     ///
     /// # Panics
-    /// With fewer than three.
+    /// If there are fewer than three.
     #[inline(always)]
     pub fn from_slice(values: &[f64]) -> Self {
         Self::new(values[0], values[1], values[2])
@@ -117,7 +117,7 @@ impl Mul<f64> for V3 {
     }
 }
 
-/// A matrix, by columns.
+/// A matrix, stored by columns.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct M3 {
     /// First column.
@@ -163,7 +163,7 @@ impl M3 {
         V3::new(self.x.dot(v), self.y.dot(v), self.z.dot(v))
     }
 
-    /// `self * Rz`, Rz turning about z by the angle of this sine and cosine.
+    /// Computes `self * Rz`, where Rz rotates about z by the angle with this sine and cosine.
     #[inline(always)]
     pub fn turned(&self, sin: f64, cos: f64) -> Self {
         Self { x: self.x * cos + self.y * sin, y: self.y * cos - self.x * sin, z: self.z }
@@ -232,7 +232,7 @@ impl From<M3> for Matrix3<f64> {
     }
 }
 
-/// A symmetric matrix: six numbers.
+/// A symmetric matrix with six entries.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct S3 {
     pub(crate) xx: f64,

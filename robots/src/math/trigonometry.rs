@@ -1,8 +1,8 @@
-//! Sine and cosine of many angles at once.
+//! Sine and cosine of many angles simultaneously.
 //!
-//! Straight-line code without branches or tables, which the compiler vectorises. Reduction by three parts of
-//! pi/2 (Cody and Waite 1980), then Taylor polynomials on [-pi/4, pi/4] whose remainder is below half a unit
-//! in the last place.
+//! Straight-line code without branches or tables, which the compiler vectorises. The angle is reduced by
+//! three parts of pi/2 (Cody and Waite 1980). Then Taylor polynomials on [-pi/4, pi/4] are used whose
+//! remainder is below half a unit in the last place.
 
 use super::fused;
 
@@ -12,10 +12,10 @@ const PI_2: [f64; 3] = [1.5707963267341256, 6.077100506303966e-11, 2.02226624879
 /// Adding this rounds a number to an integer in the low bits.
 const ROUND: f64 = 6_755_399_441_055_744.0;
 
-/// Beyond this angle the reduction is no longer exact.
+/// Angle beyond which the reduction is no longer exact.
 const FAR: f64 = 1.0e6;
 
-/// Angles computed side by side; lengths must be multiples of this.
+/// Number of angles computed side by side; lengths must be multiples of it.
 pub(crate) const LANES: usize = 4;
 
 /// Sines and cosines of `angles`. The three slices have the same length, a multiple of [`LANES`].
@@ -117,7 +117,7 @@ mod tests {
         (sin[0], cos[0])
     }
 
-    /// As processors compute that fuse.
+    /// As on processors with fused multiply-add.
     fn fusing(x: f64) -> (f64, f64) {
         let (mut sin, mut cos) = ([0.0; LANES], [0.0; LANES]);
         sin_cos_abreast::<true>(&[x; LANES], &mut sin, &mut cos);
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn far_angles_and_faults_go_to_the_standard_library() {
+    fn large_angles_and_nan_use_the_standard_library() {
         for x in [1e7, -3.3e12] {
             assert_eq!(both(x), x.sin_cos());
         }

@@ -15,7 +15,7 @@ pub enum Reference {
     LocalWorldAligned,
 }
 
-/// A spatial velocity: linear and angular; or an acceleration in the same units per second.
+/// A spatial velocity (linear and angular), or an acceleration in the same units per second.
 ///
 /// ```
 /// use motorium_robots::Twist;
@@ -33,12 +33,12 @@ pub struct Twist {
 }
 
 impl Twist {
-    /// The twist of a frame at rest.
+    /// Returns the twist of a frame at rest.
     pub fn zero() -> Self {
         Self::default()
     }
 
-    /// Six numbers, linear first: comparable to a Jacobian times a joint velocity.
+    /// Returns six numbers, linear part first, comparable to a Jacobian times a joint velocity.
     pub fn vector(&self) -> Vector6<f64> {
         let (l, a) = (&self.linear, &self.angular);
         Vector6::new(l.x, l.y, l.z, a.x, a.y, a.z)

@@ -1,8 +1,8 @@
-//! The same code compiled twice: for every processor, and for those with registers of four numbers and fused
-//! multiplication and addition (AVX2 and FMA).
+//! Code compiled twice: for every processor, and for processors with AVX2 and FMA (registers of four numbers,
+//! fused multiply-add).
 //!
-//! The choice is made while running. Fusing rounds once where two roundings were: results may differ in their
-//! last bits from one kind of processor to the other, never from run to run.
+//! The version is selected at run time. A fused operation rounds once instead of twice, so the last bits of
+//! results may differ between processors, but never between runs.
 
 #![allow(
     unsafe_code,
@@ -14,7 +14,7 @@
 pub(crate) trait Work {
     type Output;
 
-    /// `FUSED`: [`fused`] costs no more than a multiplication.
+    /// With `FUSED`, [`fused`] costs no more than a multiplication.
     fn run<const FUSED: bool>(self) -> Self::Output;
 }
 
@@ -24,7 +24,7 @@ pub(crate) fn fused<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
     if FUSED { a.mul_add(b, c) } else { a * b + c }
 }
 
-/// Computes with the widest registers there are.
+/// Runs the computation with the widest available registers.
 #[inline(always)]
 pub(crate) fn widest<W: Work>(work: W) -> W::Output {
     #[cfg(target_arch = "x86_64")]

@@ -9,14 +9,14 @@ use super::ears;
 use super::error::{Fault, MeshProblem, number};
 use super::triangle_mesh::TriangleMesh;
 
-/// Largest depth of nodes: a deeper scene instances itself.
+/// Maximum depth of nodes; a deeper scene instances itself.
 const DEEPEST: usize = 64;
-/// Most nodes and geometries of a scene, with every instance: nodes that instance one another twice double at
-/// each level.
+/// Maximum number of nodes and geometries of a scene, counting every instance: nodes that instance one
+/// another twice double at each level.
 const MOST_INSTANCES: usize = 100_000;
-/// Largest offset of an input within a corner. Writers need one for each of a handful of inputs.
+/// Maximum offset of an input within a corner. Files need one for each of a handful of inputs.
 const LARGEST_OFFSET: usize = 255;
-/// Most triangles, and most points, of a scene before its last instance.
+/// Maximum number of triangles and points of a scene before its last instance.
 const MOST_TRIANGLES: usize = 4_000_000;
 
 pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
@@ -58,7 +58,8 @@ pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
     Ok(reader.mesh)
 }
 
-/// Tag names with their namespace: COLLADA files have one, and it differs with the version.
+/// Finds children by tag name, ignoring the namespace: COLLADA files have one, and it differs between
+/// versions.
 fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
     node.children().find(|child| child.tag_name().name() == name)
 }
@@ -67,7 +68,7 @@ fn children<'a, 'i>(node: Node<'a, 'i>, name: &'static str) -> impl Iterator<Ite
     node.children().filter(move |child| child.tag_name().name() == name)
 }
 
-/// The text of an element, with comments left out.
+/// Returns the text of an element without comments.
 fn text(node: Node<'_, '_>) -> String {
     node.children().filter(|child| child.is_text()).filter_map(|child| child.text()).collect()
 }
@@ -76,7 +77,7 @@ struct Reader<'a, 'i> {
     document: &'a Document<'i>,
     ids: HashMap<&'a str, Node<'a, 'i>>,
     mesh: TriangleMesh,
-    /// Instances of nodes and geometries so far.
+    /// Number of instances of nodes and geometries so far.
     instances: usize,
 }
 
@@ -89,7 +90,7 @@ impl<'a, 'i> Reader<'a, 'i> {
         self.fault(node, MeshProblem::Malformed(message.into()))
     }
 
-    /// The element that an attribute names by `#ID`.
+    /// Returns the element referenced by an attribute as `#ID`.
     fn target(&self, node: Node<'a, 'i>, attribute: &str) -> Result<Node<'a, 'i>, Fault> {
         let name = node.attribute(attribute).and_then(|url| url.strip_prefix('#'));
         name.and_then(|name| self.ids.get(name).copied()).ok_or_else(|| {
@@ -200,7 +201,7 @@ impl<'a, 'i> Reader<'a, 'i> {
             }
         }
         if pose.fixed_view::<3, 3>(0, 0).determinant() < 0.0 {
-            // A mirror turns the triangles inside out.
+            // a mirror flips the orientation of the triangles
             self.mesh.triangles[first..].iter_mut().for_each(|triangle| triangle.swap(1, 2));
         }
         Ok(())
@@ -279,7 +280,7 @@ impl<'a, 'i> Reader<'a, 'i> {
         Ok(())
     }
 
-    /// The points of the POSITION source of an input of vertices.
+    /// Returns the points of the POSITION source of an input of vertices.
     fn positions(&self, input: Node<'a, 'i>) -> Result<Vec<Point3<f64>>, Fault> {
         let vertices = self.target(input, "source")?;
         let position =
@@ -309,7 +310,8 @@ impl<'a, 'i> Reader<'a, 'i> {
         Ok((0..points).map(|point| Point3::from(layout.axes.map(|axis| at(point, axis)))).collect())
     }
 
-    /// The layout that an accessor states: the named parameters are x, y and z; unnamed ones are skipped.
+    /// Returns the layout described by an accessor: the named parameters are x, y and z; unnamed ones are
+    /// skipped.
     fn layout(&self, accessor: Option<Node<'_, '_>>) -> Result<Layout, Fault> {
         let Some(accessor) = accessor else {
             return Ok(Layout { offset: 0, stride: 3, count: None, axes: [0, 1, 2] });
@@ -322,7 +324,7 @@ impl<'a, 'i> Reader<'a, 'i> {
         let (offset, stride) = (whole("offset")?.unwrap_or(0), whole("stride")?);
         let all: Vec<bool> = children(accessor, "param").map(|param| param.has_attribute("name")).collect();
         let named: Vec<usize> = (0..all.len()).filter(|index| all[*index]).collect();
-        // Some writers leave the parameters out.
+        // some programs omit the parameters
         let axes = match named[..] {
             [] => [0, 1, 2],
             [x, y, z] => [x, y, z],
@@ -340,14 +342,14 @@ impl<'a, 'i> Reader<'a, 'i> {
     }
 }
 
-/// The numbers of an array that are points.
+/// Positions of the points in an array of numbers.
 struct Layout {
-    /// Numbers before the first point, and from one point to the next.
+    /// Number of values before the first point, and from one point to the next.
     offset: usize,
     stride: usize,
-    /// Number of points; `None` for as many as there are.
+    /// Number of points; `None` for all that fit.
     count: Option<usize>,
-    /// Places of x, y and z within a point.
+    /// Positions of x, y and z within a point.
     axes: [usize; 3],
 }
 
@@ -355,7 +357,7 @@ struct Layout {
 mod tests {
     use super::*;
 
-    /// A tetrahedron with this array of positions, accessor and list of faces, under this node.
+    /// Parses a tetrahedron with this array of positions, accessor and list of faces, under this node.
     fn tetrahedron(array: &str, accessor: &str, faces: &str, node: &str) -> Result<TriangleMesh, Fault> {
         parse(&format!(
             "<COLLADA><library_geometries><geometry id=\"g\"><mesh><source id=\"p\"><float_array id=\"a\">{array}\
@@ -406,7 +408,7 @@ mod tests {
     }
 
     #[test]
-    fn geometry_that_is_not_read_is_refused() {
+    fn unsupported_geometry_is_rejected() {
         for (faces, node, expected) in [
             (FACES, "<instance_controller url=\"#g\"/>", "<instance_controller>, a skin"),
             (FACES.replace("0 3 2<", "0 3 2 1<").as_str(), INSTANCE, "1 corners are left over"),
@@ -426,7 +428,7 @@ mod tests {
     }
 
     #[test]
-    fn nodes_that_double_each_other_are_refused() {
+    fn exponentially_instanced_nodes_are_rejected() {
         let scene = |levels: usize| {
             let double = |k: usize| {
                 let instance = format!("<instance_node url=\"#n{}\"/>", k - 1);

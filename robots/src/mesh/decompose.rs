@@ -1,4 +1,4 @@
-//! Convex parts of meshes, and meshes as files.
+//! Convex parts of meshes, and export of meshes.
 
 use std::fmt::Write as _;
 
@@ -8,14 +8,14 @@ use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
 use super::triangle_mesh::TriangleMesh;
 use crate::math::{V3, v3, vector};
 
-/// Voxels along the longest side of a mesh that is cut into parts.
+/// Number of voxels along the longest side of a mesh that is decomposed.
 const RESOLUTION: u32 = 64;
 
 impl TriangleMesh {
-    /// Convex meshes that together cover the mesh, at most `most_parts` of at most `most_corners` corners
-    /// each. One part is the [`hull`](Self::hull); several are the hulls of the parts into which V-HACD
-    /// (Mamou 2016) cuts a grid of 64 voxels along the longest side, and so up to a voxel larger than the
-    /// mesh.
+    /// Returns convex meshes that together cover the mesh: at most `most_parts` parts with at most
+    /// `most_corners` corners each. A single part is the [`hull`](Self::hull). Several parts are the hulls of
+    /// a V-HACD decomposition (Mamou 2016) on a grid with 64 voxels along the longest side, and are therefore
+    /// up to a voxel larger than the mesh.
     ///
     /// ```
     /// use motorium_robots::TriangleMesh;
@@ -47,14 +47,14 @@ impl TriangleMesh {
             .collect()
     }
 
-    /// Volume that the triangles enclose, of a closed mesh whose triangles face outward \[m3\].
+    /// Returns the volume enclosed by a closed mesh whose triangles face outward \[m3\].
     pub fn volume(&self) -> f64 {
         let corner = |index: u32| self.points[index as usize];
         let of = |[a, b, c]: &[u32; 3]| corner(*a).dot(&corner(*b).cross(&corner(*c))) / 6.0;
         self.triangles.iter().map(of).sum()
     }
 
-    /// The mesh as the text of a Wavefront OBJ file, to a micrometre.
+    /// Returns the mesh as the text of a Wavefront OBJ file, to a micrometre.
     pub fn to_obj(&self) -> String {
         let mut text = String::new();
         for point in &self.points {

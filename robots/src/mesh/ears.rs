@@ -1,10 +1,10 @@
-//! Triangles of polygons, by ear clipping: a fan would cover the notches of a concave polygon.
+//! Triangulation of polygons by ear clipping: a fan would cover the notches of a concave polygon.
 
 use nalgebra::{Vector2, Vector3};
 
-/// Writes the triangles of the polygon with these corners, which keep its orientation. A convex polygon
-/// becomes a fan of its first corner. A self-intersecting polygon has no inside: once no ear is left, the
-/// remainder becomes a fan.
+/// Writes the triangles of the polygon with these corners and keeps its orientation. A convex polygon becomes
+/// a fan from its first corner. A self-intersecting polygon has no inside: once no ear remains, the rest
+/// becomes a fan.
 pub(super) fn triangulate(points: &[Vector3<f64>], corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
     let fan = |corners: &[u32], triangles: &mut Vec<[u32; 3]>| {
         if let [first, others @ ..] = corners {
@@ -28,10 +28,11 @@ pub(super) fn triangulate(points: &[Vector3<f64>], corners: &[u32], triangles: &
     fan(&rest, triangles);
 }
 
-/// The corners in the plane of the polygon, counter-clockwise; `None` for a polygon without an area.
+/// Projects the corners into the plane of the polygon, counter-clockwise; `None` for a polygon without an
+/// area.
 fn project(points: &[Vector3<f64>], corners: &[u32]) -> Option<Vec<Vector2<f64>>> {
     let point = |place: usize| points[corners[place % corners.len()] as usize];
-    // Newell's normal: exact for plane polygons of any shape
+    // Newell's normal: exact for planar polygons of any shape
     let origin = point(0);
     let normal: Vector3<f64> =
         (0..corners.len()).map(|i| (point(i) - origin).cross(&(point(i + 1) - origin))).sum();
@@ -42,7 +43,7 @@ fn project(points: &[Vector3<f64>], corners: &[u32]) -> Option<Vec<Vector2<f64>>
     Some((0..corners.len()).map(flat).collect())
 }
 
-/// Twice the area of a triangle, positive if it is counter-clockwise.
+/// Returns twice the area of a triangle, positive if it is counter-clockwise.
 fn cross(a: &Vector2<f64>, b: &Vector2<f64>, c: &Vector2<f64>) -> f64 {
     (b - a).perp(&(c - b))
 }
@@ -51,8 +52,8 @@ fn neighbours(left: &[usize], place: usize) -> (usize, usize) {
     (left[(place + left.len() - 1) % left.len()], left[(place + 1) % left.len()])
 }
 
-/// True if the triangle at a corner is inside the polygon: the corner is convex and no other corner is in the
-/// triangle.
+/// Returns `true` if the triangle at a corner is inside the polygon: the corner is convex and no other corner
+/// is in the triangle.
 fn is_ear(flat: &[Vector2<f64>], left: &[usize], place: usize) -> bool {
     let (before, after) = neighbours(left, place);
     let [a, b, c] = [before, left[place], after].map(|corner| flat[corner]);

@@ -3,10 +3,10 @@
 use std::fmt;
 use std::path::PathBuf;
 
-/// A problem and its line, counted from 1; 0 where the format has no lines.
+/// A problem and its line, counted from 1; 0 if the format has no lines.
 pub(super) type Fault = (u32, MeshProblem);
 
-/// An error of reading a mesh file.
+/// An error in a mesh file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct MeshError {
     /// The file.
@@ -33,38 +33,38 @@ pub enum MeshProblem {
     /// The file cannot be read.
     #[error("cannot be read: {0}")]
     Read(String),
-    /// Another kind of file.
+    /// The file format is not supported.
     #[error("not a mesh format that can be read; convert it to .stl, .obj or .dae")]
     Format,
-    /// Not UTF-8.
+    /// The file is not UTF-8.
     #[error("not a text file in UTF-8")]
     NotText,
-    /// A file without triangles.
+    /// The file contains no triangles.
     #[error("has no triangles")]
     Empty,
-    /// A corner is infinite or not a number.
+    /// A corner is infinite or NaN.
     #[error("a corner is not a finite number")]
     NotFinite,
     /// The file ends prematurely.
-    #[error("ends after {found} bytes where its header promises {expected}")]
+    #[error("ends after {found} bytes where its header states {expected}")]
     Short {
         /// Length of the file \[bytes\].
         found: usize,
-        /// Length that its header promises \[bytes\].
+        /// Length according to the header \[bytes\].
         expected: usize,
     },
-    /// A word is not a number.
+    /// A token is not a number.
     #[error("\"{0}\" is not the number expected there")]
     Number(String),
     /// The corner does not exist.
     #[error("names corner {index} of {count}")]
     Index {
-        /// Corner named, counted from 0.
+        /// Index of the corner, counted from 0.
         index: i64,
         /// Number of corners.
         count: usize,
     },
-    /// Another breach of the format.
+    /// Another violation of the format.
     #[error("{0}")]
     Malformed(String),
 }

@@ -6,8 +6,8 @@ use parry3d_f64::transformation::try_convex_hull;
 use super::triangle_mesh::TriangleMesh;
 use crate::math::{V3, v3, vector};
 
-/// The golden angle \[rad\]: points of a sphere turned by it from one height to the next are spread evenly
-/// (Vogel 1979).
+/// The golden angle \[rad\]: points of a sphere rotated by it from one height to the next are distributed
+/// evenly (Vogel 1979).
 const GOLDEN: f64 = 2.399_963_229_728_653;
 
 impl TriangleMesh {
@@ -32,7 +32,7 @@ impl TriangleMesh {
         Some(Self { points, triangles })
     }
 
-    /// Corners that triangles use.
+    /// Iterates over the corners used by triangles.
     pub(crate) fn used(&self) -> impl Iterator<Item = Vector3<f64>> {
         let mut used = vec![false; self.points.len()];
         self.triangles.iter().flatten().for_each(|&corner| used[corner as usize] = true);
@@ -40,7 +40,7 @@ impl TriangleMesh {
     }
 }
 
-/// Unit vectors spread evenly over the sphere.
+/// Returns unit vectors distributed evenly over the sphere.
 fn directions(count: usize) -> impl Iterator<Item = V3> {
     (0..count).map(move |index| {
         let height = (2.0 * index as f64 + 1.0) / count as f64 - 1.0;

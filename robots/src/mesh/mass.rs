@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vect
 
 use super::triangle_mesh::TriangleMesh;
 
-/// Volume, centre and inertia of a solid of uniform density.
+/// Volume, centre and inertia of a solid with uniform density.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VolumeProperties {
     /// Volume \[m3\].
@@ -18,7 +18,8 @@ pub struct VolumeProperties {
 }
 
 impl VolumeProperties {
-    /// The frame of the principal axes of inertia at the centre, and the principal moments per mass \[m2\].
+    /// Returns the frame of the principal axes of inertia at the centre, and the principal moments per mass
+    /// \[m2\].
     pub fn principal(&self) -> (Isometry3<f64>, Vector3<f64>) {
         let eigen = self.inertia.symmetric_eigen();
         let mut axes = eigen.eigenvectors;
@@ -37,7 +38,7 @@ impl TriangleMesh {
         let mut points = Vec::new();
         let mut place = |index: u32| {
             let point = self.points[index as usize];
-            // Minus zero is zero.
+            // minus zero equals zero
             let bits = [point.x + 0.0, point.y + 0.0, point.z + 0.0].map(f64::to_bits);
             *places.entry(bits).or_insert_with(|| {
                 points.push(point);
@@ -55,8 +56,8 @@ impl TriangleMesh {
         self.is_without_rim() && self.volume() > 0.0
     }
 
-    /// Returns `true` for a closed mesh that fills its convex hull, but for a millionth of the volume.
-    /// Positions need not be merged.
+    /// Returns `true` for a closed mesh that fills its convex hull up to a millionth of the volume. Positions
+    /// need not be merged.
     ///
     /// ```
     /// use motorium_robots::TriangleMesh;
@@ -93,9 +94,9 @@ impl TriangleMesh {
         self
     }
 
-    /// Ends of an edge \[m\] of two triangles that face opposite sides: both run along it in the same
-    /// direction. `None` if all neighbours face the same side. Coincident corners must be merged first: see
-    /// [`welded`](Self::welded).
+    /// Returns the ends \[m\] of an edge between two triangles with inconsistent orientation, which both run
+    /// along it in the same direction. `None` if the orientation is consistent. Coincident corners must be
+    /// merged first: see [`welded`](Self::welded).
     pub fn twisted_edge(&self) -> Option<[Vector3<f64>; 2]> {
         let edges = self.directed_edges();
         let twisted = |(from, to): &(u32, u32), count: i32| count == 2 && !edges.contains_key(&(*to, *from));
@@ -114,14 +115,14 @@ impl TriangleMesh {
         edges
     }
 
-    /// Returns `true` if each edge has equally many triangles in both directions.
+    /// Returns `true` if each edge has the same number of triangles in both directions.
     fn is_without_rim(&self) -> bool {
         let edges = self.directed_edges();
         let paired = |((from, to), count): (&(u32, u32), &i32)| edges.get(&(*to, *from)) == Some(count);
         !edges.is_empty() && edges.iter().all(paired)
     }
 
-    /// Volume, centre and inertia of the solid that a [closed](Self::is_closed) mesh encloses.
+    /// Returns volume, centre and inertia of the solid enclosed by a [closed](Self::is_closed) mesh.
     ///
     /// ```
     /// use motorium_robots::TriangleMesh;
@@ -136,9 +137,9 @@ impl TriangleMesh {
     /// assert!((solid.centre - Vector3::repeat(0.25)).norm() < 1e-15);
     /// ```
     ///
-    /// `None` without a positive volume.
+    /// `None` if the volume is not positive.
     pub fn volume_properties(&self) -> Option<VolumeProperties> {
-        // About a corner of the mesh: far from the origin digits would be lost.
+        // Relative to a corner of the mesh, because digits would be lost far from the origin.
         let origin = self.points[self.triangles.first()?[0] as usize];
         let (mut volume, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
         for triangle in &self.triangles {

@@ -18,7 +18,7 @@ pub use error::{MeshError, MeshProblem};
 pub use mass::VolumeProperties;
 pub use triangle_mesh::TriangleMesh;
 
-/// Longest file of a mesh, bytes.
+/// Maximum size of a mesh file, bytes.
 const LONGEST: u64 = 512 * 1024 * 1024;
 
 impl TriangleMesh {
@@ -46,7 +46,7 @@ impl TriangleMesh {
     ///
     /// # Errors
     ///
-    /// [`MeshError`], with the line where the format has lines.
+    /// [`MeshError`], with the line if the format has lines.
     pub fn read(path: &Path) -> Result<Self, MeshError> {
         let error = |line, problem| MeshError { path: path.to_owned(), line, problem };
         let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());

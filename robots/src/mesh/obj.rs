@@ -8,7 +8,7 @@ use super::triangle_mesh::TriangleMesh;
 
 pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
     let mut mesh = TriangleMesh::default();
-    // A byte-order mark would hide the first corner, and so shift all faces.
+    // A byte-order mark would hide the first corner and thereby shift all faces.
     let mut lines = text.trim_start_matches('\u{feff}').lines().enumerate();
     while let Some((index, content)) = lines.next() {
         let line = index as u32 + 1;
@@ -46,7 +46,8 @@ pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
     Ok(mesh)
 }
 
-/// Index of a corner from `7`, `7/1`, `7//2` or `7/1/2`: counted from 1, or from the end if negative.
+/// Parses the index of a corner from `7`, `7/1`, `7//2` or `7/1/2`: counted from 1, or from the end if
+/// negative.
 fn corner(word: &str, count: usize) -> Result<u32, MeshProblem> {
     let first = word.split('/').next().unwrap_or("");
     let index: i64 = first.parse().map_err(|_| MeshProblem::Number(word.to_owned()))?;

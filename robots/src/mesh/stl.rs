@@ -17,10 +17,10 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Fault> {
     let expected = count.map(|count| HEADER + FACET * count as usize);
     let text = bytes.trim_ascii_start().starts_with(b"solid");
     match expected {
-        // Fewer triangles than there are: the number was not written, or the file is another one's.
+        // The header states fewer triangles than there are: it was not completed, or belongs to another file.
         Some(expected) if !text && expected + FACET <= bytes.len() => {
             let (found, promised) = ((bytes.len() - HEADER) / FACET, (expected - HEADER) / FACET);
-            let message = format!("its header promises {promised} triangles, and there is room for {found}");
+            let message = format!("its header states {promised} triangles, and there is room for {found}");
             Err((0, MeshProblem::Malformed(message)))
         }
         Some(expected) if expected == bytes.len() || !text && expected < bytes.len() => {
@@ -77,7 +77,7 @@ fn ascii(text: &str) -> Result<TriangleMesh, Fault> {
             Some(word) => {
                 return Err((
                     line,
-                    MeshProblem::Malformed(format!("\"{word}\" has no place in an STL file")),
+                    MeshProblem::Malformed(format!("\"{word}\" is not valid in an STL file")),
                 ));
             }
         }
@@ -89,7 +89,7 @@ fn ascii(text: &str) -> Result<TriangleMesh, Fault> {
     Ok(soup.mesh)
 }
 
-/// Triangles with corners merged if bitwise equal.
+/// Triangles whose bitwise equal corners are merged.
 #[derive(Default)]
 struct Soup {
     mesh: TriangleMesh,
@@ -100,7 +100,7 @@ impl Soup {
     fn add(&mut self, corners: [[f64; 3]; 3]) {
         let points = &mut self.mesh.points;
         let triangle = corners.map(|corner| {
-            // Adding zero makes both zeros equal.
+            // adding zero makes both zeros equal
             *self.known.entry(corner.map(|x| (x + 0.0).to_bits())).or_insert_with(|| {
                 points.push(Vector3::from(corner));
                 points.len() as u32 - 1
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn text_that_was_cut_off_is_refused() {
+    fn truncated_text_is_rejected() {
         let facet =
             "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
         let whole = format!("solid part\n{facet}{facet}endsolid part\nsolid other\n{facet}endsolid\n");
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn binary_file_with_more_triangles_than_its_number_is_refused() {
+    fn binary_file_with_excess_triangles_is_rejected() {
         let file = |promised: u32, triangles: usize, rest: usize| {
             let mut bytes = vec![0; 80];
             bytes.extend(promised.to_le_bytes());

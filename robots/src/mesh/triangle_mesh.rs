@@ -12,11 +12,11 @@ pub struct TriangleMesh {
 }
 
 impl TriangleMesh {
-    /// The mesh scaled along each axis, its triangles facing outward as before.
+    /// Returns the mesh scaled along each axis, with its triangles still facing outward.
     pub fn scaled(mut self, scale: &Vector3<f64>) -> Self {
         self.points.iter_mut().for_each(|point| point.component_mul_assign(scale));
         if scale.product() < 0.0 {
-            // A mirror turns the triangles inside out.
+            // a mirror flips the orientation of the triangles
             self.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
         }
         self

@@ -1,4 +1,4 @@
-//! Attaching models to models: tools, payloads, several robots in one world.
+//! Combination of models: tools, payloads, several robots in one world.
 
 use std::collections::HashSet;
 
@@ -6,7 +6,7 @@ use nalgebra::Isometry3;
 
 use super::{Base, Body, Coordinate, Frame, FrameId, Geometry, Inertia, Model, Shape, weld};
 
-/// A robot somewhere in a world.
+/// A robot placed in a world.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed<'a> {
     /// The robot; its base must be fixed.
@@ -17,15 +17,15 @@ pub struct Placed<'a> {
     pub placement: Isometry3<f64>,
 }
 
-/// Models that cannot be combined.
+/// The models cannot be combined.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AttachError {
     /// The tool has a floating base.
     #[error("\"{0}\" has a floating base and cannot be attached to anything; load it with its base fixed")]
     Floating(String),
-    /// The link is fixed in the world next to a floating base.
+    /// The frame is fixed to the world next to a floating base.
     #[error(
-        "frame \"{0}\" is fixed to the world, apart from the floating base: nothing that moves can be attached to it"
+        "frame \"{0}\" is fixed to the world, apart from the floating base: moving bodies cannot be attached to it"
     )]
     InWorld(String),
     /// A name would be duplicated.
@@ -39,9 +39,9 @@ pub enum AttachError {
 }
 
 impl Model {
-    /// Returns the robot with `tool` (a gripper, another arm) fixed to `frame`: `placement` is the pose of
-    /// the tool's root frame there. The tool's links and joints get the `prefix`; its joints come last in `q`
-    /// and `v`.
+    /// Returns the robot with `tool` (a gripper, another arm) fixed to `frame`. `placement` is the pose of
+    /// the tool's root frame in that frame. The tool's links and joints get the `prefix`; its joints come
+    /// last in `q` and `v`.
     ///
     /// # Errors
     ///
@@ -127,8 +127,8 @@ impl Model {
         Self::new(self.name.clone(), base, bodies.collect(), frames.collect())
     }
 
-    /// The robot carrying something: `inertia` and `shapes`, both in the axes and about the origin of
-    /// `frame`. It has a frame called `name` there.
+    /// Returns the robot carrying a payload with `inertia` and `shapes`, both in the axes and about the
+    /// origin of `frame`. The payload gets a frame called `name` there.
     ///
     /// # Errors
     ///
@@ -154,12 +154,12 @@ impl Model {
         self.attached(frame, &payload, &Isometry3::identity(), "")
     }
 
-    /// Several robots in one world, as one model: `q` and `v` are concatenated. The first frame
-    /// is `world`.
+    /// Combines several robots in one world into one model; `q` and `v` are concatenated. The first frame is
+    /// `world`.
     ///
     /// # Errors
     ///
-    /// [`AttachError`]: bases must be fixed, and names differ with their prefixes.
+    /// [`AttachError`]: bases must be fixed, and prefixed names must be unique.
     pub fn world(name: &str, robots: &[Placed<'_>]) -> Result<Self, AttachError> {
         let mut world = Self::of_frame(name, "world");
         for robot in robots {
@@ -204,7 +204,7 @@ impl Model {
         Self::new(self.name.clone(), base, bodies, frames)
     }
 
-    /// A model of one frame and no body.
+    /// Creates a model with one frame and no bodies.
     fn of_frame(name: &str, frame: &str) -> Self {
         let base = Base {
             floating: false,

@@ -9,13 +9,13 @@ use super::{Inertia, Joint, Shape};
 pub struct Body {
     /// URDF child link of the joint; its frame is the body frame.
     pub name: String,
-    /// Joint that moves it.
+    /// Joint that moves the body.
     pub joint: Joint,
     /// Parent body; `None` for the fixed base.
     pub parent: Option<usize>,
-    /// Inertia of all its links, in the body frame.
+    /// Inertia of all links of the body, in the body frame.
     pub inertia: Inertia,
-    /// Collision geometry of all its links, in the body frame.
+    /// Collision geometry of all links of the body, in the body frame.
     pub shapes: Vec<Shape>,
 }
 
@@ -26,10 +26,10 @@ pub struct Base {
     pub floating: bool,
     /// World pose in the neutral configuration, if given in the file.
     pub neutral: Isometry3<f64>,
-    /// Inertia in the frame of the base's first link. Plays no part when the base is fixed.
+    /// Inertia in the frame of the base's first link. Unused for a fixed base.
     pub inertia: Inertia,
     /// Collision geometry in the same frame.
     pub shapes: Vec<Shape>,
-    /// Collision geometry that stays in the world when the base floats.
+    /// Collision geometry fixed to the world next to a floating base.
     pub world_shapes: Vec<Shape>,
 }

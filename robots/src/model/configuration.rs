@@ -1,7 +1,7 @@
-//! The configuration manifold: integration, differences, interpolation, and the coordinates of other
-//! programs.
+//! The configuration manifold: integration, differences, interpolation, and conversion to the coordinates of
+//! other programs.
 //!
-//! On a floating base `q` begins with the base's position in the world and its orientation as a quaternion x
+//! On a floating base `q` starts with the base's position in the world and its orientation as a quaternion x
 //! y z w, and `v` with the velocity of the base's origin and its angular velocity, both in the base's axes.
 //! Everything else is one number per joint in both; a continuous joint is one unbounded angle.
 
@@ -20,9 +20,10 @@ impl Model {
         q
     }
 
-    /// `q_out = q` moved for one unit of time with the constant velocity `v` (for a time `dt`, pass `v dt`).
+    /// Moves `q` for unit time with the constant velocity `v` and writes the result to `q_out`. For a time
+    /// `dt`, pass `v dt`.
     ///
-    /// The base follows the screw of its velocity, `T exp(v)`. The quaternion comes out normalised.
+    /// The base follows the screw of its velocity, `T exp(v)`. The resulting quaternion is normalised.
     pub fn integrate(&self, q: &[f64], v: &[f64], q_out: &mut [f64]) {
         assert!(
             q.len() == self.nq() && q_out.len() == self.nq() && v.len() == self.nv(),
@@ -38,7 +39,7 @@ impl Model {
         }
     }
 
-    /// `v_out` with `integrate(from, v_out) = to`: of all such velocities the one of least rotation.
+    /// Computes the `v_out` with `integrate(from, v_out) = to` that has the smallest rotation.
     pub fn difference(&self, from: &[f64], to: &[f64], v_out: &mut [f64]) {
         assert!(
             from.len() == self.nq() && to.len() == self.nq() && v_out.len() == self.nv(),
@@ -81,8 +82,8 @@ impl Model {
         out
     }
 
-    /// The inverse of [`to_pinocchio`](Self::to_pinocchio); angles of continuous joints are in -pi .. pi.
-    /// `None` if the length of `q` does not match the layout.
+    /// Inverse of [`to_pinocchio`](Self::to_pinocchio); angles of continuous joints are in -pi .. pi. `None`
+    /// if the length of `q` does not match the layout.
     pub fn from_pinocchio(&self, q: &[f64]) -> Option<Vec<f64>> {
         let start = self.nq() - self.joint_count();
         let mut out = q.get(..start)?.to_vec();
@@ -106,12 +107,12 @@ impl Model {
         self.turned_planes(q, v, -1.0)
     }
 
-    /// The reverse of [`velocity_to_pinocchio`](Self::velocity_to_pinocchio); `q` is ours.
+    /// Inverse of [`velocity_to_pinocchio`](Self::velocity_to_pinocchio); `q` is in this crate's layout.
     pub fn velocity_from_pinocchio(&self, q: &[f64], v: &[f64]) -> Vec<f64> {
         self.turned_planes(q, v, 1.0)
     }
 
-    /// `v` with the slides of planar joints turned by their yaw times `sign`.
+    /// Returns `v` with the slides of planar joints rotated by their yaw times `sign`.
     fn turned_planes(&self, q: &[f64], v: &[f64], sign: f64) -> Vec<f64> {
         assert!(q.len() == self.nq() && v.len() == self.nv(), "length of q and v");
         let mut out = v.to_vec();
@@ -129,8 +130,8 @@ impl Model {
         out
     }
 
-    /// `q` and `v` in MuJoCo's layout: quaternion w x y z, linear velocity of the base in world axes, its
-    /// angular velocity in its own. Joints keep our order.
+    /// Converts `q` and `v` to MuJoCo's layout: quaternion w x y z, linear velocity of the base in world
+    /// axes, angular velocity in base axes. The order of the joints is kept.
     pub fn to_mujoco(&self, q: &[f64], v: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (mut qpos, mut qvel) = (q.to_vec(), v.to_vec());
         if self.base().floating {
@@ -141,7 +142,7 @@ impl Model {
         (qpos, qvel)
     }
 
-    /// The reverse of [`to_mujoco`](Self::to_mujoco).
+    /// Inverse of [`to_mujoco`](Self::to_mujoco).
     pub fn from_mujoco(&self, qpos: &[f64], qvel: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (mut q, mut v) = (qpos.to_vec(), qvel.to_vec());
         if self.base().floating {
@@ -153,7 +154,7 @@ impl Model {
     }
 }
 
-/// Pose of a floating base in the world.
+/// Returns the pose of a floating base in the world.
 pub(crate) fn base_pose(q: &[f64]) -> Isometry3<f64> {
     let rotation = UnitQuaternion::from_quaternion(Quaternion::new(q[6], q[3], q[4], q[5]));
     Isometry3::from_parts(Translation3::new(q[0], q[1], q[2]), rotation)
@@ -165,7 +166,7 @@ pub(crate) fn write_pose(pose: &Isometry3<f64>, q: &mut [f64]) {
     q[3..7].copy_from_slice(rotation.coords.as_slice());
 }
 
-/// The configuration with the base at its pose in the file and the joints at these positions.
+/// Returns the configuration with the base at its pose in the file and the joints at these positions.
 pub(crate) fn with_joints(model: &Model, joints: &[f64]) -> Vec<f64> {
     let mut q = model.neutral();
     let first = q.len() - joints.len();

@@ -1,9 +1,9 @@
-//! Denavit-Hartenberg frames of the model: on its joints' axes and the common normals between them (Denavit
-//! and Hartenberg 1955, in the modified form of Craig 1986): the transform from a body to its parent is a
-//! screw about z and one about x, a third of the arithmetic of a general placement.
+//! Denavit-Hartenberg frames of the model, on the joint axes and their common normals (Denavit and Hartenberg
+//! 1955, in the modified form of Craig 1986). The transform from a body to its parent is a screw about z and
+//! one about x, a third of the arithmetic of a general transform.
 //!
 //! A body's frame may rotate about and slide along its joint's axis. This freedom is used for the child with
-//! the largest subtree. Its other children, and children of a floating base, whose frame is given, keep a
+//! the largest subtree. All other children, and children of a floating base, whose frame is given, keep a
 //! general placement.
 
 use nalgebra::{IsometryMatrix3, Matrix3, Rotation3, Translation3, Vector3};
@@ -11,7 +11,7 @@ use nalgebra::{IsometryMatrix3, Matrix3, Rotation3, Translation3, Vector3};
 use super::node::Node;
 use crate::math::{LANES, M3, RigidInertia, Turn, V3};
 
-/// Axes less parallel than this have their common normal near enough for its foot to be exact.
+/// Angle between axes above which the foot of their common normal is accurate.
 const SKEW: f64 = 0.05;
 
 /// Rounding of angles and lengths of about one.
@@ -23,11 +23,11 @@ const ROUNDING: f64 = 1e-14;
 pub(crate) enum LinkTransform {
     /// Along the common normal.
     CommonNormal { turn: Turn, shift: f64 },
-    /// Anything else.
+    /// General transform.
     General { rotation: M3, translation: V3 },
 }
 
-/// A body in its frame on the axis.
+/// A body in the frame on its joint axis.
 #[derive(Clone, Debug)]
 pub(crate) struct DhBody {
     /// Index of the parent: 0 is the base, body `i` is `i + 1`.
@@ -36,12 +36,12 @@ pub(crate) struct DhBody {
     /// `true` if some child does not immediately follow it.
     pub(crate) forks: bool,
     pub(crate) transform: LinkTransform,
-    /// About the frame's origin.
+    /// Inertia about the frame's origin.
     pub(crate) inertia: RigidInertia,
 }
 
-/// Joint angle and lift of each position: angle = turning * q, turned further by `sin`, `cos`; lift =
-/// sliding * q + lift.
+/// Joint angle and translation at each position: angle = turning * q, rotated further by `sin` and `cos`;
+/// translation = sliding * q + lift.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct JointZeros {
     pub(crate) turning: [f64; LANES],
@@ -51,7 +51,7 @@ pub(crate) struct JointZeros {
     pub(crate) lift: [f64; LANES],
 }
 
-/// The bodies in their frames, and their joints' zeros side by side.
+/// The bodies in their frames, and the zero positions of their joints side by side.
 #[derive(Clone, Debug)]
 pub(crate) struct DhFrames {
     pub(crate) bodies: Vec<DhBody>,
@@ -135,7 +135,7 @@ impl DhFrames {
     }
 }
 
-/// For every body, the child with the largest subtree.
+/// Returns, for every body, the child with the largest subtree.
 fn heaviest_children(nodes: &[Node]) -> Vec<Option<usize>> {
     let mut carried = vec![1_usize; nodes.len()];
     let mut heaviest: Vec<Option<usize>> = vec![None; nodes.len()];
@@ -150,9 +150,9 @@ fn heaviest_children(nodes: &[Node]) -> Vec<Option<usize>> {
     heaviest
 }
 
-/// Rotation and translation of the parent's frame along its axis, rotation about and shift along the common
-/// normal, and the remaining rotation and translation along the node's axis; `None` if the normal is
-/// ill-defined.
+/// Returns rotation and translation of the parent's frame along its axis, rotation about and translation
+/// along the common normal, and the remaining rotation and translation along the node's axis. `None` if the
+/// normal is ill-defined.
 fn common_normal(node: &Node) -> Option<(Along, Turn, f64, Along)> {
     let way = placement(node);
     let rotation = way.rotation.into_inner();
@@ -186,14 +186,14 @@ fn common_normal(node: &Node) -> Option<(Along, Turn, f64, Along)> {
     let (rotation, left_offset) = (left.rotation.into_inner(), left.translation.vector);
     let length = rotation[(0, 0)].hypot(rotation[(1, 0)]);
     let last = Along { sin: rotation[(1, 0)] / length, cos: rotation[(0, 0)] / length, slide: left_offset.z };
-    // Nothing may be left over.
+    // the product must equal the original transform
     let found = own.pose() * bend * last.pose();
     let error = (found.to_homogeneous() - way.to_homogeneous()).amax();
     (error <= ROUNDING * (1.0 + way.translation.vector.amax()))
         .then(|| (own, Turn::new(sin, cos), offset.x, last))
 }
 
-/// Node frame in the parent's, with the joint at zero.
+/// Returns the node frame in the parent's, with the joint at zero.
 fn placement(node: &Node) -> IsometryMatrix3<f64> {
     isometry(&node.rotation.into(), &node.translation.into())
 }

@@ -1,6 +1,6 @@
-//! The model flattened for the inner loops: one plain record per body, parents first, without lookups.
+//! The model in flat form for the inner loops: one plain record per body, parents first, without lookups.
 //!
-//! Every joint turns about or slides along the z axis of its *node frame*: the body frame, turned once at
+//! Every joint rotates about or slides along the z axis of its *node frame*: the body frame, rotated once at
 //! construction. With the joint at zero the node frame is the body frame times `align`.
 
 use nalgebra::{Matrix3, Vector3};
@@ -10,7 +10,7 @@ use super::node::Node;
 use super::{Base, Body, Frame, Inertia, JointKind};
 use crate::math::{LANES, M3, RigidInertia, S3, V3, sin_cos};
 
-/// A frame, by the node it is fixed to.
+/// A frame and the node to which it is fixed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FramePlacement {
     /// 0 is the base, body `i` is `i + 1`; [`FlatModel::WORLD`] does not move at all.
@@ -19,7 +19,7 @@ pub(crate) struct FramePlacement {
     pub(crate) position: V3,
 }
 
-/// Everything the algorithms read.
+/// All data that the algorithms read.
 #[derive(Clone, Debug)]
 pub(crate) struct FlatModel {
     pub(crate) nodes: Vec<Node>,
@@ -29,16 +29,16 @@ pub(crate) struct FlatModel {
     /// Inertia of the floating base about its origin; zero on a fixed base.
     pub(crate) base: RigidInertia,
     pub(crate) floating: bool,
-    /// Some joint has an armature.
+    /// Whether a joint has an armature.
     pub(crate) geared: bool,
-    /// Some joint follows another: columns of `v` belong to several joints.
+    /// Whether a joint follows another, so that columns of `v` belong to several joints.
     pub(crate) coupled: bool,
     /// `true` if bodies are ordered depth first and each has its own column of `v`.
     pub(crate) orderly: bool,
     /// The bodies in frames on their joint axes.
     pub(crate) dh_frames: DhFrames,
-    /// For every column of `v`, the next one towards the base; itself at the root. The sparsity of the mass
-    /// matrix.
+    /// For every column of `v`, the next one towards the base; itself at the root. This is the sparsity of
+    /// the mass matrix.
     pub(crate) above: Vec<usize>,
     /// Slots from the base's child to the body itself, for every body: `chains[starts[i]..starts[i + 1]]`.
     chains: Vec<usize>,
@@ -125,12 +125,12 @@ impl FlatModel {
         }
     }
 
-    /// Slots of the bodies that carry body `index`, itself last.
+    /// Returns the slots of the bodies that carry body `index`, the body itself last.
     pub(crate) fn chain(&self, index: usize) -> &[usize] {
         &self.chains[self.starts[index]..self.starts[index + 1]]
     }
 
-    /// Orientation and position of the base in the world.
+    /// Returns orientation and position of the base in the world.
     #[inline(always)]
     pub(crate) fn base_pose(&self, q: &[f64]) -> (M3, V3) {
         if self.floating { (quaternion(&q[3..7]), V3::from_slice(&q[..3])) } else { (M3::IDENTITY, V3::ZERO) }
@@ -159,7 +159,7 @@ impl Positions {
         sin_cos(&self.x, &mut self.sin, &mut self.cos);
     }
 
-    /// Only the joints of `chain`, at its indices instead of the nodes'.
+    /// Updates only the joints of `chain`, at its indices instead of the nodes'.
     #[inline(always)]
     pub(crate) fn update_chain(&mut self, nodes: &[Node], chain: &[usize], q: &[f64]) {
         for (x, &slot) in self.x.iter_mut().zip(chain) {
@@ -170,7 +170,7 @@ impl Positions {
         sin_cos(&self.x[..used], &mut self.sin[..used], &mut self.cos[..used]);
     }
 
-    /// Position, sine and cosine of every joint.
+    /// Iterates over position, sine and cosine of every joint.
     #[inline(always)]
     pub(crate) fn iter(&self) -> impl Iterator<Item = (f64, f64, f64)> {
         self.x.iter().zip(&self.sin).zip(&self.cos).map(|((x, sin), cos)| (*x, *sin, *cos))
@@ -182,7 +182,7 @@ impl Positions {
     }
 }
 
-/// The rotation matrix of a quaternion x y z w of any length but zero.
+/// Returns the rotation matrix of a quaternion x y z w with any nonzero length.
 #[inline(always)]
 pub(crate) fn quaternion(q: &[f64]) -> M3 {
     let [x, y, z, w] = [q[0], q[1], q[2], q[3]];
@@ -197,9 +197,9 @@ pub(crate) fn quaternion(q: &[f64]) -> M3 {
     }
 }
 
-/// A rotation whose z column is the unit vector `axis`: the plain permutation or half turn where the axis is
-/// a coordinate axis, elsewhere the basis of Duff et al. (Building an orthonormal basis, revisited, JCGT
-/// 6(1), 2017).
+/// Returns a rotation whose z column is the unit vector `axis`: a permutation or half turn if the axis is a
+/// coordinate axis, otherwise the basis of Duff et al. (Building an orthonormal basis, revisited, JCGT 6(1),
+/// 2017).
 ///
 /// Each entry is accurate to rounding for every axis: no angle is computed, and the divisor is never smaller
 /// than one.
@@ -239,7 +239,7 @@ fn rigid(inertia: &Inertia, align: &Matrix3<f64>) -> RigidInertia {
     }
 }
 
-/// Mass of the base and of each body, including subtrees.
+/// Returns the mass of the base and of each body, including subtrees.
 fn carried_masses(nodes: &[Node], base: f64) -> Vec<f64> {
     let mut masses: Vec<f64> =
         std::iter::once(base).chain(nodes.iter().map(|node| node.inertia.mass)).collect();
@@ -249,7 +249,7 @@ fn carried_masses(nodes: &[Node], base: f64) -> Vec<f64> {
     masses
 }
 
-/// End of each body's range of bodies; `None` if a body is outside its parent's range.
+/// Returns the end of each body's range of bodies; `None` if a body is outside its parent's range.
 fn ends(nodes: &[Node]) -> Option<Vec<usize>> {
     let mut ends: Vec<usize> = (1..=nodes.len()).collect();
     for (index, node) in nodes.iter().enumerate().rev() {
@@ -257,7 +257,7 @@ fn ends(nodes: &[Node]) -> Option<Vec<usize>> {
             ends[parent] = ends[parent].max(ends[index]);
         }
     }
-    // In depth-first order, every body immediately follows its parent's range so far.
+    // in depth-first order, every body immediately follows its parent's range so far
     let mut open: Vec<usize> = Vec::new();
     for (index, node) in nodes.iter().enumerate() {
         while open.last().is_some_and(|&last| ends[last] <= index) {
@@ -271,7 +271,8 @@ fn ends(nodes: &[Node]) -> Option<Vec<usize>> {
     Some(ends)
 }
 
-/// The next column to the left coupled to a column of the factored mass matrix; itself if there is none.
+/// Returns the next column to the left that is coupled to a column of the factored mass matrix, or the column
+/// itself.
 fn columns_above(nodes: &[Node], floating: bool, coupled: bool, nv: usize) -> Vec<usize> {
     if coupled {
         return chains(nodes, floating, nv);
@@ -287,8 +288,8 @@ fn columns_above(nodes: &[Node], floating: bool, coupled: bool, nv: usize) -> Ve
     above
 }
 
-/// Coupled joints can fill the matrix, but not between trees connected only by the fixed base: a chain of the
-/// columns of each tree.
+/// Coupled joints can fill the matrix, but not between trees connected only by the fixed base. Returns a
+/// chain of the columns of each tree.
 fn chains(nodes: &[Node], floating: bool, nv: usize) -> Vec<usize> {
     let whole = || (0..nv).map(|column| column.saturating_sub(1)).collect();
     if floating {
@@ -299,7 +300,7 @@ fn chains(nodes: &[Node], floating: bool, nv: usize) -> Vec<usize> {
     for (index, node) in nodes.iter().enumerate() {
         let root = node.parent.checked_sub(1).map_or(index, |parent| roots[parent]);
         roots.push(root);
-        // a joint that follows one of another tree couples both
+        // a joint that follows a joint of another tree couples both trees
         if *trees[node.column].get_or_insert(root) != root {
             return whole();
         }

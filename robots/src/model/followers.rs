@@ -1,13 +1,14 @@
-//! Limits of joints that others follow: both a joint and its followers stay within theirs.
+//! Limits of joints with followers, such that both the joint and its followers stay within their own limits.
 
 use super::{Body, Coordinate, Joint, Limits};
 
-/// Relative difference below which an end of a range counts as the same, against the rounding of a division.
+/// Relative difference below which two ends of a range count as equal, to tolerate the rounding of a
+/// division.
 const SAME: f64 = 1e-9;
 
 impl Joint {
-    /// Positions of the joint it follows at which this joint is within its own limits: lower and upper \[rad
-    /// or m\]. `None` for an independent joint and for one that its leader does not move.
+    /// Returns the positions of the leader at which this joint is within its own limits: lower and upper
+    /// \[rad or m\]. `None` for an independent joint and for one that its leader does not move.
     pub(crate) fn range_of_leader(&self) -> Option<[f64; 2]> {
         let Coordinate::Mimic { multiplier, offset, .. } = self.coordinate else { return None };
         if multiplier == 0.0 {
@@ -17,18 +18,18 @@ impl Joint {
         Some([a.min(b), a.max(b)])
     }
 
-    /// Velocity of the joint it follows at which this joint moves at its own limit \[rad/s or m/s\]. `None`
-    /// as for the range, and where the limit is 0, which files of followers write for an unknown one.
+    /// Returns the velocity of the leader at which this joint moves at its own limit \[rad/s or m/s\]. `None`
+    /// as for the range, and if the limit is 0, which files use for unknown limits of followers.
     pub(crate) fn velocity_of_leader(&self) -> Option<f64> {
         let Coordinate::Mimic { multiplier, .. } = self.coordinate else { return None };
         (multiplier != 0.0 && self.limits.velocity > 0.0).then(|| self.limits.velocity / multiplier.abs())
     }
 }
 
-/// The limits of every independent joint, narrowed to where its followers are within theirs.
+/// Returns the limits of every independent joint, narrowed such that its followers are within theirs.
 ///
-/// A follower without a common position with its leader does not narrow it: some files limit a follower to a
-/// point.
+/// A follower without a common position with its leader does not narrow the limits, because some files limit
+/// a follower to a point.
 pub(super) fn common_limits(bodies: &[Body], joint_bodies: &[usize]) -> Vec<Limits> {
     let mut common: Vec<Limits> = joint_bodies.iter().map(|&body| bodies[body].joint.limits).collect();
     for joint in bodies.iter().map(|body| &body.joint) {
@@ -52,7 +53,7 @@ pub(super) fn common_limits(bodies: &[Body], joint_bodies: &[usize]) -> Vec<Limi
     common
 }
 
-/// Clearly below: by more than rounding.
+/// Returns `true` if `a` is below `b` by more than rounding.
 pub(crate) fn is_below(a: f64, b: f64) -> bool {
     a < b && (a.is_infinite() || b.is_infinite() || b - a > SAME * a.abs().max(b.abs()))
 }

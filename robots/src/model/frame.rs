@@ -23,9 +23,9 @@ pub struct Frame {
     pub name: String,
     /// Body to which it is fixed; `None` for the base.
     pub body: Option<usize>,
-    /// Fixed to the world though the base floats: a link above a `floating` joint.
+    /// Whether the frame is fixed to the world next to a floating base, as a link above a `floating` joint.
     pub in_world: bool,
-    /// Pose in the body frame, or in the base's or the world's.
+    /// Pose in the frame of the body, the base or the world.
     pub placement: Isometry3<f64>,
     /// Parent link, connected by a joint of any type, as an index among the frames; `None` for a root.
     pub parent: Option<usize>,
@@ -39,7 +39,7 @@ pub struct Frame {
 pub struct UnknownFrame {
     /// The requested name.
     pub name: String,
-    /// The requested robot.
+    /// Name of the robot.
     pub robot: String,
     /// The link most likely meant.
     pub nearest: Option<String>,

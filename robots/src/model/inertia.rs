@@ -14,7 +14,7 @@ pub struct Inertia {
 }
 
 impl Inertia {
-    /// No mass at all.
+    /// Returns a zero inertia.
     pub fn zero() -> Self {
         Self { mass: 0.0, com: Vector3::zeros(), rotational: Matrix3::zeros() }
     }
@@ -49,13 +49,13 @@ impl Inertia {
         Self { mass, com, rotational }
     }
 
-    /// Rotational inertia about the origin of the body frame, body axes \[kg m2\].
+    /// Returns the rotational inertia about the origin of the body frame, in body axes \[kg m2\].
     pub fn about_origin(&self) -> Matrix3<f64> {
         self.rotational + parallel_axis(self.mass, &self.com)
     }
 }
 
-/// Inertia of a point mass at `r` about the origin (Huygens-Steiner).
+/// Returns the inertia of a point mass at `r` about the origin (Huygens-Steiner).
 fn parallel_axis(mass: f64, r: &Vector3<f64>) -> Matrix3<f64> {
     mass * (Matrix3::from_diagonal_element(r.norm_squared()) - r * r.transpose())
 }

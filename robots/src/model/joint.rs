@@ -3,12 +3,12 @@
 
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 
-/// The motion a joint allows.
+/// Type of motion of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum JointKind {
     /// Rotation about the axis, within limits \[rad\].
     Revolute,
-    /// Rotation about the axis without end; its coordinate is one unbounded angle \[rad\].
+    /// Unlimited rotation about the axis; its coordinate is one unbounded angle \[rad\].
     Continuous,
     /// Translation along the axis \[m\].
     Prismatic,
@@ -28,7 +28,7 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// No limit at all.
+    /// No limits.
     pub const NONE: Self = Self {
         lower: f64::NEG_INFINITY,
         upper: f64::INFINITY,
@@ -37,7 +37,7 @@ impl Limits {
     };
 }
 
-/// Passive joint forces, for simulators. No quantity of this crate includes them.
+/// Passive joint forces, for simulators. They are not included in any quantity of this crate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointDynamics {
     /// Viscous damping \[Nms/rad or Ns/m\].
@@ -61,10 +61,11 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// A joint that is driven directly, by something without inertia.
+    /// A direct drive without inertia.
     pub const DIRECT: Self = Self { reduction: 1.0, rotor_inertia: 0.0 };
 
-    /// Rotor inertia reflected to the joint \[kg m2 or kg\], part of the diagonal of the mass matrix.
+    /// Returns the rotor inertia reflected to the joint \[kg m2 or kg\], part of the diagonal of the mass
+    /// matrix.
     pub fn armature(&self) -> f64 {
         self.reduction * self.reduction * self.rotor_inertia
     }
@@ -76,8 +77,8 @@ impl Default for Drive {
     }
 }
 
-/// Limits for a safe controller, inside the joint's limits (URDF's `<safety_controller>`). No quantity of
-/// this crate includes them.
+/// Limits for a safe controller, inside the joint's limits (URDF's `<safety_controller>`). They are not
+/// included in any quantity of this crate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafetyController {
     /// Lower soft limit of the position \[rad or m\].
@@ -97,7 +98,7 @@ pub enum Coordinate {
     Independent(usize),
     /// Follows another joint: position = `multiplier * q[of] + offset`. Chains of mimic joints are resolved.
     Mimic {
-        /// Index among the independent joints of the one it follows.
+        /// Index of its master among the independent joints.
         of: usize,
         /// Ratio of the two positions.
         multiplier: f64,
@@ -107,8 +108,8 @@ pub enum Coordinate {
 }
 
 impl Coordinate {
-    /// Index of the independent joint that moves it. On a fixed base that is its index in `q` and `v`; on a
-    /// floating one add 7 and 6.
+    /// Index of the independent joint that moves it. For a fixed base this is its index in `q` and `v`; for a
+    /// floating base add 7 and 6.
     pub fn index(&self) -> usize {
         match *self {
             Self::Independent(index) => index,
@@ -132,7 +133,7 @@ impl Coordinate {
         }
     }
 
-    /// Position of the joint \[rad or m\], `q` being the joints' part of the configuration.
+    /// Returns the position of the joint \[rad or m\]; `q` is the joints' part of the configuration.
     pub fn position(&self, q: &[f64]) -> f64 {
         self.multiplier() * q[self.index()] + self.offset()
     }
@@ -147,23 +148,23 @@ pub struct Joint {
     pub kind: JointKind,
     /// Axis of rotation or translation in the joint frame, which is the body frame.
     pub axis: Unit<Vector3<f64>>,
-    /// The body frame at joint position zero, in the parent body's frame; fixed joints between are folded in.
+    /// Body frame at joint position zero, in the parent body's frame, including the fixed joints in between.
     pub placement: Isometry3<f64>,
-    /// Limits of this joint itself, mimic or not. [`Model::lower`](crate::Model::lower) and its siblings
-    /// respect its followers' limits, too.
+    /// Limits of this joint itself, mimic or not. [`Model::lower`](crate::Model::lower) and the related
+    /// methods also respect the limits of followers.
     pub limits: Limits,
     /// Damping and friction.
     pub dynamics: JointDynamics,
-    /// Reduction and rotor of its drive.
+    /// Reduction and rotor of the drive.
     pub drive: Drive,
     /// Limits for controllers, if given in the file.
     pub safety: Option<SafetyController>,
-    /// Source of its position.
+    /// Source of the position.
     pub coordinate: Coordinate,
 }
 
 impl Joint {
-    /// The body frame at joint position `x` \[rad or m\], in the parent body's frame.
+    /// Returns the body frame at joint position `x` \[rad or m\], in the parent body's frame.
     pub fn pose(&self, x: f64) -> Isometry3<f64> {
         let motion = match self.kind {
             JointKind::Prismatic => {

@@ -1,11 +1,11 @@
-//! Reduced models: joints locked at positions, their bodies welded to their carriers.
+//! Reduced models: joints locked at positions, with their bodies welded to the carrying bodies.
 
 use nalgebra::Isometry3;
 
 use super::{Body, Coordinate, Model, weld};
 use crate::nearest::{nearest, suggestion};
 
-/// Joints that cannot be locked.
+/// The joints cannot be locked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LockError {
     /// There is no independent joint with this name.
@@ -18,12 +18,12 @@ pub enum LockError {
         /// The joint most likely meant.
         nearest: Option<String>,
     },
-    /// The position is not a number.
+    /// The position is not finite.
     #[error("joint \"{joint}\" cannot be locked at {position}")]
     Position {
         /// The joint.
         joint: String,
-        /// The position it was to be locked at \[rad or m\].
+        /// The requested position \[rad or m\].
         position: f64,
     },
 }
@@ -60,7 +60,7 @@ impl Model {
 
         let mut base = self.base.clone();
         let mut bodies: Vec<Body> = Vec::new();
-        // For each body: its new body, and its old frame there.
+        // for each body, its new body and its old frame there
         let mut places: Vec<(Option<usize>, Isometry3<f64>)> = Vec::with_capacity(self.bodies.len());
         for body in &self.bodies {
             let (carrier, within) =

@@ -31,7 +31,7 @@ pub use springs::SpringError;
 use crate::nearest::nearest;
 use flat::FlatModel;
 
-/// A robot: a base and the bodies its joints move.
+/// A robot: a base and the bodies moved by its joints.
 ///
 /// ```
 /// use motorium_robots::load;
@@ -112,7 +112,7 @@ impl Model {
         self.joint_names.len()
     }
 
-    /// The root of the tree.
+    /// Root of the tree.
     pub fn base(&self) -> &Base {
         &self.base
     }
@@ -123,12 +123,12 @@ impl Model {
         &q[if self.base.floating { 7 } else { 0 }..]
     }
 
-    /// The joints' part of a velocity, acceleration or effort.
+    /// Returns the joints' part of a velocity, acceleration or effort.
     pub fn joints_of_v<'a>(&self, v: &'a [f64]) -> &'a [f64] {
         &v[if self.base.floating { 6 } else { 0 }..]
     }
 
-    /// Some joint follows another.
+    /// Returns `true` if a joint follows another.
     pub fn has_mimics(&self) -> bool {
         self.flat.coupled
     }
@@ -150,7 +150,7 @@ impl Model {
         self.frames.iter().map(|frame| frame.inertia.mass).sum()
     }
 
-    /// True if a link has a collision shape.
+    /// Returns `true` if a link has a collision shape.
     pub fn has_shapes(&self) -> bool {
         !self.base.shapes.is_empty() || self.bodies.iter().any(|body| !body.shapes.is_empty())
     }
@@ -161,12 +161,12 @@ impl Model {
         &self.joint_names
     }
 
-    /// Index of an independent joint among them: on a fixed base, its index in `q`.
+    /// Returns the index of an independent joint among them; on a fixed base, this is its index in `q`.
     pub fn joint_index(&self, name: &str) -> Option<usize> {
         self.joint_names.iter().position(|joint| joint == name)
     }
 
-    /// The independent joint `index`.
+    /// Returns the independent joint `index`.
     pub fn joint(&self, index: usize) -> &Joint {
         &self.bodies[self.joint_bodies[index]].joint
     }
@@ -176,7 +176,7 @@ impl Model {
         &self.bodies
     }
 
-    /// The body moved by the independent joint `index`.
+    /// Index of the body moved by the independent joint `index`.
     pub fn joint_body(&self, index: usize) -> usize {
         self.joint_bodies[index]
     }
@@ -186,12 +186,12 @@ impl Model {
         &self.frames
     }
 
-    /// The frames of all links, in their order.
+    /// Iterates over the frames of all links, in their order.
     pub fn frame_ids(&self) -> impl Iterator<Item = FrameId> + use<> {
         (0..self.frames.len()).map(FrameId)
     }
 
-    /// The frame of the link `name`.
+    /// Returns the frame of the link `name`.
     ///
     /// # Errors
     ///
@@ -243,7 +243,7 @@ impl Model {
         &self.effort_limit
     }
 
-    /// Collision geometry of the base: of the links fixed to the world, unless the base floats.
+    /// Collision geometry of the base: of links fixed to the world, unless the base floats.
     pub fn base_shapes(&self) -> &[Shape] {
         &self.base.shapes
     }
@@ -253,7 +253,7 @@ impl Model {
     }
 }
 
-/// Adds a rigid part, given in the frame of `carrier` (or of the base), part of it.
+/// Welds a rigid part, given in the frame of `carrier` (or of the base), to it.
 fn weld(
     base: &mut Base,
     bodies: &mut [Body],

@@ -1,4 +1,4 @@
-//! Bodies in the form that the recursions read.
+//! Bodies in the form used by the recursions.
 
 use crate::math::{M3, RigidInertia, V3};
 
@@ -10,11 +10,11 @@ pub(crate) struct Node {
     pub(crate) translation: V3,
     /// Inertia about the origin of the node frame, in its axes.
     pub(crate) inertia: RigidInertia,
-    /// Index of the parent in a work space: 0 is the base, body `i` is `i + 1`.
+    /// Index of the parent in a workspace: 0 is the base, body `i` is `i + 1`.
     pub(crate) parent: usize,
-    /// Translation along z instead of rotation about it.
+    /// Whether the joint translates along z instead of rotating about it.
     pub(crate) prismatic: bool,
-    /// Entry of `v`.
+    /// Column of `v`.
     pub(crate) column: usize,
     /// Joint position = multiplier * q\[place\] + offset.
     pub(crate) place: usize,
@@ -25,7 +25,7 @@ pub(crate) struct Node {
 }
 
 impl Node {
-    /// Node frame in the parent's, for a joint position with this sine and cosine.
+    /// Returns the node frame in the parent's, for a joint position with this sine and cosine.
     #[inline(always)]
     pub(crate) fn pose(&self, (x, sin, cos): (f64, f64, f64)) -> (M3, V3) {
         if self.prismatic {

@@ -1,4 +1,4 @@
-//! Numbers of a configuration for the joints of a robot.
+//! Per-joint values in configurations.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -25,28 +25,28 @@ pub enum PerJoint {
     Each(Vec<f64>),
 }
 
-/// A list of another length than the robot has joints.
+/// The length of a list differs from the number of joints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{found} numbers, expected {expected}: one per joint")]
 pub struct PerJointError {
     /// Length of the list.
     pub found: usize,
-    /// Joints of the robot.
+    /// Number of joints of the robot.
     pub expected: usize,
 }
 
 impl Default for PerJoint {
-    /// 0 for all joints.
+    /// The value 0 for all joints.
     fn default() -> Self {
         Self::All(0.0)
     }
 }
 
 impl PerJoint {
-    /// A list with one number for each of `joints` joints.
+    /// Returns a list with one number for each of `joints` joints.
     ///
     /// # Errors
-    /// [`PerJointError`] if it is a list of another length.
+    /// [`PerJointError`] if it is a list with another length.
     pub fn resolve(&self, joints: usize) -> Result<Vec<f64>, PerJointError> {
         match self {
             Self::All(value) => Ok(vec![*value; joints]),
@@ -76,7 +76,7 @@ impl Model {
     /// # Ok::<(), motorium_robots::LoadError>(())
     /// ```
     pub fn degrees_advice(&self, joint: usize, position: f64) -> Option<String> {
-        // A position of less than two turns may be meant in rad.
+        // a position of less than two turns may be in rad
         const LEAST: f64 = 2.0 * core::f64::consts::TAU;
         let turns = self.joint(joint).kind != JointKind::Prismatic;
         let (lower, upper, meant) = (self.lower()[joint], self.upper()[joint], position.to_radians());

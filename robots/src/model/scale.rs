@@ -1,4 +1,4 @@
-//! The same robot in another size.
+//! The same robot at another scale or with other masses.
 
 use nalgebra::Isometry3;
 
@@ -29,7 +29,7 @@ impl Default for BodyFactors {
 }
 
 impl BodyFactors {
-    /// True if every factor is a number from zero up.
+    /// Returns `true` if every factor is finite and at least 0.
     fn is_valid(&self) -> bool {
         let factors = [self.mass, self.damping, self.friction, self.effort_limit];
         factors.iter().all(|factor| factor.is_finite() && *factor >= 0.0)
@@ -37,9 +37,9 @@ impl BodyFactors {
 }
 
 impl Model {
-    /// Returns the robot with scaled masses, joint friction and efforts: `base` is the factor on the base's
-    /// mass, `bodies` has factors for each of its [`bodies`](Self::bodies). Shapes, centres of mass and
-    /// ranges of motion stay.
+    /// Returns the robot with scaled masses, joint friction and efforts. `base` is the factor of the base's
+    /// mass; `bodies` has factors for each of its [`bodies`](Self::bodies). Shapes, centres of mass and
+    /// ranges of motion are unchanged.
     ///
     /// ```
     /// use motorium_robots::BodyFactors;
@@ -53,7 +53,7 @@ impl Model {
     ///
     /// # Panics
     ///
-    /// `bodies` has another length than the robot has bodies, or a factor is negative or not finite.
+    /// If the length of `bodies` differs from the number of bodies, or a factor is negative or not finite.
     #[must_use]
     pub fn with_factors(&self, base: f64, bodies: &[BodyFactors]) -> Self {
         assert_eq!(bodies.len(), self.bodies.len(), "one set of factors per body");
@@ -76,9 +76,9 @@ impl Model {
         Self::new(self.name.clone(), new_base, new_bodies, frames)
     }
 
-    /// The robot `scale` times as large, of the same material: lengths times `scale`, masses times its third
-    /// power, rotational inertias times its fifth. Limits of prismatic joints, and their speeds, are lengths
-    /// too; efforts, speeds of rotation, damping, friction and stiffness, and rotors stay as they are.
+    /// Returns the robot `scale` times as large, of the same material: lengths times `scale`, masses times
+    /// its third power, rotational inertias times its fifth. Limits of prismatic joints and their speeds
+    /// scale like lengths. Efforts, rotational speeds, damping, friction, stiffness and rotors are unchanged.
     ///
     /// # Errors
     ///
@@ -123,7 +123,7 @@ impl Model {
         base.inertia = inertia(&base.inertia);
         (base.shapes, base.world_shapes) = (shapes(&base.shapes), shapes(&base.world_shapes));
         let (mut bodies, mut frames) = (self.bodies.clone(), self.frames.clone());
-        // A mimic that turns with a slide (or the reverse) has a ratio per metre.
+        // a rotating mimic of a slide (or the reverse) has a ratio per metre
         let slides: Vec<bool> =
             (0..self.joint_count()).map(|index| self.joint(index).kind == JointKind::Prismatic).collect();
         for body in &mut bodies {
@@ -160,8 +160,8 @@ impl Model {
         Ok(Self::new(self.name.clone(), base, bodies, frames))
     }
 
-    /// The robot with lower limits of velocity where `limits` \[rad/s or m/s\], one for each independent
-    /// joint, are below its own.
+    /// Returns the robot with its velocity limits lowered to `limits` \[rad/s or m/s\], one for each
+    /// independent joint, where these are lower.
     ///
     /// ```
     /// let arm = motorium_robots::load("planar-3r", std::path::Path::new("."))?.model;
@@ -173,7 +173,7 @@ impl Model {
     ///
     /// # Panics
     ///
-    /// `limits` has another length than the robot has joints.
+    /// If the length of `limits` differs from the number of joints.
     #[must_use]
     pub fn with_velocity_limits(&self, limits: &[f64]) -> Self {
         assert_eq!(limits.len(), self.joint_count(), "length of the limits");

@@ -10,7 +10,7 @@ use crate::TriangleMesh;
 /// A collision shape, fixed to a body or to the base.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
-    /// URDF link it belongs to.
+    /// URDF link of the shape.
     pub link: String,
     /// Frame of the geometry in the body frame (in the world for shapes of the base).
     pub placement: Isometry3<f64>,
@@ -52,13 +52,13 @@ pub enum Geometry {
         /// Length of the cylinder, without the caps.
         length: f64,
     },
-    /// A mesh: an unread file, or a mesh contained in the robot's file.
+    /// A mesh: in a separate file that has not been read, or contained in the robot's file.
     Mesh {
         /// File name as in the robot's file; for a mesh without a file, its name.
         uri: String,
         /// The file, if it was found.
         path: Option<PathBuf>,
-        /// The mesh itself, if it has no file.
+        /// Mesh data, if the mesh has no file.
         inline: Option<Arc<TriangleMesh>>,
         /// Scale along x, y and z.
         scale: Vector3<f64>,

@@ -3,10 +3,10 @@
 use super::Model;
 use crate::nearest::nearest;
 
-/// A spring that a joint cannot have.
+/// A spring is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SpringError {
-    /// No joint has this name.
+    /// The joint does not exist.
     #[error("the robot has no joint \"{joint}\"{}", crate::nearest::suggestion(.nearest.as_deref()))]
     UnknownJoint {
         /// The name.
@@ -14,12 +14,12 @@ pub enum SpringError {
         /// The joint most likely meant.
         nearest: Option<String>,
     },
-    /// A number outside its range.
+    /// A number is out of range.
     #[error("{name} {value} of the spring of joint \"{joint}\", expected {expected}")]
     Value {
         /// The joint.
         joint: String,
-        /// The number.
+        /// Name of the number.
         name: &'static str,
         /// The value found.
         value: f64,
@@ -29,8 +29,8 @@ pub enum SpringError {
 }
 
 impl Model {
-    /// Returns the robot with springs in these joints, replacing existing ones: the name of the joint, the
-    /// stiffness \[Nm/rad or N/m\], and the position at which the spring is relaxed \[rad or m\].
+    /// Returns the robot with springs in these joints, replacing existing ones. A spring is given by the
+    /// joint's name, the stiffness \[Nm/rad or N/m\], and the rest position \[rad or m\].
     ///
     /// ```
     /// let arm = motorium_robots::load("planar-3r", std::path::Path::new("."))?.model;

@@ -1,10 +1,10 @@
-//! A profile against itself, and against its robot.
+//! Checks of a profile itself and against its robot.
 
 use super::{BaseKind, Profile, ProfileError, Steering};
 use crate::{Model, PerJoint};
 
 impl Profile {
-    /// Lengths, the home pose, values that must be positive, facts a drive needs.
+    /// Checks lengths, the home pose, values that must be positive, and keys required by a drive.
     pub(super) fn check_itself(&self) -> Result<(), ProfileError> {
         for (name, pose) in &self.poses {
             self.check_length(&format!("pose \"{name}\""), pose.values())?;

@@ -1,15 +1,15 @@
-//! Faults of a profile.
+//! Errors in profiles.
 
 use crate::UnknownFrame;
 use crate::nearest::suggestion_or_list;
 
-/// The profile does not match the request or the model.
+/// The profile is invalid, or does not match the model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProfileError {
     /// The text is not TOML or not of the expected form.
     #[error("{0}")]
     Toml(#[from] toml::de::Error),
-    /// An array of the wrong length.
+    /// An array has the wrong length.
     #[error("{what} has {found} entries, expected {expected}: one per joint of `joints`")]
     Length {
         /// The array.
@@ -50,20 +50,20 @@ pub enum ProfileError {
     /// The profile lists a joint the model does not have.
     #[error("{what} names joint \"{joint}\", which is not an independent joint of robot \"{robot}\"")]
     UnknownJoint {
-        /// The key that names it.
+        /// The key that names the joint.
         what: String,
         /// The joint.
         joint: String,
         /// The robot.
         robot: String,
     },
-    /// A frame named here is no link of the robot.
+    /// A frame named in the profile is not a link of the robot.
     #[error(transparent)]
     UnknownFrame(#[from] UnknownFrame),
     /// The profile has no gains.
-    #[error("the profile gives no gains")]
+    #[error("the profile has no gains")]
     NoGains,
-    /// A value that cannot be.
+    /// A value is invalid.
     #[error("{what} is {found}, expected {expected}")]
     Value {
         /// Name of the value.
@@ -73,10 +73,10 @@ pub enum ProfileError {
         /// The expected value.
         expected: &'static str,
     },
-    /// A foot of both kinds.
+    /// A foot is specified both as a ball and as flat.
     #[error("foot \"{0}\" has both a `radius` and a `sole`; a foot is a ball or flat")]
     TwoSoles(String),
-    /// A kind of mobile base without a fact it needs.
+    /// A mobile base lacks a required key.
     #[error("the mobile base is {drive}, which needs `{key}`")]
     MobileBase {
         /// Kind of steering.
@@ -84,7 +84,7 @@ pub enum ProfileError {
         /// The missing key.
         key: &'static str,
     },
-    /// The pose of a fixed base.
+    /// Base poses are given for a fixed base.
     #[error(
         "`base_poses` is set, but the base is fixed to the world; write base = \"floating\", or remove `base_poses`"
     )]

@@ -1,5 +1,4 @@
-//! The profile of a robot: poses, end effectors, feet and gains, which a URDF lacks. One TOML file next to
-//! it.
+//! Robot profiles: poses, end effectors, feet and gains, which a URDF lacks, in a TOML file next to it.
 
 mod check;
 mod error;
@@ -22,16 +21,16 @@ use crate::{Model, PerJoint};
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Profile {
-    /// Name of the robot in print.
+    /// Display name of the robot.
     pub title: String,
-    /// Sources of the numbers.
+    /// Sources of the values.
     pub sources: Vec<String>,
     /// Base of the robot, unless the load options override it. Default: as in the URDF.
     #[serde(default)]
     pub base: BaseKind,
     /// Independent joints, in the order of every array below.
     pub joints: Vec<String>,
-    /// Name of the pose in `poses` to start from.
+    /// Name of the home pose in `poses`.
     pub home: String,
     /// Joints without a drive.
     #[serde(default)]
@@ -65,9 +64,9 @@ pub struct Profile {
 struct LimitArrays {
     /// Velocity limit of each joint \[rad/s or m/s\], below the file's; `inf` keeps the file's limit.
     velocity: Option<PerJoint>,
-    /// Largest acceleration of each joint \[rad/s2 or m/s2\]; `inf` for none.
+    /// Largest acceleration of each joint \[rad/s2 or m/s2\]; `inf` for no limit.
     acceleration: Option<PerJoint>,
-    /// Largest rate of change of each drive's effort \[Nm/s or N/s\]; `inf` for none.
+    /// Largest rate of change of each drive's effort \[Nm/s or N/s\]; `inf` for no limit.
     effort_rate: Option<PerJoint>,
 }
 
@@ -81,7 +80,7 @@ pub(crate) struct GainArrays {
 /// Gains of `tau = kp (q_des - q) + kd (v_des - v) + feed-forward`, one per independent joint in the order of
 /// `q`.
 ///
-/// Both are zero for a passive joint, `kp` is for one driven by speed, such as a wheel.
+/// Both are zero for a passive joint; `kp` is zero for a velocity-controlled joint, such as a wheel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gains {
     /// Stiffness \[Nm/rad or N/m\].
@@ -91,7 +90,7 @@ pub struct Gains {
 }
 
 impl Profile {
-    /// A profile of nothing, to be filled.
+    /// Creates an empty profile.
     pub(crate) fn empty() -> Self {
         Self {
             title: String::new(),
@@ -137,7 +136,7 @@ impl Profile {
         }
     }
 
-    /// Calls `change` with each list of one number for each joint.
+    /// Calls `change` with each list that has one number per joint.
     pub(crate) fn arrays(&mut self, change: &mut dyn FnMut(&mut Vec<f64>)) {
         self.spread();
         let LimitArrays { velocity, acceleration, effort_rate } = &mut self.limits;
@@ -150,21 +149,21 @@ impl Profile {
         }
     }
 
-    /// The joints' part of the home pose, in the order of the model's joints.
+    /// Returns the joints' part of the home pose, in the order of the model's joints.
     ///
     /// # Errors
     ///
-    /// As [`pose`](Self::pose).
+    /// Same as [`pose`](Self::pose).
     pub fn home(&self, model: &Model) -> Result<DVector<f64>, ProfileError> {
         self.pose(model, &self.home)
     }
 
-    /// The joints' part of the pose `name`, in the order of the model's joints: all of `q` when the base is
-    /// fixed.
+    /// Returns the joints' part of the pose `name`, in the order of the model's joints: all of `q` for a
+    /// fixed base.
     ///
     /// # Errors
     ///
-    /// [`ProfileError::UnknownPose`], or [`ProfileError::MissingJoint`] when the model has other joints.
+    /// [`ProfileError::UnknownPose`], or [`ProfileError::MissingJoint`] if the model has other joints.
     pub fn pose(&self, model: &Model, name: &str) -> Result<DVector<f64>, ProfileError> {
         self.arrange(model, self.find_pose(name)?)
     }
@@ -186,18 +185,18 @@ impl Profile {
         Ok(q)
     }
 
-    /// The default gains, in the order of the model's joints.
+    /// Returns the default gains, in the order of the model's joints.
     ///
     /// # Errors
     ///
-    /// [`ProfileError::NoGains`], or [`ProfileError::MissingJoint`] when the model has other joints.
+    /// [`ProfileError::NoGains`], or [`ProfileError::MissingJoint`] if the model has other joints.
     pub fn gains(&self, model: &Model) -> Result<Gains, ProfileError> {
         let gains = self.gains.as_ref().ok_or(ProfileError::NoGains)?;
         Ok(Gains { kp: self.arrange(model, gains.kp.values())?, kd: self.arrange(model, gains.kd.values())? })
     }
 
-    /// The acceleration limits \[rad/s2 or m/s2\], in the order of the model's joints; infinite without a
-    /// limit.
+    /// Returns the acceleration limits \[rad/s2 or m/s2\], in the order of the model's joints; infinite
+    /// without a limit.
     ///
     /// ```
     /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?;
@@ -213,8 +212,8 @@ impl Profile {
         self.arrange_limits(model, &self.limits.acceleration)
     }
 
-    /// The velocity limits \[rad/s or m/s\], in the order of the model's joints; infinite without a limit. A
-    /// robot loaded with its profile uses the smaller of these and its file's limits.
+    /// Returns the velocity limits \[rad/s or m/s\], in the order of the model's joints; infinite without a
+    /// limit. A robot loaded with its profile uses the smaller of these and its file's limits.
     ///
     /// # Errors
     ///
@@ -223,12 +222,12 @@ impl Profile {
         self.arrange_limits(model, &self.limits.velocity)
     }
 
-    /// The limits of the drives' rate of change of effort \[Nm/s or N/s\], in the order of the model's
-    /// joints; infinite where none is given.
+    /// Returns the limits of the drives' rate of change of effort \[Nm/s or N/s\], in the order of the
+    /// model's joints; infinite without a limit.
     ///
     /// # Errors
     ///
-    /// [`ProfileError::MissingJoint`] when the model has other joints.
+    /// [`ProfileError::MissingJoint`] if the model has other joints.
     pub fn effort_rate_limit(&self, model: &Model) -> Result<DVector<f64>, ProfileError> {
         self.arrange_limits(model, &self.limits.effort_rate)
     }
@@ -240,7 +239,7 @@ impl Profile {
         }
     }
 
-    /// The end effector `name`.
+    /// Returns the end effector `name`.
     ///
     /// # Errors
     ///

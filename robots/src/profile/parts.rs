@@ -10,7 +10,7 @@ pub enum BaseKind {
     /// Root link fixed to the world, unless the URDF specifies otherwise.
     #[default]
     Fixed,
-    /// Its root link moves freely.
+    /// Floating root link.
     Floating,
 }
 
@@ -18,7 +18,7 @@ pub enum BaseKind {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BasePose {
-    /// Of its origin \[m\].
+    /// Position of the base's origin \[m\].
     pub position: [f64; 3],
     /// Roll, pitch, yaw about the fixed axes x, y, z \[rad\].
     #[serde(default)]
@@ -45,9 +45,9 @@ impl BasePose {
 pub struct EndEffector {
     /// Link whose frame is controlled.
     pub frame: String,
-    /// Joints that place it.
+    /// Joints that move the frame.
     pub joints: Vec<String>,
-    /// Joints of its fingers, if it has any.
+    /// Joints of the fingers, if any.
     #[serde(default)]
     pub fingers: Vec<String>,
 }
@@ -56,16 +56,17 @@ pub struct EndEffector {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Foot {
-    /// Link whose frame touches the ground, at its origin unless there is a radius.
+    /// Link whose frame touches the ground, at its origin unless a radius is given.
     pub frame: String,
-    /// Joints that place it.
+    /// Joints that move the foot.
     #[serde(default)]
     pub joints: Vec<String>,
-    /// Radius of a ball or wheel about the frame's origin \[m\]. It touches the ground this far below.
+    /// Radius of a ball or wheel about the frame's origin \[m\]. The contact point is this far below the
+    /// origin.
     pub radius: Option<f64>,
     /// Sides along the frame's x and y of a flat sole centred on its origin \[m\].
     pub sole: Option<[f64; 2]>,
-    /// Coefficient of friction of its surface, for simulators; 0 for a ball that rolls in a socket. Default:
+    /// Coefficient of friction of the surface, for simulators; 0 for a ball that rolls in a socket. Default:
     /// the robot's friction.
     pub friction: Option<f64>,
 }
@@ -96,15 +97,16 @@ impl Steering {
     }
 }
 
-/// Facts of a mobile base. Lists of wheels and steering joints go front to rear, left before right.
+/// Properties of a mobile base. Lists of wheels and steering joints are ordered front to rear, left before
+/// right.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MobileBase {
     /// Kind of steering.
     pub drive: Steering,
-    /// Link that represents the base: x ahead, z up.
+    /// Link that represents the base: x forwards, z up.
     pub frame: String,
-    /// Joints that are the base's pose in the world, where the model has such: x, y, yaw.
+    /// Joints that form the base's pose in the world, if the model has such joints: x, y, yaw.
     #[serde(default)]
     pub joints: Vec<String>,
     /// Joints that turn wheels.
@@ -115,19 +117,19 @@ pub struct MobileBase {
     pub steering: Vec<String>,
     /// Radius of the wheels \[m\].
     pub wheel_radius: Option<f64>,
-    /// Between the middles of left and right wheels \[m\].
+    /// Distance between the centres of left and right wheels \[m\].
     pub track: Option<f64>,
-    /// Between the front and the rear axle \[m\].
+    /// Distance between the front and rear axle \[m\].
     pub wheelbase: Option<f64>,
 }
 
-/// Sense of rotation of a rotor, seen from above.
+/// Spin direction of a rotor, seen from above.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Spin {
-    /// Drag turns the robot counterclockwise.
+    /// Drag torque turns the robot counterclockwise.
     Clockwise,
-    /// Drag turns the robot clockwise.
+    /// Drag torque turns the robot clockwise.
     Counterclockwise,
 }
 
@@ -135,9 +137,9 @@ pub enum Spin {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rotor {
-    /// Link at whose frame the thrust acts.
+    /// Link whose frame's origin is the point of action of the thrust.
     pub frame: String,
-    /// Sense of rotation.
+    /// Spin direction.
     pub spin: Spin,
     /// Largest thrust \[N\].
     pub max_thrust: f64,

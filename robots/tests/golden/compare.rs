@@ -1,4 +1,4 @@
-//! The comparisons themselves, quantity by quantity.
+//! Comparisons with golden vectors, quantity by quantity.
 
 use motorium_robots::{Dynamics, Kinematics, Model, Momentum, Reference, Wrench};
 use nalgebra::{DMatrix, Isometry3, Vector3};

@@ -11,7 +11,7 @@ pub(crate) struct Golden {
     document: Value,
 }
 
-/// The largest error of each quantity, relative to the largest entry of that quantity in its case.
+/// Largest error of each quantity, relative to the largest entry of that quantity in its case.
 #[derive(Default)]
 pub(crate) struct Errors(pub(crate) Vec<(&'static str, f64)>);
 
@@ -23,7 +23,7 @@ impl Errors {
             assert!(x.is_finite(), "{what} is {x}");
             most.max((x - y).abs())
         });
-        // Where everything is zero, a rounding of 1e-15 is not an infinite error: judge it by the unit.
+        // If everything is zero, a rounding of 1e-15 is not an infinite error: compare with one instead.
         let error = worst / if scale > 1e-6 { scale } else { 1.0 };
         match self.0.iter_mut().find(|(name, _)| *name == what) {
             Some((_, most)) => *most = most.max(error),
@@ -31,7 +31,7 @@ impl Errors {
         }
     }
 
-    /// Fails, naming the quantity, when one error exceeds its bound. `loose` holds for forward dynamics.
+    /// Fails and names the quantity if an error exceeds its bound. `loose` applies to forward dynamics.
     pub(crate) fn stay_below(&self, bound: f64, loose: f64) {
         for (what, error) in &self.0 {
             let bound = if what.starts_with("aba") { loose } else { bound };
@@ -39,7 +39,7 @@ impl Errors {
         }
     }
 
-    /// One line: the worst of all and of each.
+    /// Returns one line with the largest error overall and of each quantity.
     pub(crate) fn summary(&self) -> String {
         let each: Vec<_> = self.0.iter().map(|(what, error)| format!("{what} {error:.1e}")).collect();
         each.join(", ")
@@ -67,7 +67,7 @@ impl Golden {
         errors
     }
 
-    /// The place in our vectors of each entry of theirs.
+    /// Returns the position in our vectors of each entry of theirs.
     fn columns(&self, model: &Model) -> Vec<usize> {
         let joints = self.document["joints"].as_array().unwrap();
         let mut columns = vec![usize::MAX; model.nv()];
@@ -88,7 +88,7 @@ impl Golden {
         columns
     }
 
-    /// Our configuration of a case.
+    /// Returns our configuration of a case.
     fn configuration(&self, model: &Model, case: &Value) -> Vec<f64> {
         let golden = numbers(&case["q"]);
         let mut q = vec![0.0; model.nq()];
@@ -106,7 +106,7 @@ impl Golden {
         q
     }
 
-    /// Our configuration in Pinocchio's layout and the golden file's order of joints.
+    /// Returns our configuration in Pinocchio's layout and the golden file's order of joints.
     fn in_their_order(&self, model: &Model, q: &[f64]) -> Vec<f64> {
         let ours = model.to_pinocchio(q);
         let mut theirs = vec![f64::NAN; ours.len()];
@@ -156,7 +156,7 @@ impl Golden {
     }
 }
 
-/// A matrix whose columns are theirs, in our order.
+/// Returns a matrix with their columns in our order.
 fn arrange_matrix(columns: &[usize], rows: &Value) -> DMatrix<f64> {
     let rows = matrix(rows);
     let mut arranged = DMatrix::zeros(rows.len(), columns.len());

@@ -18,8 +18,8 @@ pub(crate) fn error(ours: &[f64], theirs: &[f64]) -> f64 {
     ours.iter().zip(theirs).fold(0.0_f64, |most, (x, y)| most.max((x - y).abs())) / scale
 }
 
-/// Matrix that makes MuJoCo's velocity of ours, and the drift of its acceleration: both differ for a floating
-/// base.
+/// Returns the matrix that converts our velocity to MuJoCo's, and the drift of its acceleration: both differ
+/// for a floating base.
 fn coordinates(model: &Model, q: &[f64], v: &[f64]) -> (DMatrix<f64>, DVector<f64>) {
     let n = model.nv();
     let (mut turn, mut drift) = (DMatrix::identity(n, n), DVector::zeros(n));
@@ -28,7 +28,7 @@ fn coordinates(model: &Model, q: &[f64], v: &[f64]) -> (DMatrix<f64>, DVector<f6
         let rotation: Matrix3<f64> = rotation.to_rotation_matrix().into_inner();
         turn.view_mut((0, 0), (3, 3)).copy_from(&rotation);
         let (linear, angular) = (Vector3::from_column_slice(&v[..3]), Vector3::from_column_slice(&v[3..6]));
-        // Classical less spatial acceleration.
+        // classical minus spatial acceleration
         drift.rows_mut(0, 3).copy_from(&angular.cross(&linear));
     }
     (turn, drift)
@@ -59,13 +59,13 @@ pub(crate) fn case(model: &Model, case: &Value, check: &mut impl FnMut(&str, &[f
         let mut back = vec![0.0; n];
         let solved = dynamics.forward(model, &q, &v, tau.as_slice(), GRAVITY, &mut back).is_ok();
         let off = back.iter().zip(&a).fold(0.0_f64, |most, (x, y)| most.max((x - y).abs()));
-        // Through a factored mass matrix: 1e-8 instead of 1e-10 of 1e-3.
+        // computed by a factored mass matrix: 1e-8 instead of 1e-10 of 1e-3
         check("forward dynamics", &[if solved { 1e-5 * off } else { 1.0 }], &[0.0]);
     }
     let mut kinematics = Kinematics::new(model);
     kinematics.update(model, &q);
     for (name, pose) in case["frames"].as_object().unwrap() {
-        // MuJoCo's world is the first link of a URDF that is fixed to it.
+        // in MuJoCo, the first link of a URDF fixed to the world is the world
         let Ok(frame) = model.frame(name) else { continue };
         let pose = numbers(pose);
         let found = kinematics.pose(model, frame);

@@ -27,7 +27,7 @@ fn independent() -> motorium_robots::Loaded {
 }
 
 #[test]
-fn keyframes_are_poses_in_which_the_robot_is_as_in_mujoco() {
+fn keyframe_poses_match_mujoco() {
     let robot = independent();
     let (model, profile) = (&robot.model, robot.profile.unwrap());
     assert_eq!(profile.home, "home");
@@ -54,7 +54,7 @@ fn keyframes_are_poses_in_which_the_robot_is_as_in_mujoco() {
 }
 
 #[test]
-fn gains_and_limits_of_position_drives_are_those_of_mujoco() {
+fn position_drive_gains_and_limits_match_mujoco() {
     let robot = independent();
     let gains = robot.profile.unwrap().gains(&robot.model).unwrap();
     for (joint, drive) in golden()["drives"].as_object().unwrap() {
@@ -63,7 +63,7 @@ fn gains_and_limits_of_position_drives_are_those_of_mujoco() {
         assert_relative_eq!(gains.kd[index], drive["kd"].as_f64().unwrap(), epsilon = 1e-9);
         assert_relative_eq!(robot.model.effort_limit()[index], drive["effort"].as_f64().unwrap());
     }
-    // Driven through a tendon, which is no drive of a joint here.
+    // driven through a tendon, which is not a joint drive here
     let finger = robot.model.joint_index("finger1").unwrap();
     assert_eq!(gains.kp[finger], 0.0);
     let warned: Vec<String> = robot.warnings.iter().map(ToString::to_string).collect();
@@ -83,7 +83,7 @@ fn inline_meshes_collide_and_are_drawn() {
     let shapes = robot.model.bodies().iter().flat_map(|body| &body.shapes);
     let hand = shapes.filter(|shape| shape.link == "hand").map(|shape| &shape.geometry).next().unwrap();
     let Geometry::Mesh { inline: Some(mesh), scale, .. } = hand else { panic!("{hand:?}") };
-    // A tetrahedron of corners alone: its hull.
+    // a tetrahedron given by its corners alone: the mesh is their hull
     assert_eq!((mesh.points.len(), mesh.triangles.len(), scale.y), (4, 4, 0.5));
     let options = LoadOptions { shapes: ShapeSource::Visual, ..LoadOptions::default() };
     let seen = load_with(scene().to_str().unwrap(), Path::new(""), &options).unwrap();
@@ -93,7 +93,7 @@ fn inline_meshes_collide_and_are_drawn() {
 }
 
 #[test]
-fn a_fault_in_an_included_file_is_found_there() {
+fn errors_in_included_files_have_their_position() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     let read = || {
@@ -126,7 +126,7 @@ fn a_fault_in_an_included_file_is_found_there() {
 }
 
 #[test]
-fn invalid_keyframes_and_flat_meshes_are_refused() {
+fn invalid_keyframes_and_flat_meshes_are_rejected() {
     let refusal = |rest: &str| {
         let text = format!(
             "<mujoco><worldbody><body name=\"b\"><joint name=\"one\"/><geom size=\"1\"/></body></worldbody>{rest}</mujoco>"

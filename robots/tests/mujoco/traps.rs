@@ -1,9 +1,9 @@
-//! Small files, one rule of MJCF each: every one is read as MuJoCo reads it, or refused with its place and a
-//! reason.
+//! Small files with one rule of MJCF each. Every file is read as in MuJoCo, or rejected with its position and
+//! a reason.
 //!
 //! `traps.py` writes `traps.json`. A number agrees if it differs from MuJoCo's by at most 1e-10 of the
-//! largest entry of its vector or matrix, or of 1e-3 where that is larger; an angle between two orientations
-//! is compared with 0.
+//! largest entry of its vector or matrix, or of 1e-3 if that is larger. An angle between two orientations is
+//! compared with 0.
 
 use std::collections::BTreeSet;
 
@@ -16,8 +16,8 @@ use super::compare::{case, error, numbers};
 
 const TOLERANCE: f64 = 1e-10;
 
-/// Files that are refused: line and column, and a part of the message that names the attribute or element at
-/// fault.
+/// Files that are rejected: line, column, and a part of the message that names the faulty attribute or
+/// element.
 const REFUSED: &[(&str, u32, u32, &str)] = &[
     ("joint_range_zero_limited", 5, 7, "range=\""),
     ("joint_range_without_autolimits", 5, 7, "range=\""),
@@ -140,7 +140,7 @@ const IGNORED: &[(&str, &[&str])] = &[
     ("contact_pair", &["<pair> of <contact>"]),
 ];
 
-/// Files that MuJoCo refuses and that are read with a separate warning.
+/// Files that MuJoCo rejects but that are read with a separate warning.
 const READ_NEVERTHELESS: &[&str] = &["inertia_triangle"];
 
 fn files() -> Vec<Value> {
@@ -152,8 +152,8 @@ fn options(mimic: MimicMode) -> LoadOptions {
     LoadOptions { mimic, ..LoadOptions::default() }
 }
 
-/// The largest error of a file that is read, and its warnings; or its refusal. Infinite where the structure
-/// differs.
+/// Returns the largest error of a file that is read, with its warnings, or the error message. The error is
+/// infinite if the structure differs.
 fn outcome(file: &Value) -> Result<(f64, Vec<ModelWarning>), String> {
     let text = file["text"].as_str().unwrap();
     let robot =
@@ -168,7 +168,7 @@ fn outcome(file: &Value) -> Result<(f64, Vec<ModelWarning>), String> {
     };
     let mut worst = 0.0_f64;
     let mut check = |_: &str, ours: &[f64], theirs: &[f64]| {
-        // Not a number is wrong, too.
+        // NaN is wrong, too
         let error = error(ours, theirs);
         worst = if error.is_nan() { f64::INFINITY } else { worst.max(error) };
     };
@@ -203,7 +203,7 @@ fn outcome(file: &Value) -> Result<(f64, Vec<ModelWarning>), String> {
             check("range", &[lower, upper], &range);
         }
         if let Some(range) = joint.get("effort").map(numbers) {
-            // The smaller of two different limits is taken, with a warning.
+            // the smaller of two different limits is used, with a warning
             check("effort", &[effort], &[range[1].min(-range[0])]);
         }
     }
@@ -224,7 +224,7 @@ fn outcome(file: &Value) -> Result<(f64, Vec<ModelWarning>), String> {
     Ok((worst, robot.warnings))
 }
 
-/// The joint that another follows, with multiplier and offset.
+/// Returns the joint that another follows, with multiplier and offset.
 fn mimic(model: &Model, name: &str) -> Option<(String, [f64; 2])> {
     let body = model.bodies().iter().find(|body| body.joint.name == name)?;
     match body.joint.coordinate {
@@ -236,7 +236,7 @@ fn mimic(model: &Model, name: &str) -> Option<(String, [f64; 2])> {
 }
 
 #[test]
-fn every_trap_is_read_like_mujoco_or_refused_with_position() {
+fn every_trap_is_read_like_mujoco_or_rejected() {
     let mut read = 0;
     let mut faults: Vec<String> = Vec::new();
     for file in files() {
@@ -281,7 +281,7 @@ fn every_trap_is_read_like_mujoco_or_refused_with_position() {
 }
 
 #[test]
-fn the_tables_name_files_that_exist_and_each_once() {
+fn tables_name_existing_files_once() {
     let files = files();
     let names: BTreeSet<&str> = files.iter().map(|file| file["file"].as_str().unwrap()).collect();
     assert_eq!(names.len(), files.len());

@@ -1,4 +1,4 @@
-//! Support of the distance tests: a robot of one shape, poses, random numbers.
+//! Helpers of the distance tests: a robot with one shape, poses, random numbers.
 
 mod random;
 
@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Vector3};
 
 pub(crate) use random::Random;
 
-/// A robot of one slide without other links, so that obstacles meet one shape on its base.
+/// A robot with one slide and no other links, so that obstacles meet the single shape on its base.
 pub(crate) fn with_shape(geometry: &str) -> Model {
     let text = format!(
         "<robot name=\"r\"><link name=\"base\"/><link name=\"body\">\

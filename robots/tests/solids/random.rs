@@ -1,4 +1,4 @@
-//! Random numbers of tests.
+//! Random numbers for tests.
 
 /// Numbers in -1 .. 1: Knuth's MMIX generator.
 pub(crate) struct Random(pub(crate) u64);

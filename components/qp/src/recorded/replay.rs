@@ -80,7 +80,7 @@ pub struct Replay {
     pub worst_distance: f64,
     /// Iterations per solve.
     pub iterations: Record,
-    /// Time to update and solve a problem [us].
+    /// Time to update and solve a problem \[us\].
     pub time_us: Record,
     /// Results of the individual problems.
     #[serde(skip_serializing_if = "Option::is_none")]

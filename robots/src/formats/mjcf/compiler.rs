@@ -19,7 +19,7 @@ pub(crate) enum FromGeoms {
 /// Settings of `<compiler>`.
 #[derive(Clone, Debug)]
 pub struct Compiler {
-    /// Size of the unit of angle [rad].
+    /// Size of the unit of angle \[rad\].
     pub(crate) angle: f64,
     /// Axes of `euler`; upper case means world axes.
     pub(crate) sequence: [char; 3],

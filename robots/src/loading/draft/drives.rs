@@ -8,23 +8,23 @@ use crate::{Dynamics, JointKind, Model};
 
 /// Deflection at which a drive reaches its full effort, rad or m: 0.2 rad for a revolute joint.
 const FULL_EFFORT_AT: [f64; 2] = [0.2, 0.02];
-/// Largest sag under the robot's own weight without feed-forward, rad or m.
+/// Largest sag under the robot's weight without feed-forward, rad or m.
 const LARGEST_SAG: [f64; 2] = [0.05, 0.005];
 /// Largest deflection at which the friction of a joint stops its drive, rad or m: half of the tolerance of a
 /// joint goal.
 const STUCK_WITHIN: f64 = 0.005;
-/// Maximum angular frequency of a drive, 1/s, that steps of 1 ms can follow.
+/// Maximum natural frequency of a drive, 1/s, for steps of 1 ms.
 const HIGHEST_FREQUENCY: f64 = 250.0;
-/// Lowest one, of a drive without a limit of effort, 1/s.
+/// Minimum natural frequency, for a drive without an effort limit, 1/s.
 const LOWEST_FREQUENCY: f64 = 30.0;
-/// Speed of a joint without a limit of velocity, rad/s or m/s.
+/// Speed of a joint without a velocity limit, rad/s or m/s.
 const MODERATE_SPEED: [f64; 2] = [2.0, 0.25];
-/// Shortest time from rest to full speed, s.
+/// Shortest rise time from rest to full speed, s.
 const SHORTEST_RISE: f64 = 0.1;
 /// Fraction of the effort remaining beyond the weight that may accelerate the joint.
 const ACCELERATING_PART: f64 = 0.5;
 
-/// The limits, with `holding`, the efforts that hold the robot at home.
+/// Drafts the limits; `holding` contains the efforts that hold the robot at home.
 pub(super) fn limits(model: &Model, home: &DVector<f64>, holding: Option<&[f64]>) -> String {
     let joints = 0..model.joint_count();
     let velocity: Vec<f64> = joints.clone().map(|index| speed(model, index)).collect();
@@ -44,7 +44,7 @@ pub(super) fn limits(model: &Model, home: &DVector<f64>, holding: Option<&[f64]>
     text + &numbers("acceleration", acceleration)
 }
 
-/// The gains, with `holding` as in [`limits`].
+/// Drafts the gains, with `holding` as in [`limits`].
 pub(super) fn gains(model: &Model, home: &DVector<f64>, holding: Option<&[f64]>) -> String {
     let at = Weights::at_home(model, home, holding);
     let pairs: Vec<(f64, f64)> = (0..model.joint_count())
@@ -62,7 +62,7 @@ pub(super) fn gains(model: &Model, home: &DVector<f64>, holding: Option<&[f64]>)
             let friction = model.joint(index).dynamics.friction;
             let mut least = friction / STUCK_WITHIN;
             if holding.is_some() {
-                // With the feet on the ground more inertia resists than with the feet in the air.
+                // with the feet on the ground, more inertia resists than with the feet in the air
                 least = least.max(at.holding[index].abs() / LARGEST_SAG[slides]);
             }
             let kp = rounded_above(wanted.min(free * HIGHEST_FREQUENCY.powi(2)), least);
@@ -77,11 +77,11 @@ pub(super) fn gains(model: &Model, home: &DVector<f64>, holding: Option<&[f64]>)
 
 /// Inertias and weights at a posture.
 struct Weights {
-    /// Inertia that each joint moves while the others are fixed, kg m^2 or kg.
+    /// Inertia moved by each joint while the others are fixed, kg m^2 or kg.
     inertia: Vec<f64>,
     /// Inertia at each joint while the others are free.
     free_inertia: Vec<f64>,
-    /// Effort that holds it against gravity, N m or N.
+    /// Effort that holds each joint against gravity, N m or N.
     holding: Vec<f64>,
 }
 
@@ -94,7 +94,7 @@ impl Weights {
         dynamics.crba(model, &q, &mut mass);
         let mut gravity = vec![0.0; nv];
         dynamics.gravity(model, &q, Vector3::new(0.0, 0.0, -9.81), &mut gravity);
-        // Links without a mass count for little.
+        // links without mass have a negligible inertia
         let least = 1e-6;
         let inertia: Vec<f64> = (first..nv).map(|index| mass[(index, index)].max(least)).collect();
         let inverse = mass.clone().try_inverse();
@@ -120,7 +120,7 @@ fn speed(model: &Model, index: usize) -> f64 {
     if limit.is_finite() && limit > 0.0 { limit } else { MODERATE_SPEED[slides] }
 }
 
-/// The larger number with two digits, not below `least`.
+/// Returns the larger number with two digits, at least `least`.
 fn rounded_above(number: f64, least: f64) -> f64 {
     let near = rounded(number.max(least));
     if near < least { rounded(1.05 * least) } else { near }

@@ -1,4 +1,4 @@
-//! A posture to start from: inside the limits, with a tool that can move in all directions.
+//! Draft of a home posture: inside the limits, with a tool that can move in all directions.
 
 use nalgebra::{DVector, Vector3};
 
@@ -8,9 +8,9 @@ use crate::{
     CollisionModel, CollisionOptions, Collisions, Dynamics, FrameId, JointKind, Kinematics, Model, TaskRows,
 };
 
-/// The part of a joint's range that is left free at either end.
+/// Fraction of a joint's range that is kept free at either end.
 const MARGIN: f64 = 0.1;
-/// Deflections that are tried, rad.
+/// Deflections to try, rad.
 const TRIED: [f64; 4] = [
     core::f64::consts::FRAC_PI_4,
     -core::f64::consts::FRAC_PI_4,
@@ -19,17 +19,17 @@ const TRIED: [f64; 4] = [
 ];
 /// Minimum improvement that justifies bending one more joint.
 const WORTH: f64 = 1.2;
-/// The manipulability up to which a posture is singular: rounding.
+/// Manipulability below which a posture counts as singular, within rounding.
 const SINGULAR: f64 = 1e-9;
-/// The most joints that are bent.
+/// Maximum number of bent joints.
 const MOST_BENT: usize = 4;
-/// Links nearer than this when no joint is bent touch by design, m.
+/// Distance below which links count as touching by design if no joint is bent, m.
 const TOUCHING: f64 = 0.01;
-/// The part of a drive's effort that the weight may use.
+/// Fraction of a drive's effort that the weight may use.
 const LOAD: f64 = 0.7;
-/// Positions of a joint that are tried against an overload, as parts of its range.
+/// Positions of a joint to try against an overload, as fractions of its range.
 const PARTS: [f64; 9] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
-/// The most joints that are moved against overloads.
+/// Maximum number of joints moved against overloads.
 const MOST_RELIEVED: usize = 12;
 
 /// Drafts a home posture: all joints at zero, or at the middle of their range if zero is near its end or
@@ -78,7 +78,7 @@ fn relieve(model: &Model, home: &mut DVector<f64>) {
     }
 }
 
-/// The posture bent out of singularities.
+/// Returns the posture bent out of singularities.
 fn bent_home(model: &Model) -> (DVector<f64>, bool) {
     let mut home = DVector::from_fn(model.joint_count(), |index, _| neutral(model, index));
     let Some(tip) = model.tip().filter(|_| !model.base().floating) else { return (home, false) };
@@ -106,7 +106,7 @@ fn bent_home(model: &Model) -> (DVector<f64>, bool) {
         let singles = bends.iter().map(std::slice::from_ref);
         let mut found = best_of(&mut check, model, &home, best, singles);
         if found.is_none() && best <= SINGULAR {
-            // Elbow and wrist are straight at once: no single joint leaves such a posture.
+            // Elbow and wrist are straight simultaneously: no single joint leaves such a posture.
             let pairs: Vec<[(usize, f64); 2]> = bends
                 .iter()
                 .enumerate()
@@ -144,7 +144,7 @@ fn best_of<'a>(
     better
 }
 
-/// Zero, or the middle of the range where zero is near its end or outside.
+/// Returns zero, or the middle of the range if zero is near its end or outside.
 pub(super) fn neutral(model: &Model, index: usize) -> f64 {
     let (lower, upper) = (model.lower()[index], model.upper()[index]);
     match (lower.is_finite(), upper.is_finite()) {
@@ -156,14 +156,14 @@ pub(super) fn neutral(model: &Model, index: usize) -> f64 {
     }
 }
 
-/// True for a position inside the range and not near its end.
+/// Returns `true` for a position inside the range and not near its end.
 fn inside(model: &Model, index: usize, position: f64) -> bool {
     let (lower, upper) = (model.lower()[index], model.upper()[index]);
     let margin = if (upper - lower).is_finite() { MARGIN * (upper - lower) } else { 0.0 };
     position >= lower + margin && position <= upper - margin
 }
 
-/// The measure of a posture.
+/// Evaluation of a posture.
 struct Check {
     tip: FrameId,
     rows: TaskRows,
@@ -189,7 +189,8 @@ impl Check {
         Self { tip, rows, kinematics, collisions }
     }
 
-    /// Manipulability of the tip; `None` if the robot is in self-collision or reaches below its base.
+    /// Returns the manipulability of the tip; `None` if the robot is in self-collision or reaches below its
+    /// base.
     fn measure(&mut self, model: &Model, joints: &DVector<f64>) -> f64 {
         self.kinematics.update(model, &with_joints(model, joints.as_slice()));
         if let Some((model, state)) = &mut self.collisions {

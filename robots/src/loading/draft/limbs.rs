@@ -1,4 +1,4 @@
-//! Limbs of a robot: its feet and its tools, by its SRDF, else by the names of its links.
+//! Limbs of a robot: its feet and tools, from its SRDF or otherwise from the names of its links.
 
 use std::collections::BTreeSet;
 
@@ -7,20 +7,21 @@ use crate::loading::end_effector::tip_joints;
 use crate::loading::postures::srdf_beside;
 use crate::{FrameId, Loaded, Model};
 
-/// Fewest joints between the base and a foot.
+/// Minimum number of joints between the base and a foot.
 const FEWEST_JOINTS: usize = 2;
-/// Fewest joints between the base and a wheel at the end of a leg: fewer are the casters of a mobile base.
+/// Minimum number of joints between the base and a wheel at the end of a leg; fewer indicate the casters of a
+/// mobile base.
 const FEWEST_JOINTS_OF_WHEEL: usize = 4;
 
 /// The end of a chain of joints.
 #[derive(Clone, Debug)]
 pub(super) struct Limb {
-    /// Name in the SRDF, or of its link.
+    /// Name in the SRDF, or of the link.
     pub(super) name: String,
     pub(super) frame: FrameId,
-    /// Joints that move it, starting at the base.
+    /// Joints that move the limb, starting at the base.
     pub(super) joints: Vec<String>,
-    /// Joints beyond it.
+    /// Joints beyond the limb.
     pub(super) fingers: Vec<String>,
 }
 
@@ -30,7 +31,7 @@ impl Limb {
         Self { name: name.to_owned(), frame, joints, fingers }
     }
 
-    /// The body it is fixed to.
+    /// Returns the body to which the limb is fixed.
     pub(super) fn body(&self, model: &Model) -> Option<usize> {
         model.frames()[self.frame.index()].body
     }
@@ -39,11 +40,11 @@ impl Limb {
 /// Feet and tools.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Limbs {
-    /// At least two, or none.
+    /// Either none or at least two.
     pub(super) feet: Vec<Limb>,
-    /// End effectors that are no feet.
+    /// End effectors that are not feet.
     pub(super) tools: Vec<Limb>,
-    /// The SRDF names them.
+    /// Whether the SRDF names the limbs.
     pub(super) from_srdf: bool,
 }
 
@@ -62,7 +63,7 @@ impl Limbs {
         limbs
     }
 
-    /// The end effectors of an SRDF, those with links that the model has.
+    /// Returns the end effectors of an SRDF whose links exist in the model.
     fn of_ends(model: &Model, ends: &[GroupEnd]) -> Self {
         let mut limbs = Self::default();
         for end in ends {
@@ -91,7 +92,7 @@ impl Limbs {
     }
 }
 
-/// The links at the ends of legs, by their names: at least two, or none.
+/// Returns the links at the ends of legs, by their names: either none or at least two.
 fn feet_by_name(model: &Model) -> Vec<Limb> {
     for (words, joints) in [
         (&["foot", "sole"][..], FEWEST_JOINTS),
@@ -123,7 +124,7 @@ fn feet_by_name(model: &Model) -> Vec<Limb> {
     Vec::new()
 }
 
-/// Bodies from `body` towards the base, itself included.
+/// Iterates over the bodies from `body` towards the base, including `body`.
 fn ancestors(model: &Model, body: usize) -> impl Iterator<Item = usize> + '_ {
     std::iter::successors(Some(body), |&body| model.bodies()[body].parent)
 }

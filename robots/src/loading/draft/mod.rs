@@ -1,4 +1,4 @@
-//! A draft profile of a robot, derived from its file, for its owner to review and edit.
+//! Draft profiles of robots, for review and editing.
 
 mod drives;
 mod home;
@@ -20,11 +20,11 @@ use text::{key, numbers, quoted, rounded, strings};
 use crate::model::configuration::with_joints;
 use crate::{BaseMode, BasePose, Kinematics, Loaded, Model};
 
-/// Returns a draft profile of `robot` as a TOML text with comments, ready to use.
+/// Returns a draft profile of `robot` as a commented TOML text that is ready to use.
 ///
-/// The home pose is inside the limits; gains, velocities and accelerations follow from inertias at home and
-/// the limits of the robot's file. Feet and end effectors follow from the SRDF next to it, or from the names
-/// of its links.
+/// The home pose is inside the limits. Gains, velocities and accelerations follow from the inertias at home
+/// and the limits in the robot's file. Feet and end effectors follow from the SRDF next to it, or from the
+/// names of its links.
 ///
 /// A robot with at least two feet stands at home with a floating base if a posture is found and `base` is not
 /// [`Fixed`](BaseMode::Fixed); the text states the reason.
@@ -104,7 +104,7 @@ fn head(robot: &Loaded) -> String {
     text
 }
 
-/// The home pose, the states of the SRDF, and the base of a robot that stands.
+/// Writes the home pose, the states of the SRDF, and the base of a robot that stands.
 fn poses(robot: &Loaded, home: &DVector<f64>, moves_freely: bool, stance: Option<&Stance>) -> String {
     let model = &robot.model;
     let reason = match (stance, moves_freely) {
@@ -183,7 +183,7 @@ fn commented_foot(model: &Model, foot: &Limb) -> String {
         .collect()
 }
 
-/// The end effectors.
+/// Writes the end effectors.
 fn ends(model: &Model, limbs: &Limbs) -> String {
     let mut text = String::new();
     let source = if limbs.from_srdf { "by the SRDF" } else { "the tip of the longest chain of joints" };
@@ -203,7 +203,7 @@ fn ends(model: &Model, limbs: &Limbs) -> String {
     text
 }
 
-/// Keys of tables, each once.
+/// Unique keys of tables.
 #[derive(Default)]
 struct Names(BTreeSet<String>);
 

@@ -1,4 +1,4 @@
-//! A posture in which a legged robot stands: its feet on level ground, its centre of mass above them.
+//! Standing posture of a legged robot: feet on level ground, centre of mass above them.
 
 use std::fmt;
 
@@ -12,29 +12,29 @@ use crate::{
     Loaded, MeshMode, Model, Reference, convex_corners,
 };
 
-/// Names of SRDF states in which a legged robot stands, by their first letters, the best first.
+/// Prefixes of SRDF state names in which a legged robot stands, the best first.
 const STANDING: [&str; 6] = ["standing", "half_sitting", "homing", "default", "home", "neutral"];
-/// Shares of the length of a straight leg that are tried for the height of the hip: balls, then soles.
+/// Heights of the hip to try, as fractions of the length of a straight leg: for balls, then for soles.
 const HEIGHTS: [[f64; 4]; 2] = [[0.8, 0.7, 0.9, 0.6], [0.95, 0.9, 0.85, 0.75]];
-/// Deflections of hip, knee and ankle with which a search starts, rad.
+/// Initial deflections of hip, knee and ankle in a search, rad.
 const BENT: [f64; 3] = [-0.5, 1.0, -0.5];
-/// The part of a joint's range that is left free at either end.
+/// Fraction of a joint's range that is kept free at either end.
 const MARGIN: f64 = 0.03;
-/// Least distance of the centre of mass from the edge of the support, m.
+/// Minimum distance of the centre of mass from the edge of the support, m.
 const LEAST_MARGIN: f64 = 0.01;
-/// Points this close above the lowest one belong to the sole, m.
+/// Height above the lowest point up to which points belong to the sole, m.
 const SOLE_DEPTH: f64 = 0.006;
-/// Shortest side of a sole, m: a smaller patch is a point.
+/// Shortest side of a sole, m; a smaller patch counts as a point.
 const SHORTEST_SIDE: f64 = 0.03;
 /// Largest angle between an axis of a sole's frame and the vertical, rad.
 const LEVEL: f64 = 0.05;
-/// Largest difference in height between feet, m, and largest error of their position.
+/// Largest difference in height between feet and largest error of their position, m.
 const UNEVEN: f64 = 2e-3;
 
 /// The part of a foot that touches the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Contact {
-    /// A ball about the origin of the foot's frame; of radius 0: a point.
+    /// A ball about the origin of the foot's frame; with radius 0, a point.
     Ball {
         /// Radius, m.
         radius: f64,
@@ -48,14 +48,14 @@ pub(super) enum Contact {
     },
 }
 
-/// A foot of a robot that stands.
+/// A foot of a standing robot.
 #[derive(Clone, Debug)]
 pub(super) struct StandingFoot {
     pub(super) limb: Limb,
     pub(super) contact: Contact,
 }
 
-/// A robot that stands.
+/// A standing robot.
 #[derive(Clone, Debug)]
 pub(super) struct Stance {
     pub(super) joints: DVector<f64>,
@@ -64,11 +64,11 @@ pub(super) struct Stance {
     pub(super) feet: Vec<StandingFoot>,
     /// Effort of each joint that holds the robot, N m or N.
     pub(super) effort: Vec<f64>,
-    /// Name of the SRDF state it follows.
+    /// Name of the SRDF state it is based on.
     pub(super) state: Option<String>,
 }
 
-/// The reason why no posture stands.
+/// Reason why no standing posture exists.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Falls {
     /// A foot has no collision shape.
@@ -97,7 +97,7 @@ impl fmt::Display for Falls {
     }
 }
 
-/// Finds a posture in which the robot stands on `feet`: near a state of its SRDF, else with its legs bent.
+/// Finds a posture in which the robot stands on `feet`: near a state of its SRDF, otherwise with bent legs.
 pub(super) fn stand(robot: &Loaded, feet: &[Limb]) -> Result<Stance, Falls> {
     let model = &robot.model;
     let zero = DVector::from_fn(model.joint_count(), |index, _| straight(model, index));
@@ -122,7 +122,7 @@ pub(super) fn stand(robot: &Loaded, feet: &[Limb]) -> Result<Stance, Falls> {
             let targets = search.targets_below_hips(&zero, share);
             match search.stand(&reference, targets, true) {
                 Ok(stance) => return Ok(stance),
-                // A drive that is too weak is a better reason than a search that failed.
+                // a drive that is too weak is a better reason than a failed search
                 Err(falls) if matches!(failure, Falls::Unbalanced | Falls::Points) => failure = falls,
                 Err(_) => {}
             }
@@ -131,8 +131,8 @@ pub(super) fn stand(robot: &Loaded, feet: &[Limb]) -> Result<Stance, Falls> {
     Err(failure)
 }
 
-/// Position of a joint of a straight leg, or of an arm at its side: zero, or the nearest position inside its
-/// range.
+/// Returns the position of a joint of a straight leg, or of an arm at its side: zero, or the nearest position
+/// inside its range.
 fn straight(model: &Model, index: usize) -> f64 {
     0.0_f64.min(model.upper()[index]).max(model.lower()[index])
 }
@@ -154,7 +154,7 @@ struct Foot {
     limb: Limb,
     corners: Vec<Corner>,
     sole: bool,
-    /// Orientation of the frame when the robot is straight, its vertical axis exactly vertical.
+    /// Orientation of the frame when the robot is straight, with its vertical axis exactly vertical.
     level: UnitQuaternion<f64>,
 }
 
@@ -207,7 +207,7 @@ impl<'a> Search<'a> {
         self.kinematics.pose(self.model, frame).translation.vector
     }
 
-    /// Legs bent at hip, knee and ankle, knees ahead for a positive sign.
+    /// Bends the legs at hip, knee and ankle; the knees point forwards for a positive sign.
     fn bent(&mut self, zero: &DVector<f64>, sign: f64) -> DVector<f64> {
         self.update(zero);
         let mut bent = zero.clone();
@@ -231,7 +231,7 @@ impl<'a> Search<'a> {
         bent
     }
 
-    /// Positions of the feet in a posture, at their mean height.
+    /// Returns the positions of the feet in a posture, at their mean height.
     fn level_targets(&mut self, joints: &DVector<f64>) -> Vec<Vector3<f64>> {
         self.update(joints);
         let lowest: Vec<f64> =
@@ -241,8 +241,8 @@ impl<'a> Search<'a> {
         feet.map(|(foot, lowest)| self.position(foot.limb.frame) + Vector3::z() * (mean - lowest)).collect()
     }
 
-    /// Positions of the feet of straight legs, raised to this share of the distance from the hip; a foot
-    /// without a sole is below the joint that swings the leg.
+    /// Returns the positions of the feet of straight legs, raised to this fraction of the distance from the
+    /// hip. A foot without a sole is placed below the joint that swings the leg.
     fn targets_below_hips(&mut self, zero: &DVector<f64>, share: f64) -> Vec<Vector3<f64>> {
         self.update(zero);
         let mut targets: Vec<Vector3<f64>> = Vec::new();
@@ -265,7 +265,8 @@ impl<'a> Search<'a> {
         targets
     }
 
-    /// Solves the posture with the feet at the targets, moves these below the centre of mass and levels them.
+    /// Solves for a posture with the feet at the targets. Moves the targets below the centre of mass and
+    /// levels them.
     fn stand(
         &mut self,
         reference: &DVector<f64>,
@@ -328,7 +329,7 @@ impl<'a> Search<'a> {
         Ok(Stance { joints, base, feet, effort, state: None })
     }
 
-    /// Damped least squares on the joints of the legs; returns the largest error, m or rad.
+    /// Runs damped least squares on the leg joints; returns the largest error, m or rad.
     fn solve(
         &mut self,
         joints: &mut DVector<f64>,
@@ -385,7 +386,7 @@ impl<'a> Search<'a> {
         worst
     }
 
-    /// Corners of the support, in the world.
+    /// Returns the corners of the support, in the world.
     fn support(&self) -> Vec<Vector2<f64>> {
         let touching = |foot: &Foot| foot.touching(self.model, &self.kinematics);
         let mut points: Vec<Vector2<f64>> =
@@ -395,7 +396,7 @@ impl<'a> Search<'a> {
         corners
     }
 
-    /// Centre of mass of all links, including a fixed base.
+    /// Returns the centre of mass of all links, including a fixed base.
     fn centre_of_mass(&self) -> Vector3<f64> {
         let (mut mass, mut moment) = (0.0, Vector3::zeros());
         for (id, frame) in self.model.frame_ids().zip(self.model.frames()) {
@@ -406,7 +407,7 @@ impl<'a> Search<'a> {
         moment / mass
     }
 
-    /// Efforts that hold the robot with vertical forces of least norm at its contacts.
+    /// Returns the efforts that hold the robot with minimum-norm vertical forces at its contacts.
     fn effort(&mut self, joints: &DVector<f64>) -> Vec<f64> {
         self.update(joints);
         let model = self.model;
@@ -442,19 +443,19 @@ impl<'a> Search<'a> {
 }
 
 impl Foot {
-    /// Corners in the world with their radius.
+    /// Returns the corners in the world with their radius.
     fn placed(&self, model: &Model, kinematics: &Kinematics) -> Vec<Corner> {
         let body = self.limb.body(model).map_or_else(Isometry3::identity, |body| kinematics.body_pose(body));
         self.corners.iter().map(|(point, radius)| (body * point, *radius)).collect()
     }
 
-    /// Height of its lowest point.
+    /// Returns the height of the foot's lowest point.
     fn lowest(&self, model: &Model, kinematics: &Kinematics) -> f64 {
         let heights = self.placed(model, kinematics).into_iter().map(|(point, radius)| point.z - radius);
         heights.fold(f64::INFINITY, f64::min)
     }
 
-    /// Points within the depth of a sole above the lowest one.
+    /// Returns the points within the depth of a sole above the lowest one.
     fn patch(&self, model: &Model, kinematics: &Kinematics) -> Vec<Point3<f64>> {
         let lowest = self.lowest(model, kinematics);
         let corners = self.placed(model, kinematics).into_iter();
@@ -503,7 +504,7 @@ impl Foot {
         Contact::Ball { radius: if height > 1e-3 { height } else { 0.0 } }
     }
 
-    /// Points at which it touches the ground.
+    /// Returns the points at which the foot touches the ground.
     fn touching(&self, model: &Model, kinematics: &Kinematics) -> Vec<Point3<f64>> {
         let pose = kinematics.pose(model, self.limb.frame);
         match self.contact(model, kinematics) {
@@ -515,7 +516,8 @@ impl Foot {
     }
 }
 
-/// Sides of the largest rectangle about the frame's origin, along its x and y, that a patch spans.
+/// Returns the sides of the largest rectangle about the frame's origin, along its x and y, that a patch
+/// spans.
 fn symmetric_sides(pose: &Isometry3<f64>, patch: &[Point3<f64>]) -> [f64; 2] {
     [0, 1].map(|axis| {
         let along = patch.iter().map(|point| pose.inverse_transform_point(point)[axis]);
@@ -525,7 +527,7 @@ fn symmetric_sides(pose: &Isometry3<f64>, patch: &[Point3<f64>]) -> [f64; 2] {
     })
 }
 
-/// Corners of the shapes of a body.
+/// Returns the corners of the shapes of a body.
 fn corners(solids: &CollisionModel, body: usize) -> Vec<Corner> {
     let own = (0..solids.solid_count()).filter(|&solid| solids.attachment(solid) == Attachment::Body(body));
     let mut found: Vec<Corner> = Vec::new();
@@ -561,7 +563,8 @@ fn middle(corners: &[Vector2<f64>]) -> Vector2<f64> {
     corners.iter().sum::<Vector2<f64>>() / corners.len() as f64
 }
 
-/// Distance of a point inside a polygon from its nearest edge, negative outside; `None` without an area.
+/// Returns the distance of a point inside a polygon from its nearest edge, negative outside; `None` without
+/// an area.
 fn margin(corners: &[Vector2<f64>], point: &Vector2<f64>) -> Option<f64> {
     let edges = corners.iter().zip(corners.iter().cycle().skip(1));
     let distance =

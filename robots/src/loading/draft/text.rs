@@ -2,10 +2,10 @@
 
 use std::fmt::Write as _;
 
-/// Width of a line, in characters.
+/// Maximum width of a line, in characters.
 const WIDTH: usize = 100;
 
-/// A number with two digits.
+/// Rounds a number to two digits.
 pub(super) fn rounded(number: f64) -> f64 {
     format!("{number:.1e}").parse().unwrap_or(number)
 }
@@ -14,7 +14,7 @@ pub(super) fn quoted(text: &str) -> String {
     toml::Value::from(text).to_string()
 }
 
-/// A key of a table, in quotes where it needs them.
+/// Returns the key of a table, quoted if required.
 pub(super) fn key(name: &str) -> String {
     let bare = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
     if bare { name.to_string() } else { quoted(name) }
@@ -34,7 +34,7 @@ pub(super) fn numbers(key: &str, values: impl Iterator<Item = f64>) -> String {
     )
 }
 
-/// A key with a list, over several lines where it is long.
+/// Formats a key with a list, over several lines if it is long.
 pub(super) fn list(key: &str, values: impl Iterator<Item = String>) -> String {
     let values: Vec<String> = values.collect();
     let inline = format!("{key} = [{}]\n", values.join(", "));

@@ -1,7 +1,7 @@
-//! The scalar functions of the angle `t` in exponentials and Jacobians, each by its power series below
-//! [`SEAM`].
+//! The scalar functions of the angle `t` in exponentials and Jacobians. Below [`SEAM`] each is computed by
+//! its power series.
 
-/// Angle \[rad\] below which the series are used: there a closed form loses up to two digits, while twelve
+/// Angle \[rad\] below which the series are used. There, a closed form loses up to two digits, whereas twelve
 /// terms lose none.
 const SEAM: f64 = 1.5;
 
@@ -83,7 +83,7 @@ pub(super) fn coupling(t: f64) -> (f64, f64, f64) {
     }
 }
 
-/// The derivatives of the two of [`left`] by `t`, divided by `t`.
+/// Derivatives of both results of [`left`] with respect to `t`, divided by `t`.
 pub(super) fn left_slopes(t: f64) -> (f64, f64) {
     let z = t * t;
     if t < SEAM {

@@ -1,4 +1,4 @@
-//! Rates of a rotation vector and the corresponding angular motion.
+//! Rates of a rotation vector, and the corresponding angular motion.
 
 use nalgebra::Vector3;
 
@@ -9,14 +9,14 @@ use super::{coefficients, so3};
 pub struct RotationRates {
     /// The rotation vector \[rad\].
     pub vector: Vector3<f64>,
-    /// First derivative \[rad/s\]. Not an angular velocity.
+    /// First derivative \[rad/s\], which differs from the angular velocity.
     pub rate: Vector3<f64>,
-    /// Its second derivative \[rad/s2\].
+    /// Second derivative \[rad/s2\].
     pub acceleration: Vector3<f64>,
 }
 
-/// Angular velocity \[rad/s\] and angular acceleration \[rad/s2\], in world axes, of the rotation `exp(phi)
-/// r` with `r` at rest.
+/// Returns the angular velocity \[rad/s\] and angular acceleration \[rad/s2\], in world axes, of the rotation
+/// `exp(phi) r` with `r` at rest.
 pub fn angular_motion(phi: &RotationRates) -> (Vector3<f64>, Vector3<f64>) {
     let RotationRates { vector, rate, acceleration } = *phi;
     let angle = vector.norm();
@@ -32,7 +32,7 @@ pub fn angular_motion(phi: &RotationRates) -> (Vector3<f64>, Vector3<f64>) {
     (velocity, angular_acceleration)
 }
 
-/// Rates of the rotation vector for an angular velocity \[rad/s\] and acceleration \[rad/s2\] in
+/// Returns the rates of the rotation vector for an angular velocity \[rad/s\] and acceleration \[rad/s2\] in
 /// world axes: the inverse of [`angular_motion`]. `None` at a whole turn, where the left Jacobian is
 /// singular.
 pub fn rotation_rates(

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, Vector3, Vector6};
 
 use super::{coefficients, so3};
 
-/// The motion reached from the identity in one unit of time by the constant twist `xi`.
+/// Returns the motion reached from the identity in unit time with the constant twist `xi`.
 pub fn exp(xi: &Vector6<f64>) -> Isometry3<f64> {
     let (rho, phi) = split(xi);
     let (a, b) = coefficients::left(phi.norm());
@@ -13,8 +13,8 @@ pub fn exp(xi: &Vector6<f64>) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(translation), so3::exp(&phi))
 }
 
-/// The twist that carries the identity to `motion` in one unit of time, with the least rotation: at most pi;
-/// at exactly half a turn one of the two opposite rotations is chosen.
+/// Returns the twist that moves the identity to `motion` in unit time with the smallest rotation, at most pi.
+/// At exactly half a turn, one of the two opposite rotations is chosen.
 pub fn log(motion: &Isometry3<f64>) -> Vector6<f64> {
     let phi = so3::log(&motion.rotation);
     let t = motion.translation.vector;
@@ -23,43 +23,43 @@ pub fn log(motion: &Isometry3<f64>) -> Vector6<f64> {
     stack(&rho, &phi)
 }
 
-/// The derivative of [`log`]: `d/dt log(M) = log_jacobian(M) * twist`, where `twist` is the body velocity of
-/// `M`, `M^-1 dM/dt`. The inverse of the right Jacobian at `log(M)`.
+/// Returns the derivative of [`log`]: `d/dt log(M) = log_jacobian(M) * twist`, where `twist` is the body
+/// velocity of `M`, `M^-1 dM/dt`. It is the inverse of the right Jacobian at `log(M)`.
 pub fn log_jacobian(motion: &Isometry3<f64>) -> Matrix6<f64> {
     right_jacobian_inverse(&log(motion))
 }
 
-/// The left Jacobian: the derivative of [`exp`] as a velocity in world axes.
+/// Returns the left Jacobian: the derivative of [`exp`] as a velocity in world axes.
 pub fn left_jacobian(xi: &Vector6<f64>) -> Matrix6<f64> {
     let (rho, phi) = split(xi);
     triangular(&so3::left_jacobian(&phi), &coupling(&rho, &phi))
 }
 
-/// The inverse of the left Jacobian, for rotations below 2 pi, where it is singular.
+/// Returns the inverse of the left Jacobian, for rotations below 2 pi, where it is singular.
 pub fn left_jacobian_inverse(xi: &Vector6<f64>) -> Matrix6<f64> {
     let (rho, phi) = split(xi);
     let rotation = so3::left_jacobian_inverse(&phi);
     triangular(&rotation, &(-rotation * coupling(&rho, &phi) * rotation))
 }
 
-/// The right Jacobian: the left one at `-xi`.
+/// Returns the right Jacobian, which is the left one at `-xi`.
 pub fn right_jacobian(xi: &Vector6<f64>) -> Matrix6<f64> {
     left_jacobian(&-xi)
 }
 
-/// The inverse of the right Jacobian, for rotations short of 2 pi.
+/// Returns the inverse of the right Jacobian, for rotations below 2 pi.
 pub fn right_jacobian_inverse(xi: &Vector6<f64>) -> Matrix6<f64> {
     left_jacobian_inverse(&-xi)
 }
 
-/// The adjoint of `motion`: it maps the body velocity of a frame to its velocity in the axes and at the
-/// origin of the frame that `motion` is given in.
+/// Returns the adjoint of `motion`, which maps the body velocity of a frame to its velocity in the axes and
+/// at the origin of the frame in which `motion` is expressed.
 pub fn adjoint(motion: &Isometry3<f64>) -> Matrix6<f64> {
     let rotation = motion.rotation.to_rotation_matrix().into_inner();
     triangular(&rotation, &(motion.translation.vector.cross_matrix() * rotation))
 }
 
-/// Linear and angular part as one vector.
+/// Stacks the linear and angular part into one vector.
 pub fn stack(linear: &Vector3<f64>, angular: &Vector3<f64>) -> Vector6<f64> {
     Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
 }
@@ -77,7 +77,7 @@ fn triangular(diagonal: &Matrix3<f64>, coupling: &Matrix3<f64>) -> Matrix6<f64> 
     matrix
 }
 
-/// The off-diagonal block of the left Jacobian (Barfoot, equation 7.86b).
+/// Returns the off-diagonal block of the left Jacobian (Barfoot, equation 7.86b).
 fn coupling(rho: &Vector3<f64>, phi: &Vector3<f64>) -> Matrix3<f64> {
     let (r, p) = (rho.cross_matrix(), phi.cross_matrix());
     let (c1, c2, c3) = coefficients::coupling(phi.norm());

@@ -4,17 +4,17 @@ use nalgebra::{Matrix3, Quaternion, Unit, UnitQuaternion, Vector3};
 
 use super::coefficients;
 
-/// The rotation by `|phi|` rad about `phi`.
+/// Returns the rotation by `|phi|` rad about `phi`.
 pub fn exp(phi: &Vector3<f64>) -> UnitQuaternion<f64> {
     let (sin, cos) = (0.5 * phi.norm()).sin_cos();
-    // sin(t/2) / t tends to 1/2; below this angle the rest is under half a unit in the last place.
+    // sin(t/2) / t tends to 1/2; below this angle the difference is under half a unit in the last place
     let angle = phi.norm();
     let factor = if angle < 1e-8 { 0.5 } else { sin / angle };
     UnitQuaternion::new_normalize(Quaternion::from_parts(cos, phi * factor))
 }
 
-/// The rotation vector of least length, at most pi. `q` and `-q` have the same; at exactly half a turn one of
-/// the two opposite vectors is chosen.
+/// Returns the shortest rotation vector, at most pi. `q` and `-q` give the same vector. At exactly half a
+/// turn, one of the two opposite vectors is chosen.
 pub fn log(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
     let sign = if rotation.w < 0.0 { -1.0 } else { 1.0 };
     let (real, imaginary) = (rotation.w * sign, rotation.imag() * sign);
@@ -32,27 +32,27 @@ pub fn left_jacobian(phi: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::identity() + cross * a + cross * cross * b
 }
 
-/// The inverse of the left Jacobian, for `|phi|` below 2 pi, where it is singular.
+/// Returns the inverse of the left Jacobian, for `|phi|` below 2 pi, where it is singular.
 pub fn left_jacobian_inverse(phi: &Vector3<f64>) -> Matrix3<f64> {
     let cross = phi.cross_matrix();
     Matrix3::identity() - cross * 0.5 + cross * cross * coefficients::left_inverse(phi.norm())
 }
 
-/// The right Jacobian: the left one at `-phi`, its transpose.
+/// Returns the right Jacobian, which is the left one at `-phi` and its transpose.
 pub fn right_jacobian(phi: &Vector3<f64>) -> Matrix3<f64> {
     left_jacobian(&-phi)
 }
 
-/// The inverse of the right Jacobian, for `|phi|` short of 2 pi.
+/// Returns the inverse of the right Jacobian, for `|phi|` below 2 pi.
 pub fn right_jacobian_inverse(phi: &Vector3<f64>) -> Matrix3<f64> {
     left_jacobian_inverse(&-phi)
 }
 
-/// The rotation of least angle from `from` to `to`. For vectors that are opposite up to rounding, a half turn
-/// about some axis perpendicular to `from`.
+/// Returns the smallest rotation from `from` to `to`. For vectors that are opposite up to rounding, it is a
+/// half turn about an axis perpendicular to `from`.
 ///
-/// Accurate to rounding at every angle: half the sine and half the cosine are lengths of the sum and the
-/// difference.
+/// It is accurate to rounding at every angle: half the sine and half the cosine are lengths of the sum and
+/// the difference.
 pub fn least_rotation(from: &Unit<Vector3<f64>>, to: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
     let (from, to) = (from.into_inner(), to.into_inner());
     let (sum, difference) = (from + to, from - to);

@@ -42,7 +42,7 @@ struct Counts {
     seen: u64,
     /// Images whose exposure time precedes the known camera poses.
     unplaced: u64,
-    /// Distances from the optical axis [pixels]: in the last image, and since the object has settled in the
+    /// Distances from the optical axis \[pixels\]: in the last image, and since the object has settled in the
     /// centre.
     last: Option<f64>,
     sum: f64,

@@ -33,7 +33,7 @@ pub struct BaseEstimator {
     /// Initial position of the base and its initial yaw.
     start: (Vector3<f64>, f64),
     alignment: Alignment,
-    /// Sequence and time [ns] of the last used sample.
+    /// Sequence and time \[ns\] of the last used sample.
     last: ((u32, u32, u64), Option<u64>),
     last_joints: (u32, u32, u64),
     score: Score,
