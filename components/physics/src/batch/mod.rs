@@ -18,7 +18,8 @@ const BLOCKS: usize = 16;
 ///
 /// States, commands and [observations](Self::observing) of all worlds are contiguous, one world after the
 /// other. Each world computes the same result as it would alone, bit for bit, on any number of threads. The
-/// threads live as long as the batch: between two calls they spin for some tens of microseconds, then sleep.
+/// threads live as long as the batch: between two calls they poll for 0.03 to 0.5 ms, which depends on the
+/// processor, then sleep.
 ///
 /// [`step`](Self::step) advances all worlds under the commands of the batch. [`each`](Self::each) visits all
 /// worlds, each with its own data `W` ([`with_data`](Self::with_data)): command, step, observe, reward, reset

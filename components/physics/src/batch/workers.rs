@@ -8,8 +8,9 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle, Thread};
 
-/// Polls of a waiting thread before it sleeps: some tens of microseconds, the gap between two steps of a
-/// batch.
+/// Polls of a waiting thread before it sleeps. The pause instruction determines the duration of a poll: 25 ns
+/// on an AMD EPYC (measured), 140 cycles on recent processors of Intel and about 10 on older ones. Threads
+/// thus poll for 0.03 to 0.5 ms, which covers most gaps between two calls, such as a step of an optimiser.
 const SPINS: usize = 10_000;
 
 /// Threads in addition to the caller's, each of which runs a part of every job.
