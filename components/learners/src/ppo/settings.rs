@@ -24,7 +24,8 @@ pub struct PpoSettings {
     pub minibatch: usize,
     /// Learning rate of Adam, above 0. Default 3e-4.
     pub rate: f64,
-    /// True to lower the learning rate linearly to 0 over the steps. Default true.
+    /// True to lower the learning rate linearly to 0 over the steps. As in CleanRL, an update has the rate at
+    /// the first step of its horizon; in Stable-Baselines3, at the last. Default true.
     pub anneal: bool,
     /// Divergence between the policies before and after an update that the learning rate adapts to; it is
     /// divided by 1.5 above twice the target and multiplied by 1.5 below half of it (rsl_rl). Default: no
