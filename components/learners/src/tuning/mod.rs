@@ -22,7 +22,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::search::{
     BayesianOptimisation, BayesianSettings, CmaEs, CmaEsSettings, CrossEntropy, CrossEntropySettings,
-    RandomSearch, Search, Start, StartError,
+    ExponentialNes, FiniteDifferences, FiniteDifferencesSettings, NesSettings, PathIntegral,
+    PathIntegralSettings, Power, PowerSettings, RandomSearch, Reps, RepsSettings, Search, SeparableNes,
+    Start, StartError,
 };
 
 /// Search method of a tuning.
@@ -34,6 +36,18 @@ pub enum Method {
     CmaEs,
     /// The cross-entropy method.
     CrossEntropy,
+    /// Natural evolution strategy with one deviation per parameter.
+    Snes,
+    /// Natural evolution strategy with a full covariance.
+    Xnes,
+    /// Episodic relative entropy policy search.
+    Reps,
+    /// Path integrals with black-box averaging (PI^BB).
+    PathIntegral,
+    /// Policy learning by weighting exploration with the returns (PoWER), of rewards above 0.
+    Power,
+    /// Gradient ascent by central differences.
+    FiniteDifferences,
     /// Gaussian process and expected improvement: for few, expensive evaluations.
     Bayesian,
     /// Independent, uniform candidates: the baseline.
@@ -75,6 +89,14 @@ impl Settings {
         Ok(match self.method {
             Method::CmaEs => Box::new(CmaEs::new(start(), CmaEsSettings::default())?),
             Method::CrossEntropy => Box::new(CrossEntropy::new(start(), CrossEntropySettings::default())?),
+            Method::Snes => Box::new(SeparableNes::new(start(), NesSettings::default())?),
+            Method::Xnes => Box::new(ExponentialNes::new(start(), NesSettings::default())?),
+            Method::Reps => Box::new(Reps::new(start(), RepsSettings::default())?),
+            Method::PathIntegral => Box::new(PathIntegral::new(start(), PathIntegralSettings::default())?),
+            Method::Power => Box::new(Power::new(start(), PowerSettings::default())?),
+            Method::FiniteDifferences => {
+                Box::new(FiniteDifferences::new(start(), FiniteDifferencesSettings::default())?)
+            }
             Method::Bayesian => {
                 Box::new(BayesianOptimisation::new(bounds, BayesianSettings::default(), self.seed)?)
             }
@@ -86,9 +108,9 @@ impl Settings {
     fn ahead(&self) -> usize {
         match self.method {
             Method::Bayesian => self.together.max(1),
-            Method::CmaEs | Method::CrossEntropy => usize::MAX,
             // as many as keep any machine busy
             Method::Random => 256,
+            _ => usize::MAX,
         }
     }
 

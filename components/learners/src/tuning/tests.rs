@@ -54,7 +54,18 @@ fn file(folder: &Path, name: &str) -> String {
     std::fs::read_to_string(folder.join(name)).expect(name)
 }
 
-const METHODS: [Method; 4] = [Method::CmaEs, Method::CrossEntropy, Method::Bayesian, Method::Random];
+const METHODS: [Method; 10] = [
+    Method::CmaEs,
+    Method::CrossEntropy,
+    Method::Snes,
+    Method::Xnes,
+    Method::Reps,
+    Method::PathIntegral,
+    Method::Power,
+    Method::FiniteDifferences,
+    Method::Bayesian,
+    Method::Random,
+];
 
 #[test]
 fn tuning_repeats_on_any_number_of_threads() {

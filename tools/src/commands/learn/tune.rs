@@ -35,6 +35,18 @@ enum Method {
     CmaEs,
     /// The cross-entropy method
     CrossEntropy,
+    /// Natural evolution strategy with one deviation per parameter
+    Snes,
+    /// Natural evolution strategy with a full covariance
+    Xnes,
+    /// Episodic relative entropy policy search
+    Reps,
+    /// Path integrals with black-box averaging
+    PathIntegral,
+    /// PoWER, of rewards above 0
+    Power,
+    /// Gradient ascent by central differences
+    FiniteDifferences,
     /// Gaussian process and expected improvement
     Bayesian,
     /// Uniform candidates
@@ -46,6 +58,12 @@ impl From<Method> for tuning::Method {
         match method {
             Method::CmaEs => Self::CmaEs,
             Method::CrossEntropy => Self::CrossEntropy,
+            Method::Snes => Self::Snes,
+            Method::Xnes => Self::Xnes,
+            Method::Reps => Self::Reps,
+            Method::PathIntegral => Self::PathIntegral,
+            Method::Power => Self::Power,
+            Method::FiniteDifferences => Self::FiniteDifferences,
             Method::Bayesian => Self::Bayesian,
             Method::Random => Self::Random,
         }
@@ -80,8 +98,9 @@ pub(super) struct Tune {
     /// Simulated time of an evaluation [default: the graph's duration]
     #[arg(long = "for", value_name = "DURATION")]
     duration: Option<TimeSpan>,
-    /// Search method: `cma-es`, `cross-entropy`, `random`, or `bayesian` with `--together` (2) evaluations at
-    /// a time [default: cma-es]
+    /// Search method: `cma-es`, `cross-entropy`, `snes`, `xnes`, `reps`, `path-integral`, `power`,
+    /// `finite-differences`, `random`, or `bayesian` with `--together` (2) evaluations at a time [default:
+    /// cma-es]
     #[arg(long, default_value = "cma-es", hide_possible_values = true, hide_default_value = true)]
     method: Method,
     /// Evaluations [default: 200]
