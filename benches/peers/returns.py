@@ -1,5 +1,5 @@
-"""Trains PPO, SAC and TD3 of Stable-Baselines3 on the worlds of the program at the other end of the pipe. Lines are
-JSON:
+"""Trains PPO, SAC, TD3, DDPG and DQN of Stable-Baselines3 on the worlds of the program at the other end of the pipe.
+Lines are JSON:
 
 - The program sends a run: algorithm, seed, settings, sizes and first observations of its worlds.
 - Each list of actions is answered with the results of a step of all worlds; `null` ends training.
@@ -8,14 +8,15 @@ JSON:
     pip install -r benches/peers/training.txt
 """
 
+import itertools
 import json
 import math
 import sys
 
 import numpy as np
 import torch
-from gymnasium.spaces import Box
-from stable_baselines3 import PPO, SAC, TD3
+from gymnasium.spaces import Box, Discrete
+from stable_baselines3 import DDPG, DQN, PPO, SAC, TD3
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
@@ -32,14 +33,23 @@ class Worlds(VecEnv):
     def __init__(self, run):
         self.first = np.array(run["observations"], np.float32)
         count, inputs = self.first.shape
-        actions = Box(*run["bounds"], (run["actions"],), np.float32)
+        low, high = run["bounds"]
+        actions = Box(low, high, (run["actions"],), np.float32)
+        self.choices = None
+        if bins := run["settings"].get("bins"):
+            # all combinations of evenly spaced values
+            self.choices = list(itertools.product(np.linspace(low, high, bins), repeat=run["actions"]))
+            actions = Discrete(len(self.choices))
         super().__init__(count, Box(-np.inf, np.inf, (inputs,), np.float32), actions)
 
     def reset(self):
         return self.first
 
+    def action(self, chosen):
+        return [float(number) for number in (chosen if self.choices is None else self.choices[chosen])]
+
     def step_async(self, actions):
-        send(actions.astype(float).tolist())
+        send([self.action(chosen) for chosen in actions])
 
     def step_wait(self):
         step = receive()
@@ -68,7 +78,8 @@ class Worlds(VecEnv):
 
 
 def ppo(settings, _):
-    assert "target_kl" not in settings and not settings["recurrent"], "settings that PPO does not have here"
+    missing = ("target_kl", "recurrent", "mirror")
+    assert not any(settings.get(key) for key in missing), "settings that PPO does not have here"
     rate = settings["rate"]
     return PPO, dict(
         n_steps=settings["horizon"],
@@ -117,7 +128,24 @@ def td3(settings, actions):
     )
 
 
-ALGORITHMS = {"ppo": ppo, "sac": sac, "td3": td3}
+def ddpg(settings, actions):
+    noise = NormalActionNoise(np.zeros(actions), np.full(actions, settings["noise"]))
+    return DDPG, dict(replay(settings), action_noise=noise)
+
+
+def dqn(settings, _):
+    assert not settings["double"], "DQN here has one network for choice and value"
+    return DQN, replay(settings) | dict(
+        # targets move once after the gradients of a step, not after each
+        tau=1 - (1 - settings["polyak"]) ** settings["gradients"],
+        target_update_interval=1,
+        exploration_initial_eps=settings["epsilon"],
+        exploration_final_eps=settings["final_epsilon"],
+        exploration_fraction=settings["exploration"],
+    )
+
+
+ALGORITHMS = {"ppo": ppo, "sac": sac, "td3": td3, "ddpg": ddpg, "dqn": dqn}
 
 
 def main():
@@ -128,14 +156,15 @@ def main():
         name, settings = run["algorithm"], run["settings"]
         algorithm, options = ALGORITHMS[name](settings, run["actions"])
         discount = settings["discount"]
-        worlds = VecNormalize(Worlds(run), norm_reward=name == "ppo", gamma=discount, clip_obs=np.inf)
+        plain = Worlds(run)
+        worlds = VecNormalize(plain, norm_reward=name == "ppo", gamma=discount, clip_obs=np.inf)
         options.update(gamma=discount, seed=run["seed"], device="cpu")
         learner = algorithm("MlpPolicy", worlds, **options)
         learner.learn(settings["steps"])
         send(None)
         while (observation := receive()) is not None:
             normal = worlds.normalize_obs(np.array(observation, np.float32))
-            send(learner.predict(normal, deterministic=True)[0].astype(float).tolist())
+            send(plain.action(learner.predict(normal, deterministic=True)[0]))
 
 
 main()

@@ -7,13 +7,13 @@ use motorium_learners::task::Task;
 use motorium_physics::{Articulated, Batch, JointSetpoint};
 use rustix::time::{ClockId, clock_gettime};
 
-use crate::training::{TASKS, WORLDS, change, load};
+use crate::training::{LARGER, TASKS, WORLDS, change, load};
 
 /// Turns, of which the median counts, and steps of all worlds in a turn.
 const TURNS: usize = 15;
 const STEPS: usize = 48;
 /// Hidden layers of the measured networks.
-const NETWORKS: [&[usize]; 2] = [&[128, 64, 32], &[256, 128, 64]];
+const NETWORKS: [&[usize]; 2] = [&[128, 64, 32], LARGER];
 
 /// A part, and the processor time that it has spent per environment step \[us\], one entry a turn.
 struct Part {
@@ -42,14 +42,16 @@ pub(crate) fn print(chosen: &[String]) {
         for (part, micros) in parts.iter().zip(&medians) {
             println!("  {:<44} {micros:8.2}", part.name);
         }
-        for (network, medians) in NETWORKS.iter().zip(medians[2..].chunks_exact(2)) {
+        println!("  physics with changing actions / environment {:.3}", medians[1] / medians[2]);
+        for (network, medians) in NETWORKS.iter().zip(medians[3..].chunks_exact(2)) {
             let epoch = medians[1] - medians[0];
             println!("  {network:?}: an epoch {epoch:.2}, roll-out {:.2}", medians[0] - epoch);
         }
     }
 }
 
-/// The measured parts: physics, environment, then for each network PPO with one epoch and with two.
+/// The measured parts: physics at rest and with the actions of the environment, the environment, then for
+/// each network PPO with one epoch and with two.
 fn parts(task: &Task, scene: &Scene) -> Vec<Part> {
     let mut parts = Vec::new();
     let mut add = |name: String, steps: usize, turn: Box<dyn FnMut()>| {
@@ -65,18 +67,25 @@ fn parts(task: &Task, scene: &Scene) -> Vec<Part> {
         }
     };
     add("physics alone, drives at rest".to_owned(), WORLDS * STEPS, Box::new(physics));
-    let worlds = VectorEnvironment::new(task, (WORLDS, 1), 1, || scene.simulation());
-    let mut worlds = worlds.expect("a task of its robot");
-    let mut actions = vec![0.0; WORLDS * worlds.terms().actions()];
-    let mut step = 0;
-    let environment = move || {
-        for _ in 0..STEPS {
-            step += 1;
-            change(&mut actions, step as f32);
-            worlds.step(&actions).expect("the next episode starts");
-        }
-    };
-    add("environment, changing actions".to_owned(), WORLDS * STEPS, Box::new(environment));
+    for is_judged in [false, true] {
+        let worlds = VectorEnvironment::new(task, (WORLDS, 1), 1, || scene.simulation());
+        let mut worlds = worlds.expect("a task of its robot");
+        let mut actions = vec![0.0; WORLDS * worlds.terms().actions()];
+        let mut step = 0;
+        let turn = move || {
+            for _ in 0..STEPS {
+                step += 1;
+                change(&mut actions, step as f32);
+                if is_judged {
+                    worlds.step(&actions).expect("the next episode starts");
+                } else {
+                    worlds.step_physics(&actions);
+                }
+            }
+        };
+        let part = if is_judged { "environment" } else { "physics alone" };
+        add(format!("{part}, changing actions"), WORLDS * STEPS, Box::new(turn));
+    }
     let settings = PpoSettings::from_table(&task.algorithms).expect("the settings of the task");
     for network in NETWORKS {
         for epochs in [1, 2] {

@@ -78,7 +78,13 @@ impl Comparison {
         let file = folder.join(name).with_extension("toml");
         let source =
             std::fs::read_to_string(&file).map_err(|error| format!("{}: {error}", file.display()))?;
-        let task = Task::parse(&source).map_err(text)?;
+        let mut task = Task::parse(&source).map_err(text)?;
+        if algorithm == Algorithm::Dqn {
+            // as the peer, which has no double Q-learning
+            let settings = task.algorithms.entry("dqn").or_insert_with(|| toml::Table::new().into());
+            let settings = settings.as_table_mut().ok_or_else(invalid)?;
+            settings.insert("double".to_owned(), false.into());
+        }
         let scene = Scene::load(&task, &folder).map_err(text)?;
         let mut settings = settings(algorithm, &task).map_err(text)?;
         settings.insert("steps".to_owned(), i64::try_from(steps).map_err(|_| invalid())?.into());

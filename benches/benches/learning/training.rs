@@ -12,7 +12,10 @@ pub(crate) const WORLDS: usize = 64;
 /// Threads of the published figures.
 const THREADS: usize = 2;
 /// Tasks of the rows.
-pub(crate) const TASKS: [&str; 2] = ["cart-pole", "quadruped-velocity"];
+pub(crate) const TASKS: [&str; 2] = ["cart-pole", QUADRUPED];
+const QUADRUPED: &str = "quadruped-velocity";
+/// Hidden layers of the larger network of the quadruped.
+pub(crate) const LARGER: &[usize] = &[256, 128, 64];
 
 /// A measured call and its environment steps.
 pub(crate) struct Row {
@@ -26,8 +29,14 @@ pub(crate) fn all() -> Vec<Row> {
     let mut rows = Vec::new();
     for name in TASKS {
         let (task, scene) = load(name);
+        rows.push(physics(name, &task, &scene));
         rows.push(environment(name, &task, &scene));
-        rows.push(training(name, &task, &scene));
+        let settings = PpoSettings::from_table(&task.algorithms).expect("the settings of the task");
+        rows.push(training(name, &task, &scene, settings.clone()));
+        if name == QUADRUPED {
+            let settings = PpoSettings { hidden: LARGER.to_vec(), ..settings };
+            rows.push(training(name, &task, &scene, settings));
+        }
     }
     rows
 }
@@ -48,6 +57,23 @@ pub(crate) fn change(actions: &mut [f32], phase: f32) {
     }
 }
 
+/// Physics of all worlds with the actions of the environment: its floor.
+fn physics(name: &str, task: &Task, scene: &Scene) -> Row {
+    let worlds = VectorEnvironment::new(task, (WORLDS, THREADS), 1, || scene.simulation());
+    let mut worlds = worlds.expect("a task of its robot");
+    let mut actions = vec![0.0; WORLDS * worlds.terms().actions()];
+    let mut phase = 0.0_f32;
+    Row {
+        name: format!("{name}_physics_{WORLDS}_worlds_{THREADS}_threads"),
+        steps: WORLDS as u64,
+        run: Box::new(move || {
+            phase += 1.0;
+            change(&mut actions, phase);
+            worlds.step_physics(&actions);
+        }),
+    }
+}
+
 /// Steps of all worlds with actions that change from step to step.
 fn environment(name: &str, task: &Task, scene: &Scene) -> Row {
     let worlds = VectorEnvironment::new(task, (WORLDS, THREADS), 1, || scene.simulation());
@@ -65,14 +91,14 @@ fn environment(name: &str, task: &Task, scene: &Scene) -> Row {
     }
 }
 
-/// One update of PPO with the settings of the task: its roll-outs and its epochs.
-fn training(name: &str, task: &Task, scene: &Scene) -> Row {
-    let settings = PpoSettings::from_table(&task.algorithms).expect("the settings of the task");
+/// One update of PPO: its roll-outs and its epochs.
+fn training(name: &str, task: &Task, scene: &Scene, settings: PpoSettings) -> Row {
+    let layers: Vec<String> = settings.hidden.iter().map(usize::to_string).collect();
     let steps = (settings.worlds * settings.horizon) as u64;
     let run = Ppo::new(task, settings, (1, THREADS), || scene.simulation());
     let mut run = run.expect("a task of its robot");
     Row {
-        name: format!("{name}_ppo_{THREADS}_threads"),
+        name: format!("{name}_ppo_{}_{THREADS}_threads", layers.join("-")),
         steps,
         run: Box::new(move || {
             black_box(run.advance().expect("finite losses"));

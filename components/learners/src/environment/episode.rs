@@ -72,14 +72,13 @@ impl Episode {
         Ok(())
     }
 
-    /// Applies an action for one step of the policy.
-    pub(super) fn advance<E: Engine>(
+    /// Steps physics with an action for one step of the policy; false where physics could not make it.
+    pub(super) fn drive<E: Engine>(
         &mut self,
         stage: &Stage,
         simulation: &mut Simulation<E>,
         action: &[f32],
-    ) -> Step {
-        self.actions.extend_from_slice(action);
+    ) -> bool {
         self.trial.act(&stage.terms, action.iter().map(|number| f64::from(*number)));
         let counter = Counter {
             seed: self.seed,
@@ -88,7 +87,18 @@ impl Episode {
             step: self.trial.step() as u64,
         };
         let actions = ([self.trial.action_before(), self.trial.action()], self.rhythm.as_mut());
-        let is_stepped = stage.advance(simulation, (counter, actions), (self.delay, &self.drives));
+        stage.advance(simulation, (counter, actions), (self.delay, &self.drives))
+    }
+
+    /// Applies an action for one step of the policy.
+    pub(super) fn advance<E: Engine>(
+        &mut self,
+        stage: &Stage,
+        simulation: &mut Simulation<E>,
+        action: &[f32],
+    ) -> Step {
+        self.actions.extend_from_slice(action);
+        let is_stepped = self.drive(stage, simulation, action);
         let state = stage.state(simulation, &mut self.surroundings);
         let step = self.trial.judge(&stage.terms, &state, is_stepped);
         self.trial.write(&mut self.observation);

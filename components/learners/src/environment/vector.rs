@@ -201,6 +201,24 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         Ok(&self.steps)
     }
 
+    /// Moves the drives of all worlds by one action each and steps physics as [`step`](Self::step) does,
+    /// without observations, rewards and ends: the part of a step that physics needs. Pushes stay those of
+    /// the episode's step. [`restart`](Self::restart) follows before a step of the task.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer actions than worlds need.
+    pub fn step_physics(&mut self, actions: &[f32]) {
+        let stage = &self.stage;
+        let width = stage.terms.actions();
+        for (data, action) in self.batch.data_mut().iter_mut().zip(actions.chunks_exact(width)) {
+            data.action.copy_from_slice(action);
+        }
+        self.batch.each(|_, simulation, Data { episode, action, .. }| {
+            episode.drive(stage, simulation, action);
+        });
+    }
+
     /// Copies results of all worlds into contiguous memory.
     fn collect(&mut self) -> Result<(), EnvironmentError> {
         let inputs = self.terms().inputs();
