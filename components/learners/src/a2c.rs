@@ -136,6 +136,7 @@ impl A2cSettings {
             recurrent: 0,
             sequence: 1,
             deviation: self.deviation,
+            mirror: false,
             checkpoint: self.checkpoint,
         };
         Ppo::with_variant(task, settings, variant, run, build)

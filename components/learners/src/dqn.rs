@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 use crate::environment::EnvironmentError;
 use crate::learner::{
     Algorithm, Check, CheckpointError, CheckpointReader, CheckpointWriter, Head, LearnerError,
-    LinearSchedule, TrainedNetwork, check_finite, layer_sizes, map_chunks,
+    LinearSchedule, Phase, Stopwatch, TrainedNetwork, check_finite, layer_sizes, map_chunks,
 };
 use crate::replay::{
     Batch, Bounds, CriticPart, Exploration, Gradient, Method, OffPolicy, ReplaySettings, Trained, columns,
@@ -238,14 +238,21 @@ impl Method for Dqn {
         action.copy_from_slice(&self.table[stored[0] as usize * self.actions..][..self.actions]);
     }
 
-    fn learn(&mut self, batch: &Batch, gradient: Gradient<'_>) -> Result<Vec<f64>, LearnerError> {
+    fn learn(
+        &mut self,
+        batch: &Batch,
+        gradient: Gradient<'_>,
+        watch: &mut Stopwatch,
+    ) -> Result<Vec<f64>, LearnerError> {
         let parts = map_chunks(gradient.threads, &batch.chunks(), |range| self.part(batch, range));
         let loss = parts.iter().map(|part| part.loss).sum();
         let value = parts.iter().map(|part| part.value).sum();
         check_finite(gradient.update, "loss of the values", loss)?;
         let gradients = parts.into_iter().flat_map(|part| part.gradients);
+        watch.lap(Phase::Gradient);
         self.network.step(&sum(gradients), gradient.settings.rate);
         track(&mut self.target, &self.network.network, gradient.settings.polyak as f32);
+        watch.lap(Phase::Optimiser);
         Ok(vec![loss, value])
     }
 

@@ -129,6 +129,7 @@ impl ReinforceSettings {
             recurrent: 0,
             sequence: 1,
             deviation: self.deviation,
+            mirror: false,
             checkpoint: self.checkpoint,
         };
         Ppo::with_variant(task, settings, variant, run, build)

@@ -24,8 +24,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::environment::EnvironmentError;
 use crate::learner::{
-    Algorithm, Check, CheckpointError, CheckpointReader, CheckpointWriter, LearnerError, TrainedNetwork,
-    check_finite, layer_sizes, map_chunks,
+    Algorithm, Check, CheckpointError, CheckpointReader, CheckpointWriter, LearnerError, Phase, Stopwatch,
+    TrainedNetwork, check_finite, layer_sizes, map_chunks,
 };
 use crate::replay::{
     Batch, Bounds, Critics, Exploration, Gradient, Method, OffPolicy, ReplaySettings, Trained, columns,
@@ -211,7 +211,12 @@ impl Method for Deterministic {
         self.bounds.command(stored, action);
     }
 
-    fn learn(&mut self, batch: &Batch, gradient: Gradient<'_>) -> Result<Vec<f64>, LearnerError> {
+    fn learn(
+        &mut self,
+        batch: &Batch,
+        gradient: Gradient<'_>,
+        watch: &mut Stopwatch,
+    ) -> Result<Vec<f64>, LearnerError> {
         let (count, settings, chunks) = (batch.count(), gradient.settings, batch.chunks());
         let noise = gradient.noise(self.bounds.width(), count);
         let critics = map_chunks(gradient.threads, &chunks, |range| {
@@ -229,16 +234,20 @@ impl Method for Deterministic {
         let critic_loss = critics.iter().map(|part| part.loss).sum();
         let value = critics.iter().map(|part| part.value).sum();
         check_finite(gradient.update, "loss of the critics", critic_loss)?;
+        watch.lap(Phase::Gradient);
         self.critics.step(&critics, settings.rate);
+        watch.lap(Phase::Optimiser);
         if (gradient.number + 1).is_multiple_of(self.delay) {
             let policies = map_chunks(gradient.threads, &chunks, |range| {
                 self.policy_part(&columns(&batch.observations, range), count)
             });
             let policy_loss = policies.iter().map(|(_, loss)| loss).sum();
             check_finite(gradient.update, "loss of the policy", policy_loss)?;
+            watch.lap(Phase::Gradient);
             self.actor.step(&sum(policies.into_iter().map(|(gradient, _)| gradient)), settings.rate);
             self.critics.track(settings.polyak);
             track(&mut self.target, &self.actor.network, settings.polyak as f32);
+            watch.lap(Phase::Optimiser);
         }
         Ok(vec![critic_loss, value])
     }

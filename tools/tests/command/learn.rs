@@ -32,6 +32,10 @@ fn training_repeats_on_threads_and_makes_a_policy() {
     let trained = train("1", &first);
     assert_eq!(trained["steps"], 2048);
     assert_eq!(trained["weights_sha256"].as_str().map(str::len), Some(64));
+    let phases = trained["seconds_by_phase"].as_object().expect("phases").values();
+    let phases: Vec<f64> = phases.map(|seconds| seconds.as_f64().expect("a number")).collect();
+    assert!(phases.len() == 6 && phases.iter().all(|seconds| *seconds > 0.0), "{trained}");
+    assert!(phases.iter().sum::<f64>() <= trained["seconds"].as_f64().expect("a number"), "{trained}");
     assert_eq!(train("2", &second)["weights_sha256"], trained["weights_sha256"]);
     for name in ["policy.toml", "policy.onnx", "checkpoint.safetensors", "task.toml", "progress.csv"] {
         assert!(folder.path().join("a").join(name).is_file(), "{name}");

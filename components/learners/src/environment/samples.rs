@@ -332,3 +332,38 @@ fn objects_and_links_that_are_missing_are_named() {
     let model = motorium_robots::load(&task.robot, &folder()).expect("a robot").model;
     assert!(Terms::new(&task, &model).expect("terms").objects().is_empty());
 }
+
+#[test]
+fn mirrored_actions_move_the_quadruped_as_its_mirror_image() {
+    let task = changed(
+        "quadruped-velocity",
+        &[
+            ("mass = [0.9, 1.1]\nfriction = [0.7, 1.2]", ""),
+            ("forward = [-0.3, 0.6]", "forward = [0.2, 0.2]"),
+            ("left = [-0.2, 0.2]", "left = [0.0, 0.0]"),
+            ("turn = [-0.6, 0.6]", "turn = [0.0, 0.0]"),
+        ],
+    );
+    let mut worlds = [1, 1].map(|seed| world(&task, seed));
+    let mirror = worlds[0].terms().mirror().expect("a symmetry").clone();
+    let (inputs, actions) = (worlds[0].terms().inputs(), worlds[0].terms().actions());
+    let (mut image, mut expected) = (vec![0.0; actions], vec![0.0; inputs]);
+    worlds.iter_mut().for_each(|world| {
+        world.reset().expect("an episode");
+    });
+    let mut sideways = 0.0_f32;
+    for step in 0..12 {
+        let counter = Counter { step, ..Counter::default() };
+        let mut random = counter.stream(Purpose::Action);
+        let action: Vec<f32> = (0..actions).map(|_| random.random::<f32>() * 2.0 - 1.0).collect();
+        mirror.action(&action, &mut image);
+        worlds[0].step(&action);
+        worlds[1].step(&image);
+        mirror.observation(worlds[0].observation(), &mut expected);
+        for (found, expected) in worlds[1].observation().iter().zip(&expected) {
+            assert!((found - expected).abs() < 1e-3, "step {step}: {found} {expected}");
+        }
+        sideways = sideways.max(expected[1].abs());
+    }
+    assert!(sideways > 0.02, "the motion is not symmetric itself: {sideways}");
+}

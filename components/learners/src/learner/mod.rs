@@ -8,6 +8,7 @@
 mod algorithm;
 mod checkpoint;
 mod chunks;
+mod costs;
 mod episodes;
 mod network;
 mod normaliser;
@@ -19,6 +20,7 @@ use serde::Serialize;
 pub use algorithm::{Algorithm, UnknownAlgorithm};
 pub use checkpoint::{CheckpointError, CheckpointReader, CheckpointWriter};
 pub(crate) use chunks::{CHUNK, for_chunks, map_chunks};
+pub use costs::{Costs, Phase, Stopwatch};
 pub(crate) use episodes::Episodes;
 pub use network::{Head, TrainedNetwork};
 pub use normaliser::Normaliser;
@@ -96,6 +98,9 @@ pub trait Learner {
     ///
     /// [`LearnerError`]; [`LearnerError::NotFinite`] names the term of the loss.
     fn advance(&mut self) -> Result<Progress, LearnerError>;
+
+    /// Time of all updates by phase, without [`Phase::Files`].
+    fn costs(&self) -> Costs;
 
     /// The bytes of a checkpoint. The worlds are stored as the actions of their running episodes.
     ///

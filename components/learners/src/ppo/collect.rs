@@ -9,7 +9,7 @@ use super::network::{Network, Piece, single_steps};
 use super::part::Passes;
 use super::rollout::{Rollout, Spread};
 use crate::environment::EnvironmentError;
-use crate::learner::for_chunks;
+use crate::learner::{Phase, for_chunks};
 use crate::random::{Counter, Purpose};
 
 /// Bound of normalised rewards, as CleanRL's.
@@ -72,6 +72,7 @@ impl<E: Engine + Send> Ppo<E> {
         let mut passes = Vec::new();
         passes.resize_with(self.worlds.threads(), Passes::default);
         let firsts: Vec<usize> = (0..worlds).step_by(TILE).collect();
+        let mut images = vec![0.0; if self.mirror.is_some() { worlds * inputs } else { 0 }];
         // worlds whose steps count
         let mut live = vec![true; worlds];
         self.rollout.used.clear();
@@ -83,9 +84,22 @@ impl<E: Engine + Send> Ppo<E> {
             let observations = &mut self.rollout.observations[samples.start * inputs..samples.end * inputs];
             // observations join the statistics before these normalise them, from the first step on, as in
             // Stable-Baselines3's `VecNormalize`
-            let rows = self.worlds.observations().chunks_exact(inputs).zip(&live);
-            rows.filter(|(_, live)| **live).for_each(|(row, _)| self.state.observations.update(row));
-            self.state.observations.apply(self.worlds.observations(), observations);
+            let raw = self.worlds.observations();
+            for (row, _) in raw.chunks_exact(inputs).zip(&live).filter(|(_, live)| **live) {
+                self.state.observations.update(row);
+                if let Some(mirror) = &self.mirror {
+                    mirror.observation(row, &mut images[..inputs]);
+                    self.state.observations.update(&images[..inputs]);
+                }
+            }
+            self.state.observations.apply(raw, observations);
+            if let Some(mirror) = &self.mirror {
+                let rows = raw.chunks_exact(inputs).zip(images.chunks_exact_mut(inputs));
+                rows.for_each(|(row, image)| mirror.observation(row, image));
+                let first = (horizon * worlds + samples.start) * inputs;
+                let normalised = &mut self.rollout.observations[first..][..worlds * inputs];
+                self.state.observations.apply(&images, normalised);
+            }
             if units > 0 && step % self.rollout.unroll == 0 {
                 let first = step / self.rollout.unroll * worlds * units;
                 for (stored, states) in self.rollout.states.iter_mut().zip(&self.memories) {
@@ -107,13 +121,16 @@ impl<E: Engine + Send> Ppo<E> {
                     Tile { values, actions, log_probabilities, states }
                 })
                 .collect();
+            self.watch.lap(Phase::Statistics);
             let run = |work: &(dyn Fn(usize) + Sync)| self.worlds.on_threads(work);
             for_chunks(run, &mut passes, &firsts, &mut tiles, |first, tile, passes| {
                 let rows = (samples.start + first) * inputs..;
                 let input = &observations[rows][..tile.values.len() * inputs];
                 actor.act(*first, (inputs, input), tile, passes);
             });
+            self.watch.lap(Phase::Policy);
             self.worlds.step(actions)?;
+            self.watch.lap(Phase::Environment);
             self.rollout.next_values[samples.clone()].fill(0.0);
             // the value after a truncated episode; the values of the next step follow below
             let is_truncated = |world: &usize| {
@@ -135,6 +152,7 @@ impl<E: Engine + Send> Ppo<E> {
                     self.rollout.next_values[samples.start + world] = *value;
                 }
             }
+            self.watch.lap(Phase::Policy);
             for world in 0..worlds {
                 if self.worlds.steps()[world].end.is_some() {
                     for states in &mut self.memories {
@@ -168,10 +186,12 @@ impl<E: Engine + Send> Ppo<E> {
                 }
             }
         }
+        self.watch.lap(Phase::Statistics);
         let mut next = vec![0.0; worlds * inputs];
         self.state.observations.apply(self.worlds.observations(), &mut next);
         let next = DMatrix::from_column_slice(inputs, worlds, &next);
         let next = self.value.forward(next, single_steps(&self.memories[1], units));
+        self.watch.lap(Phase::Policy);
         for step in 0..horizon {
             for world in 0..worlds {
                 let k = step * worlds + world;
@@ -186,9 +206,15 @@ impl<E: Engine + Send> Ppo<E> {
             }
         }
         if self.variant.uses_episodes {
+            self.watch.lap(Phase::Statistics);
             self.worlds.restart()?;
+            self.watch.lap(Phase::Environment);
         }
         self.rollout.estimate(worlds, discount as f32, self.settings.lambda as f32);
+        if let Some(mirror) = &self.mirror {
+            self.rollout.add_images(mirror);
+        }
+        self.watch.lap(Phase::Statistics);
         Ok(())
     }
 }

@@ -18,6 +18,9 @@
 //! consecutive steps: each starts from the state that was stored during the rollout, and the gradient is
 //! propagated back through its steps, but not across the end of an episode.
 //!
+//! With [`PpoSettings::mirror`] each step also counts as its mirror image, with the probability, the
+//! advantage and the return of the step, and both join the statistics of observations.
+//!
 //! Training repeats to the bit: random numbers are counter-based, and the sums of a gradient run over fixed
 //! chunks of samples whatever the number of threads.
 //!
@@ -47,10 +50,11 @@ pub use settings::PpoSettings;
 use crate::environment::{EnvironmentError, VectorEnvironment};
 pub use crate::learner::Normaliser;
 use crate::learner::{
-    Algorithm, CheckpointError, Episodes, Learner, LearnerError, Progress, TrainedNetwork, numbers_sha256,
+    Algorithm, CheckpointError, Costs, Episodes, Learner, LearnerError, Progress, Stopwatch, TrainedNetwork,
+    numbers_sha256,
 };
 use crate::random::{Counter, Purpose};
-use crate::task::Task;
+use crate::task::{Mirror, Task, TaskError};
 
 /// Values of an update, in the order of [`Progress::values`].
 pub(crate) const MEASURES: [&str; 5] = ["policy_loss", "value_loss", "entropy", "divergence", "rate"];
@@ -98,11 +102,14 @@ pub struct Ppo<E> {
     deviations: Vec<f32>,
     /// Actions that move a joint.
     active: Vec<bool>,
+    /// Mirror of steps that also count as their images.
+    mirror: Option<Mirror>,
     adam: Adam,
     state: State,
     rollout: Rollout,
     /// Memory for the gradients of chunks and for the passes of threads.
     memory: (Vec<Part>, Vec<Passes>),
+    watch: Stopwatch,
 }
 
 impl<E: Engine + Send> Ppo<E> {
@@ -135,6 +142,10 @@ impl<E: Engine + Send> Ppo<E> {
         if variant.uses_episodes {
             settings.horizon = worlds.terms().steps();
         }
+        let mirror = worlds.terms().mirror().filter(|_| settings.mirror).cloned();
+        if settings.mirror && mirror.is_none() {
+            return Err(TaskError::value("symmetry", "none", "the symmetry that `mirror` needs").into());
+        }
         let active = worlds.terms().active_actions();
         let weights = |step| Counter { seed, step, ..Counter::default() }.stream(Purpose::Weights);
         let (units, hidden) = (settings.recurrent, &settings.hidden);
@@ -143,7 +154,8 @@ impl<E: Engine + Send> Ppo<E> {
         let deviations = vec![settings.deviation.ln() as f32; actions];
         let adam = Adam::new(&[policy.parameters(), value.parameters(), actions]).with_epsilon(EPSILON);
         let rollout = Rollout::new(settings.horizon, settings.worlds, inputs, actions)
-            .with_memory(settings.unroll(), units);
+            .with_memory(settings.unroll(), units)
+            .with_images(settings.mirror);
         let memory = vec![0.0; settings.worlds * units];
         let state = State {
             seed,
@@ -164,10 +176,12 @@ impl<E: Engine + Send> Ppo<E> {
             memories: [memory.clone(), memory],
             deviations,
             active,
+            mirror,
             adam,
             state,
             rollout,
             memory: (vec![], vec![]),
+            watch: Stopwatch::start(),
         })
     }
 
@@ -209,6 +223,7 @@ impl<E: Engine + Send> Ppo<E> {
     ///
     /// [`LearnerError`].
     pub fn advance(&mut self) -> Result<Progress, LearnerError> {
+        self.watch.skip();
         self.collect()?;
         let losses = self.update()?;
         self.state.updates += 1;
@@ -257,6 +272,10 @@ impl<E: Engine + Send> Learner for Ppo<E> {
 
     fn advance(&mut self) -> Result<Progress, LearnerError> {
         self.advance()
+    }
+
+    fn costs(&self) -> Costs {
+        self.watch.costs()
     }
 
     fn checkpoint(&self) -> Result<Vec<u8>, CheckpointError> {

@@ -1,6 +1,7 @@
 //! The samples of an update.
 
 use super::network::Piece;
+use crate::task::Mirror;
 
 /// Steps of all worlds, step by step, world by world.
 #[derive(Clone, Debug)]
@@ -53,6 +54,37 @@ impl Rollout {
     pub(super) fn with_memory(self, unroll: usize, units: usize) -> Self {
         let states = vec![0.0; self.ended.len() / unroll * units];
         Self { unroll, units, states: [states.clone(), states], ..self }
+    }
+
+    /// Adds memory for the mirror image of each sample: behind all samples, in their order.
+    pub(super) fn with_images(mut self, is_mirrored: bool) -> Self {
+        if is_mirrored {
+            for numbers in [
+                &mut self.observations,
+                &mut self.actions,
+                &mut self.log_probabilities,
+                &mut self.advantages,
+                &mut self.returns,
+            ] {
+                numbers.resize(2 * numbers.len(), 0.0);
+            }
+        }
+        self
+    }
+
+    /// Completes the mirror images of all used samples, whose observations are there.
+    pub(super) fn add_images(&mut self, mirror: &Mirror) {
+        let samples = self.rewards.len();
+        let width = self.actions.len() / self.returns.len();
+        let (actions, images) = self.actions.split_at_mut(samples * width);
+        for (action, image) in actions.chunks_exact(width).zip(images.chunks_exact_mut(width)) {
+            mirror.action(action, image);
+        }
+        for numbers in [&mut self.log_probabilities, &mut self.advantages, &mut self.returns] {
+            numbers.copy_within(..samples, samples);
+        }
+        let images: Vec<usize> = self.used.iter().map(|k| k + samples).collect();
+        self.used.extend(images);
     }
 
     /// First samples of all sequences.

@@ -53,6 +53,9 @@ pub struct PpoSettings {
     pub sequence: usize,
     /// Initial standard deviation of the action, above 0. Default 1.
     pub deviation: f64,
+    /// True to learn from every step and its mirror image (Mittal and others, ICRA 2024); for tasks with a
+    /// `symmetry`, without recurrent units. Default false.
+    pub mirror: bool,
     /// Updates between two checkpoints, from 1. Default 10.
     pub checkpoint: u64,
 }
@@ -78,6 +81,7 @@ impl Default for PpoSettings {
             recurrent: 0,
             sequence: 16,
             deviation: 1.0,
+            mirror: false,
             checkpoint: 10,
         }
     }
@@ -126,6 +130,9 @@ impl PpoSettings {
         if self.recurrent > 0 && self.minibatch < self.sequence {
             let expected = format!("at least `sequence` = {}", self.sequence);
             return Err(check.error("minibatch", self.minibatch as f64, &expected));
+        }
+        if self.mirror && self.recurrent > 0 {
+            return Err(check.error("recurrent", self.recurrent as f64, "0 with `mirror`"));
         }
         check.positive([
             ("rate", self.rate),

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use motorium_models::onnx::Model;
 use motorium_physics::Articulated;
 
 use super::*;
@@ -201,5 +202,47 @@ fn sequences_divide_the_horizon_and_fit_a_minibatch() {
         let table: toml::Table = text.parse().expect("a table");
         let error = PpoSettings::from_table(&table).expect_err(expected);
         assert!(matches!(&error, crate::task::TaskError::Value { key, .. } if key == expected), "{error}");
+    }
+}
+
+#[test]
+fn a_mirrored_pendulum_has_an_almost_symmetric_policy() {
+    let text = include_str!("../../../../tasks/pendulum.toml");
+    let text = format!("{text}\n[symmetry]\nreversed = [\"hinge\"]\n");
+    let observations: Vec<[f32; 2]> =
+        (0..40).map(|k| [(0.7 * k as f32).sin(), (1.3 * k as f32).cos()]).collect();
+    // the policy of a symmetric task changes its sign with the observation's
+    let asymmetry = |mirror: bool| {
+        let settings = PpoSettings { steps: 4096, worlds: 8, horizon: 64, mirror, ..settings() };
+        let mut ppo = run_task(&text, 1, 2, settings);
+        while !ppo.is_finished() {
+            ppo.advance().expect("an update");
+        }
+        let program = Model::read(&Learner::policy(&ppo).to_onnx(&[])).and_then(|model| model.program(1));
+        let mut program = program.expect("the operators of a policy");
+        let mut torque = |observation: [f32; 2]| {
+            program.input_mut(0).copy_from_slice(&observation);
+            program.run();
+            program.output(0)[0]
+        };
+        let pairs = observations.iter().map(|[x, v]| (torque([*x, *v]), torque([-x, -v])));
+        let [odd, even] = pairs.fold([0.0, 0.0], |[odd, even], (one, other)| {
+            [odd + (one - other).abs(), even + (one + other).abs()]
+        });
+        even / odd
+    };
+    let (with, without) = (asymmetry(true), asymmetry(false));
+    assert!(with < 0.5 * without, "{with} {without}");
+}
+
+#[test]
+fn mirroring_needs_a_symmetry_and_no_memory() {
+    let task = Task::parse(TASK).expect("a task");
+    let scene = Scene::load(&task, Path::new(".")).expect("a robot of the catalogue");
+    for settings in
+        [PpoSettings { mirror: true, ..settings() }, PpoSettings { mirror: true, recurrent: 4, ..settings() }]
+    {
+        let refused = Ppo::new(&task, settings, (1, 1), || scene.simulation()).err();
+        assert!(matches!(refused, Some(EnvironmentError::Task(TaskError::Value { .. }))), "{refused:?}");
     }
 }

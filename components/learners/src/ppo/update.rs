@@ -7,7 +7,7 @@ use super::Ppo;
 use super::network::Network;
 use super::part::{Losses, Part, Passes};
 use super::rollout::Spread;
-use crate::learner::{CHUNK, LearnerError, check_finite, for_chunks};
+use crate::learner::{CHUNK, LearnerError, Phase, check_finite, for_chunks};
 use crate::random::{Counter, Purpose};
 
 /// Numbers of a gradient that a thread sums at a time.
@@ -17,8 +17,9 @@ impl<E: Engine + Send> Ppo<E> {
     /// Updates the networks by the steps of the rollout.
     pub(super) fn update(&mut self) -> Result<Losses, LearnerError> {
         let mut order = self.rollout.firsts();
-        let samples = self.rollout.used.len();
-        let (epochs, minibatch) = (self.settings.epochs, self.settings.minibatch.min(samples));
+        let used = self.rollout.used.len();
+        let samples = if self.settings.mirror { used / 2 } else { used };
+        let (epochs, minibatch) = (self.settings.epochs, self.settings.minibatch.min(used));
         let sequences = (minibatch / self.rollout.unroll).max(1);
         if self.settings.anneal && self.settings.target_kl.is_none() {
             let done = (self.state.steps - samples as u64) as f64 / self.settings.steps as f64;
@@ -87,6 +88,7 @@ impl<E: Engine + Send> Ppo<E> {
         };
         let run = |work: &(dyn Fn(usize) + Sync)| self.worlds.on_threads(work);
         add_parts(run, passes.len(), sum, others);
+        self.watch.lap(Phase::Gradient);
         let entropy = |(deviation, active): (&f32, &bool)| {
             if *active { f64::from(*deviation) + 0.5 * (1.0 + core::f64::consts::TAU.ln()) } else { 0.0 }
         };
@@ -121,6 +123,7 @@ impl<E: Engine + Send> Ppo<E> {
         self.value.set(&value);
         let losses = sum.losses;
         self.memory = (parts, passes);
+        self.watch.lap(Phase::Optimiser);
         Ok(losses)
     }
 }

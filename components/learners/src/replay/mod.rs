@@ -2,7 +2,8 @@
 //!
 //! [`OffPolicy`] steps the worlds, fills the [`ReplayBuffer`] and samples it; a method such as
 //! [soft actor-critic](crate::sac) explores and learns from the samples. The first steps are random. All
-//! observations are normalised by their running mean and deviation, which change between updates only.
+//! observations are normalised by their running mean and deviation, which they join step by step, as in
+//! Stable-Baselines3.
 //! Samples and noise depend on the seed and the number of the gradient alone.
 
 mod bounds;
@@ -25,8 +26,8 @@ pub(crate) use trained::{CriticPart, Critics, Trained, stack, sum, track};
 
 use crate::environment::{EnvironmentError, VectorEnvironment};
 use crate::learner::{
-    Algorithm, CHUNK, CheckpointError, CheckpointReader, CheckpointWriter, Episodes, Learner, LearnerError,
-    Normaliser, Progress, TrainedNetwork, numbers_sha256,
+    Algorithm, CHUNK, CheckpointError, CheckpointReader, CheckpointWriter, Costs, Episodes, Learner,
+    LearnerError, Normaliser, Phase, Progress, Stopwatch, TrainedNetwork, numbers_sha256,
 };
 use crate::random::{Counter, Purpose};
 use crate::task::{Task, TaskError, Terms};
@@ -137,12 +138,17 @@ pub trait Method {
     /// Maps an action in the buffer to the action of the task.
     fn command(&self, stored: &[f32], action: &mut [f32]);
 
-    /// A step of all optimisers.
+    /// A step of all optimisers. `watch` measures gradients and optimisers.
     ///
     /// # Errors
     ///
     /// [`LearnerError::NotFinite`].
-    fn learn(&mut self, batch: &Batch, gradient: Gradient<'_>) -> Result<Vec<f64>, LearnerError>;
+    fn learn(
+        &mut self,
+        batch: &Batch,
+        gradient: Gradient<'_>,
+        watch: &mut Stopwatch,
+    ) -> Result<Vec<f64>, LearnerError>;
 
     /// The policy without exploration on normalised observations.
     fn policy(&self) -> TrainedNetwork;
@@ -184,6 +190,7 @@ pub struct OffPolicy<E, M> {
     worlds: VectorEnvironment<E>,
     buffer: ReplayBuffer,
     state: State,
+    watch: Stopwatch,
 }
 
 impl<E: Engine + Send, M: Method> OffPolicy<E, M> {
@@ -220,7 +227,8 @@ impl<E: Engine + Send, M: Method> OffPolicy<E, M> {
             observations: Normaliser::new(inputs),
             episodes: Episodes::new(settings.worlds),
         };
-        Ok(Self { settings, threads: threads.max(1), method, worlds, buffer, state })
+        let watch = Stopwatch::start();
+        Ok(Self { settings, threads: threads.max(1), method, worlds, buffer, state, watch })
     }
 
     /// The latest steps.
@@ -228,14 +236,21 @@ impl<E: Engine + Send, M: Method> OffPolicy<E, M> {
         &self.buffer
     }
 
-    /// Steps all worlds once. `raw` receives the observations before the step.
-    fn step(&mut self, raw: &mut Vec<f32>) -> Result<(), EnvironmentError> {
+    /// Lets the newest observations of all worlds join the statistics.
+    fn observe(&mut self) {
+        self.state.observations.update(self.worlds.observations());
+    }
+
+    /// Steps all worlds once.
+    fn step(&mut self) -> Result<(), EnvironmentError> {
         let worlds = self.settings.worlds;
         let (inputs, actions) = (self.worlds.terms().inputs(), self.worlds.terms().actions());
         let width = self.method.width();
-        let before = raw.len();
-        raw.extend_from_slice(self.worlds.observations());
         let State { seed, steps, .. } = self.state;
+        if steps == 0 {
+            self.observe();
+        }
+        let before = self.worlds.observations().to_vec();
         self.worlds.set_level(self.worlds.terms().level(steps));
         let exploration = Exploration { seed, steps, total: self.settings.steps };
         let mut stored = vec![0.0; worlds * width];
@@ -243,23 +258,27 @@ impl<E: Engine + Send, M: Method> OffPolicy<E, M> {
             self.method.act_randomly(exploration, &mut stored);
         } else {
             let mut normal = DMatrix::<f32>::zeros(inputs, worlds);
-            self.state.observations.apply(&raw[before..], normal.as_mut_slice());
+            self.state.observations.apply(&before, normal.as_mut_slice());
             self.method.explore(normal, exploration, &mut stored);
         }
         let mut commands = vec![0.0; worlds * actions];
         for (stored, command) in stored.chunks_exact(width).zip(commands.chunks_exact_mut(actions)) {
             self.method.command(stored, command);
         }
+        self.watch.lap(Phase::Policy);
         self.worlds.step(&commands)?;
+        self.watch.lap(Phase::Environment);
         let following = |world: usize| {
             let next = &self.worlds.observations()[world * inputs..][..inputs];
             self.worlds.final_observation(world).unwrap_or(next)
         };
-        self.buffer.push(&raw[before..], &stored, self.worlds.steps(), following);
+        self.buffer.push(&before, &stored, self.worlds.steps(), following);
         for (world, step) in self.worlds.steps().iter().enumerate() {
             self.state.episodes.record(world, step);
         }
         self.state.steps += worlds as u64;
+        self.observe();
+        self.watch.lap(Phase::Statistics);
         Ok(())
     }
 
@@ -319,14 +338,14 @@ impl<E: Engine + Send, M: Method> Learner for OffPolicy<E, M> {
     }
 
     fn advance(&mut self) -> Result<Progress, LearnerError> {
-        let mut raw = Vec::new();
+        self.watch.skip();
         let mut sums = vec![0.0; self.method.measures().len()];
         let mut count = 0.0;
         for _ in 0..self.settings.horizon {
             if self.is_finished() {
                 break;
             }
-            self.step(&mut raw)?;
+            self.step()?;
             if self.state.steps < self.settings.warmup {
                 continue;
             }
@@ -339,13 +358,13 @@ impl<E: Engine + Send, M: Method> Learner for OffPolicy<E, M> {
                     threads: self.threads,
                     settings: &self.settings,
                 };
-                let values = self.method.learn(&batch, gradient)?;
+                self.watch.lap(Phase::Statistics);
+                let values = self.method.learn(&batch, gradient, &mut self.watch)?;
                 sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
                 count += 1.0;
                 self.state.gradients += 1;
             }
         }
-        self.state.observations.update(&raw);
         self.state.updates += 1;
         let State { updates, steps, episodes, .. } = &self.state;
         Ok(Progress {
@@ -356,6 +375,10 @@ impl<E: Engine + Send, M: Method> Learner for OffPolicy<E, M> {
             mean_length: episodes.mean_length(),
             values: sums.into_iter().map(|sum| sum / count).collect(),
         })
+    }
+
+    fn costs(&self) -> Costs {
+        self.watch.costs()
     }
 
     fn checkpoint(&self) -> Result<Vec<u8>, CheckpointError> {

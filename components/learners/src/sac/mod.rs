@@ -27,8 +27,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::environment::EnvironmentError;
 use crate::learner::{
-    Algorithm, Check, CheckpointError, CheckpointReader, CheckpointWriter, LearnerError, TrainedNetwork,
-    check_finite, layer_sizes, map_chunks,
+    Algorithm, Check, CheckpointError, CheckpointReader, CheckpointWriter, LearnerError, Phase, Stopwatch,
+    TrainedNetwork, check_finite, layer_sizes, map_chunks,
 };
 use crate::replay::{
     Batch, Bounds, Critics, Exploration, Gradient, Method, OffPolicy, ReplaySettings, Trained, columns,
@@ -224,7 +224,12 @@ impl Method for Sac {
         self.bounds.command(stored, action);
     }
 
-    fn learn(&mut self, batch: &Batch, gradient: Gradient<'_>) -> Result<Vec<f64>, LearnerError> {
+    fn learn(
+        &mut self,
+        batch: &Batch,
+        gradient: Gradient<'_>,
+        watch: &mut Stopwatch,
+    ) -> Result<Vec<f64>, LearnerError> {
         let (count, width, settings) = (batch.count(), self.bounds.width(), gradient.settings);
         let temperature = self.log_temperature.exp();
         let noise = gradient.noise(2 * width, count);
@@ -243,13 +248,16 @@ impl Method for Sac {
         let critic_loss = critics.iter().map(|part| part.loss).sum();
         let value = critics.iter().map(|part| part.value).sum();
         check_finite(gradient.update, "loss of the critics", critic_loss)?;
+        watch.lap(Phase::Gradient);
         self.critics.step(&critics, settings.rate);
+        watch.lap(Phase::Optimiser);
         let policies = map_chunks(gradient.threads, &chunks, |range| {
             self.policy_part(&columns(&batch.observations, range), &columns(&now, range), count)
         });
         let policy_loss = policies.iter().map(|part| part.loss).sum();
         let log_probability: f64 = policies.iter().map(|part| part.log_probability).sum();
         check_finite(gradient.update, "loss of the policy", policy_loss)?;
+        watch.lap(Phase::Gradient);
         self.actor.step(&sum(policies.into_iter().map(|part| part.gradient)), settings.rate);
         let mut logarithm = [self.log_temperature];
         let slope = [-(log_probability + self.target_entropy) as f32];
@@ -257,6 +265,7 @@ impl Method for Sac {
         self.log_temperature = logarithm[0];
         check_finite(gradient.update, "temperature", f64::from(self.log_temperature.exp()))?;
         self.critics.track(settings.polyak);
+        watch.lap(Phase::Optimiser);
         Ok(vec![critic_loss, policy_loss, value, -log_probability, f64::from(temperature)])
     }
 

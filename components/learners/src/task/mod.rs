@@ -33,6 +33,7 @@
 //! ```
 
 mod command;
+mod mirror;
 mod noise;
 mod points;
 mod push;
@@ -48,6 +49,7 @@ use motorium_worlds::World;
 use serde::Deserialize;
 
 pub use command::{CommandRanges, Curriculum};
+pub use mirror::{Mirror, Symmetry};
 pub use noise::MeasurementNoise;
 pub use points::{PointMotion, Points};
 pub use push::Pushes;
@@ -109,6 +111,8 @@ pub struct Task {
     /// Ranges of physical properties and starts, sampled at the start of every episode, as in a graph.
     #[serde(default)]
     pub randomise: RandomiseConfig,
+    /// Symmetry between left and right, for learners that mirror their steps. Default: none.
+    pub symmetry: Option<Symmetry>,
     /// Settings of learners for this task, by the name of the algorithm.
     #[serde(default)]
     pub algorithms: toml::Table,

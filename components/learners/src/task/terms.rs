@@ -7,8 +7,8 @@ use super::points::Pair;
 use super::quantity::Subject;
 use super::rhythm::Rhythm;
 use super::{
-    CommandRanges, MeasurementNoise, PointMotion, Points, Quantity, Reward, Task, TaskError, Termination,
-    Verdict,
+    CommandRanges, MeasurementNoise, Mirror, PointMotion, Points, Quantity, Reward, Task, TaskError,
+    Termination, Verdict,
 };
 use crate::random::Counter;
 
@@ -63,6 +63,7 @@ pub struct Terms {
     /// Steps of the policy after which a command is replaced.
     command_steps: usize,
     steps: usize,
+    mirror: Option<Mirror>,
 }
 
 /// A quantity, and the indices of the joints or links or the points that it measures.
@@ -168,6 +169,7 @@ impl Terms {
             gains: gains(&policy)?,
             inputs: policy.inputs()?,
             rhythm: Rhythm::new(&policy)?,
+            mirror: task.symmetry.as_ref().map(|symmetry| Mirror::new(&policy, symmetry)).transpose()?,
             rewards,
             terminations,
             links,
@@ -255,6 +257,11 @@ impl Terms {
     /// Quantity that the action commands, and the stiffness and damping of each of its joints.
     pub fn drives(&self) -> (ActionKind, &[[f64; 2]]) {
         (self.policy.action.kind, &self.gains)
+    }
+
+    /// The mirror of observations and actions, if the task has a symmetry.
+    pub fn mirror(&self) -> Option<&Mirror> {
+        self.mirror.as_ref()
     }
 
     /// The pattern generator at the start of an episode, if the task has one.

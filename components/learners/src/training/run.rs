@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use crate::environment::{EnvironmentError, Scene, SceneError};
 use crate::files::{self, FileError};
 use crate::folder::{self, CHECKPOINT, FolderError, PROGRESS, RUN, TASK};
-use crate::learner::{Algorithm, CheckpointError, Learner, LearnerError, Progress};
+use crate::learner::{Algorithm, CheckpointError, Costs, Learner, LearnerError, Phase, Progress, Stopwatch};
 use crate::task::Task;
 
 const HEADER: &str = "update,steps,episodes,mean_return,mean_length";
@@ -100,6 +100,8 @@ pub struct Run {
     warnings: Vec<ModelWarning>,
     learner: Box<dyn Learner>,
     last: Option<Progress>,
+    /// Time of files.
+    watch: Stopwatch,
 }
 
 /// A learner of the task in a file, whose robot is relative to `base`, and its scene.
@@ -121,7 +123,8 @@ fn build(
 impl Run {
     fn new(folder: &Path, task: Task, scene: &Scene, learner: Box<dyn Learner>) -> Self {
         let (robot, warnings) = (scene.robot_digest(), scene.warnings().to_vec());
-        Self { folder: folder.to_path_buf(), task, robot, warnings, learner, last: None }
+        let watch = Stopwatch::start();
+        Self { folder: folder.to_path_buf(), task, robot, warnings, learner, last: None, watch }
     }
 
     /// Starts a run of an algorithm on the task in a file, with its settings in `[algorithms]`; `steps`
@@ -198,6 +201,13 @@ impl Run {
         &self.warnings
     }
 
+    /// Time of all updates by phase, since the run was created or resumed.
+    pub fn costs(&self) -> Costs {
+        let mut costs = self.learner.costs();
+        costs.add(Phase::Files, self.watch.costs().seconds(Phase::Files));
+        costs
+    }
+
     /// Names of the values of [`Progress::values`].
     pub fn measures(&self) -> &'static [&'static str] {
         self.learner.measures()
@@ -219,10 +229,12 @@ impl Run {
             return Ok(None);
         }
         let progress = self.learner.advance()?;
+        self.watch.skip();
         self.append(&progress)?;
         if self.learner.is_finished() || progress.update.is_multiple_of(self.learner.checkpoint_interval()) {
             self.save()?;
         }
+        self.watch.lap(Phase::Files);
         self.last = Some(progress.clone());
         Ok(Some(progress))
     }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, bail};
 use motorium_bridges::recording::Demonstration;
 use motorium_learners::component::{LearningProgress, PROGRESS_TOPIC, ProgressFeed};
-use motorium_learners::learner::Progress;
+use motorium_learners::learner::{Costs, Phase, Progress};
 use motorium_learners::training::Run;
 use motorium_learners::tuning::Tuning;
 use motorium_learners::{imitation, learner};
@@ -268,17 +268,19 @@ fn finish(mut run: Run, folder: &Path, show: Show) -> anyhow::Result<ExitCode> {
             printed = Instant::now();
             let rate = (steps - first) as f64 / began.elapsed().as_secs_f64();
             let left = (all - steps) as f64 / rate;
-            anstream::eprintln!("{}, {rate:.0} steps/s, {left:.0} s left", line(&progress));
+            let costs = shares(&run.costs());
+            anstream::eprintln!("{}, {rate:.0} steps/s, {left:.0} s left; {costs}", line(&progress));
         }
     }
     let seconds = began.elapsed().as_secs_f64();
-    let summary = run.summary();
+    let (summary, costs) = (run.summary(), run.costs());
     let page = folder.join(curves::PAGE);
     std::fs::write(&page, curves::page(folder, &run.task().title, &summary)?)
         .with_context(|| page.display().to_string())?;
     let rate = (summary.steps - first) as f64 / seconds;
     if show.json {
         let last = summary.last.as_ref();
+        let phases = Phase::ALL.map(|phase| (phase.name().to_owned(), json!(costs.seconds(phase))));
         outln!(
             "{}",
             json!({
@@ -289,6 +291,7 @@ fn finish(mut run: Run, folder: &Path, show: Show) -> anyhow::Result<ExitCode> {
                 "mean_return": last.and_then(|last| last.mean_return),
                 "mean_length": last.and_then(|last| last.mean_length),
                 "seconds": seconds,
+                "seconds_by_phase": serde_json::Map::from_iter(phases),
                 "steps_per_second": rate,
                 "weights_sha256": summary.weights_sha256,
             })
@@ -299,8 +302,17 @@ fn finish(mut run: Run, folder: &Path, show: Show) -> anyhow::Result<ExitCode> {
         outln!("{}", line(last));
     }
     outln!("{} steps in {seconds:.1} s, {rate:.0} steps/s", summary.steps - first);
+    if costs.total() > 0.0 {
+        outln!("{}", shares(&costs));
+    }
     outln!("weights {}", summary.weights_sha256);
     Ok(ExitCode::SUCCESS)
+}
+
+/// The share of each phase in the time of all.
+fn shares(costs: &Costs) -> String {
+    let share = |phase| 100.0 * costs.seconds(phase) / costs.total();
+    Phase::ALL.map(|phase| format!("{} {:.0} %", phase.name(), share(phase))).join(", ")
 }
 
 fn line(progress: &Progress) -> String {

@@ -1,0 +1,176 @@
+//! Symmetry of a task between left and right.
+
+use motorium_models::policy::{Policy, Term};
+use serde::Deserialize;
+
+use super::TaskError;
+
+/// Symmetry of robot and task between left and right: the plane of x and z of the base.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Symmetry {
+    /// Joints that correspond to each other. Other joints correspond to themselves.
+    pub pairs: Vec<[String; 2]>,
+    /// Joints whose positions change their sign, both of a pair.
+    pub reversed: Vec<String>,
+}
+
+/// Mirrors observations and actions of a task.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mirror {
+    observation: Vec<(usize, f32)>,
+    action: Vec<(usize, f32)>,
+}
+
+impl Mirror {
+    /// The mirror of a policy's observations and actions.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError::Value`] where a term or the action has no mirror image.
+    pub(super) fn new(policy: &Policy, symmetry: &Symmetry) -> Result<Self, TaskError> {
+        let joints = joints(policy, symmetry)?;
+        let mut observation: Vec<(usize, f32)> = Vec::new();
+        for (number, observed) in policy.observations.iter().enumerate() {
+            let axes = |signs: [f32; 3]| -> Vec<(usize, f32)> { signs.into_iter().enumerate().collect() };
+            let entries: Vec<(usize, f32)> = match observed.term {
+                Term::BaseLinearVelocity | Term::ProjectedGravity => axes([1.0, -1.0, 1.0]),
+                Term::BaseAngularVelocity => axes([-1.0, 1.0, -1.0]),
+                Term::Command => axes([1.0, -1.0, -1.0]),
+                Term::JointPositions | Term::JointVelocities | Term::LastAction => joints.clone(),
+                Term::HeightScan | Term::Phase | Term::PointPosition | Term::PointVelocity => {
+                    let expected = "a term with a mirror image";
+                    return Err(TaskError::value(
+                        format!("observations[{number}].term"),
+                        observed.term.name(),
+                        expected,
+                    ));
+                }
+            };
+            let is_equal = entries
+                .iter()
+                .enumerate()
+                .all(|(index, (source, _))| observed.scale.get(index) == observed.scale.get(*source));
+            let is_bounded_equally = observed.clip.is_none_or(|[low, high]| low == -high);
+            if !is_equal || (!is_bounded_equally && entries.iter().any(|(_, sign)| *sign < 0.0)) {
+                let expected = "equal factors on both sides, and bounds of equal size";
+                return Err(TaskError::value(
+                    format!("observations[{number}]"),
+                    observed.term.name(),
+                    expected,
+                ));
+            }
+            for _ in 0..observed.history {
+                let first = observation.len();
+                observation.extend(entries.iter().map(|(source, sign)| (first + source, *sign)));
+            }
+        }
+        Ok(Self { observation, action: joints })
+    }
+
+    /// Writes the mirror image of an observation.
+    pub fn observation(&self, observation: &[f32], image: &mut [f32]) {
+        reflect(&self.observation, observation, image);
+    }
+
+    /// Writes the mirror image of an action.
+    pub fn action(&self, action: &[f32], image: &mut [f32]) {
+        reflect(&self.action, action, image);
+    }
+}
+
+fn reflect(entries: &[(usize, f32)], numbers: &[f32], image: &mut [f32]) {
+    for (number, (source, sign)) in image.iter_mut().zip(entries) {
+        *number = sign * numbers[*source];
+    }
+}
+
+/// The joint and the sign from which each joint of the action is mirrored.
+fn joints(policy: &Policy, symmetry: &Symmetry) -> Result<Vec<(usize, f32)>, TaskError> {
+    let action = &policy.action;
+    if policy.pattern.is_some() {
+        return Err(TaskError::value("symmetry", "a pattern generator", "an action of joints"));
+    }
+    let index = |key: &str, name: &String| {
+        action.joints.iter().position(|joint| joint == name).ok_or_else(|| {
+            let expected = format!("a joint of {}", action.joints.join(", "));
+            TaskError::value(format!("symmetry.{key}"), format!("\"{name}\""), expected)
+        })
+    };
+    let mut joints: Vec<(usize, f32)> = (0..action.joints.len()).map(|joint| (joint, 1.0)).collect();
+    for [left, right] in &symmetry.pairs {
+        let (left, right) = (index("pairs", left)?, index("pairs", right)?);
+        if left == right || joints[left].0 != left || joints[right].0 != right {
+            let found = format!("\"{}\" and \"{}\"", action.joints[left], action.joints[right]);
+            return Err(TaskError::value("symmetry.pairs", found, "each joint in one pair of two"));
+        }
+        (joints[left].0, joints[right].0) = (right, left);
+    }
+    for name in &symmetry.reversed {
+        joints[index("reversed", name)?].1 = -1.0;
+    }
+    let is_bounded_equally = action.clip.is_none_or(|[low, high]| low == -high);
+    for (joint, (other, sign)) in joints.iter().enumerate() {
+        let pose = |joint: usize| action.default_pose[joint] + action.offset.get(joint);
+        let is_fitting = joints[*other].1 == *sign
+            && action.scale.get(joint) == action.scale.get(*other)
+            && pose(joint) == f64::from(*sign) * pose(*other)
+            && (*sign > 0.0 || is_bounded_equally);
+        if !is_fitting {
+            let found = format!("\"{}\" and \"{}\"", action.joints[joint], action.joints[*other]);
+            let expected = "mirrored poses, equal factors and bounds, both reversed or neither";
+            return Err(TaskError::value("symmetry", found, expected));
+        }
+    }
+    Ok(joints)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::task::Task;
+
+    const TEXT: &str = include_str!("../../../../tasks/quadruped-velocity.toml");
+
+    fn mirror(symmetry: &Symmetry) -> Result<Mirror, TaskError> {
+        let policy = Task::parse(TEXT).and_then(|task| task.policy()).expect("a policy");
+        Mirror::new(&policy, symmetry)
+    }
+
+    fn symmetry() -> Symmetry {
+        Task::parse(TEXT).expect("a task").symmetry.expect("the symmetry of the quadruped")
+    }
+
+    #[test]
+    fn a_double_mirror_image_is_the_original() {
+        let mirror = mirror(&symmetry()).expect("a mirror");
+        let numbers: Vec<f32> = (1_u8..=48).map(f32::from).collect();
+        let (mut image, mut twice) = (vec![0.0; 48], vec![0.0; 48]);
+        mirror.observation(&numbers, &mut image);
+        mirror.observation(&image, &mut twice);
+        assert_eq!(twice, numbers);
+        assert_eq!(image[..12], [1.0, -2.0, 3.0, -4.0, 5.0, -6.0, 7.0, -8.0, 9.0, 10.0, -11.0, -12.0]);
+        // the left legs have the right legs' positions
+        assert_eq!(image[12..18], [-16.0, 17.0, 18.0, -13.0, 14.0, 15.0]);
+        let (mut image, mut twice) = (vec![0.0; 12], vec![0.0; 12]);
+        mirror.action(&numbers[..12], &mut image);
+        mirror.action(&image, &mut twice);
+        assert_eq!((&twice[..], image[0]), (&numbers[..12], -4.0));
+    }
+
+    #[test]
+    fn joints_without_a_mirror_image_are_refused() {
+        let pair = |left: &str, right: &str| [left.to_owned(), right.to_owned()];
+        let text = "front_left_hip_pitch";
+        for (pairs, reversed, key) in [
+            (vec![pair(text, "tail")], vec![], "symmetry.pairs"),
+            (vec![pair(text, text)], vec![], "symmetry.pairs"),
+            (vec![pair(text, "front_right_knee")], vec![], "symmetry"),
+            (vec![], vec!["tail".to_owned()], "symmetry.reversed"),
+            (vec![], vec![text.to_owned()], "symmetry"),
+        ] {
+            let found = mirror(&Symmetry { pairs, reversed });
+            assert!(matches!(&found, Err(TaskError::Value { key: of, .. }) if of == key), "{found:?}");
+        }
+    }
+}
