@@ -231,7 +231,7 @@ impl Task {
         }
         task.reward_range()?;
         for (index, termination) in task.terminations.iter().enumerate() {
-            termination.check(index)?;
+            termination.check(&format!("terminations[{index}]"))?;
         }
         Ok(task)
     }
@@ -288,7 +288,7 @@ impl Task {
         let clip = self.policy()?.action.clip;
         let mut total = [0.0; 2];
         for (index, reward) in self.rewards.iter().enumerate() {
-            let [low, high] = reward.range(index, clip)?;
+            let [low, high] = reward.range(&format!("rewards[{index}]"), clip)?;
             if !(low.is_finite() && high.is_finite()) {
                 return Err(TaskError::Unbounded { index, low, high });
             }

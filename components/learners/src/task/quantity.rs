@@ -92,6 +92,9 @@ pub struct Reward {
     /// Factor. Default: 1.
     #[serde(default = "one")]
     pub weight: f64,
+    /// Terms that multiply this one. They have no `times` of their own. Default: none.
+    #[serde(default)]
+    pub times: Vec<Self>,
 }
 
 /// Meaning of a termination.
@@ -126,6 +129,9 @@ pub struct Termination {
     /// Meaning of the end. Default: `failure`.
     #[serde(default)]
     pub verdict: Verdict,
+    /// Conditions that must hold as well, without `and` and `verdict` of their own. Default: none.
+    #[serde(default)]
+    pub and: Vec<Self>,
 }
 
 fn one() -> f64 {
@@ -274,10 +280,29 @@ impl Reward {
         Subject { term: *term, joint, joints, links, points: points.as_ref() }
     }
 
-    /// Checks the term and derives its range, weight included.
-    pub(super) fn range(&self, index: usize, clip: Option<[f64; 2]>) -> Result<[f64; 2], TaskError> {
-        let key = format!("rewards[{index}]");
-        self.subject().check(&key)?;
+    /// Checks the term and derives its range, weight and factors included. Keys in errors begin with `key`.
+    pub(super) fn range(&self, key: &str, clip: Option<[f64; 2]>) -> Result<[f64; 2], TaskError> {
+        let [mut low, mut high] = self.own_range(key, clip)?;
+        for (number, factor) in self.times.iter().enumerate() {
+            let key = format!("{key}.times[{number}]");
+            if !factor.times.is_empty() {
+                return Err(TaskError::value(format!("{key}.times"), "terms", "all factors in one list"));
+            }
+            let [least, most] = factor.own_range(&key, clip)?;
+            let products = [low * least, low * most, high * least, high * most];
+            // 0 times infinity
+            if products.iter().any(|product| product.is_nan()) {
+                return Ok([f64::NEG_INFINITY, f64::INFINITY]);
+            }
+            low = products.into_iter().fold(f64::INFINITY, f64::min);
+            high = products.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        }
+        Ok([low, high])
+    }
+
+    /// The range without factors.
+    fn own_range(&self, key: &str, clip: Option<[f64; 2]>) -> Result<[f64; 2], TaskError> {
+        self.subject().check(key)?;
         for (name, value) in [("target", self.target), ("weight", self.weight)] {
             if !value.is_finite() {
                 return Err(TaskError::value(format!("{key}.{name}"), value, "a finite number"));
@@ -342,9 +367,20 @@ impl Termination {
         Subject { term: *term, joint, joints, links, points: points.as_ref() }
     }
 
-    pub(super) fn check(&self, index: usize) -> Result<(), TaskError> {
-        let key = format!("terminations[{index}]");
-        self.subject().check(&key)?;
+    /// Checks the condition and those that must hold as well. Keys in errors begin with `key`.
+    pub(super) fn check(&self, key: &str) -> Result<(), TaskError> {
+        for (number, other) in self.and.iter().enumerate() {
+            let key = format!("{key}.and[{number}]");
+            if !other.and.is_empty() {
+                return Err(TaskError::value(format!("{key}.and"), "conditions", "all of them in one list"));
+            }
+            if other.verdict != Verdict::default() {
+                let expected = "none: the first condition has the verdict";
+                return Err(TaskError::value(format!("{key}.verdict"), "success", expected));
+            }
+            other.check(&key)?;
+        }
+        self.subject().check(key)?;
         let count = usize::from(self.outside.is_some()) + usize::from(self.inside.is_some());
         if count != 1 {
             let found = if count == 0 { "none" } else { "both" };

@@ -51,8 +51,10 @@ pub struct Terms {
     gains: Vec<[f64; 2]>,
     inputs: usize,
     rhythm: Option<Rhythm>,
-    rewards: Vec<(Measured, Reward)>,
-    terminations: Vec<(Measured, Termination)>,
+    /// Factors of each term of the reward, with its own quantity first.
+    rewards: Vec<Vec<(Measured, Reward)>>,
+    /// Conditions of each termination, with its own first.
+    terminations: Vec<Vec<(Measured, Termination)>>,
     /// Links whose contacts are measured.
     links: Vec<String>,
     points: Points,
@@ -150,12 +152,21 @@ impl Terms {
             Ok(Measured { quantity: subject.term, parts, pair })
         };
         let rewards = task.rewards.iter().enumerate().map(|(index, reward)| {
-            Ok((resolve(format!("rewards[{index}]"), reward.subject())?, reward.clone()))
+            let key = format!("rewards[{index}]");
+            let own = (resolve(key.clone(), reward.subject())?, reward.clone());
+            let factors = reward.times.iter().enumerate().map(|(number, factor)| {
+                Ok((resolve(format!("{key}.times[{number}]"), factor.subject())?, factor.clone()))
+            });
+            core::iter::once(Ok(own)).chain(factors).collect::<Result<Vec<_>, TaskError>>()
         });
         let rewards = rewards.collect::<Result<Vec<_>, TaskError>>()?;
         let terminations = task.terminations.iter().enumerate().map(|(index, termination)| {
             let key = format!("terminations[{index}]");
-            Ok((resolve(key, termination.subject())?, termination.clone()))
+            let own = (resolve(key.clone(), termination.subject())?, termination.clone());
+            let others = termination.and.iter().enumerate().map(|(number, other)| {
+                Ok((resolve(format!("{key}.and[{number}]"), other.subject())?, other.clone()))
+            });
+            core::iter::once(Ok(own)).chain(others).collect::<Result<Vec<_>, TaskError>>()
         });
         let terminations = terminations.collect::<Result<Vec<_>, TaskError>>()?;
         if points.has_target() && task.command.as_ref().is_none_or(|command| command.target.is_none()) {
@@ -235,8 +246,8 @@ impl Terms {
             matches!(term, Term::BaseLinearVelocity | Term::BaseAngularVelocity | Term::ProjectedGravity)
         };
         self.policy.observations.iter().any(|observation| observes(observation.term))
-            || self.rewards.iter().any(|(measured, _)| measured.quantity.needs_base())
-            || self.terminations.iter().any(|(measured, _)| measured.quantity.needs_base())
+            || self.rewards.iter().flatten().any(|(measured, _)| measured.quantity.needs_base())
+            || self.terminations.iter().flatten().any(|(measured, _)| measured.quantity.needs_base())
     }
 
     /// True if the task has desired velocities of the base.
@@ -338,13 +349,17 @@ impl Terms {
     /// Reward and end in the state after a step.
     pub(super) fn evaluate(&self, state: &RobotState<'_>, actions: Actions<'_>) -> Outcome {
         let mut outcome = Outcome::default();
-        for (measured, reward) in &self.rewards {
-            outcome.reward += reward.evaluate(self.measure(measured, state, actions));
+        let value =
+            |(measured, factor): &(Measured, Reward)| factor.evaluate(self.measure(measured, state, actions));
+        for factors in &self.rewards {
+            outcome.reward +=
+                factors.iter().map(value).reduce(|product, factor| product * factor).unwrap_or(0.0);
         }
-        let mut terminations = self.terminations.iter();
-        let met = terminations
-            .find(|(measured, termination)| termination.is_met(self.measure(measured, state, actions)));
-        outcome.end = met.map(|(_, termination)| termination.verdict);
+        let is_met = |(measured, condition): &(Measured, Termination)| {
+            condition.is_met(self.measure(measured, state, actions))
+        };
+        let met = self.terminations.iter().find(|conditions| conditions.iter().all(is_met));
+        outcome.end = met.and_then(|conditions| conditions.first()).map(|(_, first)| first.verdict);
         outcome
     }
 }

@@ -40,6 +40,25 @@ fn range_of_the_reward_is_derived() {
 }
 
 #[test]
+fn range_of_a_product_is_derived() {
+    let product = |factors: &str| {
+        let text = TEXT.replace("weight = 2.0 }", &format!("weight = 2.0, times = [{factors}] }}"));
+        Task::parse(&text).and_then(|task| task.reward_range())
+    };
+    // 2 times -0.5 to 0, then times -1 to 1; the other terms are -0.4 to 0.5
+    let kernel = r#"{ term = "action", shape = "kernel", width = 1e-9, weight = -0.5 }"#;
+    let [low, high] = product(kernel).expect("bounded factors");
+    assert!((low + 1.4).abs() < 1e-15 && (high - 0.5).abs() < 1e-15, "{low} {high}");
+    let cosine = r#"{ term = "joint_cosine", joints = ["hinge"] }"#;
+    let [low, high] = product(&format!("{kernel}, {cosine}")).expect("bounded factors");
+    assert!((low + 1.4).abs() < 1e-15 && (high - 1.5).abs() < 1e-15, "{low} {high}");
+    // zero times infinity is not bounded
+    let endless = r#"{ term = "joint_velocity", joint = "hinge" }"#;
+    let found = product(&format!("{{ term = \"alive\", weight = 0.0 }}, {endless}"));
+    assert!(matches!(found, Err(TaskError::Unbounded { index: 0, .. })), "{found:?}");
+}
+
+#[test]
 fn rewards_that_can_be_infinite_are_refused() {
     for (from, to) in [(", clip = [0.0, 4.0]", ""), (r#", shape = "kernel", width = 0.5"#, "")] {
         assert!(TEXT.contains(from), "{from}");
@@ -58,6 +77,8 @@ fn mistakes_in_a_task_are_named() {
         ("joint = \"hinge\", target", "target", "`rewards[1].joint`: found none, expected a joint"),
         ("outside = [-2.0, 2.0]", "outside = [2.0, -2.0]", "`terminations[0]`: found Some([2.0, -2.0])"),
         (", outside = [-2.0, 2.0]", "", "`terminations[0]`: found none, expected one of `outside`"),
+        ("2.0]", "2.0], and = [{ term = \"alive\" }]", "`terminations[0].and[0]`: found none, expected one"),
+        ("= 2.0", "= 2.0, times = [{ term = \"tilt\", joint = \"hinge\" }]", "`rewards[0].times[0].joint`"),
         ("\"slider\", \"hinge\"]\nkind", "\"slider\"]\nkind", "`action.default_pose`: found 2 numbers"),
     ] {
         assert!(TEXT.contains(from), "{from}");
@@ -84,6 +105,29 @@ fn terminations_are_met_inside_or_outside() {
     assert!(!outside.is_met(2.0) && outside.is_met(2.001) && outside.is_met(-2.001));
     let inside = Termination { outside: None, inside: Some([0.0, 1.0]), ..outside.clone() };
     assert!(inside.is_met(0.5) && !inside.is_met(1.5));
+}
+
+#[test]
+fn a_termination_needs_all_of_its_conditions() {
+    let other = r#", and = [{ term = "joint_velocity", joint = "slider", outside = [-1.0, 1.0] }] }]"#;
+    let task = Task::parse(&TEXT.replace("2.0] }]", &format!("2.0]{other}"))).expect("a task");
+    let robot = motorium_robots::load("cart-pole", std::path::Path::new(".")).expect("a robot").model;
+    let terms = Terms::new(&task, &robot).expect("terms of the cart-pole");
+    let end = |position: f64, velocity: f64| {
+        let (positions, velocities, efforts) = ([position, 3.0], [velocity, 0.0], [0.0; 2]);
+        let state = RobotState {
+            positions: &positions,
+            velocities: &velocities,
+            efforts: &efforts,
+            ..RobotState::default()
+        };
+        let mut trial = Trial::new(&terms);
+        trial.begin(&terms, (crate::random::Counter::default(), 1.0), &state);
+        trial.act(&terms, [0.0; 2]);
+        trial.judge(&terms, &state, true).end
+    };
+    assert_eq!([end(2.5, 0.5), end(1.5, 1.5), end(1.5, 0.5)], [None; 3]);
+    assert_eq!(end(2.5, -1.5), Some(End::Failure));
 }
 
 const QUADRUPED: &str = include_str!("../../../../tasks/quadruped-velocity.toml");
