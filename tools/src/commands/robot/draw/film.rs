@@ -1,6 +1,5 @@
 //! Pictures of the robots and the world of a recording.
 
-use anyhow::Context as _;
 use motorium_bridges::recording::Film;
 use motorium_robots::{Kinematics, ShapeSource};
 use motorium_worlds::Appearance;

@@ -15,7 +15,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use motorium_robots::{Kinematics, Loaded, MimicMode, ShapeSource};
+use motorium_robots::{Kinematics, MimicMode, ShapeSource};
 
 use super::source::ProfiledArgs;
 use crate::out::out;

@@ -120,7 +120,7 @@ fn triangles(solid: &Solid) -> Vec<Triangle> {
 
 /// Visits the samples whose centres are in a triangle of (right, down, depth): index, depth, and shares of
 /// the second and the third corner.
-fn fill([a, b, c]: [[f64; 3]; 3], width: usize, height: usize, mut visit: impl FnMut(usize, f64, [f64; 3])) {
+fn fill([a, b, c]: [[f64; 3]; 3], width: usize, height: usize, mut visit: impl FnMut(usize, f64, [f64; 2])) {
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
     if area == 0.0 {
         return;
