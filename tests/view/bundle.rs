@@ -56,3 +56,19 @@ fn the_bundle_matches_its_sources_and_locked_packages() {
         );
     }
 }
+
+#[test]
+fn the_logic_of_the_page_passes_its_tests() {
+    let page = workspace().join("tools/view/page");
+    let tested = Command::new("node").args(["--test", "test/"]).current_dir(page).output();
+    let Ok(output) = tested else {
+        eprintln!("skipped: node is missing");
+        return;
+    };
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        output.status.success() && text.contains("pass "),
+        "{text}{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+}

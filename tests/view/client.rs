@@ -202,6 +202,11 @@ impl Client {
 
     /// Calls a service.
     pub(crate) fn call(&mut self, service: &str) -> Result<Json, String> {
+        self.call_with(service, "{}")
+    }
+
+    /// Calls a service with a request in JSON.
+    pub(crate) fn call_with(&mut self, service: &str, request: &str) -> Result<Json, String> {
         if !self.services.contains_key(service) {
             self.hear_until(service, |client, _| client.services.contains_key(service).then_some(()));
         }
@@ -211,7 +216,8 @@ impl Client {
         for word in [id, call, 4] {
             order.extend(word.to_le_bytes());
         }
-        order.extend(b"json{}");
+        order.extend(b"json");
+        order.extend(request.as_bytes());
         self.socket.send(Message::binary(order)).expect("it is sent");
         self.hear_until(service, |_, heard| match heard {
             Heard::Answer(of, answer) if *of == call => Some(Ok(answer.clone())),

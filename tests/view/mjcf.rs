@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use motorium_view::browser::Browser;
+use serde_json::{Value as Json, json};
 
 use crate::client::Client;
 use crate::page::{until, without_browser};
@@ -111,4 +112,52 @@ fn an_mjcf_robot_and_a_mesh_object_are_drawn_in_place() {
     let joints = state["robots"][0]["joints"].as_object().unwrap();
     assert_eq!(joints.keys().map(String::as_str).collect::<Vec<_>>(), ["hoist", "slew"]);
     assert_eq!(state["errors"], serde_json::json!([]));
+}
+
+/// A body of a mesh, with a box to collide with.
+const PUSHER: &str = r#"<robot name="pusher">
+  <link name="rail"><visual><geometry><box size="1 0.1 0.05"/></geometry></visual></link>
+  <joint name="slide" type="prismatic">
+    <parent link="rail"/><child link="slider"/><origin xyz="0 0 0.1"/><axis xyz="1 0 0"/>
+    <limit lower="-0.4" upper="0.4" velocity="1" effort="50"/>
+  </joint>
+  <link name="slider">
+    <inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>
+    <visual><geometry><mesh filename="meshes/hook.obj"/></geometry></visual>
+    <collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>
+  </link>
+</robot>"#;
+
+#[test]
+fn a_link_without_its_mesh_is_drawn_as_its_hull() {
+    if without_browser() {
+        return;
+    }
+    let _machine = machine();
+    let folder = tempfile::tempdir().unwrap();
+    let crane = write(folder.path());
+    std::fs::write(folder.path().join("pusher.urdf"), PUSHER).unwrap();
+    let text = std::fs::read_to_string(crane).unwrap();
+    let text = text.replace("crane.xml", "pusher.urdf").replace("crane", "pusher");
+    let text = text
+        .replace("position = [1.0, 0.2]", "position = [0.2]")
+        .replace("velocity = [1.0, 0.2]", "velocity = [0.2]")
+        .replace("acceleration = [2.0, 1.0]", "acceleration = [1.0]");
+    let graph = folder.path().join("pusher.toml");
+    std::fs::write(&graph, text).unwrap();
+    let run = Run::start(&graph, &["--for", "300s", "--clock", "lockstep", "--pace", "0.2"]);
+    let viewer = Viewer::start(&["--run", run.folder.id()], &[]);
+    let mut browser = Browser::open(&viewer.address(), (1000, 700)).unwrap();
+    let drawn = |state: &Json| state["robots"][0]["drawn"] == true;
+    let state = until(&mut browser, "the robot is drawn", drawn);
+    let robot = &state["robots"][0];
+    assert_eq!((&robot["meshes"], &robot["hulls"]), (&json!([1, 1]), &json!([])), "{robot}");
+
+    std::fs::remove_file(folder.path().join("meshes/hook.obj")).unwrap();
+    let mut browser = Browser::open(&viewer.address(), (1000, 700)).unwrap();
+    let state = until(&mut browser, "the robot is drawn without its mesh", |state| {
+        drawn(state) && state["errors"].as_array().is_some_and(|errors| !errors.is_empty())
+    });
+    assert_eq!(state["robots"][0]["hulls"], json!(["slider"]), "{state}");
+    assert!(state["errors"][0].as_str().is_some_and(|error| error.contains("hook.obj")), "{state}");
 }

@@ -54,6 +54,7 @@ fn the_check_compares_the_page_with_the_run() {
         "the browser asked for the page after",
         "equal on the page and in the run",
         "pictures a second",
+        "quality of the pictures",
         "all links within",
     ] {
         assert!(text.contains(words), "{text}");
@@ -109,7 +110,8 @@ fn the_page_commands_the_run_and_survives_its_end() {
         .evaluate(
             "(() => { const slider = document.querySelector('[data-parameter] input[type=range]'); \
              slider.value = Number(slider.min) + 0.25 * (slider.max - slider.min); \
-             slider.dispatchEvent(new Event('input')); return Number(slider.value); })()",
+             slider.dispatchEvent(new Event('input')); \
+             return Number(slider.parentElement.querySelector('input[type=number]').value); })()",
         )
         .unwrap();
     let value = || {
@@ -195,6 +197,80 @@ fn humanoid_joints_are_plotted_by_group_with_their_values() {
     assert_eq!(rows, 32, "a head, and a row for each joint");
     let head = browser.evaluate("document.querySelector('#joints tr').textContent").unwrap();
     assert_eq!(head, "jointposition, radvelocity, rad/seffort, N m");
+}
+
+/// Three numbers of the state.
+fn vector(state: &Json) -> [f64; 3] {
+    serde_json::from_value(state.clone()).unwrap_or_else(|error| panic!("{state}: {error}"))
+}
+
+fn difference(one: [f64; 3], other: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| one[i] - other[i])
+}
+
+#[test]
+fn camera_follows_a_walking_quadruped_unless_held() {
+    if without_browser() {
+        return;
+    }
+    let _machine = machine();
+    let graph = workspace().join("graphs/quadruped-mpc.toml");
+    let run = Run::start(&graph, &["--for", "600s", "--clock", "lockstep", "--pace", "1"]);
+    let viewer = Viewer::start(&["--run", run.folder.id()], &[]);
+    let mut browser = Browser::open(&viewer.address(), (1000, 700)).unwrap();
+    let drawn = |state: &Json| state["robots"][0]["drawn"] == true && state["view"]["rate"].is_number();
+    let first = until(&mut browser, "the robot is drawn", drawn);
+    let offset = |state: &Json| {
+        let view = &state["view"];
+        difference(vector(&view["position"]), vector(&view["target"]))
+    };
+    let travelled = |state: &Json, since: &Json| {
+        let [x, y, _] = difference(vector(&state["robots"][0]["base"]), vector(&since["robots"][0]["base"]));
+        x.hypot(y)
+    };
+    let later = until(&mut browser, "it has walked", |state| travelled(state, &first) > 0.6);
+    let [x, y, _] = difference(vector(&later["view"]["target"]), vector(&later["robots"][0]["base"]));
+    assert!(x.hypot(y) < 0.3, "the camera looks {} m beside the robot", x.hypot(y));
+    let turned = difference(offset(&later), offset(&first)).map(f64::abs);
+    assert!(turned.iter().all(|part| *part < 1e-6), "following turns the camera: {turned:?}");
+
+    browser.evaluate("dispatchEvent(new KeyboardEvent('keydown', { code: 'KeyF' }))").unwrap();
+    let held = until(&mut browser, "it does not follow", |state| state["view"]["follows"] == false);
+    let away = until(&mut browser, "it walks away", |state| travelled(state, &held) > 0.2);
+    assert_eq!(away["view"]["target"], held["view"]["target"]);
+    browser.evaluate("document.getElementById('frame').click()").unwrap();
+    browser.evaluate("document.getElementById('follow').click()").unwrap();
+    until(&mut browser, "it is in the picture again", |state| {
+        let [x, y, _] = difference(vector(&state["view"]["target"]), vector(&state["robots"][0]["base"]));
+        x.hypot(y) < 0.5 && state["view"]["follows"] == true
+    });
+    assert_eq!(browser.evaluate("motorium.state().errors").unwrap(), serde_json::json!([]));
+}
+
+#[test]
+fn page_changes_between_light_and_dark_and_keeps_the_choice() {
+    if without_browser() {
+        return;
+    }
+    let _machine = machine();
+    let run = Run::start(&panda_reach(), &["--for", "600s"]);
+    let viewer = Viewer::start(&["--run", run.folder.id()], &[]);
+    let mut browser = Browser::open(&viewer.address(), (1000, 700)).unwrap();
+    until(&mut browser, "the robot is drawn", |state| state["robots"][0]["drawn"] == true);
+    let brightness = "(() => { const parts = getComputedStyle(document.body).backgroundColor.match(/\\d+/g); \
+                      return parts.slice(0, 3).map(Number).reduce((a, b) => a + b) / 3; })()";
+    let mut shown = |script: &str| {
+        browser.evaluate(script).unwrap();
+        let kept = browser.evaluate("localStorage.getItem('motorium-theme')").unwrap();
+        (browser.evaluate(brightness).unwrap().as_f64().unwrap(), kept)
+    };
+    let (light, kept) = shown("0");
+    assert!(light > 200.0 && kept.is_null(), "{light}, {kept}");
+    let (dark, kept) = shown("document.getElementById('theme').click()");
+    assert!(dark < 60.0 && kept == "dark", "{dark}, {kept}");
+    // The system's preference is light: back to it, nothing is kept.
+    let (light, kept) = shown("document.getElementById('theme').click()");
+    assert!(light > 200.0 && kept.is_null(), "{light}, {kept}");
 }
 
 #[test]

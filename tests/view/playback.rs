@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use motorium_bridges::recording::{RecordedSample, Recording};
+use motorium_bridges::recording::{RecordedSample, Recording, curves as curves_of};
 use motorium_view::browser::Browser;
 use serde_json::json;
 
@@ -96,6 +96,87 @@ fn a_recording_is_played_from_the_requested_time_and_speed() {
 
 fn at_end(recording: &Recording) -> u64 {
     sample_at(recording, STATE, u64::MAX).time_ns
+}
+
+#[test]
+fn curves_of_the_whole_recording_keep_its_extremes() {
+    let _machine = machine();
+    let folder = tempfile::tempdir().unwrap();
+    let file = recorded(folder.path());
+    let recording = Recording::open(&file).unwrap();
+    let viewer = Viewer::start(&[file.to_str().unwrap()], &[]);
+    let mut client = Client::connect(viewer.port, "", SUBPROTOCOL).unwrap();
+    let request = json!({ "topic": STATE, "field": "position", "first": 1, "count": 3, "points": 100 });
+    let answer = client.call_with("/motorium/curves", &request.to_string()).unwrap();
+    let curves: Vec<Vec<(f64, f64)>> = serde_json::from_value(answer["curves"].clone()).unwrap();
+    let signal = |entry: usize| format!("{STATE}.position[{entry}]").parse().unwrap();
+    let exact = curves_of(&recording, &[signal(1), signal(2), signal(3)]).unwrap();
+    let entries = curves_of(&recording, &[format!("{STATE}.position").parse().unwrap()]).unwrap().len();
+    assert_eq!((answer["entries"].as_u64(), curves.len()), (Some(entries as u64), 3));
+    let extremes = |points: &[(f64, f64)]| {
+        let values = || points.iter().map(|(_, value)| *value);
+        (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max))
+    };
+    for (thinned, exact) in curves.iter().zip(&exact) {
+        assert!((50..=102).contains(&thinned.len()) && exact.points.len() > 1000, "{}", thinned.len());
+        assert_eq!(extremes(thinned), extremes(&exact.points));
+        assert!(thinned.iter().all(|point| exact.points.contains(point)), "a point that was not recorded");
+    }
+    for (request, advice) in [
+        (json!({ "topic": "panda/joint_stat", "field": "position" }), "panda/joint_state"),
+        (json!({ "topic": STATE, "field": "positions" }), "position"),
+        (json!({ "topic": STATE }), "field"),
+    ] {
+        let error = client.call_with("/motorium/curves", &request.to_string()).unwrap_err();
+        assert!(error.contains(advice), "{request}: {error}");
+    }
+}
+
+#[test]
+fn the_plot_shows_the_whole_recording_with_a_cursor() {
+    if without_browser() {
+        return;
+    }
+    let _machine = machine();
+    let folder = tempfile::tempdir().unwrap();
+    let file = recorded(folder.path());
+    let viewer = Viewer::start(&[file.to_str().unwrap()], &[]);
+    let mut browser = Browser::open(&viewer.address(), (1280, 860)).unwrap();
+    let state = until(&mut browser, "the whole recording is plotted", |state| {
+        state["plot"]["whole"] == true && state["plot"]["lines"] == 8 && state["robots"][0]["drawn"] == true
+    });
+    let (plot, length) = (&state["plot"], state["playback"]["length_s"].as_f64().unwrap());
+    assert!(plot["from"].as_f64() < Some(0.02) && plot["to"].as_f64() > Some(length - 0.02), "{plot}");
+    if state["playback"]["plays"] == true {
+        browser.evaluate("document.querySelector('#playback button').click()").unwrap();
+    }
+    until(&mut browser, "it is held", |state| state["playback"]["plays"] == false);
+    for share in [0.75, 0.25, 0.5] {
+        // A pointer that presses somewhere else and drags to the place.
+        let dragged = format!(
+            "(() => {{ const over = document.querySelector('#plot .seeks'); \
+             const {{ left, width, top }} = over.getBoundingClientRect(); over.setPointerCapture = () => {{}}; \
+             over.hasPointerCapture = () => true; \
+             const at = (type, share) => over.dispatchEvent(new PointerEvent(type, \
+             {{ pointerId: 1, clientX: left + share * width, clientY: top + 5, bubbles: true }})); \
+             at('pointerdown', 0.1); at('pointermove', {share}); }})()"
+        );
+        browser.evaluate(&dragged).unwrap();
+        let state = until(&mut browser, "the robot is at the place of the cursor", |state| {
+            let place = state["playback"]["place_s"].as_f64().unwrap_or(0.0);
+            let shown = |name: &str| state["robots"][0]["joints"][name].as_f64();
+            let plotted = |line: usize| state["plot"]["newest"][line].as_f64();
+            (place - share * length).abs() < 0.01
+                && shown("panda_joint2")
+                    .zip(plotted(1))
+                    .is_some_and(|(one, other)| (one - other).abs() < 0.02)
+        });
+        assert_eq!(state["plot"]["cursor"], state["playback"]["place_s"]);
+        let line = "parseFloat(document.querySelector('#plot .cursor').style.left)";
+        let percent = browser.evaluate(line).unwrap().as_f64().unwrap();
+        assert!((percent - 100.0 * share).abs() < 1.0, "the line is at {percent} %");
+    }
+    assert_eq!(browser.evaluate("motorium.state().errors").unwrap(), json!([]));
 }
 
 #[test]

@@ -11,6 +11,9 @@ use foxglove::websocket::{
 };
 use foxglove::websocket::{PlaybackControlRequest, PlaybackState};
 
+use motorium_bridges::recording::{Recording, Signal, curves};
+use serde_json::json;
+
 use crate::player::Shared;
 use crate::rights::Rights;
 
@@ -152,4 +155,59 @@ impl Handler for Play {
         player.set(asked.plays, speed, seek_ns);
         responder.respond_ok(player.position_json().to_string());
     }
+}
+
+/// The service that sends curves of the whole recording, thinned for a plot. Like [`Play`] it needs no token.
+pub(crate) struct Curves(pub(crate) Arc<Recording>);
+
+/// Request of [`Curves`].
+#[derive(Debug, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CurvesRequest {
+    topic: String,
+    field: String,
+    /// First entry of an array.
+    #[serde(default)]
+    first: usize,
+    /// Maximum number of entries.
+    #[serde(default = "most_curves")]
+    count: usize,
+    /// Maximum number of points of each curve.
+    #[serde(default = "most_points")]
+    points: usize,
+}
+
+/// Maximum number of entries in one answer, and its default.
+const fn most_curves() -> usize {
+    64
+}
+
+/// Maximum number of points of a curve, and its default.
+const fn most_points() -> usize {
+    10_000
+}
+
+impl Handler for Curves {
+    fn call(&self, request: Request, responder: Responder) {
+        let recording = self.0.clone();
+        // A long recording is read for seconds; the server continues meanwhile.
+        std::thread::spawn(move || match read_curves(&recording, request.payload()) {
+            Ok(answer) => responder.respond_ok(answer.to_string()),
+            Err(error) => responder.respond_err(error),
+        });
+    }
+}
+
+/// Answers a request for curves: the number of entries of the field, and points of each curve, time since the
+/// start in s and value.
+fn read_curves(recording: &Recording, request: &[u8]) -> Result<serde_json::Value, String> {
+    let asked: CurvesRequest = serde_json::from_slice(request).map_err(|error| error.to_string())?;
+    let signal = Signal { topic: asked.topic, field: Some(asked.field), entries: None };
+    let found = curves(recording, &[signal]).map_err(|error| error.to_string())?;
+    let points = asked.points.clamp(2, most_points());
+    let shown = found.iter().skip(asked.first).take(asked.count.min(most_curves()));
+    Ok(json!({
+        "entries": found.len(),
+        "curves": shown.map(|curve| curve.thinned(points)).collect::<Vec<_>>(),
+    }))
 }

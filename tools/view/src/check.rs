@@ -69,6 +69,8 @@ pub(crate) fn check(
     let triangles = browser.evaluate("motorium.state().triangles")?;
     let rate = pictures / (after.1 - before.1).as_secs_f64();
     println!("{rate:.1} pictures a second of {triangles} triangles by {}", renderer.as_str().unwrap_or("?"));
+    let level = browser.evaluate("motorium.state().view.level")?;
+    println!("quality of the pictures, by their rate: {}", level.as_str().unwrap_or("?"));
     // Joints and transforms come in two messages, which sometimes belong to the same sample.
     let state = await_state(
         &mut browser,
@@ -92,6 +94,7 @@ pub(crate) fn check(
     }
     let errors = state["errors"].as_array().map_or(0, Vec::len);
     ensure!(errors == 0, "the page reports errors: {}", state["errors"]);
+    browser.evaluate(FINEST)?;
     let made = browser.picture()?;
     let made = with_text(&made, PAGE, &page_digest()).context("the browser has made no PNG file")?;
     std::fs::write(picture, made).with_context(|| picture.display().to_string())?;
@@ -109,6 +112,9 @@ const RENDERER: &str = "(() => { const gl = document.createElement('canvas').get
 
 /// Expression for the time at which the browser started to load the page, ms since 1970.
 const ASKED: &str = "performance.timeOrigin";
+
+/// Draws the page's picture with shadows and smooth edges, at any cost, and waits until it is shown.
+const FINEST: &str = "motorium.finest()";
 
 /// Expressions for the state of the page, and for the reduced state of a page that is still loading.
 const STATE: &str = "globalThis.motorium ? motorium.state() : null";

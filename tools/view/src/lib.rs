@@ -96,10 +96,11 @@ fn serve(request: Request) -> anyhow::Result<ExitCode> {
     let (sender, asks) = mpsc::channel();
     let rights = Arc::new(rights::Rights::new(token.clone()));
     let opened = request.recording.as_deref().map(playback::open).transpose()?;
-    let (recording, times) = opened.unzip();
-    let player = times.map(|times| Arc::new(Mutex::new(player::Player::new(times))));
+    let recorded = opened.map(|(recording, times)| (Arc::new(recording), times));
+    let recording = recorded.as_ref().map(|(recording, _)| recording.clone());
+    let player = recorded.as_ref().map(|(_, times)| Arc::new(Mutex::new(player::Player::new(*times))));
     let asks_to = ask::Asks { sender, rights, player: player.clone() };
-    let server = Arc::new(runtime.block_on(server::Server::start(asks_to, times))?);
+    let server = Arc::new(runtime.block_on(server::Server::start(asks_to, recorded))?);
     let port = front.port();
     runtime.spawn(front.serve(server.address(), token.clone()));
     eprintln!("view at http://localhost:{port}/?token={token}");

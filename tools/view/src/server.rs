@@ -7,6 +7,7 @@ use anyhow::Context as _;
 use foxglove::websocket::service::{Service, ServiceSchema};
 use foxglove::websocket::{Capability, Parameter, PlaybackState};
 use foxglove::{ChannelBuilder, Context, RawChannel, Schema, WebSocketServer, WebSocketServerHandle};
+use motorium_bridges::recording::Recording;
 
 use crate::ask::{self, Asks, Command};
 use crate::assets::Assets;
@@ -27,18 +28,21 @@ impl std::fmt::Debug for Server {
 }
 
 impl Server {
-    /// Starts it on a free port of the loopback interface, on this runtime: for a run, or for a recording of
-    /// these times.
-    pub(crate) async fn start(asks: Asks, recorded: Option<(u64, u64)>) -> anyhow::Result<Self> {
+    /// Starts it on a free port of the loopback interface, on this runtime: for a run, or for a recording and
+    /// its times.
+    pub(crate) async fn start(
+        asks: Asks,
+        recorded: Option<(Arc<Recording>, (u64, u64))>,
+    ) -> anyhow::Result<Self> {
         let context = Context::new();
         let assets = Arc::new(RwLock::new(Assets::default()));
         let served = assets.clone();
-        let services = match &asks.player {
-            None => Command::ALL.iter().map(|command| service(*command, asks.clone())).collect(),
-            Some(player) => vec![play(player.clone())],
+        let services = match (&asks.player, &recorded) {
+            (Some(player), Some((recording, _))) => vec![play(player.clone()), curves(recording.clone())],
+            _ => Command::ALL.iter().map(|command| service(*command, asks.clone())).collect(),
         };
         let mut server = WebSocketServer::new();
-        if let Some((start_ns, end_ns)) = recorded {
+        if let Some((_, (start_ns, end_ns))) = recorded {
             server = server.playback_time_range(start_ns, end_ns);
         }
         let server = server
@@ -111,6 +115,14 @@ fn play(player: Shared) -> Service {
     Service::builder("/motorium/play", schema).handler(ask::Play(player))
 }
 
+fn curves(recording: Arc<Recording>) -> Service {
+    let object = |name: &str, schema: &str| Schema::new(name, "jsonschema", schema.as_bytes().to_vec());
+    let schema = ServiceSchema::new("motorium.Curves")
+        .with_request("json", object("motorium.CurvesRequest", CURVES_REQUEST))
+        .with_response("json", object("motorium.Curves", CURVES));
+    Service::builder("/motorium/curves", schema).handler(ask::Curves(recording))
+}
+
 fn service(command: Command, asks: Asks) -> Service {
     let nothing = || Schema::new("motorium.Nothing", "jsonschema", br#"{"type": "object"}"#.as_slice());
     let done = Schema::new("motorium.Outcome", "jsonschema", OUTCOME.as_bytes());
@@ -127,6 +139,33 @@ const PLAY: &str = r#"{
     "plays": { "type": "boolean", "description": "True to play, false to hold" },
     "speed": { "type": "number", "description": "Speed, relative to the recording" },
     "place_s": { "type": "number", "description": "Place to go to: time since the start, s" }
+  }
+}"#;
+
+/// JSON Schema of the request for curves of the whole recording.
+const CURVES_REQUEST: &str = r#"{
+  "type": "object",
+  "required": ["topic", "field"],
+  "properties": {
+    "topic": { "type": "string", "description": "Name of the topic" },
+    "field": { "type": "string", "description": "Name of the field" },
+    "first": { "type": "integer", "description": "First entry of an array; 0 if absent" },
+    "count": { "type": "integer", "description": "Maximum number of entries; 64 if absent" },
+    "points": { "type": "integer", "description": "Maximum number of points of a curve; 10000 if absent" }
+  }
+}"#;
+
+/// JSON Schema of curves of the whole recording.
+const CURVES: &str = r#"{
+  "type": "object",
+  "required": ["entries", "curves"],
+  "properties": {
+    "entries": { "type": "integer", "description": "Number of entries of the field" },
+    "curves": {
+      "type": "array",
+      "description": "For each entry its points: time since the start, s, and value",
+      "items": { "type": "array", "items": { "type": "array", "items": { "type": "number" } } }
+    }
   }
 }"#;
 

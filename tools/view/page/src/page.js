@@ -1,6 +1,6 @@
 // The page of motorium view: what comes from the run, shown; what the user does, sent to it.
 
-import { Box3 } from "three";
+import { Box3, Vector3 } from "three";
 import "uplot/dist/uPlot.min.css";
 import { Connection } from "./connection.js";
 import { Frames } from "./frames.js";
@@ -11,6 +11,7 @@ import { Plot } from "./plot.js";
 import { Robot } from "./robot.js";
 import { View } from "./scene.js";
 import { Components, Joints } from "./table.js";
+import { toggleTheme } from "./theme.js";
 import { Timeline } from "./timeline.js";
 
 const $ = (id) => document.getElementById(id);
@@ -18,6 +19,10 @@ const SCENES = ["foxglove.SceneUpdate"];
 const PICTURES = "foxglove.RawImage";
 const TABLE_MS = 100;
 const LOOK_MS = 3000;
+/** Time between two pictures while the first robot is on its way, and the longest that it may take, ms after the page began:
+ * a processor that draws has to load the page, too. */
+const EMPTY_MS = 300;
+const START_MS = 8000;
 
 const connection = new Connection(`ws://${location.host}/${location.search}`);
 const view = new View($("scene"));
@@ -27,12 +32,13 @@ const plot = new Plot(connection, $("plot"), {
   field: $("plot-field"),
   entries: $("plot-entries"),
   legend: $("plot-legend"),
+  seek: (place) => playback.seek(place),
 });
 const cameras = new Pictures(connection, $("cameras"));
 const parameters = new Parameters(connection, $("parameters"));
 const components = new Components($("components"), $("latencies"));
 const timeline = new Timeline($("timeline"));
-const playback = new Playback(connection, $("playback"), (problem) => say(problem, true));
+const playback = new Playback(connection, $("playback"), (problem) => say(problem, true), (place, length) => plot.cursor(place, length));
 const joints = new Joints($("joints"));
 
 let robots = [];
@@ -141,11 +147,26 @@ async function command(name) {
 }
 
 for (const name of ["stop", "resume", "end", "start"]) $(name).addEventListener("click", () => command(name));
+$("theme").addEventListener("click", toggleTheme);
+
+/** Follows a base that moves, or leaves the camera where it is. */
+function follow(follows = !view.follows) {
+  view.follows = follows;
+  $("follow").setAttribute("aria-pressed", follows);
+}
+$("follow").addEventListener("click", () => follow());
+$("frame").addEventListener("click", () => look());
+
+const KEYS = { KeyF: () => follow(), KeyR: () => look() };
 addEventListener("keydown", (event) => {
-  if (event.code !== "Space" || event.target.closest?.("input, select, button")) return;
-  event.preventDefault();
-  if (run.state === "playback") playback.toggle();
-  else command("stop");
+  const isTyping = event.target.closest?.("input, select, button") !== null && event.target.closest !== undefined;
+  if (isTyping || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (event.code === "Space") {
+    event.preventDefault();
+    if (run.state === "playback") playback.toggle();
+    else command("stop");
+  }
+  KEYS[event.code]?.();
 });
 
 connection.addEventListener("open", showRun);
@@ -172,18 +193,42 @@ connection.subscribe("/motorium/top", (top) => {
   $("time").textContent = `${top.elapsed_s.toFixed(1)} s`;
 });
 
+/** Brings the robots and the things around them into the picture. */
+function look() {
+  const shown = robots.filter((robot) => robot.isShown);
+  if (shown.length) view.look(shown.reduce((box, robot) => box.union(robot.box), new Box3()), frames);
+}
+
+/** Shows how many meshes of the robots are loaded, while some are not. */
+function showProgress() {
+  const [loaded, all] = robots.map(({ progress }) => progress).reduce(([a, b], [c, d]) => [a + c, b + d], [0, 0]);
+  $("progress").hidden = loaded === all;
+  if (loaded === all) return;
+  $("progress").firstElementChild.textContent = `meshes: ${loaded} of ${all}`;
+  $("progress").lastElementChild.value = loaded / all;
+}
+
 let tabled = 0;
+let emptied = -Infinity; // time of the last picture without a robot
 function picture(now) {
   requestAnimationFrame(picture);
   for (const robot of robots) robot.place(frames);
-  const drawn = robots.length > 0 && robots.every((robot) => robot.isDrawn);
-  // Things around the robots may come a moment later: they are looked at, too.
-  const isLate = looked && now - looked.time < LOOK_MS && view.count > looked.count && !view.moved;
-  if (drawn && (!looked || isLate)) {
-    looked = { time: looked?.time ?? now, count: view.count };
-    view.look(robots.reduce((box, robot) => box.union(robot.box), new Box3()), frames);
+  const shown = robots.length > 0 && robots.every((robot) => robot.isShown);
+  const drawn = shown && robots.every((robot) => robot.isDrawn);
+  if (!shown && (!graph || robots.length > 0) && now < START_MS) {
+    if (now - emptied < EMPTY_MS) return;
+    emptied = now;
   }
-  view.render(frames);
+  // Meshes and things around the robots come a moment later: they are looked at, too.
+  const isLate = looked && now - looked.time < LOOK_MS && !view.moved && (view.count > looked.count || drawn !== looked.drawn);
+  if (shown && (!looked || isLate)) {
+    looked = { time: looked?.time ?? now, count: view.count, drawn };
+    look();
+  }
+  const bases = robots.filter((robot) => robot.isShown).map(({ base }) => base);
+  const sum = bases.reduce((all, base) => all.add(base), new Vector3());
+  view.render(frames, bases.length ? sum.divideScalar(bases.length) : undefined, now);
+  showProgress();
   cameras.paint();
   pictures += 1;
   if (drawn && first === undefined) first = performance.timeOrigin + performance.now();
@@ -205,10 +250,14 @@ globalThis.motorium = {
     first_picture_ms: first ?? null,
     pictures,
     triangles: view.renderer.info.render.triangles,
+    view: view.state,
     robots: robots.map((robot) => ({
       name: robot.about.name,
       topic: robot.about.state,
       drawn: robot.isDrawn,
+      meshes: robot.progress,
+      hulls: robot.shownHulls,
+      base: robot.isShown ? robot.base.toArray() : null,
       deviation_m: robot.deviation(frames) ?? null,
       sequence: exact.has(robot.about.name) ? Number(exact.get(robot.about.name).stamp.sequence) : null,
       position: exact.get(robot.about.name)?.position ?? [],
@@ -223,4 +272,9 @@ globalThis.motorium = {
     errors,
   }),
   pixel: (topic, x, y) => cameras.pixel(topic, x, y),
+  /** Draws as well as the page can, whatever that costs; resolves once such a picture is shown. */
+  finest: async () => {
+    view.finest();
+    for (let count = 0; count < 3; count += 1) await new Promise(requestAnimationFrame);
+  },
 };

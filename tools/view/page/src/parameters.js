@@ -1,5 +1,7 @@
 // Parameters: a slider for a number with a range, a field for one without, a list for a choice, a box for true and false.
 
+import { isLogarithmic, readable, scaleOf } from "./sliders.js";
+
 const STEPS = 1000;
 
 function element(tag, properties) {
@@ -7,7 +9,8 @@ function element(tag, properties) {
 }
 
 /** The inputs of one parameter: `show` a value, and `changed` is told of one that the user gives. */
-function inputs({ default: initial, min, max, choices = [] }, changed) {
+function inputs(parameter, changed) {
+  const { default: initial, min, max, choices = [] } = parameter;
   if (typeof initial === "boolean") {
     const box = element("input", { type: "checkbox", className: "wide box" });
     box.addEventListener("change", () => changed(box.checked));
@@ -34,14 +37,16 @@ function inputs({ default: initial, min, max, choices = [] }, changed) {
   if (min == null || max == null) {
     return { elements: [element("span", {}), field], show: exact };
   }
-  const slider = element("input", { type: "range", min, max, step: (max - min) / STEPS });
+  const { valueAt, positionOf } = scaleOf(parameter);
+  const title = isLogarithmic(parameter) ? `${min} to ${max}, logarithmic` : `${min} to ${max}`;
+  const slider = element("input", { type: "range", min: 0, max: 1, step: 1 / STEPS, title });
   slider.addEventListener("input", () => {
-    const value = Number(slider.value);
+    const value = valueAt(Number(slider.value));
     exact(value);
     changed(value);
   });
   const show = (value) => {
-    slider.value = value;
+    slider.value = positionOf(value);
     exact(value);
   };
   return { elements: [slider, field], show };
@@ -61,14 +66,16 @@ export class Parameters {
   plan({ components }) {
     this.#shown.clear();
     this.place.replaceChildren();
+    this.place.closest("details").hidden = components.every(({ parameters }) => parameters.length === 0);
     for (const component of components) {
+      if (component.parameters.length) this.place.append(element("h3", { textContent: readable(component.name) }));
       for (const parameter of component.parameters) {
         const name = `${component.name}.${parameter.name}`;
         const { elements, show } = inputs(parameter, (value, type) => this.#set(name, value, type));
-        const line = element("div", { className: "parameter", title: parameter.doc });
+        const line = element("div", { className: "parameter", title: `${name}: ${parameter.doc}` });
         line.dataset.parameter = name;
-        const unit = parameter.unit ? ` (${parameter.unit})` : "";
-        const label = element("label", { textContent: `${name}${unit}` });
+        const label = element("label", { textContent: readable(parameter.name) });
+        if (parameter.unit) label.append(element("span", { className: "unit", textContent: `, ${parameter.unit}` }));
         line.append(label, ...elements);
         this.place.append(line);
         this.#shown.set(name, show);

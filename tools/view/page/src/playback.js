@@ -5,8 +5,11 @@ const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 export class Playback {
   #told;
   #held = false; // true while the user moves the slider
+  #sought; // the place that was asked for last, until the answer
 
-  constructor(connection, bar, failed) {
+  /** `moved` is told of the place that is shown, s, and of the length of the recording. */
+  constructor(connection, bar, failed, moved) {
+    this.moved = moved;
     this.connection = connection;
     this.bar = bar;
     this.failed = failed;
@@ -16,7 +19,7 @@ export class Playback {
     this.speed.addEventListener("change", () => this.#ask({ speed: Number(this.speed.value) }));
     this.place.addEventListener("pointerdown", () => (this.#held = true));
     this.place.addEventListener("change", () => (this.#held = false));
-    this.place.addEventListener("input", () => this.#ask({ place_s: Number(this.place.value) }));
+    this.place.addEventListener("input", () => this.seek(Number(this.place.value)));
     connection.subscribe("/motorium/playback", (told) => this.#take(told));
   }
 
@@ -27,6 +30,18 @@ export class Playback {
   /** Plays what is held, and the other way round. */
   toggle() {
     this.#ask({ plays: !this.#told?.plays });
+  }
+
+  /** Shows another place of the recording, s; of places that follow each other fast only the last ones. */
+  async seek(place_s) {
+    const busy = this.#sought !== undefined;
+    this.#sought = place_s;
+    if (busy) return;
+    while (this.#sought !== undefined) {
+      const sought = this.#sought;
+      await this.#ask({ place_s: sought });
+      if (this.#sought === sought) this.#sought = undefined;
+    }
   }
 
   /** The bar is there for recordings only. */
@@ -51,5 +66,6 @@ export class Playback {
     if (!this.#held) this.place.value = place;
     this.time.textContent = `${place.toFixed(2)} / ${length.toFixed(2)} s`;
     this.speed.value = speed;
+    this.moved(place, length);
   }
 }

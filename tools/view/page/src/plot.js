@@ -1,13 +1,21 @@
-// Live plots: the entries of one field of one topic over the last seconds, with their names, units and newest values.
+// Plots of the entries of one field of one topic, with their names, units and newest values: live over the last seconds, or
+// of a whole recording, with a cursor at the place that is shown.
 
 import uPlot from "uplot";
+import { aligned, newestAt, timeAt } from "./cursor.js";
 import { colour, onTheme } from "./theme.js";
 
 const SECONDS = 10;
 const REDRAW_MS = 100;
 const HEIGHT = 200;
+/** Height of the plot of a recording, which has the place of the parameters. */
+const WHOLE_HEIGHT = 300;
 const MOST = 8; // lines
-const COLOURS = ["#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#17becf"];
+const COLOURS = ["#3b82d6", "#f08a24", "#3fa35b", "#dc4b4b", "#9a6fd0", "#a0705a", "#dd77b4", "#22a9b8"];
+/** Points of a line of a whole recording: more than there are pixels. */
+const POINTS = 1200;
+/** Time after which curves that did not come are requested again, ms. */
+const AGAIN_MS = 1000;
 
 /** A number in seven characters or so. */
 function short(value) {
@@ -25,19 +33,23 @@ export class Plot {
   #offered = 0; // entries among which one can choose
   #fields = "";
   #about = new Map(); // by topic: units and names of its fields
+  #recording; // place and length of a recording, s, if one is shown
+  #whole; // what the curves of the whole recording show: topic, field, first entry
+  #wholeAt = -Infinity; // time of the last request of curves
 
-  constructor(connection, element, { topic, field, entries, legend }) {
+  constructor(connection, element, { topic, field, entries, legend, seek }) {
     this.connection = connection;
     this.element = element;
     this.topicSelect = topic;
     this.fieldSelect = field;
     this.entrySelect = entries;
     this.legend = legend;
+    this.seek = seek;
     topic.addEventListener("change", () => this.show(topic.value));
     field.addEventListener("change", () => this.#begin(field.value));
     entries.addEventListener("change", () => this.#begin(this.#field, Number(entries.value)));
     this.take = (message, timestamp, fields) => this.#take(message, timestamp, fields);
-    new ResizeObserver(() => this.chart?.setSize({ width: element.clientWidth, height: HEIGHT })).observe(element);
+    new ResizeObserver(() => this.chart?.setSize({ width: element.clientWidth, height: this.#height })).observe(element);
     onTheme(() => this.chart?.redraw());
   }
 
@@ -48,12 +60,16 @@ export class Plot {
       points: this.#data[0].length,
       lines: this.#data.length - 1,
       names: [...this.legend.children].map((line) => line.dataset.name),
-      newest: this.#data.slice(1).map((line) => line.at(-1)),
+      newest: this.#data.slice(1).map((line) => line[this.#now()]),
       unit: this.#told(this.#field).unit,
+      whole: this.#whole !== undefined,
+      from: this.#data[0][0] ?? null,
+      to: this.#data[0].at(-1) ?? null,
+      cursor: this.#recording?.place ?? null,
     };
   }
 
-  /** Offers these topics, of which `about` tells units and names; shows `first` if none is shown yet. */
+  /** Offers these topics, of which `about` has units and names; shows `first` if none is shown yet. */
   offer(topics, about, first) {
     this.#about = new Map(about.map(({ name, fields }) => [name, fields]));
     this.topicSelect.replaceChildren(...topics.map((topic) => new Option(topic, topic)));
@@ -72,6 +88,18 @@ export class Plot {
     this.connection.subscribe(topic, this.take);
   }
 
+  /** Shows the whole of a recording of this length, s, with the cursor at this place. */
+  cursor(place, length) {
+    this.#recording = { place, length };
+    if (this.#field !== undefined) this.#request();
+    this.#drawCursor();
+    this.#tell();
+  }
+
+  get #height() {
+    return this.#whole ? WHOLE_HEIGHT : HEIGHT;
+  }
+
   /** Unit of a field, and names of its entries. */
   #told(field) {
     const fields = this.#about.get(this.#topic) ?? {};
@@ -83,13 +111,36 @@ export class Plot {
     if (field !== this.#field) this.#offered = 0;
     [this.#field, this.#first] = [field, first];
     this.#data = [[]];
+    this.#whole = undefined;
+    this.#wholeAt = -Infinity;
     this.#end();
+    if (this.#recording) this.#request();
   }
 
   #end() {
     this.chart?.destroy();
     this.chart = undefined;
     this.legend.replaceChildren();
+  }
+
+  /** Requests the curves of the whole recording, unless they are shown or on their way. */
+  async #request() {
+    const now = performance.now();
+    if (this.#whole || now - this.#wholeAt < AGAIN_MS) return;
+    this.#wholeAt = now;
+    const asked = { topic: this.#topic, field: this.#field, first: this.#first, count: MOST, points: POINTS };
+    try {
+      const { entries, curves } = await this.connection.call("/motorium/curves", asked);
+      const isAsked = this.#topic === asked.topic && this.#field === asked.field && this.#first === asked.first;
+      if (!isAsked || this.#whole) return;
+      this.#whole = asked;
+      this.#offerEntries(entries);
+      this.#data = aligned(curves);
+      this.#end();
+      if (curves.length) this.#chart(curves.length);
+    } catch {
+      // The connection is lost, or the field holds no numbers: the plot stays empty.
+    }
   }
 
   /** Offers the entries of a long array by groups of as many as are drawn at a time. */
@@ -111,25 +162,32 @@ export class Plot {
   #chart(lines) {
     const { unit, entries } = this.#told(this.#field);
     const name = (line) => (lines === 1 && this.#first === 0 && !entries[0] ? this.#field : (entries[this.#first + line] ?? `[${this.#first + line}]`));
-    const series = Array.from({ length: lines }, (_, line) => ({ label: name(line), stroke: COLOURS[line % COLOURS.length], width: 1.5 }));
-    const [stroke, grid] = [() => colour("--text"), { stroke: () => colour("--grid"), width: 1 }];
+    const series = Array.from({ length: lines }, (_, line) => ({ label: name(line), stroke: COLOURS[line % COLOURS.length], width: 1.5, points: { show: false } }));
+    const [stroke, grid] = [() => colour("--dim"), { stroke: () => colour("--grid"), width: 1 }];
     const label = unit ? `${this.#field}, ${unit}` : this.#field;
+    const font = "11px system-ui, sans-serif";
+    const whole = this.#whole !== undefined;
+    const range = whole
+      ? () => [0, Math.max(this.#recording.length, 1e-3)]
+      : (_chart, from, to) => [from ?? 0, Math.max(to ?? 0, (from ?? 0) + 1)];
     this.chart = new uPlot(
       {
         width: this.element.clientWidth || 400,
-        height: HEIGHT,
+        height: this.#height,
         legend: { show: false },
-        scales: { x: { time: false, range: (_chart, from, to) => [from ?? 0, Math.max(to ?? 0, (from ?? 0) + 1)] } },
+        cursor: whole ? { drag: { x: false, y: false } } : {},
+        scales: { x: { time: false, range } },
         axes: [
-          { stroke, grid, ticks: grid, size: 30, values: (_chart, ticks) => ticks.map((tick) => `${Number(tick.toFixed(2))} s`) },
-          { stroke, grid, ticks: grid, size: 52, label, labelSize: 18, labelGap: 0, labelFont: "12px system-ui, sans-serif" },
+          { stroke, grid, ticks: grid, font, size: 30, values: (_chart, ticks) => ticks.map((tick) => `${Number(tick.toFixed(2))} s`) },
+          { stroke, grid, ticks: grid, font, size: 52, label, labelSize: 18, labelGap: 0, labelFont: font },
         ],
-        series: [{}, ...series],
-        hooks: { setCursor: [() => this.#tell()] },
+        series: [{}, ...series.map((one) => ({ ...one, spanGaps: whole }))],
+        hooks: { setCursor: [() => this.#tell()], setSize: [() => this.#drawCursor()] },
       },
       this.#data,
       this.element,
     );
+    if (whole) this.#addCursor();
     const shown = series.map(({ label, stroke }) => {
       const [line, mark, value] = ["div", "i", "b"].map((tag) => document.createElement(tag));
       line.dataset.name = label;
@@ -138,13 +196,47 @@ export class Plot {
       return line;
     });
     this.legend.replaceChildren(...shown);
+    this.#tell();
   }
 
-  /** Writes the values under the pointer into the legend, else the newest. */
+  /** Adds the line at the place that is shown; dragging it, or anywhere, shows another place. */
+  #addCursor() {
+    const { over } = this.chart;
+    this.line = Object.assign(document.createElement("div"), { className: "cursor", title: "the place that is shown: drag" });
+    over.append(this.line);
+    over.classList.add("seeks");
+    const seek = ({ clientX }) => {
+      const { left, width } = over.getBoundingClientRect();
+      this.seek(timeAt(clientX - left, width, this.#recording.length));
+    };
+    over.addEventListener("pointerdown", (event) => {
+      over.setPointerCapture(event.pointerId);
+      seek(event);
+    });
+    over.addEventListener("pointermove", (event) => over.hasPointerCapture(event.pointerId) && seek(event));
+    this.#drawCursor();
+  }
+
+  #drawCursor() {
+    if (!this.#whole || !this.chart || !this.line) return;
+    const { place, length } = this.#recording;
+    this.line.style.left = `${length > 0 ? (100 * place) / length : 0}%`;
+  }
+
+  /** Index of the values that are shown beside the names unless the pointer is on the plot. */
+  #now() {
+    return this.#whole ? newestAt(this.#data[0], this.#recording.place) : this.#data[0].length - 1;
+  }
+
+  /** Writes the values under the pointer into the legend, else those of now. */
   #tell() {
-    const at = this.chart?.cursor.idx ?? this.#data[0].length - 1;
+    const at = this.chart?.cursor.idx ?? this.#now();
     [...this.legend.children].forEach((line, index) => {
-      line.lastChild.textContent = short(this.#data[index + 1]?.[at]);
+      const values = this.#data[index + 1];
+      let from = at;
+      // Lines of a recording have values at their own times.
+      while (this.#whole && from > 0 && values?.[from] == null) from -= 1;
+      line.lastChild.textContent = short(values?.[from]);
     });
   }
 
@@ -159,12 +251,13 @@ export class Plot {
       this.fieldSelect.value = kept;
       this.#begin(kept);
     }
+    if (this.#whole) return;
     const field = fields.find(({ name }) => name === this.#field);
     if (!field) return;
     const all = [message[field.local]].flat();
     const values = all.slice(this.#first, this.#first + MOST).map(Number);
     const time = Number(timestamp) * 1e-9;
-    // Time that goes back, as at a reset: the lines begin anew.
+    // Time that goes back, as at a reset: the lines begin again.
     if (time < (this.#data[0].at(-1) ?? Infinity) + (this.zero ?? 0)) {
       this.zero = time;
       this.#data = [[], ...this.#data.slice(1).map(() => [])];

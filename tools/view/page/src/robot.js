@@ -1,12 +1,17 @@
 // A robot: its model from URDF, moved by the joint states of the run, placed by the transforms that the run's kinematics
 // compute.
 
-import { Box3, Matrix4, Mesh, Vector3 } from "three";
+import { Box3, Group, Matrix4, Mesh, Vector3 } from "three";
 import { ColladaLoader } from "three/addons/loaders/ColladaLoader.js";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { OBJLoader } from "three/addons/loaders/OBJLoader.js";
 import { STLLoader } from "three/addons/loaders/STLLoader.js";
 import URDFLoader from "urdf-loader";
+import { shadowed, smoothed } from "./shapes.js";
+import { fromFile, fromUrdf, surface } from "./surfaces.js";
+
+/** What a link collides with, until its meshes are loaded. */
+const HULL = surface({ r: 0.62, g: 0.66, b: 0.71 });
 
 /** The object of a mesh file. */
 async function mesh(uri, bytes, material) {
@@ -14,13 +19,17 @@ async function mesh(uri, bytes, material) {
   const text = () => new TextDecoder().decode(buffer);
   switch (uri.split(".").pop().toLowerCase()) {
     case "stl":
-      return new Mesh(new STLLoader().parse(buffer), material);
+      return new Mesh(smoothed(new STLLoader().parse(buffer)), material);
     case "dae":
       return new ColladaLoader().parse(text(), "").scene;
     case "obj": {
-      const object = new OBJLoader().parse(text());
+      const lines = text();
+      const object = new OBJLoader().parse(lines);
+      const hasNormals = /^vn /m.test(lines);
       object.traverse((child) => {
-        if (child.isMesh) child.material = material;
+        if (!child.isMesh) return;
+        child.material = material;
+        if (!hasNormals) child.geometry = smoothed(child.geometry);
       });
       return object;
     }
@@ -32,39 +41,118 @@ async function mesh(uri, bytes, material) {
   }
 }
 
+/** Names of the meshes of a description within elements of this kind. */
+function meshesIn(text, kind) {
+  const elements = [...new DOMParser().parseFromString(text, "text/xml").querySelectorAll(`link > ${kind} mesh`)];
+  return new Set(elements.map((element) => element.getAttribute("filename")));
+}
+
+/** Makes materials and shadows of a loaded object those of the page. */
+function finished(object, material) {
+  object.traverse((child) => {
+    if (!child.isMesh) return;
+    child.material = Array.isArray(child.material) ? child.material.map(material) : material(child.material);
+  });
+  return shadowed(object);
+}
+
 export class Robot {
   #missing = 0;
+  #meshes = 0;
 
   /** `about` is the robot's entry in the graph; `failed` is told of meshes that cannot be drawn. */
   constructor(about, connection, scene, failed) {
     this.about = about;
+    this.connection = connection;
     this.scene = scene;
+    this.failed = failed;
     this.model = undefined;
     this.state = undefined; // the newest joint state
     this.posed = false;
-    this.load = (text) => {
-      this.model?.removeFromParent();
-      const loader = new URDFLoader();
-      // Visuals, else what the robot collides with.
-      loader.parseVisual = /<visual[\s>]/.test(text);
-      loader.parseCollision = !loader.parseVisual;
-      loader.packages = (name) => `package://${name}`;
-      loader.loadMeshCb = async (uri, _manager, material, done) => {
-        this.#missing += 1;
-        try {
-          done(await mesh(uri, await connection.fetchAsset(uri), material));
-        } catch (error) {
-          failed(error.message);
-          done(null, error);
-        }
-        this.#missing -= 1;
-      };
-      this.model = loader.parse(text);
-      this.model.visible = false;
-      for (const joint of Object.values(this.model.joints)) joint.ignoreLimits = true;
-      scene.add(this.model);
-      if (this.state) this.#move();
+  }
+
+  /** Builds the model of a description. Until its meshes are there, links are drawn as what they collide with. */
+  load(text) {
+    if (text === this.text) return; // sent once more
+    this.text = text;
+    this.model?.removeFromParent();
+    this.#missing = this.#meshes = 0;
+    const visuals = meshesIn(text, "visual");
+    const isVisual = /<visual[\s>]/.test(text);
+    const hulls = isVisual && visuals.size > 0 ? this.#hulls(text, visuals) : new Map();
+    const loader = this.#loader((uri, material) => this.#mesh(uri, material));
+    loader.parseVisual = isVisual;
+    loader.parseCollision = !isVisual;
+    this.model = finished(loader.parse(text), fromUrdf);
+    for (const [name, hull] of hulls) this.model.links[name]?.add(hull);
+    this.hulls = hulls;
+    this.#showHulls();
+    this.model.visible = false;
+    for (const joint of Object.values(this.model.joints)) joint.ignoreLimits = true;
+    this.scene.add(this.model);
+    if (this.state) this.#move();
+  }
+
+  /** A loader of descriptions. `load` returns the object of a mesh; the link that it belongs to has its hull until then. */
+  #loader(load) {
+    const loader = new URDFLoader();
+    loader.packages = (name) => `package://${name}`;
+    loader.loadMeshCb = async (uri, _manager, material, done) => {
+      try {
+        done(finished(await load(uri, material), fromFile));
+      } catch (error) {
+        this.failed(error.message);
+        done(null, error);
+      }
+      this.#showHulls();
     };
+    return loader;
+  }
+
+  async #mesh(uri, material) {
+    this.#missing += 1;
+    this.#meshes += 1;
+    try {
+      return await mesh(uri, await this.connection.fetchAsset(uri), fromUrdf(material));
+    } finally {
+      this.#missing -= 1;
+    }
+  }
+
+  /** What the links with meshes collide with, by link. Meshes that are those of the picture are not loaded twice. */
+  #hulls(text, visuals) {
+    const loader = this.#loader(async (uri) => {
+      if (visuals.has(uri)) return new Group();
+      return mesh(uri, await this.connection.fetchAsset(uri), HULL);
+    });
+    [loader.parseVisual, loader.parseCollision] = [false, true];
+    const model = loader.parse(text);
+    const hulls = new Map();
+    for (const [name, link] of Object.entries(model.links)) {
+      if (!link.urdfNode.querySelector("visual mesh")) continue;
+      const hull = new Group();
+      hull.add(...link.children.filter((child) => child.isURDFCollider));
+      hulls.set(name, finished(hull, () => HULL));
+    }
+    return hulls;
+  }
+
+  /** Hides the hulls of links whose meshes are there. */
+  #showHulls() {
+    for (const [name, hull] of this.hulls ?? []) {
+      const visuals = this.model.links[name].children.filter((child) => child.isURDFVisual);
+      hull.visible = visuals.some(({ children }) => children.length === 0);
+    }
+  }
+
+  /** Names of the links that are drawn as their hulls. */
+  get shownHulls() {
+    return [...(this.hulls ?? [])].filter(([, hull]) => hull.visible).map(([name]) => name);
+  }
+
+  /** Meshes that are loaded, and all. */
+  get progress() {
+    return [this.#meshes - this.#missing, this.#meshes];
   }
 
   /** Takes a message of joint states. */
@@ -86,6 +174,16 @@ export class Robot {
     const pose = frames.inWorld(this.about.frame_prefix + this.model.urdfName);
     if (pose) pose.decompose(this.model.position, this.model.quaternion, this.model.scale);
     this.model.visible = pose !== undefined;
+  }
+
+  /** True if it is in the picture, with hulls where meshes are missing. */
+  get isShown() {
+    return this.model?.visible === true;
+  }
+
+  /** Position of its root in the world. */
+  get base() {
+    return this.model.position;
   }
 
   /** True if all of it is in the picture. */

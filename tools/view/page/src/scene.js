@@ -1,122 +1,132 @@
-// The picture: light, ground grid, camera, and what scenes and targets draw. z points up, as in the world of a graph.
+// The picture: camera, light, ground, and what scenes and targets draw. z points up, as in the world of a graph.
 
 import {
-  AmbientLight, ArrowHelper, AxesHelper, Box3, BoxGeometry, BufferGeometry, Color, CylinderGeometry, DirectionalLight,
-  Float32BufferAttribute, GridHelper, Group,
-  Mesh, MeshPhongMaterial, PerspectiveCamera, Quaternion, Scene, SphereGeometry, Vector3, WebGLRenderer,
+  ACESFilmicToneMapping, Box3, BoxGeometry, DirectionalLight, HemisphereLight, Mesh, PCFShadowMap, PerspectiveCamera, Scene,
+  Sphere, Vector3, WebGLRenderer,
 } from "three";
-import { colour, onTheme } from "./theme.js";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { Follow, framingDistance } from "./follow.js";
+import { Ground } from "./ground.js";
+import { LEVELS, Quality } from "./quality.js";
+import { axes, dispose, drawn, placeAt } from "./shapes.js";
+import { studio, surface } from "./surfaces.js";
+import { colour, isDark, onTheme } from "./theme.js";
 
-const LARGE = 3; // m: things from this size on are surroundings
-
-const vector = (v) => new Vector3(v?.x ?? 0, v?.y ?? 0, v?.z ?? 0);
-const quaternion = (q) => (q ? new Quaternion(q.x, q.y, q.z, q.w) : new Quaternion());
-
-function place(object, pose) {
-  object.position.copy(vector(pose?.position));
-  object.quaternion.copy(quaternion(pose?.orientation));
-  return object;
-}
-
-function material({ r, g, b, a } = { r: 0.6, g: 0.6, b: 0.6, a: 1 }) {
-  return new MeshPhongMaterial({ color: new Color(r, g, b), opacity: a, transparent: a < 1, depthWrite: a >= 1 });
-}
-
-/** The group that a scene entity of Foxglove draws. */
-function drawn(entity) {
-  const group = new Group();
-  const add = (geometry, { pose, color }) => group.add(place(new Mesh(geometry, material(color)), pose));
-  for (const cube of entity.cubes) add(new BoxGeometry(cube.size.x, cube.size.y, cube.size.z), cube);
-  for (const sphere of entity.spheres) {
-    const geometry = new SphereGeometry(0.5, 24, 16);
-    geometry.scale(sphere.size.x, sphere.size.y, sphere.size.z);
-    add(geometry, sphere);
-  }
-  for (const cylinder of entity.cylinders) {
-    const geometry = new CylinderGeometry(0.5 * cylinder.topScale, 0.5 * cylinder.bottomScale, 1, 24);
-    geometry.rotateX(Math.PI / 2);
-    geometry.scale(cylinder.size.x, cylinder.size.y, cylinder.size.z);
-    add(geometry, cylinder);
-  }
-  for (const { pose, points, indices, color } of entity.triangles) {
-    const geometry = new BufferGeometry();
-    geometry.setAttribute("position", new Float32BufferAttribute(points.flatMap(({ x, y, z }) => [x, y, z]), 3));
-    if (indices.length) geometry.setIndex(indices);
-    geometry.computeVertexNormals();
-    add(geometry, { pose, color });
-  }
-  for (const arrow of entity.arrows) {
-    const along = new Vector3(1, 0, 0).applyQuaternion(quaternion(arrow.pose?.orientation));
-    const length = Math.max(arrow.shaftLength + arrow.headLength, 1e-4);
-    const { r, g, b } = arrow.color ?? { r: 1, g: 0, b: 0 };
-    const hex = new Color(r, g, b).getHex();
-    group.add(new ArrowHelper(along, vector(arrow.pose?.position), length, hex, arrow.headLength, arrow.headDiameter * 2));
-  }
-  return group;
-}
-
-function dispose(object) {
-  object.removeFromParent();
-  object.traverse((child) => {
-    child.geometry?.dispose();
-    for (const one of [child.material].flat()) one?.dispose();
-  });
-}
+/** Things from this size on are surroundings, m. */
+const LARGE = 3;
+/** Vertical angle of the camera, degrees. */
+const ANGLE = 34;
+/** Part of the picture that a box fills in its first picture. */
+const FILLED = 0.95;
+/** Where the first picture is taken from, and where the light comes from. */
+const FROM = new Vector3(0.8, -0.72, 0.31).normalize();
+const LIGHT = new Vector3(0.42, -0.62, 0.95).normalize();
+/** Steps in which the light follows, m: shadows move with what casts them, not with the map. */
+const LIGHT_STEP = 0.25;
+/** Length of the axes of a target, as part of the radius of what the camera frames. */
+const AXES = 0.17;
+/** Name and entity of the world's ground among the scenes. */
+const WORLD = "/world/scene";
+const GROUND = "ground";
 
 /** A canvas and its context: with smooth edges, unless the processor draws, where they would cost most of its time. */
 function drawing() {
   const made = (antialias) => {
     const canvas = document.createElement("canvas");
-    return { canvas, context: canvas.getContext("webgl2", { alpha: true, stencil: false, antialias }) };
+    return { canvas, context: canvas.getContext("webgl2", { alpha: false, stencil: false, antialias }) };
   };
   const plain = made(false);
   const gl = plain.context;
   const more = gl?.getExtension("WEBGL_debug_renderer_info");
   const name = gl ? gl.getParameter(more ? more.UNMASKED_RENDERER_WEBGL : gl.RENDERER) : "";
   // The first context of a page takes a tenth of a second of a processor that draws: it is kept.
-  if (/swiftshader|llvmpipe|softpipe/i.test(name)) return plain;
+  if (/swiftshader|llvmpipe|softpipe/i.test(name)) return { ...plain, isSoftware: true };
   gl?.getExtension("WEBGL_lose_context")?.loseContext();
-  return made(true);
+  return { ...made(true), isSoftware: false };
 }
 
 export class View {
   #entities = new Map(); // by topic and id: the group and its frame
   #targets = new Map(); // by topic
+  #follow = new Follow();
+  #followed; // the base at the last picture
+  #last; // time of the last picture
+  #radius = 1; // of what the camera frames, m
+  #axes = AXES; // length of a target's axes, m
 
   constructor(element) {
     this.element = element;
-    this.renderer = new WebGLRenderer(drawing());
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
-    element.append(this.renderer.domElement);
+    const { canvas, context, isSoftware } = drawing();
+    this.renderer = new WebGLRenderer({ canvas, context });
+    this.renderer.toneMapping = ACESFilmicToneMapping;
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = PCFShadowMap;
+    this.quality = new Quality(isSoftware ? 1 : LEVELS.length - 1);
+    element.prepend(canvas);
     this.scene = new Scene();
-    [this.sky, this.sun] = [new AmbientLight(0xffffff), new DirectionalLight(0xffffff)];
-    this.sun.position.set(2, -3, 5);
-    this.scene.add(this.sky, this.sun);
-    this.scene.add(new AxesHelper(0.2));
-    this.#paint();
-    onTheme(() => this.#paint());
-    this.camera = new PerspectiveCamera(45, 1, 0.01, 100);
+    this.sky = new HemisphereLight();
+    this.sky.position.set(0, 0, 1);
+    this.key = new DirectionalLight();
+    this.fill = new DirectionalLight();
+    this.fill.position.set(-0.7, 0.55, 0.35);
+    this.scene.add(this.sky, this.key, this.key.target, this.fill);
+    this.ground = new Ground(this.scene);
+    this.camera = new PerspectiveCamera(ANGLE, 1, 0.01, 200);
     this.camera.up.set(0, 0, 1);
-    this.camera.position.set(1.7, -1.5, 1.2);
-    this.controls = new OrbitControls(this.camera, this.renderer.domElement);
-    this.controls.target.set(0.2, 0, 0.4);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.target.set(0, 0, 0.4);
+    this.camera.position.copy(FROM).multiplyScalar(3).add(this.controls.target);
     this.controls.update();
     this.moved = false; // true once the user has moved the camera
+    this.follows = true;
     this.controls.addEventListener("start", () => (this.moved = true));
+    this.#paint();
+    onTheme(() => this.#paint());
     new ResizeObserver(() => this.resize()).observe(element);
+    this.#applyLevel();
+    // A surface too small to see: its shaders are compiled while the robot is still on its way.
+    this.first = new Mesh(new BoxGeometry(1e-5, 1e-5, 1e-5), surface({ r: 1, g: 1, b: 1 }));
+    this.first.receiveShadow = true;
+    this.first.frustumCulled = false;
+    this.scene.add(this.first);
+  }
+
+  /** Light and colours of the theme. */
+  #paint() {
+    const dark = isDark();
+    this.renderer.toneMappingExposure = dark ? 0.95 : 1.05;
+    this.sky.color.set(dark ? "#c9d6ea" : "#f3f7ff");
+    this.sky.groundColor.set(dark ? "#30363f" : "#8d8a86");
+    this.sky.intensity = dark ? 1.25 : 1.7;
+    this.key.color.set("#fff4e6");
+    this.key.intensity = dark ? 2.5 : 2.6;
+    this.fill.color.set("#bcd2ff");
+    this.fill.intensity = dark ? 0.8 : 0.55;
+    studio.above.value.set(dark ? "#9fb0c8" : "#eef3fa");
+    studio.below.value.set(colour("--floor"));
+    studio.rim.value = dark ? 0.35 : 0.45;
+    this.ground?.paint();
+  }
+
+  #applyLevel(level = LEVELS[this.quality.level]) {
+    this.level = level;
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, level.ratio));
+    this.key.castShadow = level.shadow > 0;
+    if (level.shadow > 0 && this.key.shadow.mapSize.x !== level.shadow) {
+      this.key.shadow.mapSize.set(level.shadow, level.shadow);
+      this.key.shadow.map?.dispose();
+      this.key.shadow.map = null;
+    }
+    this.key.shadow.radius = 3;
     this.resize();
   }
 
-  /** The light, and the colours of background and grid, whose lines are 25 cm apart. */
-  #paint() {
-    const light = Number(colour("--light"));
-    [this.sky.intensity, this.sun.intensity] = [1.4 * light, 2.2 * light];
-    this.scene.background = new Color(colour("--scene"));
-    if (this.grid) dispose(this.grid);
-    this.grid = new GridHelper(4, 16, colour("--axis"), colour("--cell"));
-    this.grid.rotateX(Math.PI / 2);
-    this.scene.add(this.grid);
+  /** Draws the next pictures as well as the page can, whatever that costs, for a picture to keep. */
+  finest() {
+    this.pinned = true;
+    this.#applyLevel(LEVELS.at(-1));
+    this.renderer.setPixelRatio(2);
+    this.resize();
   }
 
   resize() {
@@ -129,6 +139,7 @@ export class View {
 
   /** Draws the entities of a scene in place of those of the same name. */
   update(topic, { entities, deletions }) {
+    const isGround = (id) => topic === WORLD && id === GROUND;
     const remove = (key) => {
       const entity = this.#entities.get(key);
       if (entity) dispose(entity.group);
@@ -137,12 +148,20 @@ export class View {
     for (const deletion of deletions) {
       const own = [...this.#entities.keys()].filter((key) => key.startsWith(`${topic} `));
       own.filter((key) => deletion.type === 1 || key === `${topic} ${deletion.id}`).forEach(remove);
+      if (deletion.type === 1 ? topic === WORLD : isGround(deletion.id)) this.ground.place();
     }
     for (const entity of entities) {
       const key = `${topic} ${entity.id}`;
+      if (isGround(entity.id) && entity.cubes.length === 1) {
+        const [{ pose, size, color }] = entity.cubes;
+        this.ground.place((pose?.position?.z ?? 0) + 0.5 * (size?.z ?? 0), color);
+        continue;
+      }
       remove(key);
       const group = drawn(entity);
-      this.#entities.set(key, { group, frame: entity.frameId });
+      // Forces come and go; the camera frames bodies.
+      const isBody = [entity.cubes, entity.spheres, entity.cylinders, entity.triangles].some(({ length }) => length > 0);
+      this.#entities.set(key, { group, frame: entity.frameId, isBody });
       this.scene.add(group);
     }
   }
@@ -150,50 +169,109 @@ export class View {
   /** Draws a target as three axes. */
   target(topic, pose) {
     if (!this.#targets.has(topic)) {
-      const axes = new AxesHelper(0.12);
-      this.#targets.set(topic, axes);
-      this.scene.add(axes);
+      const target = axes();
+      target.scale.setScalar(this.#axes);
+      this.#targets.set(topic, target);
+      this.scene.add(target);
     }
-    place(this.#targets.get(topic), pose);
+    placeAt(this.#targets.get(topic), pose);
   }
 
   /** Forgets all that scenes and targets have drawn. */
   clear() {
     for (const { group } of this.#entities.values()) dispose(group);
-    for (const axes of this.#targets.values()) dispose(axes);
+    for (const target of this.#targets.values()) dispose(target);
     this.#entities.clear();
     this.#targets.clear();
+    this.ground.place();
+    this.#followed = undefined;
   }
 
-  /** Draws a picture. `frames` tells where the frames of entities are. */
-  render(frames) {
+  /** Draws a picture. `frames` knows where the frames of entities are, `base` is the point that the camera follows. */
+  render(frames, base, now) {
     for (const { group, frame } of this.#entities.values()) {
       const pose = frames.inWorld(frame);
       group.visible = pose !== undefined;
       if (pose) pose.decompose(group.position, group.quaternion, group.scale);
     }
+    if (!this.pinned && this.quality.frame(now)) this.#applyLevel();
+    this.#move(base, now);
     this.controls.update();
+    this.#illuminate();
+    this.ground.renderContact(this.renderer);
     this.renderer.render(this.scene, this.camera);
+    this.#last = now;
   }
 
-  /** The number of things in the picture besides robots. */
+  /** Moves the camera with the base. */
+  #move(base, now) {
+    if (!base) return;
+    if (this.#followed === undefined || !this.follows) this.#follow.begin(base.toArray());
+    this.#followed = base;
+    if (!this.follows) return;
+    const shift = new Vector3(...this.#follow.step(base.toArray(), 1e-3 * (now - (this.#last ?? now))));
+    this.camera.position.add(shift);
+    this.controls.target.add(shift);
+  }
+
+  /** Light and shadows around what the camera looks at. */
+  #illuminate() {
+    const radius = this.#radius;
+    const centre = this.#followed && !this.moved ? this.controls.target : (this.#followed ?? this.controls.target);
+    const { shadow, contact } = this.level;
+    this.ground.focus(centre, radius, { shadows: shadow > 0, contact });
+    const step = (x) => Math.round(x / LIGHT_STEP) * LIGHT_STEP;
+    this.key.target.position.set(step(centre.x), step(centre.y), step(centre.z));
+    this.key.position.copy(LIGHT).multiplyScalar(4 * radius + 1).add(this.key.target.position);
+    const { camera } = this.key.shadow;
+    const side = 1.7 * radius + LIGHT_STEP;
+    if (camera.right === side) return;
+    [camera.left, camera.right, camera.top, camera.bottom] = [-side, side, side, -side];
+    [camera.near, camera.far] = [0.1, 8 * radius + 2];
+    camera.updateProjectionMatrix();
+    this.key.shadow.bias = -0.0008;
+    this.key.shadow.normalBias = 0.012 * Math.max(radius, 0.3);
+  }
+
+  /** The number of bodies in the picture besides robots. */
   get count() {
-    return this.#entities.size;
+    return [...this.#entities.values()].filter(({ isBody }) => isBody).length;
   }
 
   /** Moves the camera so that a box is well in the picture, with the things around it but not the ground. */
   look(box, frames) {
-    for (const { group, frame } of this.#entities.values()) {
-      const pose = frames.inWorld(frame);
+    if (this.first) dispose(this.first);
+    this.first = undefined;
+    for (const { group, frame, isBody } of this.#entities.values()) {
+      const pose = isBody ? frames.inWorld(frame) : undefined;
       if (!pose) continue;
       pose.decompose(group.position, group.quaternion, group.scale);
       const thing = new Box3().setFromObject(group);
       if (thing.getSize(new Vector3()).length() < LARGE) box.union(thing);
     }
-    const centre = box.getCenter(new Vector3());
-    const radius = Math.max(box.getSize(new Vector3()).length() / 2, 0.2);
-    this.controls.target.copy(centre);
-    this.camera.position.copy(centre).add(new Vector3(0.75, -0.75, 0.45).normalize().multiplyScalar(2.6 * radius));
+    const { center, radius } = box.getBoundingSphere(new Sphere());
+    this.#radius = Math.max(radius, 0.2);
+    this.controls.target.copy(center);
+    this.#axes = AXES * Math.min(this.#radius, 1);
+    for (const target of this.#targets.values()) target.scale.setScalar(this.#axes);
+    const half = box.getSize(new Vector3()).multiplyScalar(0.5);
+    const signs = [-1, 1];
+    const corners = signs.flatMap((x) => signs.flatMap((y) => signs.map((z) => [x * half.x, y * half.y, z * half.z])));
+    const distance = Math.max(framingDistance(corners, FROM.toArray(), ANGLE, this.camera.aspect, FILLED), 0.4);
+    this.camera.position.copy(FROM).multiplyScalar(distance).add(center);
     this.controls.update();
+    this.moved = false;
+  }
+
+  /** What the page shows of the camera and the quality of its pictures. */
+  get state() {
+    return {
+      target: this.controls.target.toArray(),
+      position: this.camera.position.toArray(),
+      follows: this.follows,
+      level: this.level.name,
+      shadows: this.level.shadow > 0,
+      rate: this.quality.rate ?? null,
+    };
   }
 }

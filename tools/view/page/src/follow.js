@@ -1,0 +1,51 @@
+// Geometry of the camera: the distance that frames points, and the motion that follows a base.
+
+/** Time in which the camera makes up for two thirds of its distance from the base, s. */
+const TIME_CONSTANT = 0.25;
+/** A base that moves further between two frames was placed elsewhere, m: the camera is there at once. */
+const JUMP = 2;
+
+const dot = (one, other) => one.reduce((sum, x, i) => sum + x * other[i], 0);
+const cross = ([a, b, c], [x, y, z]) => [b * z - c * y, c * x - a * z, a * y - b * x];
+const unit = (v) => v.map((x) => x / Math.hypot(...v));
+
+/**
+ * Distance of a camera that sees points, [x, y, z] in m relative to the point that it looks at: each within a part `filled` of
+ * the picture. `from` is the direction to the camera, `degrees` its vertical angle, `aspect` width / height; z is up.
+ */
+export function framingDistance(points, from, degrees, aspect, filled = 1) {
+  const back = unit(from);
+  const right = unit(cross([0, 0, 1], back));
+  const up = cross(back, right);
+  const high = Math.tan((degrees * Math.PI) / 360) * filled;
+  const needed = points.map((point) => {
+    const aside = Math.max(Math.abs(dot(point, right)) / (high * aspect), Math.abs(dot(point, up)) / high);
+    return dot(point, back) + aside;
+  });
+  return Math.max(...needed);
+}
+
+/** Follows a point smoothly: the shift of the camera in each frame. */
+export class Follow {
+  #at; // the followed point, smoothed
+  #target; // the newest point
+
+  /** Begins at a point, [x, y, z] in m: nothing is made up for. */
+  begin(point) {
+    this.#at = [...point];
+    this.#target = [...point];
+  }
+
+  /** Shift of the camera after a time, s, with the followed point there: [x, y, z], m. */
+  step(point, seconds) {
+    if (!this.#at) this.begin(point);
+    const jumped = Math.hypot(...point.map((x, i) => x - this.#target[i])) > JUMP;
+    this.#target = [...point];
+    const share = jumped ? 1 : 1 - Math.exp(-Math.max(seconds, 0) / TIME_CONSTANT);
+    return this.#at.map((from, i) => {
+      const shift = (point[i] - from) * share;
+      this.#at[i] += shift;
+      return shift;
+    });
+  }
+}

@@ -1,0 +1,81 @@
+// The quality of the picture: as high as the measured frame rate allows.
+
+/** Levels from the cheapest to the best: pixels per pixel of the screen at most, contact shadows, size of the shadow map. */
+export const LEVELS = [
+  { name: "reduced", ratio: 0.75, contact: false, shadow: 0 },
+  { name: "plain", ratio: 1, contact: false, shadow: 0 },
+  { name: "contact", ratio: 1, contact: true, shadow: 0 },
+  { name: "shadows", ratio: 1.5, contact: true, shadow: 1024 },
+  { name: "full", ratio: 2, contact: true, shadow: 2048 },
+];
+
+/** Frames per second below which the level falls, and above which a better one is tried. */
+export const SLOW = 12;
+export const FAST = 45;
+/** Time over which frames are counted, ms. */
+export const WINDOW_MS = 1000;
+/** Time of fast frames before a better level is tried, ms; doubled each time that the level did not last. */
+const PATIENCE_MS = 3000;
+const MOST_PATIENCE_MS = 300_000;
+/** A level that falls again within this time did not last, ms. */
+const LASTING_MS = 15_000;
+/** A longer pause between two frames is no measurement: the page was hidden, ms. */
+const PAUSE_MS = 2000;
+
+export class Quality {
+  #level;
+  #frames = 0;
+  #since; // begin of the window
+  #last; // previous frame
+  #fastSince;
+  #patience = PATIENCE_MS;
+  #raised = -Infinity;
+  /** Frames per second of the last window; undefined before its end. */
+  rate;
+
+  constructor(level) {
+    this.#level = level;
+  }
+
+  get level() {
+    return this.#level;
+  }
+
+  /** Counts a frame at a time, ms. Returns true if the level has changed. */
+  frame(now) {
+    if (this.#last === undefined || now - this.#last > PAUSE_MS) {
+      this.#begin(now);
+      this.#fastSince = undefined;
+    }
+    this.#last = now;
+    if (this.#since === now) return false;
+    this.#frames += 1;
+    const length = now - this.#since;
+    if (length < WINDOW_MS) return false;
+    this.rate = (1000 * this.#frames) / length;
+    const began = this.#since;
+    this.#begin(now);
+    return this.#decide(began, now);
+  }
+
+  #begin(now) {
+    this.#since = now;
+    this.#frames = 0;
+  }
+
+  #decide(began, now) {
+    if (this.rate < FAST) this.#fastSince = undefined;
+    else this.#fastSince ??= began;
+    if (this.rate < SLOW && this.#level > 0) {
+      if (now - this.#raised < LASTING_MS) this.#patience = Math.min(2 * this.#patience, MOST_PATIENCE_MS);
+      this.#level -= 1;
+      return true;
+    }
+    const isBest = this.#level === LEVELS.length - 1;
+    if (isBest || this.#fastSince === undefined || now - this.#fastSince < this.#patience) return false;
+    this.#level += 1;
+    this.#raised = now;
+    this.#fastSince = undefined;
+    return true;
+  }
+}
