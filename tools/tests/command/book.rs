@@ -6,6 +6,8 @@ use std::process::{Command, Output};
 
 use serde_json::Value as Json;
 
+use crate::program::printed;
+
 mod components;
 
 fn workspace() -> PathBuf {
@@ -314,7 +316,7 @@ fn pictures_of_readme_and_catalogue_are_current() {
                 let kept = std::fs::read(workspace().join(&file)).expect("the picture");
                 assert!(kept == current, "{file} is out of date: motorium {} {file}", arguments.join(" "));
             }
-            _ => panic!("{file} is no picture of a robot"),
+            _ => panic!("{file} is not a picture of a robot"),
         }
     }
 }
