@@ -107,8 +107,10 @@ impl Frame {
         let marks = (0..=self.scales.nines as i32).map(|nines| (percent(nines), f64::from(nines)));
         for (words, nines) in core::iter::once(median).chain(marks) {
             let at = self.x(nines);
-            let _ =
-                writeln!(svg, "<path class=\"grid\" d=\"M{at:.1} {top:.1}V{bottom:.1}\" stroke=\"#dddddd\"/>");
+            let _ = writeln!(
+                svg,
+                "<path class=\"grid\" d=\"M{at:.1} {top:.1}V{bottom:.1}\" stroke=\"#dddddd\"/>"
+            );
             svg += &theme::text(at, bottom + 18.0, "text-anchor=\"middle\"", &words);
         }
         let (across, down) = ((LEFT + right) / 2.0, (top + bottom) / 2.0);
@@ -127,8 +129,9 @@ impl Frame {
         let mut points: Vec<(f64, f64)> = Vec::new();
         for (i, (share, ns)) in curve.iter().enumerate() {
             let at = (self.x(-(1.0 - share).max(least).log10()), self.y(*ns as f64));
-            let is_near =
-                points.last().is_some_and(|last| (at.0 - last.0).abs() < NEAR && (at.1 - last.1).abs() < NEAR);
+            let is_near = points
+                .last()
+                .is_some_and(|last| (at.0 - last.0).abs() < NEAR && (at.1 - last.1).abs() < NEAR);
             if !is_near || i + 1 == curve.len() {
                 points.push(at);
             }
@@ -144,8 +147,7 @@ impl Frame {
             let points = self.points(curve.measurement);
             let words: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
             let (style, words) = (&curve.style, words.join(" "));
-            let _ =
-                writeln!(svg, "<polyline fill=\"none\" stroke-width=\"1.6\"{style} points=\"{words}\"/>");
+            let _ = writeln!(svg, "<polyline fill=\"none\" stroke-width=\"1.6\"{style} points=\"{words}\"/>");
             ends.extend(points.last().map(|end| (*end, curve)));
         }
         ends.sort_by(|one, other| one.0.1.total_cmp(&other.0.1));

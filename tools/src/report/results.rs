@@ -147,7 +147,9 @@ fn figure(name: &str, value: &Value) -> Option<String> {
             format!("{name} [{}]", listed.join(", "))
         }
         value => match UNITS.iter().find(|(ending, _)| value.is_number() && name.ends_with(ending)) {
-            Some((ending, unit)) => format!("{} {} {unit}", &name[..name.len() - ending.len()], scalar(value)),
+            Some((ending, unit)) => {
+                format!("{} {} {unit}", &name[..name.len() - ending.len()], scalar(value))
+            }
             None => format!("{name} {}", scalar(value)),
         },
     };

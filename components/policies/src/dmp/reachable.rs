@@ -8,8 +8,13 @@ use super::waypoints::{GoalPlace, Waypoints};
 use crate::reach::{Reach, moving_joints};
 
 /// Options of the search for joint positions. A goal that is missed by less is not worth a warning.
-const SEARCH: IkOptions =
-    IkOptions { position_tolerance: 1e-3, rotation_tolerance: 1e-2, iterations: 100, seeds: 16, posture: 0.1 };
+const SEARCH: IkOptions = IkOptions {
+    position_tolerance: 1e-3,
+    rotation_tolerance: 1e-2,
+    iterations: 100,
+    seeds: 16,
+    posture: 0.1,
+};
 
 /// Rejects goals beyond the reach of the end effector. Warns of goals that are beyond it only if the robot
 /// starts in its home pose, and of the first goal for which no joint positions within their limits are found.
@@ -66,7 +71,9 @@ pub(super) fn check(
         let certainly = is_place_certain && (is_turn_certain || !search.turns);
         let condition = if certainly { "" } else { " if the robot starts in its home pose" };
         declare
-            .warn(format!("no joint positions within their limits are found for goal {key}{condition}: {missed}"))
+            .warn(format!(
+                "no joint positions within their limits are found for goal {key}{condition}: {missed}"
+            ))
             .key(format!("goals[{key}]"))
             .advise("bring the goal nearer or turn it; the robot stops where it cannot follow");
         return Ok(());
@@ -120,7 +127,9 @@ impl<'a> Search<'a> {
             Err(IkFailure { position_error, rotation_error, .. }) => {
                 let free = IkOptions { rotation_tolerance: f64::INFINITY, ..options };
                 let remark = if solve(&free).is_ok() { "; its position alone can be reached" } else { "" };
-                Some(format!("the nearest are {position_error:.3} m and {rotation_error:.3} rad away{remark}"))
+                Some(format!(
+                    "the nearest are {position_error:.3} m and {rotation_error:.3} rad away{remark}"
+                ))
             }
         }
     }

@@ -179,9 +179,7 @@ impl Waypoints {
 
     /// Returns the position and the orientation (`None`: the previous goal's) of each goal, with the index of
     /// its goal in the configuration.
-    pub(super) fn poses(
-        &self,
-    ) -> impl Iterator<Item = (GoalPlace, Option<UnitQuaternion<f64>>, usize)> + '_ {
+    pub(super) fn poses(&self) -> impl Iterator<Item = (GoalPlace, Option<UnitQuaternion<f64>>, usize)> + '_ {
         self.goals.iter().zip(&self.keys).map(|(goal, key)| (goal.place, goal.turn, *key))
     }
 
