@@ -238,7 +238,7 @@ mod tests {
         let (width, height) = (64, 64);
         let slope = |at: usize| [4 * (at % 64), 4 * (at / 64), 2 * (at % 64)].map(|value| value as u8);
         let picture: Vec<u8> = (0..width * height).flat_map(slope).collect();
-        let still = encode(width, height, 40, &[picture.clone()]);
+        let still = encode(width, height, 40, std::slice::from_ref(&picture));
         assert_eq!(frames(&still), Some(1));
         let file = encode(width, height, 40, &[picture.clone(), picture.clone()]);
         let shown = played(&file, width, height)[1].concat();

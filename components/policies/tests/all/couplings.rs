@@ -143,7 +143,12 @@ fn goals_without_joint_positions_are_warned_of() {
             policy(&format!("{{ goals = [{goals}] }}")).robot("arm").subscribe("joint_state", "state");
         let state = Source::new("arm", "state", |_| None::<JointState>);
         let checked = Graph::new("reach-test").robot("arm", robot).with(state).with(policy).check();
-        checked.expect("a warning, no error").warnings.iter().map(|w| w.text.clone()).collect::<Vec<_>>()
+        checked
+            .expect("a warning, no error")
+            .warnings
+            .iter()
+            .map(|w| w.message().to_string())
+            .collect::<Vec<_>>()
     };
     let above_its_plane = "{ position = [0.5, 0.0, 0.3], duration = \"1 s\" }";
     let text = warnings("planar-3r", above_its_plane).join("\n");
