@@ -1,5 +1,7 @@
 //! Couplings of `policy.dmp` to errors, obstacles and forces.
 
+use std::f64::consts::FRAC_PI_2;
+
 use motorium::launcher::Report;
 use motorium::prelude::*;
 use motorium::testing::{Graph, Instance, Probe, Source};
@@ -158,7 +160,7 @@ fn goals_without_joint_positions_are_warned_of() {
     let goal = |pitch: f64| {
         format!("{{ position = [0.85, 0.0, 0.4], rpy = [0.0, {pitch}, 0.0], duration = \"1 s\" }}")
     };
-    assert_eq!(warnings("panda", &goal(1.5708)), Vec::<String>::new());
-    let text = warnings("panda", &format!("{}, {}", goal(1.5708), goal(-1.5708))).join("\n");
+    assert_eq!(warnings("panda", &goal(FRAC_PI_2)), Vec::<String>::new());
+    let text = warnings("panda", &format!("{}, {}", goal(FRAC_PI_2), goal(-FRAC_PI_2))).join("\n");
     assert!(text.contains("goal 1") && text.contains("its position alone can be reached"), "{text}");
 }
