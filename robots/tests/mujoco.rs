@@ -275,7 +275,7 @@ fn actuators_of_a_class_share_one_default() {
         (r#"<position kp="50"/>"#, "<general joint=\"j\" gainprm=\"60\"/>", None),
         ("<motor/>", "<position joint=\"j\" kp=\"7\"/>", Some((7.0, 0.0))),
         (r#"<velocity kv="9"/>"#, "<general joint=\"j\"/>", None),
-        // values of another kind do not count, except those of a general actuator with a fixed gain
+        // values of another kind do not count, except values of a general actuator with a fixed gain
         (r#"<velocity kv="12"/>"#, "<position joint=\"j\"/>", Some((1.0, 0.0))),
         (r#"<intvelocity kp="33" kv="2"/>"#, "<position joint=\"j\"/>", Some((1.0, 0.0))),
         (r#"<damper kv="2" ctrlrange="0 1"/>"#, "<position joint=\"j\"/>", Some((1.0, 0.0))),

@@ -173,8 +173,8 @@ impl Frame {
     }
 }
 
-/// Returns upper ends of labels with these heights, in order, as near as possible to the middle of each at its
-/// `wanted` height, without overlap and from `top` to `bottom` (beyond it if they do not fit).
+/// Returns the upper ends of labels with these heights, in order: near their `wanted` positions, without
+/// overlap, and from `top` to `bottom` (beyond it if they do not fit).
 fn spread(wanted: &[f64], heights: &[f64], top: f64, bottom: f64) -> Vec<f64> {
     let mut tops = Vec::with_capacity(wanted.len());
     let mut free = top;

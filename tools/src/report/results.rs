@@ -21,8 +21,8 @@ const UNITS: [(&str, &str); 9] = [
     ("_m", "m"),
 ];
 
-/// The result of a component as text. Its own figures follow the heading, which takes `heading` columns; each
-/// part and each list of joints begins a line. Counters that are zero and figures without a value are left out.
+/// The result of a component as text. Its own figures follow a heading of `heading` columns; each part and
+/// each list of joints begins a line. Counters that are zero and figures without a value are left out.
 pub(super) fn lines(heading: usize, result: &Value) -> String {
     let mut text = String::new();
     for group in groups(result) {

@@ -202,8 +202,8 @@ impl<E: Engine + Send> VectorEnvironment<E> {
     }
 
     /// Moves the drives of all worlds by one action each and steps physics as [`step`](Self::step) does,
-    /// without observations, rewards and ends: the part of a step that physics needs. Pushes stay those of
-    /// the episode's step. [`restart`](Self::restart) follows before a step of the task.
+    /// without observations, rewards and ends: the part of a step that physics needs. Pushes do not
+    /// change. [`restart`](Self::restart) follows before a step of the task.
     ///
     /// # Panics
     ///

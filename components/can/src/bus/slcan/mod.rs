@@ -1,8 +1,8 @@
 //! Buses behind an adapter on a serial line, in user space: slcan.
 //!
 //! An adapter such as a CANable with slcan firmware is a serial line (`/dev/ttyACM0`) that carries frames as
-//! lines of text. [`write()`] and [`Reader`] are the codec. A [`SlcanBus`] is a bus over such a line. It needs
-//! neither a driver nor network privileges.
+//! lines of text. [`write()`] and [`Reader`] are the codec. A [`SlcanBus`] is a bus over such a line, without
+//! a driver or network privileges.
 
 mod attach;
 mod codec;

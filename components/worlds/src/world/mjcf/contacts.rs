@@ -76,8 +76,8 @@ impl<'a, 'i> Surfaces<'a, 'i> {
     /// Drops the coefficients of directions in which contacts do not resist.
     ///
     /// A contact has the larger `condim` and the larger coefficients of its two geoms. A geom without a
-    /// direction therefore keeps a coefficient that exceeds the coefficient of a geom with this direction. Two
-    /// geoms without the direction then have friction if they touch, and cause a warning.
+    /// direction therefore keeps a coefficient that exceeds the other geom's. Two geoms without the direction
+    /// then have friction if they touch, and cause a warning.
     pub(super) fn apply(&self, attributes: &Attributes<'a, 'i>, world: &mut World) {
         let all: Vec<&Rubbing<'a, 'i>> = self.ground.iter().chain(&self.objects).collect();
         for (kind, least) in LARGEST_WITHOUT.into_iter().enumerate() {
