@@ -158,7 +158,7 @@ fn goals_without_joint_positions_are_warned_of() {
 
     // nearly stretched, a tool that points back at the base would need another half metre
     let goal = |pitch: f64| {
-        format!("{{ position = [0.85, 0.0, 0.4], rpy = [0.0, {pitch}, 0.0], duration = \"1 s\" }}")
+        format!("{{ position = [0.8, 0.0, 0.4], rpy = [0.0, {pitch}, 0.0], duration = \"1 s\" }}")
     };
     assert_eq!(warnings("panda", &goal(FRAC_PI_2)), Vec::<String>::new());
     let text = warnings("panda", &format!("{}, {}", goal(FRAC_PI_2), goal(-FRAC_PI_2))).join("\n");
