@@ -1,6 +1,6 @@
 //! Couplings of `policy.dmp` to errors, obstacles and forces.
 
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 use motorium::launcher::Report;
 use motorium::prelude::*;
@@ -157,10 +157,11 @@ fn goals_without_joint_positions_are_warned_of() {
     assert!(text.contains("goal 0: the nearest are 0.300 m away"), "{text}");
 
     // nearly stretched, a tool that points back at the base would need another half metre
-    let goal = |pitch: f64| {
-        format!("{{ position = [0.8, 0.0, 0.4], rpy = [0.0, {pitch}, 0.0], duration = \"1 s\" }}")
+    let goal = |x: f64, [roll, pitch]: [f64; 2]| {
+        format!("{{ position = [{x}, 0.0, 0.4], rpy = [{roll}, {pitch}, 0.0], duration = \"1 s\" }}")
     };
-    assert_eq!(warnings("panda", &goal(FRAC_PI_2)), Vec::<String>::new());
-    let text = warnings("panda", &format!("{}, {}", goal(FRAC_PI_2), goal(-FRAC_PI_2))).join("\n");
+    let down = goal(0.5, [PI, 0.0]);
+    assert_eq!(warnings("panda", &down), Vec::<String>::new());
+    let text = warnings("panda", &format!("{down}, {}", goal(0.8, [0.0, -FRAC_PI_2]))).join("\n");
     assert!(text.contains("goal 1") && text.contains("its position alone can be reached"), "{text}");
 }
