@@ -321,17 +321,3 @@ fn actuators_of_a_class_share_one_default() {
         assert_eq!(found, gains, "{class} {actuator}");
     }
 }
-
-/// `-biasprm[2]` of MuJoCo 4.0.0: the damping ratio counts for the inertia that an actuator feels while the
-/// other joints move freely.
-#[test]
-fn damping_ratios_count_for_joints_that_move_freely() {
-    let text = "<mujoco><worldbody><body><joint name=\"j1\" axis=\"0 1 0\"/><geom type=\"capsule\" fromto=\"0 0 0 0.3 0 0\" size=\"0.03\"/>\
-                <body pos=\"0.3 0 0\"><joint name=\"j2\" axis=\"0 1 0\"/><geom type=\"capsule\" fromto=\"0 0 0 0.2 0 0\" size=\"0.02\"/></body>\
-                </body></worldbody><actuator><position joint=\"j1\" gear=\"10\" dampratio=\"0.7\"/>\
-                <position joint=\"j2\" kp=\"40\" dampratio=\"1\"/></actuator></mujoco>";
-    let robot = parse_mjcf(text, None, &LoadOptions::default()).unwrap();
-    let gains = robot.profile.as_ref().unwrap().gains(&robot.model).unwrap();
-    assert_relative_eq!(gains.kd[0], 2.764_212_800_852_25, max_relative = 1e-9);
-    assert_relative_eq!(gains.kd[1], 0.572_818_890_819_1, max_relative = 1e-9);
-}

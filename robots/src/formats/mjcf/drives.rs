@@ -13,8 +13,7 @@ use crate::{BaseKind, BasePose, Coordinate, Dynamics, Model, PerJoint, Profile};
 pub(crate) struct PositionDrive {
     pub(crate) kp: f64,
     pub(crate) kd: f64,
-    /// Alternative to `kd`: the damping ratio, for the inertia that the joint feels in the pose of the file
-    /// while all others move freely.
+    /// Alternative to `kd`: the damping ratio, for the inertia of the joint in the pose of the file.
     pub(crate) damping_ratio: f64,
 }
 
@@ -91,14 +90,12 @@ fn gains(model: &Model, references: &[f64], independent: &[usize], drives: &Driv
     }
     let mut mass = DMatrix::zeros(model.nv(), model.nv());
     Dynamics::new(model).crba(model, &q, &mut mass);
-    let response = mass.clone().cholesky().map(|factor| factor.inverse());
     let (mut kp, mut kd) = (Vec::new(), Vec::new());
     for (index, body) in independent.iter().enumerate() {
         let drive = drives.by_body.get(body).copied().flatten();
         let PositionDrive { kp: stiffness, kd: damping, damping_ratio } =
             drive.unwrap_or(PositionDrive { kp: 0.0, kd: 0.0, damping_ratio: 0.0 });
-        let place = (first + index, first + index);
-        let inertia = response.as_ref().map_or(mass[place], |response| 1.0 / response[place]);
+        let inertia = mass[(first + index, first + index)];
         kp.push(stiffness);
         kd.push(damping + 2.0 * damping_ratio * (stiffness * inertia).sqrt());
     }
