@@ -9,8 +9,8 @@ use crate::html;
 
 /// Pictures of a strip.
 const COUNT: u64 = 5;
-/// Width and height of one of them, in dots: two a unit of the page.
-const SIZE: (f64, f64) = (420.0, 420.0);
+/// Width and height of one of them, in dots.
+const SIZE: (f64, f64) = (280.0, 280.0);
 
 /// The strip, from the first sample to the last; empty for a recording without joint states of a robot.
 pub(super) fn strip(recording: &Recording, plan: &Plan) -> anyhow::Result<String> {
