@@ -219,6 +219,11 @@ fn camera_follows_a_walking_quadruped_unless_held() {
     let viewer = Viewer::start(&["--run", run.folder.id()], &[]);
     let mut browser = Browser::open(&viewer.address(), (1000, 700)).unwrap();
     let drawn = |state: &Json| state["robots"][0]["drawn"] == true && state["view"]["rate"].is_number();
+    until(&mut browser, "the robot is drawn", drawn);
+    // From the first motion by hand on, the page does not frame what it loads later.
+    browser
+        .evaluate("document.querySelector('#scene canvas').dispatchEvent(new WheelEvent('wheel'))")
+        .unwrap();
     let first = until(&mut browser, "the robot is drawn", drawn);
     let offset = |state: &Json| {
         let view = &state["view"];
