@@ -217,6 +217,45 @@ fn unbounded_cost_names_its_variable() {
 }
 
 #[test]
+fn distant_bounds_of_flat_costs_are_reached() {
+    for distance in [1e3, 1e7, 1e10, 1e13] {
+        let structure = Structure::new(2).bounds(Sides::Lower);
+        let mut problem = Problem::new(&structure);
+        problem.gradient = dvector![1.0, 2.0];
+        problem.lower = dvector![-distance, -1e-3 * distance];
+        let [_, outcome] = solve(&structure, &problem);
+        assert_eq!(outcome.unwrap().x, problem.lower, "{distance:e}");
+    }
+}
+
+#[test]
+fn distant_rows_of_flat_costs_are_reached() {
+    // x + y >= -1e9 and x = y
+    let structure = Structure::new(2).equalities(1).rows(1, Sides::Lower);
+    let mut problem = Problem::new(&structure);
+    problem.gradient = dvector![1.0, 0.0];
+    problem.equality_matrix = dmatrix![1.0, -1.0];
+    problem.row_matrix = dmatrix![1.0, 1.0];
+    problem.row_lower = dvector![-1e9];
+    let [_, outcome] = solve(&structure, &problem);
+    let x = outcome.unwrap().x;
+    assert!((x[0] + 0.5e9).abs() < 1.0 && (x[1] + 0.5e9).abs() < 1.0, "{x}");
+}
+
+#[test]
+fn slight_curvature_ends_the_descent_before_a_distant_bound() {
+    // the minimum of 5e-12 y^2 + y is at -1e11, the bound at -1e14
+    let structure = Structure::new(2).bounds(Sides::Lower);
+    let mut problem = Problem::new(&structure);
+    (problem.hessian[(0, 0)], problem.hessian[(1, 1)]) = (1.0, 1e-11);
+    problem.gradient = dvector![0.0, 1.0];
+    problem.lower.fill(-1e14);
+    let [_, outcome] = solve(&structure, &problem);
+    let y = outcome.unwrap().x[1];
+    assert!((y / -1e11 - 1.0).abs() < 1e-3, "{y:e}");
+}
+
+#[test]
 fn solver_stays_usable_after_reaching_iteration_limit() {
     let (structure, problem) = separable(1.0);
     let settings = ClarabelSettings { max_iterations: 2, ..ClarabelSettings::default() };
