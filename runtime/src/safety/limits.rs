@@ -54,7 +54,7 @@ pub struct JointLimits {
     /// larger, up to 16 times this one.
     pub kp: f64,
     /// Velocity gain of the safe states, N m s/rad or N s/m. `hold` keeps the last command's where that is
-    /// larger, up to 20 times this one.
+    /// larger, up to 5 times this one.
     pub kd: f64,
 }
 

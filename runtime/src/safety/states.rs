@@ -22,10 +22,10 @@ const STANDS: f64 = 1e-3;
 /// Largest position gain of `hold`, in units of the profile's: four times its bandwidth.
 const MOST_STIFFNESS: f64 = 16.0;
 
-/// Largest velocity gain of `hold`, in units of the profile's: five times its damping ratio at
+/// Largest velocity gain of `hold`, in units of the profile's: 1.25 times its damping ratio at
 /// [`MOST_STIFFNESS`]. A sampled drive oscillates where `kd dt` exceeds twice the inertia, which only the
 /// profile knows.
-const MOST_DAMPING: f64 = 20.0;
+const MOST_DAMPING: f64 = 5.0;
 
 /// A joint as it is measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,7 +67,7 @@ impl Joint {
 /// | `brake` | none, then where the joint has come to stand | 10^6 N m s/rad, then those of the safe states | gravity |
 ///
 /// Held gains are the larger of the last command's and the profile's, separately for `kp` and `kd`, but at
-/// most 16 times the profile's `kp` and 20 times its `kd`. With a larger `kp` than the profile's, `kd` is at
+/// most 16 times the profile's `kp` and 5 times its `kd`. With a larger `kp` than the profile's, `kd` is at
 /// least as large as the profile's damping ratio requires.
 ///
 /// ```
