@@ -45,7 +45,7 @@ with_defaults! {
 }
 
 impl GoalTolerance {
-    /// True if an error is within the tolerance.
+    /// Returns `true` if an error is within the tolerance.
     pub fn allows(&self, error: GoalError) -> bool {
         error.position <= self.position && error.orientation.is_none_or(|angle| angle <= self.orientation)
     }

@@ -9,8 +9,8 @@ use motorium_qp::Side;
 
 use crate::inverse_dynamics::ConstraintName;
 
-/// Output of [`ControlDiagnostics`]. It costs nothing unless it is wired: no figure is computed and no time
-/// is measured.
+/// Output of [`ControlDiagnostics`]. While it is not wired, no statistics are computed and no time is
+/// measured.
 pub(super) struct DiagnosticsOutput {
     output: Output<ControlDiagnostics>,
     /// True in real time. In lockstep a measured time would differ from run to run.

@@ -170,8 +170,8 @@ with_defaults! {
     /// the input `object_poses` is required. Default: no objects.
     pub objects: Option<WorldObjects> = None;
     /// Pairs of links, or of a link and "ground" or an object, to ignore. Pairs of links, and of links and
-    /// the ground, that are nearer than `distance` at the home pose are always ignored: the robot is built
-    /// like this.
+    /// the ground, that are nearer than `distance` at the home pose are always ignored, since the robot's
+    /// design places them there.
     pub ignore: Vec<[String; 2]> = Vec::new();
 }
 

@@ -84,7 +84,7 @@ impl AxisShares {
         Self::matrices(axes, position, orientation)
     }
 
-    /// Creates factors from matrices, each row a direction whose error has a cost.
+    /// Creates factors from matrices; each row is a direction whose error has a cost.
     pub fn matrices(axes: PoseAxes, position: Matrix3<f64>, orientation: Matrix3<f64>) -> Self {
         Self { axes, position: Part::new(position), orientation: Part::new(orientation) }
     }
@@ -187,7 +187,7 @@ with_defaults! {
 pub enum SharesConfig {
     /// One factor per axis; 0 leaves the axis free.
     Each([f64; 3]),
-    /// A matrix whose rows are directions whose error has a cost.
+    /// A matrix; each row is a direction whose error has a cost.
     Matrix([[f64; 3]; 3]),
 }
 

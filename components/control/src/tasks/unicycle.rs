@@ -29,7 +29,7 @@ with_defaults! {
     pub yaw_weight: f64 = 1.0;
 }
 
-/// Moves a frame forward and turns it as commanded, and never sideways:
+/// Moves a frame forward and turns it as commanded, without sideways motion:
 ///
 /// ```text
 /// J  = rows x, y of J_v and z of J_w              Jacobian of the frame in its own axes, 3 x nv
@@ -126,7 +126,7 @@ impl Task for UnicycleTask {
 }
 
 task_config! {
-    /// A unicycle task: a frame moves forward and turns as commanded, and never sideways.
+    /// A unicycle task: a frame moves forward and turns as commanded, without sideways motion.
     UnicycleConfig "unicycle" {
         /// Link whose frame drives along its x axis and turns about its z axis.
         frame: String = String::new();

@@ -301,7 +301,7 @@ fn invalid_configurations_are_refused_with_key_and_advice() {
     );
     assert_refused(
         "{ tasks = [{ cartesian = {} }, { cartesian = { name = \"other\" } }] }",
-        &["two tasks take their target from `target`"],
+        &["two tasks read their target from `target`"],
     );
     assert_refused("{ tasks = [{ posture = {} }, { posture = {} }] }", &["task name `posture`"]);
     assert_refused("{ kd = [1.0] }", &["kd", "1 numbers, expected 8"]);

@@ -99,7 +99,7 @@ fn minimum_tasks_reduce_their_quantity() {
     refused("{ tasks = [{ minimum = { of = \"velocity\", rate = 1.0 } }] }", &["minimum.rate"]);
     refused(
         "{ inverse_dynamics = {}, tasks = [{ minimum = { of = \"force\", rate = 1.0 } }] }",
-        &["minimum.rate", "of a quantity other than"],
+        &["minimum.rate", "no effect on a quantity other than"],
     );
     refused(
         "{ inverse_dynamics = {}, tasks = [{ limit = { frames = [{ max_linear = 1.0 }] } }] }",

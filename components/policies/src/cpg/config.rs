@@ -33,7 +33,7 @@ pub struct CpgPolicyConfig {
     /// Model of the oscillators. Default "phase".
     #[serde(default)]
     pub model: CpgModel,
-    /// Strides per second, Hz. Default 1.
+    /// Stride frequency, Hz. Default 1.
     #[serde(default = "one")]
     pub frequency: f64,
     /// Rate at which joints converge to the gait, 1/s. Default 5.
@@ -175,7 +175,7 @@ impl CpgPolicyConfig {
                     key,
                     format!("settings of another model: `model` is \"{}\"", self.model.name()),
                 )
-                .advise(format!("say `model = \"{key}\"`, or remove `{key}`"))
+                .advise(format!("set `model = \"{key}\"`, or remove `{key}`"))
             })
         };
         let hopf = other(self.hopf.is_some(), CpgModel::Hopf, "hopf");

@@ -95,7 +95,7 @@ pub struct GoalConfig {
     #[serde(default)]
     pub gripper: Option<Gripper>,
     /// Duration of the movement, at least 1 ms, such as "2 s". Default: the duration of a demonstration; for
-    /// a gripper alone, the time in which its fingers move through their whole range. Otherwise required.
+    /// a gripper alone, the time its fingers need for their whole range. Otherwise required.
     #[serde(default)]
     pub duration: Option<TimeSpan>,
     /// Time to stay at the goal, such as "500 ms". Default 0.

@@ -31,7 +31,7 @@ pub struct LatentPolicy {
     pose: Vec<f64>,
     standard: Vec<f64>,
     x: Vec<f64>,
-    /// True once a pose has been received.
+    /// `true` once a pose has been received.
     has_pose: bool,
     scratch: Scratch,
     robots: Vec<Robot>,
@@ -62,7 +62,7 @@ enum Source {
 }
 
 impl Source {
-    /// Writes the current pose. Returns `None` before the first pose, otherwise whether the pose is fresh.
+    /// Writes the current pose. Returns `None` before the first pose, otherwise `true` if the pose is fresh.
     fn read(&mut self, dt: f64, pose: &mut [f64]) -> Result<Option<bool>, StepError> {
         match self {
             Source::Port { input, age, timeout } => {

@@ -36,7 +36,7 @@ pub(crate) struct Seen {
 
 impl Component for Arm {
     const KIND: &'static str = "test.arm";
-    const SUMMARY: &'static str = "an arm that follows at once";
+    const SUMMARY: &'static str = "an arm that follows its setpoints immediately";
     type Config = support::Nothing;
 
     fn declare(_: &support::Nothing, declare: &mut Declare) -> Result<(), ConfigError> {

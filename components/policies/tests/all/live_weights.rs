@@ -77,7 +77,7 @@ struct Recorder {
 
 impl Component for Recorder {
     const KIND: &'static str = "test.recorder";
-    const SUMMARY: &'static str = "writes down the way along y";
+    const SUMMARY: &'static str = "records the displacement along y";
     const RESETS: bool = true;
     type Config = Nothing;
 

@@ -27,7 +27,7 @@ pub(super) struct ContactSwitches {
     ramp: f64,
     /// Ground normal from the last schedule.
     normal: Vector3<f64>,
-    /// Number of steps with a stale or mismatched schedule, in which all feet stood.
+    /// Number of steps in which all feet stood because the schedule was stale or did not match the profile.
     without_schedule: u64,
 }
 
