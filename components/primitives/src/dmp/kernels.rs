@@ -224,7 +224,7 @@ mod tests {
         assert_eq!(features, [0.0; 5]);
     }
 
-    /// Against the formula itself, every kernel computed.
+    /// Compares with the formula evaluated for every kernel.
     #[test]
     fn omitted_kernels_are_below_rounding() {
         for (count, decay, overlap) in [(50, 4.6, 0.8), (20, 8.0, 0.3), (2, 4.6, 0.8), (200, 1.0, 0.9)] {

@@ -38,7 +38,7 @@ pub struct GmmFitted {
     pub log_likelihood: f64,
     /// Number of iterations.
     pub iterations: usize,
-    /// Returns `true` if the fit reached the tolerance.
+    /// `true` if the fit reached the tolerance.
     pub converged: bool,
 }
 
