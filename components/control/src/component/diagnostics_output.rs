@@ -13,7 +13,7 @@ use crate::inverse_dynamics::ConstraintName;
 /// measured.
 pub(super) struct DiagnosticsOutput {
     output: Output<ControlDiagnostics>,
-    /// True in real time. In lockstep a measured time would differ from run to run.
+    /// `true` in real time. In lockstep a measured time would differ from run to run.
     timed: bool,
     began: Option<Instant>,
     solve_ns: u64,

@@ -133,7 +133,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         returns
     }
 
-    /// Returns `true` if a row has to return. Soft limits are violated anyway.
+    /// Returns `true` if a row has to return. Soft limits may be violated, so their rows never do.
     fn returns(&self, row: usize) -> bool {
         !self.is_soft[row] && (self.problem.row_lower[row] > 0.0 || self.problem.row_upper[row] < 0.0)
     }

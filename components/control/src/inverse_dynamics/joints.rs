@@ -24,7 +24,7 @@ with_defaults! {
     /// use motorium_control::inverse_dynamics::JointAccelerationLimits;
     ///
     /// let limits = JointAccelerationLimits { braking: 10.0, ..JointAccelerationLimits::default() };
-    /// // in the middle of its range a joint at rest may do what it likes
+    /// // at rest in the middle of its range, a joint may use its full acceleration
     /// assert_eq!(limits.bounds(0.0, 0.0, (-1.0, 1.0), f64::INFINITY, 1e-3), (-1000.0, 1000.0));
     /// // at 1 rad/s, 5 cm before its end, it must brake: 1^2 / (2 0.05) = 10 rad/s2
     /// let (_, most) = limits.bounds(0.95, 1.0, (-1.0, 1.0), f64::INFINITY, 1e-3);

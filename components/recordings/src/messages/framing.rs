@@ -64,7 +64,7 @@ impl<'a> Frames<'a> {
         if !is_plausible || (kind != op::CHUNK && self.listed(start).is_some()) {
             return None;
         }
-        // A record across the start of a chunk has a damaged length.
+        // A record that extends past the start of a chunk has a damaged length.
         self.next_chunk(start).is_none_or(|chunk| end <= chunk).then_some(end)
     }
 
