@@ -110,7 +110,7 @@ impl fmt::Display for Described<'_> {
                 write!(f, "friction of contact `{}` at point {point}", contact(index))
             }
             ConstraintName::Force { contact: index, point, side: Side::Lower } => {
-                write!(f, "pull of contact `{}` at point {point}", contact(index))
+                write!(f, "unilateral force of contact `{}` at point {point}", contact(index))
             }
             ConstraintName::Force { contact: index, point, side: Side::Upper } => {
                 write!(f, "largest force of contact `{}` at point {point}", contact(index))

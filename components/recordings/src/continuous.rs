@@ -35,8 +35,8 @@ const LARGEST_STEP: f64 = 0.25;
 impl Recording {
     /// Returns the movement with continuous angles and quaternions.
     ///
-    /// A channel is an angle if all its values are within one turn, from -pi to pi or from 0 to 2 pi (or the
-    /// same in degrees), and it changes by almost a turn between two samples.
+    /// A channel is an angle if all its values are within one turn and it changes by almost a turn between
+    /// two samples. One turn is from -pi to pi or from 0 to 2 pi, or the same in degrees.
     ///
     /// Four channels are a quaternion if all samples have the norm 1 and the channels have matching names.
     /// They are named `qx`, `qy`, `qz` and `qw`, in any order and with other prefixes or suffixes such as

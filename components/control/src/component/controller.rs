@@ -39,8 +39,7 @@ enum Selected {
 
 impl Component for QpController {
     const KIND: &'static str = "control.qp";
-    const SUMMARY: &'static str =
-        "whole-body control: targets of tasks to joint commands, by inverse kinematics or inverse dynamics";
+    const SUMMARY: &'static str = "whole-body control: converts task targets to joint commands by inverse kinematics or inverse dynamics";
     const READS_WORLD: bool = true;
     const READS_GRAVITY: bool = true;
     const RESETS: bool = true;

@@ -21,7 +21,7 @@ pub(super) struct DiagnosticsOutput {
 
 impl DiagnosticsOutput {
     pub(super) fn declare(declare: &mut Declare) {
-        let doc = "residuals of the tasks, active constraints, slack, and the solver's figures of each step";
+        let doc = "task residuals, active constraints, slack and solver statistics of each step";
         declare.output::<ControlDiagnostics>("diagnostics", doc);
     }
 

@@ -147,9 +147,8 @@ impl WrenchConfig {
         in_range(&key("wrench.max_yaw"), cone.max_yaw, 0.0..=f64::INFINITY)?;
         if cone.max_force.is_nan() || cone.max_force <= cone.min_force {
             let message = format!("{} N, with a min_force of {} N", cone.max_force, cone.min_force);
-            return Err(
-                ConfigError::key(key("wrench.max_force"), message).advise("the larger one of the two")
-            );
+            return Err(ConfigError::key(key("wrench.max_force"), message)
+                .advise("set `max_force` above `min_force`"));
         }
         Ok(cone)
     }
@@ -358,7 +357,7 @@ impl ContactConfig {
                 let message =
                     format!("{margin} m leaves nothing of a sole of {} m by {} m", sides[0], sides[1]);
                 return Err(ConfigError::key(key("margin"), message)
-                    .advise(format!("less than half of its shorter side, {half} m")));
+                    .advise(format!("choose less than half of its shorter side, {half} m")));
             }
         }
         if let Some(force) = self.max_force {

@@ -1,4 +1,4 @@
-//! Moving objects of the world that links must stay away from.
+//! Moving objects of the world that the links must avoid.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -69,7 +69,7 @@ impl MovingObjects {
     /// Declares the input if a limit requires it.
     pub(super) fn declare(config: &QpControllerConfig, parts: &ControllerSetup, declare: &mut Declare) {
         if Self::are_needed(config, parts) {
-            declare.input::<ObjectPoses>(OBJECTS_INPUT, "poses of the objects that the links stay away from");
+            declare.input::<ObjectPoses>(OBJECTS_INPUT, "poses of the objects that the links must avoid");
         }
     }
 

@@ -82,9 +82,7 @@ impl ControllerSetup {
                 "tasks",
                 "an empty list: a controller without a task moves nothing",
             )
-            .advise(
-                "add a task, such as `{ posture = {} }`, or leave `tasks` out for the tasks of the default",
-            ));
+            .advise("add a task, such as `{ posture = {} }`, or leave `tasks` out for the default tasks"));
         }
         let torque = config.inverse_dynamics.is_some();
         let unknowns = config.inverse_dynamics.as_ref().map_or(Unknowns::default(), |table| table.unknowns);

@@ -46,8 +46,8 @@ with_defaults! {
 }
 
 impl JointAccelerationLimits {
-    /// Returns the lower and upper bound of the acceleration \[rad/s2 or m/s2\] of a joint at position `q`
-    /// and velocity `v`, with limits `range` and `speed`, for a tick of `dt` seconds.
+    /// Returns the lower and upper bound of the acceleration \[rad/s2 or m/s2\] of a joint for a tick of `dt`
+    /// seconds. The joint is at position `q` with velocity `v`; its limits are `range` and `speed`.
     pub fn bounds(&self, q: f64, v: f64, range: (f64, f64), speed: f64, dt: f64) -> (f64, f64) {
         let margin = self.margin.min(0.5 * (range.1 - range.0));
         let speed = self.velocity_fraction * speed;

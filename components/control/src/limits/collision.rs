@@ -328,7 +328,7 @@ impl CollisionConfig {
                     "`{}` moves, but only the poses of the first {MAX_OBJECTS} objects are known",
                     object.name
                 );
-                return Err(mistaken(message).advise("name objects that move first"));
+                return Err(mistaken(message).advise("list moving objects first in the world"));
             }
             let meshes = CollisionOptions::default().meshes;
             for (frame, shape) in object.shape.shapes() {

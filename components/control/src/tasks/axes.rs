@@ -224,7 +224,11 @@ impl AxesConfig {
         let shares =
             AxisShares::matrices(self.of, position, self.orientation.matrix(context, "orientation")?);
         if !shares.has_position() && !shares.has_orientation() {
-            return Err(ConfigError::key(context.key("axes"), "they leave the whole pose free").advise(
+            return Err(ConfigError::key(
+                context.key("axes"),
+                "no axis has a factor, so the whole pose is free",
+            )
+            .advise(
                 "give at least one axis a factor, such as `position = [1, 1, 0]`, or leave the task out",
             ));
         }

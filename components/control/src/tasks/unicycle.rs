@@ -139,7 +139,7 @@ task_config! {
         /// Cost of an error of the forward speed, 1/(m/s), 0 to 1000. Default 1.
         forward_weight: f64 = 1.0 => live(WEIGHTS, "1/(m/s)", "cost of an error of the forward speed");
         /// Cost of sideways motion, 1/(m/s), 0 to 1000. Default 1.
-        sideways_weight: f64 = 1.0 => live(WEIGHTS, "1/(m/s)", "cost of a motion sideways");
+        sideways_weight: f64 = 1.0 => live(WEIGHTS, "1/(m/s)", "cost of sideways motion");
         /// Cost of an error of the yaw rate, 1/(rad/s), 0 to 1000. Default 1.
         yaw_weight: f64 = 1.0 => live(WEIGHTS, "1/(rad/s)", "cost of an error of the yaw rate");
         /// With `inverse_dynamics`: decay rate of velocity errors, 1/s, 0 to 1000; limited to half the tick

@@ -243,7 +243,7 @@ fn a_hand_keeps_its_box_and_speed_for_any_target() {
     for axis in 0..3 {
         assert!((slow[axis] - start[axis]).abs() < 0.05 * 4.0 + 1e-3, "{slow:?}");
     }
-    assert_refused("{ limits = { frames = [{}] } }", &["limits.frames[0].frame", "limits nothing"]);
+    assert_refused("{ limits = { frames = [{}] } }", &["limits.frames[0].frame", "neither a position"]);
     assert_refused(
         "{ limits = { frames = [{ z = [0.5, 0.4] }] } }",
         &["limits.frames[0].z", "from 0.5 to 0.4"],

@@ -300,6 +300,6 @@ fn the_centre_of_mass_keeps_its_speed_limit() {
     );
     refused(
         "{ limits = { centre_of_mass_velocity = {} } }",
-        &["limits.centre_of_mass_velocity", "limits nothing"],
+        &["limits.centre_of_mass_velocity", "has no axis"],
     );
 }

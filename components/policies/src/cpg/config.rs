@@ -151,7 +151,10 @@ impl CpgPolicyConfig {
     pub(super) fn check(&self) -> Result<(), ConfigError> {
         for (l, leg) in self.legs.iter().enumerate() {
             if leg.joints.is_empty() {
-                return Err(ConfigError::key(format!("legs[{l}].joints"), "a leg without joints"));
+                return Err(ConfigError::key(
+                    format!("legs[{l}].joints"),
+                    "the leg has no joints, expected at least one",
+                ));
             }
             for (j, oscillation) in leg.joints.iter().enumerate() {
                 let all = [oscillation.amplitude, oscillation.offset, oscillation.phase];

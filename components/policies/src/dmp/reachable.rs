@@ -16,9 +16,9 @@ const SEARCH: IkOptions = IkOptions {
     posture: 0.1,
 };
 
-/// Rejects goals beyond the reach of the end effector. Warns of goals that are beyond it only if the robot
-/// starts in its home pose, and of the first goal for which no joint positions within their limits are found.
-/// `start` is the configured start pose.
+/// Rejects goals beyond the reach of the end effector. Warns of goals that are out of reach only if the robot
+/// starts in its home pose, and of the first goal without joint positions within their limits. `start` is the
+/// configured start pose.
 pub(super) fn check(
     waypoints: &Waypoints,
     robot: &Loaded,

@@ -18,11 +18,11 @@ use follower::Follower;
 
 /// Moves several robots like a human, through a shared latent space ([`LatentModel`]).
 ///
-/// A pose of the human, from a port or a recorded movement, maps to a latent point, which maps to a pose of
-/// each robot and to the pose's novelty: the part of the predictive variance that the training poses do not
-/// explain. A robot slows down above the novelty `slow_from`, and holds above `hold_from`; it continues when
-/// the pose is familiar again. All robots hold while there is no fresh human pose. Setpoints keep within 0.9
-/// times the velocity and acceleration limits of a robot whose profile limits accelerations.
+/// A pose of the human, from a port or a recorded movement, maps to a latent point, and the latent point to a
+/// pose of each robot. The novelty of the pose is the part of the predictive variance that the training poses
+/// do not explain. A robot slows down above the novelty `slow_from`, and holds above `hold_from`; it
+/// continues when the pose is familiar again. All robots hold while there is no fresh human pose. Setpoints
+/// keep within 0.9 times the velocity and acceleration limits of a robot whose profile limits accelerations.
 #[derive(Debug)]
 pub struct LatentPolicy {
     model: LatentModel,

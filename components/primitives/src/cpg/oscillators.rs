@@ -25,8 +25,8 @@ pub enum Oscillator {
     },
 }
 
-/// Oscillators of one model, each with its own angular velocity. An oscillator is read as a value of
-/// amplitude 1, the same value a quarter turn later, and a phase that grows linearly in time and is 0 at the
+/// Oscillators of one model, each with its own angular velocity. An oscillator provides a value of amplitude
+/// 1, the same value a quarter turn later, and a phase. The phase grows linearly in time and is 0 at the
 /// maximum of the value.
 #[derive(Clone, Debug)]
 pub(super) enum Oscillators {
