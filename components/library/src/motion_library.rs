@@ -1,4 +1,4 @@
-//! The library itself.
+//! A motion library: eigenforces, their singular values, and movements as weights.
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};

@@ -214,7 +214,7 @@ fn the_centre_of_pressure_reaches_but_stays_within_the_margin() {
                 // the ground pushes forwards, from the rear of the soles
                 farthest = farthest.max(-pressure[0] * direction.x);
             }
-            // sideways the load goes to the other foot instead
+            // for sideways motion the load moves to the other foot instead
             let edge = direction.x == 0.0 || (farthest - (0.1 - margin)).abs() < 1e-6;
             assert!(edge, "{margin} {direction}: {farthest}");
         }

@@ -294,7 +294,7 @@ fn check(
         ("interpolate", config.interpolate),
     ] {
         if is_given && rhythm.is_some() {
-            let message = "it has no effect with the policy's `pattern`; leave it out";
+            let message = "it cannot be combined with the policy's `pattern`; leave it out";
             return Err(ConfigError::key(key, message));
         }
     }

@@ -8,8 +8,8 @@ use nalgebra::Vector3;
 /// `C = gamma R v phi exp(-beta phi)`, where `phi`, in \[0, pi\], is the angle between the velocity `v` and
 /// the direction `o - y` to the obstacle. `R` is the rotation by 90 degrees about `(o - y) x v`, which turns
 /// `v` away from the obstacle. `C` is normal to `v`, so it changes the direction but not the speed. As
-/// published, it does not depend on the distance. A finite `reach` multiplies it by `exp(-(|o - y| /
-/// reach)^2)`, so that distant obstacles have no effect.
+/// published, it does not depend on the distance. A finite `reach` multiplies it by
+/// `exp(-(|o - y| / reach)^2)`, so that distant obstacles have no effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObstacleAvoidance {
     /// Strength, 1/s per rad. Published value 1000.
