@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn channels_with_long_steps_or_beyond_a_turn_are_unchanged() {
+    fn channels_with_long_steps_or_large_range_are_unchanged() {
         let stairs: Vec<Vec<f64>> = (0..50).map(|k| vec![if k < 25 { 0.0 } else { 3.0 }]).collect();
         let far: Vec<Vec<f64>> = (0..50).map(|k| vec![if k < 25 { 0.0 } else { 7.0 }]).collect();
         for rows in [stairs, far] {

@@ -71,7 +71,7 @@ fn a_strong_posture_disturbs_the_hand_only_in_a_sum() {
 }
 
 #[test]
-fn a_regularised_level_is_calmer_and_leaves_higher_ones() {
+fn regularising_a_level_does_not_change_higher_levels() {
     let ran = |levels: &str| {
         let tasks = "tasks = [{ cartesian = {} }, { posture = { level = 2, weight = 0.1, positions = [0.6, -0.5, 0.3, -2.0, 0.2, 1.8, 0.5, 0.02] } }]";
         run(graph("{}", resting(), controller(&format!("{{ {tasks}, {levels} }}"))))
@@ -251,7 +251,7 @@ fn a_hand_keeps_its_box_and_speed_for_any_target() {
 }
 
 #[test]
-fn commands_carry_the_gains_of_the_profile_or_those_configured() {
+fn commands_use_the_gains_of_the_profile_or_configuration() {
     let profile = run(graph("{}", Targets::default(), controller("{}")));
     let gains = motorium_robots::load("panda", Path::new(".")).unwrap();
     let gains = gains.profile.unwrap().gains(&gains.model).unwrap();

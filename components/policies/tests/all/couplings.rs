@@ -116,7 +116,7 @@ fn invalid_couplings_are_refused() {
 }
 
 #[test]
-fn unreachable_goals_are_refused_and_offsets_warned_of() {
+fn unreachable_goals_are_refused_or_cause_a_warning() {
     let graph = |goals: &str| {
         let policy =
             policy(&format!("{{ goals = [{goals}] }}")).robot("arm").subscribe("joint_state", "state");
@@ -139,7 +139,7 @@ fn unreachable_goals_are_refused_and_offsets_warned_of() {
 }
 
 #[test]
-fn goals_without_joint_positions_are_warned_of() {
+fn goals_without_joint_positions_cause_a_warning() {
     let warnings = |robot: &str, goals: &str| {
         let policy =
             policy(&format!("{{ goals = [{goals}] }}")).robot("arm").subscribe("joint_state", "state");

@@ -201,7 +201,7 @@ fn equal_weights_give_equal_episodes() {
 }
 
 #[test]
-fn weights_for_episodes_wait_for_the_next_one_and_stay() {
+fn episode_weights_wait_for_the_next_episode_and_persist() {
     let mut session = session("take_weights = \"episode\"");
     session.step().unwrap();
     session.publish("weights", &*weights(1, 30.0)).unwrap();

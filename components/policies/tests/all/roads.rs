@@ -289,7 +289,7 @@ config = {{ policy = "policy" }}
 }
 
 #[test]
-fn a_quadruped_is_judged_over_its_topics() {
+fn quadruped_gets_rewards_and_observations_by_topics() {
     let folder = tempfile::tempdir().unwrap();
     // a policy whose actions are zero holds the default pose
     let task = write_without_actions("quadruped-velocity", folder.path());
@@ -347,7 +347,7 @@ fn tasks_with_objects_are_refused_in_graphs() {
 }
 
 #[test]
-fn a_quadruped_walks_by_the_pattern_of_its_policy() {
+fn quadruped_walks_with_the_pattern_of_its_policy() {
     let folder = tempfile::tempdir().unwrap();
     // zero actions command the middle of all ranges
     let task = write_without_actions("quadruped-cpg", folder.path());
