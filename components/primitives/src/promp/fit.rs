@@ -37,7 +37,8 @@ pub struct ProMpFit {
     pub jitter: f64,
     /// Strength `k` of the prior that dimensions vary independently, as an equivalent number of
     /// demonstrations, at least 0. From `n` demonstrations with the covariance `S`, the fit estimates
-    /// `(n S + k B) / (n + k)`, where `B` keeps the blocks of `S` within each dimension and is zero elsewhere.
+    /// `(n S + k B) / (n + k)`, where `B` keeps the blocks of `S` within each dimension and is zero
+    /// elsewhere.
     ///
     /// This is the maximum a posteriori estimate under an inverse-Wishart prior with the scale `k B` and `k -
     /// D N - 1` degrees of freedom (Gomez-Gonzalez, Neumann, Schoelkopf, Peters, *Adaptation and robust
