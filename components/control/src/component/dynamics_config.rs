@@ -37,7 +37,7 @@ with_defaults! {
     pub contacts: Option<Vec<ContactConfig>> = None;
     /// Cost of a contact force, 1/N, 0 to 1000, which spreads the load over the contact points. Default 1e-3.
     pub force_weight: f64 = 1e-3;
-    /// Deceleration with which a joint can always stop before its limits, rad/s2 or m/s2, 1e-3 to 1e6, and
+    /// Deceleration that always suffices to stop a joint before its limits, rad/s2 or m/s2, 1e-3 to 1e6, and
     /// at most the joint's largest acceleration. Default 20.
     pub braking: f64 = InverseDynamicsSettings::default().joints.braking;
     /// Largest acceleration of a joint, rad/s2 or m/s2, at least `braking`. Default: 0.9 times the limit of

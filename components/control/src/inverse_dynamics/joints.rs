@@ -34,7 +34,7 @@ with_defaults! {
     #[serde(default, deny_unknown_fields)]
     pub struct JointAccelerationLimits;
 
-    /// Deceleration with which a joint can always stop, rad/s2 or m/s2, more than 0. Default 20.
+    /// Deceleration that always suffices to stop a joint, rad/s2 or m/s2, more than 0. Default 20.
     pub braking: f64 = 20.0;
     /// Largest acceleration and deceleration, rad/s2 or m/s2, at least `braking`. Default 1000.
     pub max_acceleration: f64 = 1000.0;

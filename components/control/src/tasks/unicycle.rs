@@ -130,9 +130,9 @@ task_config! {
     UnicycleConfig "unicycle" {
         /// Link whose frame drives along its x axis and turns about its z axis.
         frame: String = String::new();
-        /// Name of the input port of the target, of which `linear` x and `angular` z are used, in the axes of
-        /// the frame. Without a target, or with a stale one (`target_timeout`), the frame stands still.
-        /// Default "unicycle_target".
+        /// Name of the input port of the target. Only `linear` x and `angular` z are used, in the axes of the
+        /// frame. Without a target, or with a stale one (`target_timeout`), the frame stands still. Default
+        /// "unicycle_target".
         target: String = "unicycle_target".to_owned() => target(
             optional TwistTarget, "forward speed (linear x) and yaw rate (angular z), in the axes of the frame"
         );

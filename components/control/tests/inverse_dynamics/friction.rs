@@ -105,7 +105,8 @@ fn a_block_rests_on_slopes_up_to_the_friction_angle() {
     }
 }
 
-/// A humanoid whose centre of mass is to accelerate: returns the solved controller and its cost.
+/// Solves for a humanoid with a desired acceleration of its centre of mass. Returns the controller and its
+/// cost.
 fn pushed(robot: &Robot, aim: Vector3<f64>, model: FrictionModel, mu: f64) -> (InverseDynamics, f64) {
     let mut contacts = robot.feet();
     contacts.iter_mut().for_each(|contact| contact.friction = mu);

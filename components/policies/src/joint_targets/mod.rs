@@ -50,7 +50,8 @@ pub struct JointTargetsPolicy {
     ease_duration: f64,
     elapsed: f64,
     from: Vec<f64>,
-    /// Targets of the policy, before and after transitions, and the rates of the latter: zero without limits.
+    /// Targets of the policy before and after transitions, and the rates after transitions; zero without
+    /// limits.
     target: Vec<f64>,
     setpoint: Vec<f64>,
     rate: Vec<f64>,
