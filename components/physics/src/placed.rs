@@ -1,9 +1,9 @@
 //! Articulations that are moved from outside instead of by forces and drives.
 //!
-//! Every step of a placed articulation ends in its placed state to the bit. During the step its links move to
-//! the placed configuration: from the end of the last step, so contacts see the same motion as if its drives
-//! had moved it there. If the placed velocity does not lead from there, as after a jump or if a state is
-//! placed again, the links approach the configuration along the placed velocity instead.
+//! Every step of a placed articulation ends in exactly its placed state. During the step its links move from
+//! the end of the last step to the placed configuration, so contacts see the same motion as if its drives had
+//! moved it there. If the placed velocity does not match this motion, as after a discontinuity or if a state
+//! is placed again, the links approach the configuration along the placed velocity instead.
 
 use crate::robot::{Articulation, Robot};
 use crate::{JointSetpoint, ResetError};
@@ -43,8 +43,9 @@ impl Robot {
     }
 
     /// Sets the next state of placed articulations to the start of a step of `dt` \[s\], with the velocity
-    /// that brings them from there to their placed configuration: the end of the last step with the mean
-    /// velocity if the placed one agrees with it, and otherwise the placed velocity.
+    /// that moves them from there to their placed configuration. If the placed velocity agrees with the mean
+    /// velocity of this motion, they start at the end of the last step with the mean velocity. Otherwise they
+    /// start where the placed velocity leads to the placed configuration.
     pub(crate) fn step_back(&mut self, dt: f64) {
         let Self { articulations, state, .. } = self;
         for own in articulations.iter().filter(|own| own.placed) {

@@ -80,7 +80,7 @@ pub trait Engine: Sized {
         wrench: [Vector3<f64>; 2],
     );
 
-    /// Follows the first placement of an articulation, which its drives moved before: from now on no force
+    /// Called after the first placement of an articulation that its drives moved before: from now on no force
     /// moves it. The robot is already in its placed state.
     fn begin_placement(&mut self, robot: &Robot, articulation: usize);
 

@@ -172,15 +172,16 @@ pub trait Simulator {
     /// [`ResetError`]; nothing has changed then.
     fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<(), ResetError>;
 
-    /// Places one articulation at `q` and `v` (its nq and nv). Objects and other articulations continue, and
-    /// meet it as a body that moves with `v` and that nothing deflects.
+    /// Places one articulation at `q` and `v` (its nq and nv). Objects and other articulations continue their
+    /// motion. To them it is a body that moves with `v` and that nothing deflects.
     ///
     /// The articulation stays placed until [`release`](Self::release) or a [reset](Self::reset): forces,
     /// commands, limits and contacts do not move it. During each step its links move to `q` from the end of
-    /// the last step, and after the step its state is `q` and `v` to the bit. To move it, place it before
-    /// every step. If `v` differs from the mean velocity of the step by more than half of its norm, as after
-    /// a jump or in a step without another placement, the links arrive at `q` along `v` instead: a jump
-    /// throws nothing away. Place a robot that stops with a velocity of zero. Its drives have no effort.
+    /// the last step, and after the step its state is exactly `q` and `v`. To move it, place it before every
+    /// step. If `v` differs from the mean velocity of the step by more than half of its norm, as after a
+    /// discontinuity or in a step without another placement, the links arrive at `q` along `v` instead, so
+    /// that a discontinuity does not throw objects away. Place a robot that stops with a velocity of zero.
+    /// Its drives have no effort.
     ///
     /// # Errors
     ///
@@ -192,7 +193,7 @@ pub trait Simulator {
     ///
     /// # Example
     ///
-    /// A rod sweeps a ball away at 1 rad/s and loses no speed by it:
+    /// A rod sweeps a ball away at 1 rad/s without losing speed:
     ///
     /// ```
     /// use motorium_physics::{ArticulatedSimulator, Object, ObjectShape, Options, Simulator, World};

@@ -6,7 +6,7 @@ use crate::BuildWarning;
 /// Links that start closer than this are excluded from self-collision \[m\].
 const TOO_CLOSE: f64 = 0.010;
 
-/// Penetration depth beyond which a link or object that starts inside something gets a warning \[m\].
+/// Initial penetration depth above which a link or object gets a warning \[m\].
 const INSIDE: f64 = 1e-3;
 
 impl Articulated {

@@ -92,9 +92,9 @@ impl Pushes {
         configs.iter().enumerate().map(push).collect::<Result<_, _>>().map(Self)
     }
 
-    /// Returns the pushes at time `now_ns` as forces at points: the link by its articulation and its index
-    /// among the frames, the point in link axes \[m\], the force in world axes \[N\]. A torque is a pair of
-    /// forces, each half a metre from the point.
+    /// Returns the pushes at time `now_ns` as forces at points: the link as the index of its articulation and
+    /// its index among the frames, the point in link axes \[m\], and the force in world axes \[N\]. A torque
+    /// is a pair of forces, each half a metre from the point.
     pub(super) fn forces(
         &self,
         now_ns: u64,

@@ -197,8 +197,8 @@ fn clip(
             if (from <= 0.0) != (to <= 0.0) && kept < CORNERS {
                 let share = ((from + WITHIN) / (from - to)).clamp(0.0, 1.0);
                 let at = here.at + (there.at - here.at) * share;
-                // Where the edge leaves, the next edge is the clipping side. These numbers are above the
-                // numbers of whole corners.
+                // Where the edge leaves the face, the next edge is the clipping side. These numbers are above
+                // the numbers of whole corners.
                 let edge = if from <= 0.0 { 4 + side as u32 } else { here.edge };
                 next[kept] = Corner { at, id: 32 | here.edge << 2 | side as u32, edge };
                 kept += 1;
@@ -259,7 +259,7 @@ mod tests {
             assert!((normal - Vector3::z()).norm() < 1e-12 && distance.abs() < 1e-12);
         }
         let ids: std::collections::BTreeSet<_> = found.iter().map(|(id, ..)| id).collect();
-        assert_eq!(ids.len(), 4, "each with a number of its own");
+        assert_eq!(ids.len(), 4, "each with a distinct number");
     }
 
     #[test]

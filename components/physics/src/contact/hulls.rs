@@ -16,7 +16,7 @@ const BESIDE: f64 = 1e-5;
 pub(super) const SIDES: usize = 10;
 
 impl Collider {
-    /// Returns the outward normal of the face that a point beyond the surface is in front of most.
+    /// Returns the outward normal of the face that an outside point is farthest in front of.
     pub(super) fn away(&self, point: &Vector3<f64>) -> Option<Vector3<f64>> {
         if self.faces.is_empty() {
             return self.shape.surface(point).map(|(_, away)| away);

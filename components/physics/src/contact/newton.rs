@@ -4,7 +4,7 @@ use super::answer::COMPLIANCE;
 use super::cone::{ConeSolver, dot};
 use super::newton_room::{MOST_UNKNOWNS, Mode, Newton};
 
-/// Number of times that a Newton step opens points that would pull.
+/// Largest number of times that a Newton step opens points that would pull.
 const OPENINGS: usize = 4;
 
 /// A contact point on the edge of its cone that is slower than this \[m/s\] counts as sticking.
@@ -129,7 +129,7 @@ impl ConeSolver {
             let index = at / 3;
             let w = |row: usize, column: usize| delassus[(at + row) * rows + at + column];
             let held = matches!(mode, Mode::Held);
-            // The joints may hold a connection along any of its axes.
+            // The joints may block a connection along any of its axes.
             let largest = if held { w(0, 0).max(w(1, 1)).max(w(2, 2)) } else { w(0, 0) };
             let compliance = COMPLIANCE * largest + soft[index];
             choose(&delassus[at * rows..][..rows], unknowns, &mut system[next * size..][..size]);

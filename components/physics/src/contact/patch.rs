@@ -26,8 +26,8 @@ const KEPT: usize = 4;
 /// Largest sine of the tilt of a face or a line against the contact plane.
 const TILT: f64 = 0.02;
 
-/// The normal of a face is used as the contact normal if its separation is less than the distance of the
-/// colliders by at most this \[m\].
+/// A face normal is used as the contact normal if its separation is at most this much smaller than the
+/// distance of the colliders \[m\].
 const SEPARATION: f64 = 2e-5;
 
 /// Corners this far outside a face still count as inside it \[m\].
@@ -374,7 +374,7 @@ fn parallel(
         (here, there)
     });
     let gaps = points.map(|(here, there)| (here - there).norm() - one.radius - other.radius);
-    // Lines without a radius, and lines that have passed each other, have no direction between them.
+    // Lines without a radius, and lines that have passed each other, do not define a direction between them.
     if gaps[0].min(gaps[1]) > distance + SEPARATION || one.radius + other.radius < 1e-6 {
         return false;
     }

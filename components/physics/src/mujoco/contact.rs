@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rebound_of_a_damped_spring_is_what_its_integration_says() {
+    fn rebound_matches_an_integrated_damped_spring() {
         for z in [0.05, 0.3, 0.7, 0.9, 1.0, 1.5, 3.0] {
             let (closed, found) = (rebound(z), integrated(z));
             assert!((closed - found).abs() < 1e-3, "{z}: {closed}, integrated {found}");
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn the_damping_ratio_gives_the_restitution_back() {
+    fn damping_ratio_reproduces_the_restitution() {
         for restitution in [0.1, 0.3, 0.5, 0.8, 0.95] {
             assert!((rebound(damping_ratio(restitution)) - restitution).abs() < 1e-9);
         }

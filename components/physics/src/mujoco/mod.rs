@@ -55,9 +55,9 @@ pub type MujocoSimulator = Simulation<Mujoco>;
 
 /// The MuJoCo engine, based on the library of MuJoCo 3.17.0.
 ///
-/// MuJoCo is searched where `pip install mujoco==3.17.0` installs it: below the Python of `MOTORIUM_PYTHON`,
-/// of `VIRTUAL_ENV`, of every folder of `PATH` and of `~/.local`, and in `/usr/local/lib` and `/usr/lib`.
-/// `MOTORIUM_MUJOCO` names the library or its folder instead.
+/// MuJoCo is searched for where `pip install mujoco==3.17.0` installs it: below the Python of
+/// `MOTORIUM_PYTHON`, of `VIRTUAL_ENV`, of every folder of `PATH` and of `~/.local`, and in `/usr/local/lib`
+/// and `/usr/lib`. `MOTORIUM_MUJOCO` names the library or its folder instead.
 ///
 /// The method is semi-implicit Euler. Drives and damping are implicit in the mass matrix, so MuJoCo's solver
 /// of contacts, joint stops, joint friction and mimic joints (Newton, elliptic cones) accounts for them as

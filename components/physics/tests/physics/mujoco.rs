@@ -360,7 +360,7 @@ fn what_mujoco_cannot_do_is_refused_by_name() {
     let refused = MujocoSimulator::new(model.unwrap().model, World::default(), &[0.0], plain_options());
     let error = refused.err().unwrap();
     assert!(matches!(&error, BuildError::Refused { .. }), "{error}");
-    assert!(error.to_string().contains("refuses the model: error 'inertia must have positive"), "{error}");
+    assert!(error.to_string().contains("rejects the model: error 'inertia must have positive"), "{error}");
 }
 
 /// The variable that names the library is read once per process, so this test starts another process.

@@ -110,8 +110,8 @@ impl Impulses {
     }
 }
 
-/// Objects slower than this may come to rest \[m/s, rad/s\]; the residual of the sweeps would move them
-/// otherwise.
+/// Objects slower than this may come to rest \[m/s, rad/s\]; otherwise the residual of the sweeps would keep
+/// them moving.
 const SLOW: [f64; 2] = [0.05, 0.5];
 
 /// Returns the one or two moving bodies at a contact point, with articulations numbered before objects.

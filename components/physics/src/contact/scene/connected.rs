@@ -34,7 +34,7 @@ impl ContactScene {
     /// Removes the connections between two parts. Returns `false` if they have none.
     pub(crate) fn disconnect(&mut self, members: [Member; 2]) -> bool {
         self.objects.wake();
-        // The parts may be near each other, and were not checked.
+        // The parts may be near each other, and their distance has not been checked.
         self.detector.forget();
         self.connections.remove(members)
     }
