@@ -65,7 +65,9 @@ pub enum BuildError {
     #[error(transparent)]
     Library(#[from] LibraryError),
     /// MuJoCo rejects this robot or world.
-    #[error("MuJoCo rejects the model: {reason}; `physics.articulated` (`ArticulatedSimulator`) may accept it")]
+    #[error(
+        "MuJoCo rejects the model: {reason}; `physics.articulated` (`ArticulatedSimulator`) may accept it"
+    )]
     Refused {
         /// The message from MuJoCo.
         reason: String,

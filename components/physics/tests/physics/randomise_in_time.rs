@@ -226,7 +226,10 @@ fn a_start_of_an_object_that_a_connection_holds_is_not_drawn() {
     for by in ["world", "component"] {
         for key in ["x", "y", "z", "yaw"] {
             let refused = tied(&format!("{{ {key} = [-0.2, 0.2] }}"), by).unwrap_err();
-            assert!(refused.contains("ties `cube` to `world` in their start poses"), "{by}, {key}: {refused}");
+            assert!(
+                refused.contains("ties `cube` to `world` in their start poses"),
+                "{by}, {key}: {refused}"
+            );
         }
         tied("{ mass = [0.5, 2.0], friction = [0.5, 1.0] }", by).unwrap();
     }
