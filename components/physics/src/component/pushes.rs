@@ -134,7 +134,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pair_of_forces_is_the_torque_and_no_force() {
+    fn pair_of_forces_equals_the_torque_without_net_force() {
         for torque in [Vector3::x() * 3.0, Vector3::new(0.1, -7.0, 2.0), Vector3::z() * -1e-3] {
             let pair = couple(&torque).unwrap();
             let sum: Vector3<f64> = pair.iter().map(|(force, _)| force).sum();

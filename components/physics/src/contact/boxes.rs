@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn a_box_on_another_touches_at_the_smaller_face() {
+    fn box_on_a_box_touches_at_the_smaller_face() {
         let turned = pose([0.02, 0.01, 0.149], [0.0, 0.0, 0.3]);
         let (least, found) = points(([0.05; 3], turned), ([0.2, 0.2, 0.1], pose([0.0; 3], [0.0; 3])));
         assert!((least + 1e-3).abs() < 1e-12, "{least}");

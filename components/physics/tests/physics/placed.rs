@@ -72,7 +72,7 @@ fn farthest(live: &[Sample], mut twin: Box<dyn Simulator>) -> f64 {
 }
 
 #[test]
-fn placed_rod_pushes_a_box_as_a_driven_one() {
+fn placed_rod_pushes_a_box_like_a_driven_rod() {
     for engine in engines() {
         let options = Options { friction: 0.0, ..Options::default() };
         let simulate = || engine.simulate(rod(), box_below_the_rod(), &[0.2], options);
@@ -117,7 +117,7 @@ fn pushed_by_an_arm(simulation: &mut dyn Simulator) -> Vec<Sample> {
 }
 
 #[test]
-fn placed_arm_pushes_a_box_as_a_driven_one() {
+fn placed_arm_pushes_a_box_like_a_driven_arm() {
     // In MuJoCo the fingers chatter, and the free box turns away from them differently in each run.
     for engine in [Engine::Articulated, Engine::Rapier] {
         let model = panda::loaded().model;
@@ -133,7 +133,7 @@ fn placed_arm_pushes_a_box_as_a_driven_one() {
 }
 
 #[test]
-fn placed_state_ends_every_step_to_the_bit() {
+fn placed_state_ends_every_step_exactly() {
     for engine in engines() {
         let home = panda::home();
         let mut simulation =
@@ -276,7 +276,7 @@ fn reset_ends_a_placement() {
 }
 
 #[test]
-fn saved_placement_continues_to_the_bit() {
+fn saved_placement_continues_bit_for_bit() {
     for engine in engines() {
         let mut simulation = engine.simulate(rod(), cube_below_the_rod(), &[0.2], Options::default());
         let sweep = |simulation: &mut dyn Simulator, steps: core::ops::Range<u32>| {
