@@ -1,4 +1,4 @@
-//! Newton steps over all contact points at once.
+//! Newton steps over all contact points simultaneously.
 
 use super::answer::COMPLIANCE;
 use super::cone::{ConeSolver, dot};

@@ -15,7 +15,7 @@ use super::hulls::{Faces, SIDES};
 use super::normals::Normals;
 use super::pair::AHEAD;
 
-/// Largest number of triangles in different planes that a feature touches at once.
+/// Largest number of triangles in different planes that a feature touches simultaneously.
 const MOST: usize = 4;
 
 /// Triangles whose normals differ by less than 18 degrees touch as one: the cosine of 18 degrees.

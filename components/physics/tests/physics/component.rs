@@ -42,8 +42,8 @@ impl Component for Driver {
     type Config = DriverConfig;
 
     fn declare(_: &DriverConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        declare.input::<JointState>("state", "where the joints are");
-        declare.output::<JointCommand>("command", "where they shall be");
+        declare.input::<JointState>("state", "joint state");
+        declare.output::<JointCommand>("command", "joint commands");
         Ok(())
     }
 
@@ -100,7 +100,7 @@ impl Component for Watcher {
     type Config = WatcherConfig;
 
     fn declare(_: &WatcherConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        declare.input::<BaseState>("base_state", "where the base is");
+        declare.input::<BaseState>("base_state", "base state");
         Ok(())
     }
 

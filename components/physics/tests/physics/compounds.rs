@@ -14,7 +14,7 @@ fn part(shape: ObjectShape, position: [f64; 3], mass: Option<f64>) -> CompoundPa
     CompoundPart { shape, position, rpy: [0.0; 3], mass }
 }
 
-/// A block of 0.2 x 0.16 x 0.1 m made of two halves, one of which lies on its side.
+/// A block of 0.2 x 0.16 x 0.1 m made of two halves, one of them on its side.
 fn halves() -> Object {
     let left = part(ObjectShape::Box { size: [0.1, 0.16, 0.1] }, [-0.05, 0.0, 0.0], None);
     let right = CompoundPart {
@@ -70,7 +70,7 @@ fn a_block_of_two_halves_moves_as_one_on_every_engine() {
         println!("{engine:?}: ways {apart:.4} rad apart, straying {:.4} m", (one - two).norm());
         // With spring contacts, as in Rapier and MuJoCo, it deviates by some hundredths of a radian.
         let most = if engine == Engine::Articulated { 1e-3 } else { 0.08 };
-        assert!(apart < most, "{engine:?}: it slides {apart} rad beside the way of one block");
+        assert!(apart < most, "{engine:?}: it slides {apart} rad off the path of one block");
         // In MuJoCo, whose contacts are springs with regularised friction, it turns by 0.3 rad as it slides.
         let turned = ends[1].rotation.angle();
         let most = if engine == Engine::Mujoco { 0.4 } else { 1e-2 };

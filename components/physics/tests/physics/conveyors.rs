@@ -1,4 +1,4 @@
-//! Surfaces that move along themselves, and the wind, against closed forms.
+//! Conveyor surfaces, and the wind, against closed forms.
 
 use motorium_physics::{Conveyor, Ground, Object, ObjectShape, Options, Simulator, World};
 use motorium_robots::load;
@@ -70,7 +70,7 @@ fn a_parcel_reaches_belt_speed_in_closed_form_time() {
     assert!((before - expected).abs() < 2e-3, "{before} m, expected {expected} m");
     run(&mut *simulation, 0.5);
     let way = position(&*simulation, "parcel").x - before;
-    assert!((way - 0.5 * speed).abs() < 1e-3, "it goes along: {way} m in half a second");
+    assert!((way - 0.5 * speed).abs() < 1e-3, "it moves with the belt: {way} m in half a second");
 }
 
 #[test]

@@ -280,7 +280,7 @@ fn diverged_state_is_rejected_and_reset_recovers() {
     for engine in engines() {
         let mut simulation = engine.simulate(slider(0.0, 0.0, 1e9), World::default(), &[-1.0], options());
         simulation.commands_mut()[0] = JointSetpoint::effort(1e9);
-        let error = (0..100).find_map(|_| simulation.step(DT).err()).expect("it cannot go on for ever");
+        let error = (0..100).find_map(|_| simulation.step(DT).err()).expect("the simulation diverges");
         assert!(matches!(error, StepError::Diverged { joint: 0, .. }), "{engine:?}: {error}");
         assert!(simulation.positions()[0].is_finite() && simulation.velocities()[0].abs() <= 100.0);
         simulation.reset(&[0.0], &[0.0]).unwrap();
@@ -339,8 +339,8 @@ fn drive_keeps_its_velocity_limit_under_any_command() {
     let commands: [(&str, Commands); 6] = [
         ("full effort forwards", |_| JointSetpoint::effort(1e9)),
         ("full effort backwards", |_| JointSetpoint::effort(-1e9)),
-        ("full effort to and fro", |seed| JointSetpoint::effort(1e9 * noise(seed))),
-        ("a far position", |seed| JointSetpoint::hold(10.0 * noise(seed).signum(), 600.0, 0.0)),
+        ("full effort in alternating directions", |seed| JointSetpoint::effort(1e9 * noise(seed))),
+        ("a distant position", |seed| JointSetpoint::hold(10.0 * noise(seed).signum(), 600.0, 0.0)),
         ("a fast velocity", |seed| JointSetpoint {
             velocity: 1e6 * noise(seed),
             kd: 40.0,

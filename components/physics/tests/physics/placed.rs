@@ -35,8 +35,8 @@ fn cube(simulation: &dyn Simulator) -> Vector3<f64> {
 type Sample = (Vec<f64>, Vec<f64>, Vector3<f64>);
 
 /// A box between two walls in the path of a rod that hangs down to 5 cm above the ground. The walls leave it
-/// a quarter of a millimetre on each side: a box turns away from a single point that pushes it. Nothing but
-/// the ground has friction, and the box is too long to tip over.
+/// a quarter of a millimetre on each side: a box pushed at a single point turns away. Only the ground has
+/// friction, and the box is too long to tip over.
 fn box_below_the_rod() -> World {
     let smooth = |object| Object { friction: 0.0, ..object };
     let wall =
@@ -94,7 +94,7 @@ fn box_next_to_the_hand() -> World {
 }
 
 /// Returns a Panda's home pose with its fingers side by side along x, so that both push along y. One finger
-/// alone would not push straight ahead: a box turns away from a single point that pushes it.
+/// alone would not push straight ahead, because a box pushed at a single point turns away.
 fn sideways() -> Vec<f64> {
     let mut q = panda::home();
     q[6] += core::f64::consts::FRAC_PI_2;

@@ -60,13 +60,13 @@ fn motion(simulator: &mut dyn Simulator) -> Vec<u64> {
     found
 }
 
-/// The properties of a simulation built with them.
+/// Returns the parts from which a simulation with these properties is built.
 fn built(model: &Model) -> (RobotSetup, World, Engine) {
     let options = Engine { friction: 0.8 * 0.7, ..Engine::default() };
     (RobotSetup::from(heavy(model)), world(0.7), options)
 }
 
-/// The same properties for a simulation that was built with others.
+/// Changes properties for a simulation that was built with other ones.
 fn changed(mut properties: Properties) -> Properties {
     properties.model = heavy(&properties.model);
     properties.world = World { ground: properties.world.ground, ..world(0.7) };

@@ -163,7 +163,7 @@ fn an_arm_without_commands_stops_alone_or_with_the_other() {
     assert_eq!(physics.allocations, Some(0));
     let driver = &alone.results["left-driver"];
     let (start, last) = (driver["start"][1].as_f64().unwrap(), driver["last"][1].as_f64().unwrap());
-    assert!((last - start - 0.1).abs() < 0.02, "the left arm goes on: {start} to {last}");
+    assert!((last - start - 0.1).abs() < 0.02, "the left arm continues: {start} to {last}");
 
     let together = run_for_a_second("stop_together = true");
     let [left, right] = safe(&together);

@@ -78,7 +78,7 @@ fn sleepers_wake_by_impact_lost_support_or_gravity() {
     simulation.set_object_pose(lowest, Isometry3::translation(3.0, 0.0, 0.05));
     run(&mut simulation, 1000);
     let height = simulation.object_pose(simulation.object("box2").unwrap()).translation.z;
-    assert!((height - 0.15).abs() < 2e-3, "what stood on the one that is gone falls: {height} m");
+    assert!((height - 0.15).abs() < 2e-3, "the cube above the removed one falls: {height} m");
 
     simulation.set_gravity(Vector3::new(0.0, 0.0, 1.0));
     run(&mut simulation, 1000);

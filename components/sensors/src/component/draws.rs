@@ -15,7 +15,7 @@ pub(super) struct Draws {
     now: SensorDraw,
     episode: u64,
     seed: u64,
-    /// Whether the current draw has not been published yet.
+    /// True until the current draw has been published.
     is_new: bool,
 }
 

@@ -21,11 +21,11 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointMergeConfig {
-    /// The writers: each is an input of this name. Together they have every joint of the robot once.
+    /// The publishers: each is an input of this name. Together they have every joint of the robot once.
     pub parts: BTreeMap<String, PartConfig>,
 }
 
-/// A part of the joints, which one writer measures.
+/// A part of the joints, measured by one publisher.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PartConfig {

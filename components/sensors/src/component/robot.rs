@@ -40,7 +40,7 @@ pub(super) fn load(robot: &RobotReference, base: BaseMode) -> Result<Loaded, Con
 /// Name of the frame that never moves.
 const WORLD: &str = "world";
 
-/// The place of a sensor on a robot.
+/// The mount of a sensor on a robot.
 ///
 /// ```toml
 /// frame    = "base"
