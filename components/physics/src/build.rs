@@ -175,7 +175,7 @@ pub enum BuildWarning {
     },
     /// A joint starts beyond its limits.
     #[error(
-        "joint \"{joint}\" starts at {position}, outside its limits {lower} to {upper}, and will return into them"
+        "joint \"{joint}\" starts at {position}, outside its limits {lower} to {upper}, and will be moved back into them"
     )]
     StartsBeyondLimit {
         /// Name of the joint.

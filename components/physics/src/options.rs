@@ -43,7 +43,7 @@ pub struct Options {
     /// surfaces, unless one of them has a friction of 0 or a `friction_combine`.
     #[schemars(range(min = 0.0))]
     pub friction: f64,
-    /// Restitution of the robot's surface: the share of the approach speed kept after an impact, 0 to 1,
+    /// Restitution of the robot's surface: the fraction of the approach speed kept after an impact, 0 to 1,
     /// default 0. A contact uses the mean of both surfaces.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,

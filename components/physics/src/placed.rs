@@ -1,9 +1,11 @@
 //! Articulations that are moved from outside instead of by forces and drives.
 //!
 //! Every step of a placed articulation ends in exactly its placed state. During the step its links move from
-//! the end of the last step to the placed configuration, so contacts see the same motion as if its drives had
-//! moved it there. If the placed velocity does not match this motion, as after a discontinuity or if a state
-//! is placed again, the links approach the configuration along the placed velocity instead.
+//! the end of the last step to the placed configuration. Contacts therefore see the same motion as if its
+//! drives had moved it there.
+//!
+//! The placed velocity may not match this motion, as after a discontinuity or if a state is placed again. The
+//! links then approach the configuration along the placed velocity instead.
 
 use crate::robot::{Articulation, Robot};
 use crate::{JointSetpoint, ResetError};
@@ -74,8 +76,8 @@ impl Robot {
     }
 }
 
-/// Largest difference of the mean velocity of a continuous motion from the velocity at its end, as a share of
-/// the latter.
+/// Largest difference of the mean velocity of a continuous motion from the velocity at its end, as a fraction
+/// of the latter.
 const CONTINUOUS: f64 = 0.5;
 
 /// Returns `true` if a motion of mean velocity `mean` may end with velocity `v`.

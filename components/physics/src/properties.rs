@@ -57,8 +57,8 @@ impl<E: Engine> Simulation<E> {
         }
     }
 
-    /// [Resets](crate::Simulator::reset) the simulation with these properties, which stay until the next
-    /// call. Nothing is rebuilt: the shapes and pairs of the contact detection stay.
+    /// [Resets](crate::Simulator::reset) the simulation with these properties, which persist until the next
+    /// call. Nothing is rebuilt: the shapes and pairs of the contact detection are kept.
     ///
     /// A [saved state](crate::Simulator::save) contains gravity and the objects' masses, but not the robot's
     /// properties. Restore it under the properties it was saved with.

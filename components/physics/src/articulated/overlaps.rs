@@ -1,4 +1,4 @@
-//! Links that start too close to each other, and links and objects that start inside something.
+//! Links that start too close to each other, and links and objects that overlap something at the start.
 
 use super::Articulated;
 use crate::BuildWarning;

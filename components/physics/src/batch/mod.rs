@@ -351,7 +351,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         Ok(())
     }
 
-    /// Resets one world with other physical properties, which stay until the next call.
+    /// Resets one world with other physical properties, which persist until the next call.
     ///
     /// # Errors
     ///

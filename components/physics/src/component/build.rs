@@ -214,7 +214,7 @@ impl PhysicsEngine for Articulated {
 
 impl PhysicsEngine for Rapier {
     const KIND: &'static str = "physics.rapier";
-    const SUMMARY: &'static str = "simulates robots with fixed bases by the rapier engine";
+    const SUMMARY: &'static str = "simulates fixed-base robots with the rapier engine";
 
     fn prepare(simulation: &mut Simulation<Self>, _: &[usize]) {
         simulation.enclose_rapier(|call| set_apart(call));
@@ -223,7 +223,7 @@ impl PhysicsEngine for Rapier {
 
 impl PhysicsEngine for Mujoco {
     const KIND: &'static str = "physics.mujoco";
-    const SUMMARY: &'static str = "simulates robots by MuJoCo, where its library is installed";
+    const SUMMARY: &'static str = "simulates robots with MuJoCo, if its library is installed";
 
     fn prepare(simulation: &mut Simulation<Self>, anywhere: &[usize]) {
         if anywhere.is_empty() {

@@ -139,7 +139,7 @@ impl PhysicsConfig {
     ) -> Result<Option<Isometry3<f64>>, ConfigError> {
         if placed && self.base.is_some() {
             return Err(ConfigError::key("base", "the graph already specifies the robot's pose")
-                .advise("keep `base` of the robot, and leave this one out"));
+                .advise("keep `base` of the robot, and remove this one"));
         }
         if let Some(BaseStart { position: [x, y, z], rpy: [roll, pitch, yaw] }) = self.base {
             if !robot.model.base().floating {
@@ -299,7 +299,7 @@ fn posture<'a>(robot: &'a Loaded, name: &str) -> Option<&'a Posture> {
 fn advice(robot: &Loaded) -> String {
     let names: Vec<_> = robot.postures.iter().map(|posture| posture.name.as_str()).collect();
     if names.is_empty() {
-        "write its `position` instead, or a profile (.toml) beside its URDF".to_owned()
+        "write its `position` instead, or a profile (.toml) next to its URDF".to_owned()
     } else {
         format!("its SRDF has {}", names.join(", "))
     }

@@ -66,7 +66,7 @@ pub(super) fn declare<E: PhysicsEngine>(
         return Err(ConfigError::key("randomise.every", message).advise("use `physics.articulated`"));
     }
     for robot in &built.robots {
-        declare.output::<Message>(&robot.port(PORT), "physical properties drawn for the episode");
+        declare.output::<Message>(&robot.port(PORT), "physical properties sampled for the episode");
     }
     Ok(())
 }

@@ -10,7 +10,7 @@ use super::site::{Mobility, Side, Site};
 const SWEEPS: usize = 50;
 pub(super) const FEW: usize = 10;
 
-/// Velocity change \[m/s\] in a sweep below which the sweeps end, and the same relative to the largest
+/// Velocity change \[m/s\] in a sweep below which the sweeps end. The second value is relative to the largest
 /// velocity that an impulse causes at its own point, as in impacts.
 const SETTLED: f64 = 1e-6;
 const SETTLED_SHARE: f64 = 1e-4;

@@ -23,8 +23,8 @@ const FACES: usize = 6;
 /// Faces whose normals differ by less than 18 degrees touch as one: the cosine of 18 degrees.
 const ALIKE: f64 = 0.95;
 
-/// A feature is over a face if the cosine between the face normal and the direction from the surface to the
-/// feature differs from 1 by less than this.
+/// Deviation from 1 of the cosine between the normal of a face and the direction from the surface to a
+/// feature, below which the feature is over the face.
 const OVER: f64 = 1e-9;
 
 /// Largest number of triangles near a round feature whose edges are all tested. If there are more, only the

@@ -42,7 +42,7 @@ const TIME_CONSTANT: f64 = 0.002;
 /// Damping ratio of a surface without restitution.
 const DAMPED: f64 = 3.0;
 
-/// Impedance of a contact: the share of a rigid surface's force, at the surface and a millimetre below.
+/// Impedance of a contact: the fraction of a rigid surface's force, at the surface and a millimetre below.
 pub(super) const IMPEDANCE: &str = "0.99 0.999 0.001";
 
 /// Returns MuJoCo's `solref` for a restitution from 0 to 1: time constant \[s\] and damping ratio.
@@ -51,7 +51,7 @@ pub(super) fn reference(restitution: f64) -> [f64; 2] {
     [TIME_CONSTANT / ratio.min(1.0), ratio]
 }
 
-/// Returns the damping ratio at which a body keeps this share of its speed.
+/// Returns the damping ratio at which a body keeps this fraction of its speed.
 fn damping_ratio(restitution: f64) -> f64 {
     let (mut low, mut high) = (1e-4, DAMPED);
     if rebound(high) >= restitution {
@@ -69,7 +69,7 @@ fn damping_ratio(restitution: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Returns the share of its speed with which a body leaves a spring of frequency 1 and this damping ratio,
+/// Returns the fraction of its speed with which a body leaves a spring of frequency 1 and this damping ratio,
 /// once the force is zero.
 fn rebound(ratio: f64) -> f64 {
     let z = ratio;

@@ -138,9 +138,9 @@ pub(super) fn quantities(
             return Err(RangeError::new("every", "0 s, expected a time above 0"));
         }
         if !list.0.iter().any(Quantity::varies_in_time) {
-            let message = "nothing is drawn that may change within an episode";
+            let message = "nothing that may change within an episode is sampled";
             return Err(RangeError::new("every", message)
-                .advise("starts, objects and the terrain are drawn once an episode: leave it out"));
+                .advise("starts, objects and the terrain are sampled once per episode: leave it out"));
         }
     }
     Ok(list.0)
@@ -205,7 +205,7 @@ fn of_objects(config: &RandomiseConfig, nominal: &Properties, list: &mut List) -
         if !objects[index].is_dynamic() && (ranges.mass.is_some() || places.iter().any(Option::is_some)) {
             let message = format!("`{name}` has no mass and stays at its pose in the graph");
             return Err(
-                RangeError::new(key, message).advise("draw its friction or restitution, or give it a mass")
+                RangeError::new(key, message).advise("sample its friction or restitution, or give it a mass")
             );
         }
         for (property, own, interval, allowed) in [
@@ -238,7 +238,7 @@ pub(crate) fn check_ties<'c>(
             let [first, second] = &connection.parts;
             let message = format!("a connection ties `{first}` to `{second}` in their start poses");
             return Err(RangeError::new(format!("objects.{name}"), message)
-                .advise("draw its mass, friction or restitution, and leave its start where it is"));
+                .advise("sample its mass, friction or restitution, and leave out its start"));
         }
     }
     Ok(())
@@ -258,7 +258,7 @@ fn of_robot(
             let written = config.key_of_robot(name, key);
             interval.check(&written, allowed)?;
             if parts.is_empty() {
-                let message = format!("nothing to draw: no part of robot `{}` has it", model.name());
+                let message = format!("nothing to sample: no part of robot `{}` has it", model.name());
                 return Err(RangeError::new(written, message).advise("leave it out"));
             }
             if property > Property::ActuatorStrength {

@@ -264,7 +264,7 @@ fn a_random_start_keeps_the_feet_on_the_ground() {
 fn impossible_ranges_are_rejected_at_their_position() {
     let line = |text: &str, part: &str| text[..text.find(part).unwrap()].lines().count();
     for (robot, ranges, expected, at) in [
-        ("quadruped", "mass = [1.2, 0.8]", "the lowest value stands first", "mass"),
+        ("quadruped", "mass = [1.2, 0.8]", "the lowest value comes first", "mass"),
         ("quadruped", "mass = [0.0, 1.0]", "factors from 0.001 to 100", "mass"),
         ("quadruped", "restitution = [0.5, 1.5]", "numbers from 0 to 1", "restitution"),
         ("quadruped", "friction = [-0.5, 1.0]", "factors from 0 to 100", "friction"),
@@ -349,7 +349,7 @@ config = { offset = 0.0, until = 0, stiffness = 1.0 }
     let wrong =
         text.replace("robots = { left = { mass = [2.0, 2.0]", "robots = { left = { mass = [3.0, 2.0]");
     let error = check(wrong).map(|_| ()).unwrap_err().render(false);
-    assert!(error.contains("the lowest value stands first") && error.contains("write [2, 3]"), "{error}");
+    assert!(error.contains("the lowest value comes first") && error.contains("write [2, 3]"), "{error}");
 }
 
 #[test]

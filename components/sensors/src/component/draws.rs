@@ -24,7 +24,7 @@ impl Draws {
     pub(super) fn declare(ranges: &SensorRanges, declare: &mut Declare) -> Result<(), ConfigError> {
         ranges.check().map_err(refused)?;
         if !ranges.is_empty() {
-            declare.output::<Randomisation>("drawn", "parameters of the sensor drawn for the episode");
+            declare.output::<Randomisation>("drawn", "parameters of the sensor sampled for the episode");
         }
         Ok(())
     }

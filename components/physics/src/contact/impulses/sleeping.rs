@@ -18,7 +18,7 @@ impl Impulses {
     }
 
     /// Finds the bodies of islands in which a robot is closer than `least` \[m\] to something that it may
-    /// hold, for the points that were sorted last.
+    /// hold. Uses the points that were sorted last.
     pub(crate) fn find_near(&mut self, points: &[ContactPoint], least: f64, near: &mut [bool]) {
         self.pending.clear();
         self.pending.resize(self.islands.count(), false);

@@ -46,8 +46,8 @@ impl ContactScene {
         self.impulses.make_room(contacts + held);
     }
 
-    /// Returns the end of a connection that holds an object of the world, and the pose of the object in the
-    /// frame of its owner.
+    /// Returns the member of a connection that carries an object of the world, and the pose of the object in
+    /// the frame of its owner.
     pub(crate) fn member_of_object(&self, index: usize) -> (Member, Isometry3<f64>) {
         match self.objects.movable[index] {
             Some(movable) => {

@@ -62,7 +62,7 @@ impl Component for BlobEstimator {
     fn declare(config: &BlobConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         config.check()?;
         TrueMotion::declare(&config.camera, Needs::Measured, declare)?;
-        let doc = "pictures: red, green and blue, a byte each";
+        let doc = "images: red, green and blue, one byte each";
         declare.slice_input::<u8>("image", PICTURES, doc);
         declare.input::<ImageInfo>("info", "format of the images");
         declare.output::<PoseTarget>("target", "position and velocity of the object in the world");
@@ -98,7 +98,7 @@ impl Component for BlobEstimator {
             let Some(info) = info.latest() else { continue };
             if info.encoding != ImageInfo::RGB_8 || info.focal_length.iter().any(|length| *length <= 0.0) {
                 return Err(StepError::failed(
-                    "the pictures are not of red, green and blue with a known focal length",
+                    "the images are not red, green and blue with a known focal length",
                 ));
             }
             counts.pictures += 1;

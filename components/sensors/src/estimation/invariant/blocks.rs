@@ -39,7 +39,7 @@ impl Blocks {
         }
     }
 
-    /// Gives block `to` the covariances of block `from`, including its own covariance.
+    /// Copies the covariances of block `from` to block `to`, including its own covariance.
     pub(super) fn copy_block(&mut self, from: usize, to: usize) {
         for other in 0..self.n {
             if other != to {
