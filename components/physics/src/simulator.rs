@@ -178,10 +178,11 @@ pub trait Simulator {
     /// The articulation stays placed until [`release`](Self::release) or a [reset](Self::reset): forces,
     /// commands, limits and contacts do not move it. During each step its links move to `q` from the end of
     /// the last step, and after the step its state is exactly `q` and `v`. To move it, place it before every
-    /// step. After a discontinuity, or in a step without another placement, `v` differs from the mean
-    /// velocity of the step. If it differs by more than half of its norm, the links arrive at `q` along `v`
-    /// instead, so that a discontinuity does not throw objects away. Place a robot that stops with a velocity
-    /// of zero. Its drives have no effort.
+    /// step. Place a robot that stops with a velocity of zero. Its drives have no effort.
+    ///
+    /// After a discontinuity, or in a step without another placement, `v` may differ from the mean velocity
+    /// of the step. If it differs by more than half of its norm, the links arrive at `q` along `v` instead, so
+    /// that a discontinuity does not throw objects away.
     ///
     /// # Errors
     ///

@@ -123,8 +123,8 @@ impl Blob {
 /// A fixed-gain filter for the position and velocity of a point with constant velocity (alpha-beta filter,
 /// critically damped).
 ///
-/// `s` is the smoothing and `r` the error of the predicted position. A measurement after a time `dt` adds `(1 -
-/// s^2) r` to the position and `(1 - s)^2 r / dt` to the velocity.
+/// `s` is the smoothing and `r` the error of the predicted position. A measurement after a time `dt` adds
+/// `(1 - s^2) r` to the position and `(1 - s)^2 r / dt` to the velocity.
 ///
 /// ```
 /// use motorium_sensors::blob::PointFilter;

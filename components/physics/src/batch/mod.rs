@@ -338,8 +338,8 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         });
     }
 
-    /// Resets one world to configuration `q` (nq) and velocity `v` (nv), its objects to their start poses,
-    /// and its commands to zero efforts.
+    /// Resets one world to configuration `q` (nq) and velocity `v` (nv), its objects to their start
+    /// states, and its commands to zero efforts.
     ///
     /// # Errors
     ///

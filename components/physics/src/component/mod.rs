@@ -52,7 +52,7 @@ pub type MujocoPhysics = PhysicsComponent<Mujoco>;
 /// up to four of them, so that the robot does not freeze while its clock advances.
 ///
 /// After a crash the robot continues from its last published state, and the objects return to their start
-/// poses.
+/// states.
 pub struct PhysicsComponent<E> {
     robots: Vec<Actuated>,
     truth: Truth,

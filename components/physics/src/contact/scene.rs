@@ -112,8 +112,8 @@ impl ContactScene {
 
     /// Begins a step of `dt` \[s\] in the current poses. Finds the contact points, and the robots near enough
     /// to an object or to another robot to use the integration steps of contacts, together with everything
-    /// they may touch. Returns the number of integration steps: the largest of all awake bodies, each of
-    /// which uses `far` or `near`.
+    /// they may touch. Returns the number of integration steps: the maximum over all awake bodies,
+    /// each of which uses `far` or `near`.
     pub(crate) fn begin(&mut self, dt: f64, gravity: &Vector3<f64>, [far, near]: [usize; 2]) -> usize {
         self.objects.feel(gravity);
         self.lengths.fill(dt);

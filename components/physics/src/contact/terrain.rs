@@ -158,7 +158,7 @@ fn depth(shape: &ConvexShape, pose: &IsometryMatrix3<f64>) -> f64 {
     }
 }
 
-/// Returns `true` for the face normals that a feature applies to.
+/// A predicate that is true for the face normals that a feature applies to.
 type Takes<'a> = dyn Fn(&Vector3<f64>) -> bool + 'a;
 
 /// Passes the features of a collider that may touch to `visit`, each with the face normals it applies to. The
