@@ -112,8 +112,8 @@ impl Blob {
         Some(Self { pixels, direction: Unit::new_normalize(sum), solid_angle, on_edge })
     }
 
-    /// Distance \[m\] of the centre of a sphere of `radius` \[m\] that fills the solid angle: `radius / sin
-    /// a` with `solid_angle = 2 pi (1 - cos a)`.
+    /// Returns the distance \[m\] of the centre of a sphere of `radius` \[m\] that fills the solid angle:
+    /// `radius / sin a` with `solid_angle = 2 pi (1 - cos a)`.
     pub fn distance_of_sphere(&self, radius: f64) -> f64 {
         let cos = (1.0 - self.solid_angle / TAU).max(0.0);
         radius / (1.0 - cos * cos).sqrt()

@@ -117,8 +117,8 @@ impl ConeSolver {
         }
     }
 
-    /// Assembles the linear system of the modes. A slipping point obeys `q lambda_t + w_t = 0` with `q =
-    /// |w_t| / (mu lambda_n)`.
+    /// Assembles the linear system of the modes. A slipping point obeys `q lambda_t + w_t = 0` with
+    /// `q = |w_t| / (mu lambda_n)`.
     fn assemble_newton(&mut self) {
         let Self { rows, delassus, velocity, target, friction, soft, lambda, newton, .. } = self;
         let Newton { unknowns, modes, system, step, .. } = newton;

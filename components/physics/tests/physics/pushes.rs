@@ -116,8 +116,8 @@ fn impossible_pushes_are_rejected_by_key() {
     }
 }
 
-/// Without contacts, friction and gravity a wrench on a link is the generalized force `J' f`: from rest `M a
-/// = J' f`.
+/// Without contacts, friction and gravity a wrench on a link is the generalized force `J' f`: from rest
+/// `M a = J' f`.
 #[test]
 fn a_link_wrench_accelerates_an_arm_by_its_jacobian() {
     let arm = load("panda", std::path::Path::new(".")).unwrap();

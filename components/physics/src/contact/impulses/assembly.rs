@@ -46,8 +46,8 @@ impl Impulses {
         }
     }
 
-    /// Solves an island over the velocities of its bodies. With `few`, at most [a
-    /// few](super::super::sweeps::FEW) sweeps run. Returns `true` if the sweeps settled.
+    /// Solves an island over the velocities of its bodies. With `few`, at most
+    /// [`FEW`](super::super::sweeps::FEW) sweeps run. Returns `true` if the sweeps settled.
     pub(super) fn solve_sparse(&mut self, places: Range<usize>, few: bool) -> bool {
         self.sum.fill(0.0);
         for place in places.clone() {
