@@ -173,7 +173,7 @@ impl PointFilter {
         Some((position + velocity * dt, velocity))
     }
 
-    /// Time of the last measurement \[ns\].
+    /// Returns the time of the last measurement \[ns\].
     pub fn last_ns(&self) -> Option<u64> {
         self.state.map(|(last, ..)| last)
     }

@@ -80,7 +80,7 @@ impl SensorRanges {
         }
     }
 
-    /// Longest latency that can be sampled, where `own` is the sensor's latency.
+    /// Returns the longest latency that can be sampled, where `own` is the sensor's latency.
     pub fn longest(&self, own: TimeSpan) -> TimeSpan {
         self.latency.map_or(own, |[_, longest]| longest)
     }

@@ -115,7 +115,7 @@ impl Renderer {
         &self.pinhole
     }
 
-    /// Number of pixels of an image.
+    /// Returns the number of pixels of an image.
     pub fn pixels(&self) -> usize {
         self.directions.len()
     }

@@ -313,24 +313,24 @@ impl InvariantFilter {
         &self.state
     }
 
-    /// Position in the world \[m\] of a foot on the ground; `None` in the air.
+    /// Returns the position in the world \[m\] of a foot on the ground; `None` in the air.
     pub fn foot(&self, foot: usize) -> Option<Vector3<f64>> {
         self.feet[foot]
     }
 
-    /// Number of feet on the ground.
+    /// Returns the number of feet on the ground.
     pub fn contacts(&self) -> usize {
         self.feet.iter().flatten().count()
     }
 
-    /// Covariance of the invariant error of rotation, velocity and position (`xi` of `exp(xi)`, world axes)
-    /// and of the gyroscope and accelerometer biases.
+    /// Returns the covariance of the invariant error of rotation, velocity and position (`xi` of `exp(xi)`,
+    /// world axes) and of the gyroscope and accelerometer biases.
     pub fn invariant_covariance(&self) -> SMatrix<f64, 15, 15> {
         SMatrix::from_fn(|row, column| self.covariance.get(row / 3, column / 3)[(row % 3, column % 3)])
     }
 
-    /// Covariance of the errors of rotation (a rotation vector in world axes), velocity and position. It
-    /// follows from `v_est - v = xi_v - [v] xi_R`, and likewise for the position.
+    /// Returns the covariance of the errors of rotation (a rotation vector in world axes), velocity and
+    /// position. It follows from `v_est - v = xi_v - [v] xi_R`, and likewise for the position.
     pub fn covariance(&self) -> SMatrix<f64, 9, 9> {
         let invariant = self.invariant_covariance().fixed_view::<9, 9>(0, 0).into_owned();
         let mut map = SMatrix::<f64, 9, 9>::identity();
