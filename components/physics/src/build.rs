@@ -198,8 +198,8 @@ pub enum BuildWarning {
 }
 
 impl BuildWarning {
-    /// Formats the warnings as texts, with one text for all ignored shapes, one for all overlapping objects
-    /// and one for all pairs of links that start too close.
+    /// Formats the warnings as texts. Ignored shapes, overlapping objects and pairs of links that start too
+    /// close have one text each.
     ///
     /// ```
     /// use motorium_physics::BuildWarning;

@@ -137,7 +137,7 @@ impl Actuators {
     }
 
     /// Returns the commands forwarded by the actuators for an integration step of `h` \[s\] from the joint
-    /// positions `q` and velocities `v`, and sets the effort bounds of that step.
+    /// positions `q` and velocities `v`. Also sets the effort bounds of that step.
     pub(super) fn pass<'a>(
         &'a mut self,
         commands: &'a [JointSetpoint],

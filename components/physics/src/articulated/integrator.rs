@@ -27,11 +27,11 @@ use crate::{Integrator, JointSetpoint};
 /// step. Its velocity is expressed in axes that do not rotate during the step, so rotation alone does not
 /// change it.
 ///
-/// Each term is a monotone function of its own `v+_i` and `M` is positive definite, so the solution exists
-/// and is unique for any gains (a strictly convex problem). An active set finds the solution: a joint's drive
-/// is linear or saturated, its friction sticks or slips, its stop is active or inactive. The linear system of
-/// the current modes is solved until its solution confirms the modes. The first guess is the modes of the
-/// last step, which are nearly always correct.
+/// Each term is a monotone function of its own `v+_i` and `M` is positive definite. The problem is therefore
+/// strictly convex, and its solution exists and is unique for any gains. An active set finds the solution: a
+/// joint's drive is linear or saturated, its friction sticks or slips, its stop is active or inactive. The
+/// linear system of the current modes is solved until its solution confirms the modes. The first guess is the
+/// modes of the last step, which are nearly always correct.
 ///
 /// The drive law is evaluated at the end of the step, which adds damping: a drive with Kp and Kd behaves like
 /// one with Kd + h Kp. A drive without damping therefore comes to rest.

@@ -82,14 +82,12 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 /// contact, as between crossing edges, the nearest points of the two colliders are used. Two boxes touch at
 /// the corners of the patch that their faces share, or where two edges cross.
 ///
-///
 /// Torques against spinning about a contact normal and against rolling about its tangents are part of the
 /// same problem, each bounded by its coefficient times the normal force. A conveyor surface drags along
 /// objects that touch it. The air drag on free objects is evaluated at the end of the step.
 ///
 /// Objects that have been still for half a second fall asleep together with everything they touch. They wake
 /// when something reaches them.
-///
 ///
 /// In the air, the linear and angular momentum of a floating robot is conserved up to rounding: after each
 /// integration step the velocity of the base is corrected by the momentum lost in the integration.

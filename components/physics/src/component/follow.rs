@@ -46,7 +46,7 @@ pub(super) fn declare(
             let wired = if declare.subscribes(&joints) { &joints } else { &base };
             let message = format!("`{wired}` and `{command}` both move the robot");
             return Err(ConfigError::new(message).advise(format!(
-                "a robot that follows takes no commands: leave out `{wired}` or `{command}`"
+                "a robot that follows accepts no commands: leave out `{wired}` or `{command}`"
             )));
         }
         if robot.follows {

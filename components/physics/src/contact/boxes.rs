@@ -2,8 +2,8 @@
 
 use nalgebra::{IsometryMatrix3, Matrix3, Point3, Vector3};
 
-/// The reference face is on the second box only if its face separates better by this distance \[m\], so that
-/// rounding does not decide between two parallel faces.
+/// The reference face is on the second box only if its face separates better by this distance \[m\].
+/// Otherwise rounding would decide between two parallel faces.
 const PREFERENCE: f64 = 1e-4;
 
 /// Two edges touch if their axis separates better than every face by this distance \[m\].

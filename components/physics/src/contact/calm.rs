@@ -15,9 +15,9 @@ const PAUSE: u32 = 16;
 /// Bounds on the distances that the robots' colliders have travelled since the pairs were last inspected,
 /// derived from the motion of the joints.
 ///
-/// A revolute joint moves its descendants by at most its angle times the distance from its origin, which is
-/// at most the length of the links in between. Until the joints between two colliders have used up the
-/// distance between them, nothing touches, and no collider pose is needed.
+/// A revolute joint moves its descendants by at most its angle times their distance from its origin. This
+/// distance is at most the length of the links in between. Until the joints between two colliders have used
+/// up the distance between them, nothing touches, and no collider pose is needed.
 #[derive(Clone, Debug)]
 pub(super) struct Calm {
     trees: Vec<Tree>,

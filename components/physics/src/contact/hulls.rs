@@ -56,7 +56,7 @@ pub(super) struct Faces<'a> {
 
 impl<'a> Faces<'a> {
     /// Returns the planes of a box, of a hull in a world with mesh triangles, or of a prism around a
-    /// cylinder, turned towards the segment between `ends`. Other shapes have none.
+    /// cylinder. The prism is turned towards the segment between `ends`. Other shapes have none.
     pub(super) fn from_collider(
         collider: &'a Collider,
         ends: &[Vector3<f64>; 2],

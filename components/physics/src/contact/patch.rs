@@ -58,10 +58,12 @@ struct Corner {
     edge: u32,
 }
 
-/// Passes the points of the patch of two colliders to `found`: true if the face is on the second collider,
-/// the number of the point, the point halfway between the surfaces, the normal towards the collider without
-/// the face, and the distance. `normal` points from the first to the second, and `distance` \[m\] is the
-/// distance between them. Returns `false` and passes nothing if they do not touch in a line or a face.
+/// Passes the points of the patch of two colliders to `found`. Each has a flag that is true if the face is on
+/// the second collider, the number of the point, the point halfway between the surfaces, the normal towards
+/// the collider without the face, and the distance.
+///
+/// `normal` points from the first to the second, and `distance` \[m\] is the distance between them. Returns
+/// `false` and passes nothing if they do not touch in a line or a face.
 pub(super) fn collide(
     [(first, a), (second, b)]: [(&Collider, &IsometryMatrix3<f64>); 2],
     (normal, distance): (&Vector3<f64>, f64),

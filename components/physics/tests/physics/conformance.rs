@@ -41,8 +41,8 @@ fn club() -> Object {
     object("club", shape, None, [0.5, -0.25, 0.2])
 }
 
-/// A Panda near a table with a stack of two cubes, a ball above a tray of convex parts, a can, a rock made of
-/// a mesh, and a club of two balls.
+/// A Panda near a table with a stack of two cubes, and a ball above a tray of convex parts. Also a can, a
+/// rock made of a mesh, and a club of two balls.
 fn scene(engine: Engine) -> Box<dyn Simulator> {
     let cube =
         |name: &str, z: f64| object(name, ObjectShape::Box { size: [0.05; 3] }, Some(0.2), [0.5, 0.2, z]);

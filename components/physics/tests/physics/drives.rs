@@ -299,8 +299,8 @@ fn speed_beyond_the_limit_is_flagged() {
     assert_eq!(simulation.step(DT).unwrap().overspeed, 0);
 }
 
-/// Largest speed of joint `moved` as a share of its limit, over a second of commands that change every five
-/// milliseconds, while the other joints are held.
+/// Largest speed of joint `moved` as a fraction of its limit. Its commands change every five milliseconds for
+/// a second, while the other joints are held.
 fn fastest_under(moved: usize, mut command: impl FnMut(&mut u64) -> JointSetpoint) -> f64 {
     let mut simulation = panda::at_home(Engine::Articulated, World::default(), options());
     let model = simulation.model();

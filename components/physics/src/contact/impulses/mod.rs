@@ -205,10 +205,10 @@ impl Impulses {
         (0..3).map(|part| axes[part] * self.lambda[3 * index + part]).sum()
     }
 
-    /// Sets up the contact points of a step. `slopes(owner, point, axes, sign, columns)` adds to `columns`
-    /// (nv of an articulation) `sign` times the Jacobian of the owner's velocities at the point along the
-    /// three axes. `v` (nv) are the current velocities of the articulations. `before` and `falling` are the
-    /// objects' velocities now and after free fall during the step.
+    /// Sets up the contact points of a step. `slopes(owner, point, axes, sign, columns)` adds `sign` times
+    /// the Jacobian of the owner's velocities at the point, along the three axes, to `columns` (nv of an
+    /// articulation). `v` (nv) are the current velocities of the articulations. `before` and `falling` are
+    /// the objects' velocities now and after free fall during the step.
     pub(crate) fn prepare(
         &mut self,
         points: &[ContactPoint],

@@ -20,8 +20,8 @@ const PICTURES: usize = 2;
 
 /// A component that finds the object in each image and publishes its position in the world at its own rate.
 ///
-/// Images arrive with a delay. The camera pose is therefore looked up at the time of exposure, and the
-/// published position is predicted to the time of the step from its velocity.
+/// Images arrive with a delay. The camera pose is therefore looked up at the time of exposure. The published
+/// position is predicted to the time of the step from its velocity.
 pub struct BlobEstimator {
     motion: TrueMotion,
     history: PoseHistory,
