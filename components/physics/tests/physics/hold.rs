@@ -149,7 +149,7 @@ fn a_joint_without_an_effort_limit_keeps_its_velocity_limit() {
                     fastest = fastest.max(simulation.velocities()[0].abs());
                 }
                 assert!(fastest < 1.05 * limit, "{kind}, {engine:?}, {effort}: {fastest} of {limit}");
-                assert!(fastest > 0.95 * limit, "{kind}, {engine:?}, {effort}: it moves at {fastest} only");
+                assert!(fastest > 0.95 * limit, "{kind}, {engine:?}, {effort}: it moves at only {fastest}");
             }
         }
     }

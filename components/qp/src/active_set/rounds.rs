@@ -12,7 +12,7 @@ pub(super) enum Next {
     Done(Accuracy),
     /// Solve another round.
     Solve {
-        /// Whether the shift changed and the Hessian must be factored again.
+        /// `true` if the shift changed and the Hessian must be factored again.
         factorize: bool,
     },
 }
