@@ -248,7 +248,7 @@ fn faulty_mesh_is_rejected_with_its_line() {
     let lost = dae().replace("#scene\"/>", "#nothing\"/>");
     assert!(
         refusal("g.dae", lost.as_bytes())
-            .ends_with("url=\"#nothing\" of <instance_visual_scene> names nothing in this file")
+            .ends_with("url=\"#nothing\" of <instance_visual_scene> refers to no element of this file")
     );
     let unturned = dae().replace("0 0 1 90", "0 0 0 90");
     assert!(

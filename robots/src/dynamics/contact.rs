@@ -11,9 +11,9 @@ pub enum ConstrainedError {
     /// The mass matrix is singular.
     #[error(transparent)]
     Mass(#[from] SingularMassMatrix),
-    /// A constraint depends on previous ones.
+    /// A constraint depends linearly on previous ones.
     #[error(
-        "row {row} of the constraint follows from the rows before it; leave it out, or regularise with a damping above 0"
+        "row {row} of the constraint depends on the rows before it; remove it, or regularise with a damping above 0"
     )]
     Redundant {
         /// Row of the constraint's Jacobian.

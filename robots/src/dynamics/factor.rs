@@ -34,7 +34,7 @@ impl MassFactor {
         Self { above: model.flat().above.clone(), factor: DMatrix::identity(n, n), scales: vec![1.0; n] }
     }
 
-    /// Factorises `mass`, of which the upper triangle is read.
+    /// Factorises `mass`. Only its upper triangle is read.
     ///
     /// # Errors
     ///

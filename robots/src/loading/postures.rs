@@ -62,7 +62,7 @@ impl Posture {
         postures
     }
 
-    /// Sets one joint of a state; returns `false` if the model does not have it.
+    /// Sets one joint of a state; returns `false` if the model does not have the joint.
     fn set_joint(&mut self, model: &Model, name: &str, numbers: &[f64]) -> bool {
         match (model.joint_index(name), numbers) {
             (Some(index), [position]) => self.joints[index] = *position,
