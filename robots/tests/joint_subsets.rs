@@ -1,4 +1,4 @@
-//! Robots of which a graph moves only some joints, and robots in MJCF files.
+//! Robots with a subset of their joints moved by a graph, and robots in MJCF files.
 
 use std::path::Path;
 

@@ -121,7 +121,7 @@ fn sdf_frames_that_are_not_read_are_refused() {
 }
 
 #[test]
-fn mjcf_masks_that_part_a_pair_are_refused() {
+fn mjcf_masks_that_exclude_a_pair_are_rejected() {
     let world = |floor: &str, ghost: &str| {
         let text = format!(
             "<mujoco><worldbody><geom type=\"plane\" size=\"0 0 1\" {floor}/>\n\
@@ -159,7 +159,7 @@ fn comments_inside_sdf_values_are_left_out() {
 }
 
 #[test]
-fn files_combine_frictions_as_their_program() {
+fn world_files_combine_friction_as_in_their_simulator() {
     let sdf = |ground: f64| {
         let plane = format!(
             "<model name=\"ground\"><static>true</static><link name=\"l\"><collision name=\"c\"><geometry><plane/></geometry>\
@@ -199,7 +199,7 @@ fn files_combine_frictions_as_their_program() {
 }
 
 #[test]
-fn mjcf_flags_and_free_joints_are_obeyed_or_named() {
+fn mjcf_flags_and_free_joints_are_applied_or_reported() {
     let world = |option: &str, joint: &str| {
         let text = format!(
             "<mujoco><option>{option}</option><default><joint damping=\"0\"/></default><worldbody>\n\
@@ -267,7 +267,7 @@ fn fixed_meshes_of_sdf_and_urdf_touch_by_their_triangles() {
 }
 
 #[test]
-fn planes_have_no_ends() {
+fn planes_are_infinite() {
     let mjcf = |planes: &str| {
         let text = format!(
             "<mujoco><worldbody>{planes}<body pos=\"9 0 1\"><freejoint/><geom size=\"0.1\"/></body></worldbody></mujoco>"
@@ -296,7 +296,7 @@ fn planes_have_no_ends() {
 }
 
 #[test]
-fn soft_welds_and_surfaces_of_urdf_dialects_are_named() {
+fn soft_welds_and_urdf_dialect_surfaces_are_reported() {
     let weld = |attributes: &str| {
         let text = format!(
             "<mujoco><worldbody><body name=\"b\"><freejoint/><geom size=\"0.1\"/></body></worldbody>\n\

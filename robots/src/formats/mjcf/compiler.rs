@@ -96,11 +96,11 @@ impl Compiler {
                     }
                     ("boundmass" | "boundinertia", _) => {
                         if attributes.parse(node, name, value, 1..=1)?[0] > 0.0 {
-                            return refused("it changes inertias; write the changed ones out");
+                            return refused("it changes inertias; write the resulting inertias to the file");
                         }
                     }
                     ("balanceinertia", "true") => {
-                        return refused("it changes inertias; write the changed ones out");
+                        return refused("it changes inertias; write the resulting inertias to the file");
                     }
                     ("inertiagrouprange", _) => {
                         let range = attributes.parse(node, name, value, 2..=2)?;
