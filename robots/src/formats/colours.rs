@@ -26,7 +26,7 @@ const PLAIN: [Colour; 3] = [[0.55, 0.57, 0.6], [0.93, 0.93, 0.93], [0.72, 0.77, 
 pub struct LinkColours(BTreeMap<String, Vec<Option<Colour>>>);
 
 impl LinkColours {
-    /// Creates the colours from those of each link's shapes, in order.
+    /// Creates the set from the colours of each link's shapes, in order.
     pub(crate) fn of_shapes(links: BTreeMap<String, Vec<Option<Colour>>>) -> Self {
         Self(links)
     }

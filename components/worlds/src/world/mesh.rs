@@ -93,8 +93,8 @@ fn unscaled() -> [f64; 3] {
 
 impl PartialEq for MeshShape {
     fn eq(&self, other: &Self) -> bool {
-        let told = |mesh: &Self| (mesh.file.clone(), mesh.scale, mesh.collision, mesh.visual.clone());
-        told(self) == told(other)
+        let settings = |mesh: &Self| (mesh.file.clone(), mesh.scale, mesh.collision, mesh.visual.clone());
+        settings(self) == settings(other)
     }
 }
 
