@@ -22,7 +22,7 @@ Geometry: cylinders that cover the arm roughly; visual and collision are the sam
 """,
     )
     quarter = pi / 2
-    # above: where the joint stands in the link before it; inertia: mass, centre of mass, principal moments
+    # above: position of the joint in its parent link; inertia: mass, centre of mass, principal moments
     rows = [
         ((0, 0, 0.1575), (0, 0, 0), 170, 85, 320, (5.76, (0, -0.03, 0.12), (0.033, 0.0333, 0.0123))),
         ((0, 0, 0.2025), (quarter, 0, pi), 120, 85, 320, (6.35, (0.0003, 0.059, 0.042), (0.0305, 0.0304, 0.011))),
@@ -82,10 +82,10 @@ UR5E_JOINTS = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "
 
 
 def add_ur5e(robot, base, prefix=""):
-    """The arm on the link `base`; the names of its joints."""
+    """Adds the arm to the link `base`; returns the names of its joints."""
     quarter = pi / 2
     d1, a2, a3, d4, d5, d6 = 0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996
-    # link, mass, centre of mass in its DH frame, that frame in the link, the bar its inertia is taken of (radius, length, rpy)
+    # link, mass, centre of mass in its DH frame, DH frame in the link, bar that determines its inertia (radius, length, rpy)
     links = [
         ("shoulder_link", 3.761, (0, -0.02561, 0.00193), (0, 0, 0), quarter, (0.06, 0.15, (0, 0, 0))),
         ("upper_arm_link", 8.058, (0.2125, 0, 0.11336), (a2, 0, 0), 0, (0.054, 0.425, ALONG_X)),
@@ -229,7 +229,7 @@ The base: Clearpath Robotics, Ridgeback data sheet (0.96 x 0.793 x 0.296 m, 135 
     )
 
 
-# Joint: place and axes in the link before it, range. Link: mass, centre of mass, inertia (xx, yy, zz, xy, xz, yz), its shape.
+# Joint: position and axes in its parent link, range. Link: mass, centre of mass, inertia (xx, yy, zz, xy, xz, yz), its shape.
 SO101 = [
     (
         "shoulder_pan",

@@ -187,7 +187,7 @@ Bodies of even density.
             joints = [f"{leg}_{part[0]}" for part in parts]
             feet[leg] = {"frame": f"{leg}_wheel_link", "joints": joints, "radius": radius}
             for pose, bend in (("standing", 0.8), ("low", 1.25), ("tall", 0.35)):
-                # Thighs spread outward, shanks come back in, ankles keep the wheels' forks upright.
+                # Thighs spread outward, shanks lean inward, ankles keep the wheels' forks upright.
                 poses[pose] |= {joints[1]: -fore * bend, joints[2]: fore * 1.6 * bend, joints[3]: -fore * 0.6 * bend}
     robot.joint("torso_yaw", "revolute", "base", "waist", at=(0, 0, 0.13), lower=-2.6, upper=2.6, velocity=5.7, effort=147)
     robot.link("waist", cylinder(0.09, 0.1, at=(0, 0, 0.05), mass=2.6, colour="black"))

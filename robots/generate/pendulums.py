@@ -1,4 +1,4 @@
-"""Small mechanisms of the textbooks."""
+"""Small textbook mechanisms."""
 
 from math import pi
 

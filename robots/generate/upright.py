@@ -12,9 +12,9 @@ WINTER = (
 
 
 def add_leg(robot, side, out, base, at, thigh, shank, ankle, foot, masses, efforts, speed, thick):
-    """A leg of six joints: yaw, roll and pitch of the hip, knee, pitch and roll of the ankle. The names of its joints.
+    """Adds a leg with six joints: yaw, roll and pitch of the hip, knee, pitch and roll of the ankle. Returns their names.
 
-    `masses` of thigh, shank and foot; `foot` its length and width; the sole lies `ankle` below the ankle.
+    `masses`: thigh, shank and foot. `foot`: its length and width. The sole is `ankle` below the ankle.
     """
     length, width = foot
     hip = 0.12 * masses[0]
@@ -35,7 +35,7 @@ def add_leg(robot, side, out, base, at, thigh, shank, ankle, foot, masses, effor
     ]  # fmt: skip
     parent = None
     for (part, axis, first, child, place, (lower, upper), solids), effort in zip(parts, efforts):
-        # Roll and yaw mirror, pitch does not.
+        # Roll and yaw are mirrored, pitch is not.
         if axis[1] == 0 and out < 0:
             lower, upper = -upper, -lower
         child = f"{side}_{child}"
@@ -49,7 +49,7 @@ def add_leg(robot, side, out, base, at, thigh, shank, ankle, foot, masses, effor
 
 
 def add_arm(robot, side, out, base, at, upper, lower, hand, masses, efforts, thick, speed=5.0):
-    """An arm of seven joints: pitch, roll and yaw of the shoulder, elbow, yaw, pitch and roll of the wrist."""
+    """Adds an arm with seven joints: pitch, roll and yaw of the shoulder, elbow, yaw, pitch and roll of the wrist."""
     ball = thick * 1.1
     parts = [
         ("shoulder_pitch", (0, 1, 0), "shoulder", at, (-3.0, 1.2), [
@@ -81,7 +81,7 @@ def add_arm(robot, side, out, base, at, upper, lower, hand, masses, efforts, thi
 
 
 def bent(side, angle):
-    """A leg that carries the hip above the ankle, thigh and shank being of equal length."""
+    """Returns the posture of a leg with the hip above the ankle; thigh and shank have equal lengths."""
     return {f"{side}_hip_pitch": -angle, f"{side}_knee": 2 * angle, f"{side}_ankle_pitch": -angle}
 
 
@@ -125,7 +125,7 @@ Masses and lengths: RABBIT; C. Chevallereau and others, "RABBIT: A Testbed for A
         )
         robot.frame(f"{side}_foot", f"{side}_shank", at=(0, 0, -0.4))
         feet[side] = {"frame": f"{side}_foot", "joints": [f"{side}_hip", f"{side}_knee"], "radius": 0.03}
-    # One foot before the hip, one behind it, at the same height: the angle of each leg from hip to foot is -hip - knee / 2.
+    # One foot in front of the hip, one behind it, at the same height: the angle of each leg from hip to foot is -hip - knee / 2.
     stride, bend = 0.25, 0.3
     standing = {}
     for side, way in (("left", 1), ("right", -1)):

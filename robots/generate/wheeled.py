@@ -1,4 +1,4 @@
-"""Robots on wheels, and one on rotors."""
+"""Wheeled robots, and one with rotors."""
 
 from math import atan2, sqrt
 
@@ -66,7 +66,7 @@ Wheels (radius 0.05 m, 0.1 kg) and how the mass spreads are estimates.
     base = front + rear
     wheel, knuckle = 0.1, 0.03
     chassis = 3.74 - 4 * wheel - 2 * knuckle
-    # The whole car's centre of mass lies `rear` ahead of the rear axle, 0.074 m above the ground.
+    # The whole car's centre of mass is `rear` ahead of the rear axle, 0.074 m above the ground.
     com_x = (3.74 * rear - 2 * (wheel + knuckle) * base) / chassis
     com_z = (3.74 * (0.074 - radius)) / chassis
     robot.link(
@@ -90,7 +90,7 @@ Wheels (radius 0.05 m, 0.1 kg) and how the mass spreads are estimates.
             robot.joint(f"{name}_wheel", "continuous", parent, f"{name}_wheel_link", at=at, axis=(0, 1, 0), velocity=400, effort=2.0)
             robot.link(f"{name}_wheel_link", cylinder(radius, 0.045, rpy=ALONG_Y, mass=wheel, colour="black"))
             wheels.append(f"{name}_wheel")
-    # Both front wheels aim at one centre, 0.9 m to the left of the rear axle's middle.
+    # The axes of both front wheels intersect 0.9 m to the left of the rear axle's middle.
     turn = {joint: round(atan2(base, 0.9 - out * track / 2), 6) for joint, (_, out) in zip(steering, SIDES)}
     return robot, Profile(
         title="Ackermann-steered car of the F1TENTH class",

@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn points_outside_of_the_domain_are_left() {
+    fn line_search_leaves_infeasible_points() {
         let mut x = [4.0];
         let found = minimise(&mut x, &Options { step: 100.0, ..Options::default() }, |x, g| {
             g[0] = 1.0 - 1.0 / x[0];
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn a_start_outside_of_the_domain_stays() {
+    fn infeasible_start_is_unchanged() {
         let mut x = [-1.0];
         let found = minimise(&mut x, &Options::default(), |_, _| f64::INFINITY);
         assert_eq!((x, found.iterations), ([-1.0], 0));

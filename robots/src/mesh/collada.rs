@@ -379,7 +379,7 @@ mod tests {
     const INSTANCE: &str = "<instance_geometry url=\"#g\"/>";
 
     #[test]
-    fn accessors_state_the_layout_of_positions() {
+    fn accessors_define_the_layout_of_positions() {
         let plain = tetrahedron(PLAIN, ACCESSOR, FACES, INSTANCE).unwrap();
         assert_eq!((plain.points.len(), plain.triangles.len()), (4, 4));
         assert!((plain.volume() - 1.0 / 6.0).abs() < 1e-15);

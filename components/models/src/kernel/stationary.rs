@@ -258,7 +258,7 @@ fn pulls(x: f64, z: &[f64], products: &[f64], inverse: f64, out: &mut [f64]) -> 
 #[cfg(test)]
 mod tests {
     #[test]
-    fn exponentials_equal_those_of_the_standard_library() {
+    fn exponentials_match_the_standard_library() {
         for i in 0..200_000 {
             let x = -0.003_54 * f64::from(i);
             let (found, expected) = (super::exp(x), x.exp());

@@ -179,7 +179,7 @@ mod tests {
     use rand::SeedableRng as _;
 
     #[test]
-    fn gradients_are_those_of_finite_differences() {
+    fn kernel_gradients_match_finite_differences() {
         let mut random = Pcg64::seed_from_u64(3);
         let mut network = ConvolutionalNetwork::random(5, &mut random);
         let pictures =

@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn traces_used_again_give_the_same_bits() {
+    fn reused_traces_give_the_same_bits() {
         let network = Perceptron::random(&[3, 6, 17, 2], 1.0, &mut Pcg64::seed_from_u64(6));
         let mut used = PerceptronTrace::default();
         let mut gradient = vec![f32::NAN; network.parameters()];

@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_chunk_leaves_the_frozen_prefix_and_fades_in() {
+    fn new_chunk_keeps_the_frozen_prefix_and_fades_in() {
         let mut plan = plan(40, 100);
         let line: Vec<f64> = (0..30).map(f64::from).collect();
         plan.accept(1000 * MS, chunk(1000, 1, &line), |_, value| value).expect("a first chunk");
@@ -351,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn chunks_that_cannot_be_played_leave_the_plan_unchanged() {
+    fn rejected_chunks_leave_the_plan_unchanged() {
         let mut plan = plan(0, 0);
         plan.accept(100 * MS, chunk(100, 7, &[1.0, 2.0]), |_, value| value).expect("a chunk");
         let line = [3.0; 4];

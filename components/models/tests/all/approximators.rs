@@ -37,7 +37,7 @@ where
 }
 
 #[test]
-fn processes_and_latent_spaces_take_parameters_as_a_vector() {
+fn models_accept_parameters_as_a_vector() {
     let mut process =
         GaussianProcess::new(Kernel::matern52(2, 1.0), 0.05, &rows(30, 2, 0.1), 2, &rows(30, 3, 0.6), 3)
             .expect("a process");

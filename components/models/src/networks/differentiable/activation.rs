@@ -217,7 +217,7 @@ mod tests {
     use super::Function;
 
     #[test]
-    fn loops_have_the_bits_of_single_numbers() {
+    fn vector_loops_match_single_numbers_bit_for_bit() {
         use Function::{Elu, LeakyRelu, Relu, Sigmoid, Softplus, Softsign, Tanh};
         let numbers: Vec<f32> = (-200..=200).map(|k| 0.03 * k as f32).collect();
         for function in [Relu, Elu(0.7), LeakyRelu(0.1), Tanh, Sigmoid, Softplus, Softsign] {

@@ -666,7 +666,7 @@ mod tests {
     }
 
     #[test]
-    fn descriptors_make_a_policy() {
+    fn descriptors_become_a_policy() {
         let (policy, bytes) =
             import_isaac(&network(9), &descriptors(), Some(&environment())).expect("a policy");
         let action = &policy.action;

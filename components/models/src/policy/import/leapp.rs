@@ -639,7 +639,7 @@ mod tests {
     }
 
     #[test]
-    fn networks_that_read_the_heading_are_refused() {
+    fn networks_that_read_the_heading_are_rejected() {
         let bundle = bundle(state(12, "root_quat_w", &["qx", "qy", "qz", "qw"]));
         assert_eq!(import(&bundle, 4), Err(ImportError::Heading { input: "obs".to_owned() }));
         let blind = write_mlp(4, &[(vec![0.0; 8], vec![0.5, 0.5])], Unary::Relu, &[]);
@@ -713,7 +713,7 @@ mod tests {
     }
 
     #[test]
-    fn networks_that_read_the_place_of_a_scanner_are_refused() {
+    fn networks_that_read_the_scanner_position_are_rejected() {
         for (sideways, with_place) in [(0.25, true), (0.0, false)] {
             let (bytes, bundle) = scanner(sideways, with_place);
             let found = import_leapp(&bytes, &bundle, None, &POSE, Some(&environment()), None);
@@ -722,7 +722,7 @@ mod tests {
     }
 
     #[test]
-    fn networks_whose_file_has_changed_are_refused() {
+    fn changed_network_files_are_rejected() {
         let mut bundle = bundle(state(10, "joint_pos", &["hip", "knee"]));
         bundle.models[0].sha256 = Some(sha256_hex(&network(2)).to_uppercase());
         assert!(import(&bundle, 2).is_ok());

@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn metadata_of_mjlab_makes_a_policy() {
+    fn mjlab_metadata_becomes_a_policy() {
         let (policy, _) = import_mjlab(&network(15 + 7, &METADATA), options()).expect("a policy");
         assert_eq!(policy.action.joints, ["knee", "hip"]);
         assert_eq!(policy.action.scale, Numbers::All(0.25));
@@ -390,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn metadata_that_does_not_fit_is_named() {
+    fn mismatched_metadata_is_reported() {
         let error = |inputs: usize, key: &str, value: Option<&str>| {
             let entries: Vec<(&str, &str)> = METADATA
                 .into_iter()

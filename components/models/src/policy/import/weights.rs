@@ -177,7 +177,7 @@ normaliser = { mean = "norm.mean", variance = "norm.var", epsilon = 0.25 }
     }
 
     #[test]
-    fn weights_that_do_not_fit_are_named() {
+    fn mismatched_weights_are_reported() {
         let mut file = weights();
         file.tensors.remove("actor.2.weight");
         let tensor = |file: &Tensors, table: &str| match import_weights(file, table) {
