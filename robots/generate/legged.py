@@ -17,11 +17,11 @@ def quadruped():
         """
 A torque-controlled quadruped of the size and mass of Solo12: twelve joints, ball feet, 2.5 kg.
 
-Lengths, places of the joints and masses: those of solo12.urdf, the robot's description in the PyPI package
-  example-robot-data 6.0.0, a foot's with its shank.
+Lengths, positions of the joints and masses: solo12.urdf, the robot's description in the PyPI package
+  example-robot-data 6.0.0; the mass of a foot is included in its shank.
 Torque: F. Grimminger and others, "An Open Torque-Controlled Modular Robot Architecture for Legged Locomotion Research",
-  IEEE Robotics and Automation Letters 5(2), 2020, 2.7 N m at 12 A. Ranges and speeds are ours.
-Bodies of even density, and shells of our own to look at. All joints at zero: legs straight down. Roll about x, pitch about y.
+  IEEE Robotics and Automation Letters 5(2), 2020, 2.7 N m at 12 A. Ranges and speeds are assumptions.
+Bodies of uniform density, and original shells for display. All joints at zero: legs straight down. Roll about x, pitch about y.
 """,
     )
     robot.link("base", box((0.38, 0.13, 0.06), mass=1.161, colour="white"))
@@ -83,8 +83,8 @@ outward; its coxa turns about z, femur and tibia about y, downward for positive 
 out.
 
 Lengths (coxa 52 mm, femur 66 mm, tibia 133 mm): Trossen Robotics, PhantomX AX hexapod Mark II.
-Servos (54.6 g, 1.5 N m, 59 rpm, 300 degrees): ROBOTIS e-Manual, AX-12A. They work at 100 degrees to either side here.
-Bodies of even density.
+Servos (54.6 g, 1.5 N m, 59 rpm, 300 degrees): ROBOTIS e-Manual, AX-12A. The range is limited to 100 degrees to either side.
+Bodies of uniform density.
 """,
     )
     servo = 0.0546
@@ -133,16 +133,16 @@ def centaur():
     robot = Robot(
         "centaur",
         """
-A centaur of the class of IIT's CENTAURO: four legs of five joints and a wheel each, a torso with two arms of seven
-joints and a gripper, a head; 44 joints, 93 kg. Roll about x, pitch about y, yaw about z. All joints at zero: legs and
+A centaur similar to IIT's CENTAURO: four legs with five joints and a wheel each, a torso with two arms of seven
+joints and a gripper each, and a head; 44 joints, 93 kg. Roll about x, pitch about y, yaw about z. All joints at zero: legs and
 arms straight down.
 
 Mass and arrangement: N. Kashiri and others, "CENTAURO: A Hybrid Locomotion and High Power Resilient Manipulation Platform",
-  IEEE Robotics and Automation Letters 4(2), 2019. Places, torques and speeds of the legs' joints, rounded, and torques of
-  torso and arms: the description centauro.urdf that the PyPI package example-robot-data 6.0.0 carries.
-Ours: the seventh joint of each arm, the torso's pitch, the grippers and the head, which complete it to 44 joints; arms'
-  lengths, ranges and speeds; how the mass spreads over the links.
-Bodies of even density.
+  IEEE Robotics and Automation Letters 4(2), 2019. Positions, torques and speeds of the legs' joints, rounded, and torques of
+  torso and arms: centauro.urdf in the PyPI package example-robot-data 6.0.0.
+Assumptions: the seventh joint of each arm, the torso's pitch, the grippers and the head, for a total of 44 joints; the
+  lengths of the arms, ranges and speeds; the distribution of the mass over the links.
+Bodies of uniform density.
 """,
     )
     robot.link(

@@ -61,7 +61,7 @@ class Profile:
             pose = self.whole(robot, name)
             lines += array(name, [pose[joint] for joint in joints], joints, value)
         if self.floating:
-            lines += ["", "# Of the base, in the world; whatever stands touches the plane z = 0.", "[base_poses]"]
+            lines += ["", "# Pose of the base in the world, with its supports on the plane z = 0.", "[base_poses]"]
             for name in self.poses:
                 lines.append(f"{name} = {{ position = [0.0, 0.0, {value(self.height(robot, name))}] }}")
         for name, end in self.end_effectors.items():
@@ -88,7 +88,7 @@ class Profile:
             lines += ["", f"[rotors.{name}]", f"frame = {text(rotor['frame'])}", f"spin = {text(rotor['spin'])}"]
             lines += [f"{key} = {value(rotor[key])}" for key in ("max_thrust", "torque_per_thrust")]
         if joints:
-            lines += ["", "# Critically damped at home, each joint by itself.", "[gains]"]
+            lines += ["", "# Every joint is critically damped at home with the other joints locked.", "[gains]"]
             kp, kd = self.gains(robot)
             lines += array("kp", [kp[joint] for joint in joints], joints, value)
             lines += array("kd", [kd[joint] for joint in joints], joints, value)

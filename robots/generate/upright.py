@@ -89,11 +89,11 @@ def planar_biped():
     robot = Robot(
         "planar-biped",
         """
-A biped of five links that moves in the x-z plane: point feet, torques at hips and knees. Its place in the plane is
+A five-link biped that moves in the x-z plane, with point feet and torques at hips and knees. Its pose in the plane is
 three joints without drives: base_x, base_z and base_pitch of the hip.
 
 Masses and lengths: RABBIT; C. Chevallereau and others, "RABBIT: A Testbed for Advanced Control Theory", IEEE Control
-  Systems Magazine 23(5), 2003 (32 kg; thighs and shanks of 0.4 m). Bodies of even density.
+  Systems Magazine 23(5), 2003 (32 kg; thighs and shanks of 0.4 m). Bodies of uniform density.
 """,
     )
     robot.link("world")
@@ -150,11 +150,11 @@ def biped():
     robot = Robot(
         "biped",
         f"""
-A biped of twelve joints: a torso on two legs, each with yaw, roll and pitch of the hip, a knee, pitch and roll of the
+A biped with twelve joints: a torso on two legs, each with yaw, roll and pitch of the hip, a knee, pitch and roll of the
 ankle. Flat feet. Roll about x, pitch about y, yaw about z. All joints at zero: legs straight.
 
 Lengths and masses: {WINTER};
-  a person of {height} m and {mass:.0f} kg without head and arms. Bodies of even density.
+  a person of {height} m and {mass:.0f} kg without head and arms. Bodies of uniform density.
 """,
     )
     robot.link(
@@ -197,9 +197,9 @@ Roll about x, pitch about y, yaw about z. All joints at zero: legs straight, arm
 
 Height, mass, largest torque: N. G. Tsagarakis and others, "COMpliant huMANoid COMAN: Optimal Joint Stiffness Tuning for
   Modal Frequency Control", IEEE ICRA 2013 (945 mm, 31 kg, 55 N m).
-Ours: ranges, speeds and the torques of the weaker joints; three joints more in each arm than COMAN has, and a neck.
+Assumptions: ranges, speeds and the torques of the weaker joints; three more joints in each arm than COMAN, and a neck.
 Lengths and masses of the segments in proportion: {WINTER}.
-Bodies of even density, and shells of our own to look at.
+Bodies of uniform density, and original shells for display.
 """,
     )
     robot.link("pelvis", box((0.1, 0.16, 0.08), at=(0, 0, 0.02), mass=0.142 * mass - 0.6, colour="black"))
