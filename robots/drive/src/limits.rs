@@ -5,7 +5,7 @@ pub const RANGE_TOLERANCE: f64 = 1e-3;
 /// Fraction by which a rate may exceed its limit: rounding of a setpoint that was integrated at the limit.
 pub const ROUNDING: f64 = 1e-6;
 
-/// Returns the end of the range that replaces a position setpoint \[rad or m\]. `None` if the setpoint
+/// Returns the end of the range that replaces a position setpoint \[rad or m\], or `None` if the setpoint
 /// exceeds the range by at most [`RANGE_TOLERANCE`] of its length. A range with an infinite end has the
 /// length 1.
 ///
@@ -27,8 +27,8 @@ pub fn within_range(position: f64, lower: f64, upper: f64) -> Option<f64> {
     ((position - end).abs() > tolerance).then_some(end)
 }
 
-/// Returns the replacement for a setpoint that differs from the previous one, `before`, by more than
-/// `largest`. `None` if the setpoint can be used bit for bit.
+/// Returns the value that replaces a setpoint that differs from the one `before` by more than `largest`, or
+/// `None` if it may stay as it is, to the last bit.
 ///
 /// ```
 /// use motorium_drive::within_rate;

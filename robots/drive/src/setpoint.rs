@@ -1,6 +1,6 @@
 //! The setpoint of one joint, and the laws of the drive that follows it.
 
-/// The setpoint of one joint. It remains active until it is replaced.
+/// The setpoint of one joint. It stays in force until it is replaced.
 ///
 /// A drive applies
 ///
@@ -35,11 +35,11 @@ pub struct JointSetpoint {
     pub kp: f64,
     /// Velocity gain \[N m s/rad or N s/m\], not negative.
     pub kd: f64,
-    /// Lower velocity limit, beyond which the drive brakes \[rad/s or m/s\]: negative, minus infinity for no
-    /// limit. Drives on CAN have their own limits and ignore it.
+    /// Velocity limit backwards beyond which the drive brakes \[rad/s or m/s\], negative; minus infinity for
+    /// no limit. Drives on CAN have limits of their own and ignore it.
     pub min_velocity: f64,
-    /// Upper velocity limit, beyond which the drive brakes \[rad/s or m/s\]: positive, infinity for no limit.
-    /// Drives on CAN have their own limits and ignore it.
+    /// Velocity limit forwards beyond which the drive brakes \[rad/s or m/s\], positive; infinity for no
+    /// limit. Drives on CAN have limits of their own and ignore it.
     pub max_velocity: f64,
 }
 
@@ -77,7 +77,7 @@ impl JointSetpoint {
             && self.max_velocity > 0.0
     }
 
-    /// Returns the effort at position `q` and velocity `v` of a drive with this effort limit \[N m or N\].
+    /// Effort at position `q` and velocity `v` of a drive with this effort limit \[N m or N\].
     ///
     /// ```
     /// use motorium_drive::JointSetpoint;
@@ -104,24 +104,23 @@ impl JointSetpoint {
         self.braking_effort(self.kp * (self.position - q) + self.kd * self.velocity + self.effort, self.kd)
     }
 
-    /// Returns the width of the band in which the drive passes from full effort to full braking
-    /// \[rad/s or m/s\]; infinite without velocity limits.
+    /// Width of the band in which the drive passes from full effort to full braking \[rad/s or m/s\];
+    /// infinite without velocity limits.
     #[inline]
     pub fn braking_band(&self) -> f64 {
         BRAKING_BAND * self.max_velocity.max(-self.min_velocity)
     }
 
-    /// Returns the slope of the braking effort beyond a velocity limit, for a drive with this effort limit
-    /// \[N m s/rad or N s/m\]; zero without limits.
+    /// Effort per velocity beyond a velocity limit by which a drive with this effort limit brakes; zero
+    /// without limits.
     #[inline]
     pub fn braking_slope(&self, limit: f64) -> f64 {
         let band = self.braking_band();
         if limit.is_finite() && band.is_finite() { 2.0 * limit / band } else { 0.0 }
     }
 
-    /// Returns the largest effort that the law `at_rest - slope v` requests up to twice the velocity limits:
-    /// the braking effort of a drive without an effort limit. Such a drive applies the setpoint unchanged up
-    /// to its velocity limit.
+    /// Largest effort that the law `at_rest - slope v` requests up to twice the velocity limits: the braking
+    /// effort of a drive without an effort limit. Up to its velocity limit it leaves the setpoint alone.
     #[inline]
     pub fn braking_effort(&self, at_rest: f64, slope: f64) -> f64 {
         let requested = |v: f64| (at_rest - 2.0 * slope * v).abs();

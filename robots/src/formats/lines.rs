@@ -9,7 +9,7 @@ pub struct Position {
     pub column: u32,
 }
 
-/// Start offsets of the lines of a text, for finding positions by bisection.
+/// Start offsets of the lines of a text, so that positions are found by bisection.
 pub(crate) struct Lines<'a> {
     text: &'a str,
     starts: Vec<usize>,

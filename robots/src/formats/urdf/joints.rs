@@ -96,7 +96,7 @@ pub(crate) fn limits(
         if lower == upper {
             warnings.push(ModelWarning::EmptyRange { joint: name(), value: lower });
         }
-        // More than three turns exceed any cable; beyond two turns in degrees, "no limit" may be intended.
+        // More than three turns exceed any cable; from two turns in degrees on, no limit may be intended.
         let is_wide = upper - lower > 3.0 * TAU && lower.abs().max(upper.abs()) <= 720.0;
         if kind == JointKind::Revolute && is_wide {
             warnings.push(ModelWarning::ManyTurns { joint: name(), lower, upper });
