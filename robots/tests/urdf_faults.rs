@@ -244,7 +244,7 @@ fn xacro_is_recognised_in_every_form() {
     let link = "<link name=\"a\"/>";
     for (text, line) in [
         ("<robot name=\"r\" xmlns:xacro=\"http://ros.org/wiki/xacro\">\n<xacro:arm/></robot>".to_owned(), 2),
-        // The prefix is declared nowhere.
+        // The prefix is not declared.
         ("<robot name=\"r\">\n<xacro:arm/></robot>".to_owned(), 2),
         // expressions and substitutions without a xacro element
         (

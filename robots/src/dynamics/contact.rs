@@ -21,8 +21,8 @@ pub enum ConstrainedError {
     },
 }
 
-/// Workspace for the forward dynamics of one [`Model`] under up to a fixed number of constraints. Nothing
-/// allocates after [`new`](Self::new).
+/// Workspace for the forward dynamics of one [`Model`] under a fixed number of constraints. Nothing allocates
+/// after [`new`](Self::new).
 ///
 /// By Gauss's principle, the acceleration is the one with `J a + drift = 0` that is nearest to the free
 /// acceleration in the metric of M:

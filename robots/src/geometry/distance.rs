@@ -61,7 +61,7 @@ impl Collisions {
     }
 
     /// Places the robot's solids according to `kinematics`, whose last update must have covered all bodies.
-    /// With several robots it places the first.
+    /// With several robots, only the first is placed.
     pub fn update(&mut self, model: &CollisionModel, kinematics: &Kinematics) {
         self.update_robot(model, 0, kinematics);
     }

@@ -211,7 +211,7 @@ struct Parsed {
     profile: Option<Profile>,
 }
 
-/// Parses a file's text as MJCF if its root element is `<mujoco>`, else as URDF.
+/// Parses a file's text as MJCF if its root element is `<mujoco>`, otherwise as URDF.
 fn parse(text: &str, path: &Path, options: &LoadOptions) -> Result<Parsed, LoadError> {
     if !is_mjcf(text) && options.format == FileFormat::Mjcf {
         return Err(LoadError::NotMjcf(path.to_owned()));

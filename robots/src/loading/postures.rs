@@ -37,7 +37,8 @@ impl Posture {
         q
     }
 
-    /// Reads the states of a robot's SRDF. Empty if it is missing or malformed, since nothing depends on it.
+    /// Reads the states of a robot's SRDF. Empty if it is missing or malformed, because the states are
+    /// optional.
     pub(crate) fn beside(file: &Path, model: &Model) -> Vec<Self> {
         srdf_beside(file, model).map(|text| Self::parse(&text, model)).unwrap_or_default()
     }

@@ -210,7 +210,7 @@ impl GaussianProcess {
         marginal.evaluate(&kernel, noise, &self.points, targets, Some(gradient))
     }
 
-    /// Fits the hyperparameters, starting from the current ones.
+    /// Fits the hyperparameters, starting from the current values.
     ///
     /// # Errors
     /// If the covariance is not positive definite.

@@ -78,7 +78,7 @@ fn spread(points: &Points, count: usize) -> Vec<usize> {
         for (a, nearest) in nearest.iter_mut().enumerate() {
             *nearest = nearest.min(distance(a, &|d| points.coordinate(d)[last]));
         }
-        // repeated points add nothing
+        // repeated points have no effect
         let Some(next) = (0..n).max_by(|a, b| nearest[*a].total_cmp(&nearest[*b])) else { break };
         if nearest[next] <= 0.0 {
             break;
@@ -164,7 +164,7 @@ impl SparseGaussianProcess {
     /// If a covariance is not positive definite.
     ///
     /// # Panics
-    /// If a slice is not as long as the parameters.
+    /// If the length of a slice differs from the number of parameters.
     pub fn energy(&self, parameters: &[f64], gradient: &mut [f64]) -> Result<f64, GpError> {
         let (noise, own) = parameters.split_last().expect("the noise");
         let mut kernel = self.kernel.clone();

@@ -9,7 +9,7 @@ fn rows(n: usize, d: usize, phase: f64) -> Vec<f64> {
     (0..n * d).map(|i| (0.4 * (i / d) as f64 + 1.1 * (i % d) as f64 + phase).sin()).collect()
 }
 
-/// Checks that new parameters change the prediction, and that the old ones restore it.
+/// Checks that new parameters change the prediction, and that the old parameters restore it.
 fn check<M: Approximator>(model: &mut M)
 where
     M::Error: std::fmt::Debug,

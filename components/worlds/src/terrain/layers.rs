@@ -48,7 +48,7 @@ pub enum TerrainLayer {
     },
     /// A slope that starts at a line.
     Slope {
-        /// Angle of the slope (rad); negative goes down.
+        /// Angle of the slope (rad); negative for a descent.
         angle: f64,
         /// Direction: angle from x towards y (rad). Default 0.
         #[serde(default)]
@@ -62,7 +62,7 @@ pub enum TerrainLayer {
     },
     /// A flight of steps.
     Steps {
-        /// Height of a step (m); negative goes down.
+        /// Height of a step (m); negative for a descent.
         rise: f64,
         /// Length of a step (m).
         run: f64,
@@ -75,7 +75,7 @@ pub enum TerrainLayer {
         #[serde(default)]
         from: f64,
     },
-    /// Round stones at random places.
+    /// Round stones at random positions.
     Stones {
         /// Height of the highest stone (m); the lowest is half as high.
         height: f64,
@@ -232,7 +232,7 @@ fn heights_of_stones((_, spacing, count): Grid, size: f64, per_square_metre: f64
     stones * each
 }
 
-/// Adds paraboloid caps at random positions; where two overlap the higher one applies.
+/// Adds paraboloid caps at random positions; where caps overlap, the higher one applies.
 fn stones(
     (corner, spacing, count): Grid,
     (height, size, per_square_metre): (f64, f64, f64),

@@ -1,9 +1,9 @@
-//! Surfaces, masses and frames of worlds in SDF and MJCF: read, or named.
+//! Surfaces, masses and frames of worlds in SDF and MJCF are read, or reported.
 
 use motorium_worlds::{FrictionCombine, MeshCollision, ObjectShape, World, parse_mjcf_world};
 
-/// The world of a moving ball with these parts, and its warnings; or the error. Without a link of its own the
-/// ball has the inertia of its shape.
+/// Returns the world of a moving ball with these parts, and its warnings, or the error. Without a separate
+/// link, the ball has the inertia of its shape.
 fn ball(outside: &str, model: &str, link: &str, collision: &str) -> Result<(World, Vec<String>), String> {
     let link = if link.is_empty() { "<inertial auto=\"true\"/>" } else { link };
     read(&format!(
@@ -13,7 +13,7 @@ fn ball(outside: &str, model: &str, link: &str, collision: &str) -> Result<(Worl
     ))
 }
 
-/// The world of an SDF text, and its warnings; or the error.
+/// Returns the world of an SDF text, and its warnings, or the error.
 pub(crate) fn read(text: &str) -> Result<(World, Vec<String>), String> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("w.sdf"), text).unwrap();
@@ -341,7 +341,8 @@ fn soft_welds_and_urdf_dialect_surfaces_are_reported() {
     assert!(error.contains("quat_xyzw of <origin> is not supported"), "{error}");
 }
 
-/// Sliding, torsional and rolling friction of a contact of the first object of a MJCF world with the ground.
+/// Returns the sliding, torsional and rolling friction of the contact between the first object of an MJCF
+/// world and the ground.
 fn friction_of_contact(ground: &str, geom: &str, more: &str) -> ([f64; 3], usize) {
     let text = format!(
         "<mujoco><worldbody><geom type=\"plane\" size=\"0 0 1\" {ground}/><body><freejoint/><geom size=\"0.1\" {geom}/>\
@@ -372,7 +373,7 @@ fn mjcf_contacts_have_the_larger_condim_and_friction() {
     ] {
         assert_eq!(friction_of_contact(&ground, &geom, ""), (expected, 0), "{ground}, {geom}");
     }
-    // A third geom without friction would rub on the first one.
+    // A third geom without friction would have friction on the first geom.
     let ball = "<body pos=\"1 0 1\"><freejoint/><geom size=\"0.1\" condim=\"1\"/></body>";
     let (friction, warnings) = friction_of_contact(slippery, &format!("condim=\"1\" {rough}"), ball);
     assert_eq!((friction, warnings), ([1.0, 0.0, 0.0], 1));

@@ -40,7 +40,7 @@ position = [1.0, 2.0, 3.0]
     world.locate(folder.path()).unwrap();
     world.check(std::iter::empty()).unwrap();
     let own = world.objects[0].mass_properties().unwrap();
-    // An outer box less an inner one, about the same centre.
+    // An outer box minus an inner box with the same centre.
     let of_box = |side: f64, height: f64| {
         let mass = 2700.0 * side * side * height;
         (mass, mass * (side * side + height * height) / 12.0, mass * (side * side + side * side) / 12.0)
@@ -173,8 +173,8 @@ appearance = { colours = { shed = [0.5, 0.2, 0.1] } }
     }
 }
 
-/// Hidden colliding geoms and visible non-colliding ones, as in many files; colours of geoms, of classes and
-/// of materials.
+/// Hidden colliding geoms and visible non-colliding geoms, as in many files, with colours of geoms, classes
+/// and materials.
 const COLOURED: &str = r#"<mujoco>
   <default>
     <default class="touched"><geom group="3" rgba="0 1 1 0.3"/></default>

@@ -105,7 +105,7 @@ fn choices(rest: &mut Vec<char>, depth: usize) -> Result<Pattern, String> {
                 choices.push(Vec::new());
                 continue;
             }
-            // a whole name is matched: anchors change nothing at its ends
+            // a whole name is matched: anchors at its ends have no effect
             '^' if choices.last().is_some_and(Vec::is_empty) => continue,
             '$' if matches!(rest.last(), None | Some('|' | ')')) => continue,
             '.' => Atom::Any,
