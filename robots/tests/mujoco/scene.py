@@ -1,4 +1,4 @@
-"""What MuJoCo makes of scene/scene.xml, a file with the features of MuJoCo Menagerie's: writes scene.json.
+"""Writes MuJoCo's values for scene/scene.xml, a file with the features of MuJoCo Menagerie's, to scene.json.
 
 pip install mujoco; python scene.py
 """
