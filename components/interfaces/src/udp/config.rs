@@ -8,7 +8,7 @@ use motorium::state::{TypeLayout, built_in};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Longest payload of a datagram over IPv4, bytes.
+/// Maximum payload of an IPv4 datagram, bytes.
 const LONGEST: usize = 65_507;
 
 /// The `config` table of `sensor.udp`.
