@@ -89,7 +89,7 @@ impl Component for ConsoleLog {
             inputs.push(input);
         }
         if inputs.is_empty() {
-            let advice = "subscribe = { joint_state = \"TOPIC\" }, or name inputs of your own in `inputs`";
+            let advice = "subscribe = { joint_state = \"TOPIC\" }, or list additional inputs in `inputs`";
             return Err(ConfigureError::failed(format!(
                 "nothing to print: none of its inputs is wired; add {advice}"
             )));

@@ -74,7 +74,8 @@ impl Component for UdpSensor {
         declare.raw_output(VALUE, config.layout()?, "newest datagram");
         declare.wakes_on_descriptor();
         if declare.clock() == ClockKind::Lockstep {
-            let warning = declare.warn("datagrams come in real time: no two runs in lockstep are the same");
+            let warning =
+                declare.warn("datagrams arrive in real time, so lockstep runs are not reproducible");
             warning.advise("simulate their source by a component in its place");
         }
         Ok(())
@@ -274,7 +275,7 @@ mod tests {
     #[test]
     fn public_address_requires_a_list_of_senders() {
         let open = serde_json::json!({ "type": "motorium.Wrench", "port": 1, "address": "0.0.0.0" });
-        assert_eq!(refused(open).1, "0.0.0.0 is reached from other machines");
+        assert_eq!(refused(open).1, "0.0.0.0 is reachable from other machines");
         let known = serde_json::json!(
             { "type": "motorium.Wrench", "port": 1, "address": "::", "from": ["192.168.1.7", "10.0.0.1:5"] }
         );
