@@ -1,4 +1,4 @@
-//! Bus traffic in a readable form: lines in the format of `candump -L`.
+//! Bus traffic as text: lines in the format of `candump -L`.
 
 mod foreign;
 mod listener;
@@ -14,7 +14,7 @@ use crate::bus::time::monotonic_ns;
 use crate::{Form, Frame, Id, Received, Report};
 pub use listener::{Listener, Sender};
 
-/// One line of traffic: time, interface, and frame.
+/// One line of traffic: time, interface and frame.
 ///
 /// ```
 /// use motorium_can::{Id, Record};
@@ -84,7 +84,7 @@ fn mistake(frame: &str) -> Option<String> {
     if let Some(letter) = no_digit(bytes).filter(|letter| !matches!(letter, 'R' | 'r' | '.')) {
         return Some(format!("`{letter}` in the data is not a hexadecimal digit"));
     }
-    // dots may separate bytes
+    // bytes may be separated by dots
     let digits = bytes.chars().filter(|letter| *letter != '.').count();
     if digits > 2 * most {
         let count = digits.div_ceil(2);
@@ -129,7 +129,7 @@ impl Record {
         Some(record)
     }
 
-    /// Converts a report of a simulated bus's controller, with the present time.
+    /// Converts a report of a simulated bus's controller, stamped with the current time.
     fn of_report(name: &str, report: &Report) -> Option<Self> {
         let (classes, data) = report.encode();
         let mut text = format!("{:08X}#", libc::CAN_ERR_FLAG | classes & libc::CAN_ERR_MASK);
@@ -149,7 +149,7 @@ impl Record {
         &self.0.device
     }
 
-    /// Data frame, if the record holds one.
+    /// Data frame, if the record contains one.
     pub fn frame(&self) -> Option<Frame> {
         let form = match &self.0.frame {
             CanAnyFrame::Normal(_) => Form::Classic,
@@ -163,7 +163,7 @@ impl Record {
         Frame::new(id, form, self.0.frame.data())
     }
 
-    /// Controller report, if the record holds one.
+    /// Controller report, if the record contains one.
     pub fn report(&self) -> Option<Report> {
         match &self.0.frame {
             CanAnyFrame::Error(error) => {
@@ -176,7 +176,7 @@ impl Record {
         }
     }
 
-    /// Description of the controller report, if the record holds one.
+    /// Description of the controller report, if the record contains one.
     pub fn error(&self) -> Option<String> {
         match &self.0.frame {
             CanAnyFrame::Error(error) => Some(error.into_error().to_string().to_lowercase()),

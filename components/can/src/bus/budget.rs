@@ -1,4 +1,4 @@
-//! Time budget of a cycle: checks that all commands and answers fit on the bus, and shows the arithmetic.
+//! Time budget of a cycle: checks that all commands and answers fit on the bus, and displays the arithmetic.
 
 use core::fmt;
 
@@ -47,16 +47,17 @@ pub struct Budget {
     pub rates: Rates,
     /// Command and answer of each drive.
     pub exchanges: Vec<(Shape, Shape)>,
-    /// Additional frames, such as a synchronisation and second answers.
+    /// Additional frames, such as synchronisation frames and second answers.
     pub others: Vec<Shape>,
-    /// Longest turnaround time from a command to the beginning of its answer, ns.
+    /// Maximum turnaround time from a command to the start of its answer, ns.
     pub turn_round_ns: u64,
     /// Time from one batch of commands to the next, ns.
     pub cycle_ns: u64,
 }
 
 impl Budget {
-    /// Fraction of the cycle beyond which a single disturbed frame delays others into the next cycle.
+    /// Bus load, as a fraction of the cycle, beyond which a single disturbed frame delays others into the
+    /// next cycle.
     pub const COMFORTABLE: f64 = 0.8;
 
     /// Worst-case time of all bits of a cycle, ns.
@@ -87,7 +88,7 @@ impl Budget {
         if count == 0 {
             return 0;
         }
-        // each drive includes its share of the additional frames
+        // the time of each drive includes its share of the additional frames
         let each_ns = self.busy_ns().div_ceil(count);
         self.cycle_ns.saturating_sub(self.turn_round_ns) / each_ns
     }

@@ -69,7 +69,7 @@ pub enum FaultKind {
 }
 
 impl FaultKind {
-    /// Returns `true` for a fault of a bus, `false` for a fault of a drive.
+    /// Returns `true` for a bus fault, `false` for a drive fault.
     fn is_of_bus(self) -> bool {
         matches!(self, Self::Babbling | Self::Disturbed | Self::BusOff | Self::Alone | Self::Down)
     }
@@ -87,7 +87,7 @@ pub(super) struct Fault {
 }
 
 impl Fault {
-    /// Reads one fault of the script.
+    /// Parses one scripted fault.
     pub(super) fn from_config(
         config: &FaultConfig,
         index: usize,

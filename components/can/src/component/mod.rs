@@ -28,7 +28,7 @@ struct Equipped {
     order: Vec<usize>,
 }
 
-/// Drive table of a configuration: a file, or inline entries.
+/// Source of a configuration's drive table: a file, or inline entries.
 struct Source<'a> {
     file: Option<&'a str>,
     buses: &'a [BusEntry],
@@ -38,7 +38,7 @@ struct Source<'a> {
 }
 
 impl Source<'_> {
-    /// Reads the table; a file is relative to `folder`.
+    /// Reads the table; the path of a file is relative to `folder`.
     fn table(&self, folder: &Path) -> Result<Table, ConfigError> {
         let mut table = self.read(folder)?;
         if self.interfaces.is_empty() {
@@ -91,14 +91,14 @@ impl Source<'_> {
     }
 }
 
-/// Reads the text of a data sheet: UTF-8, or else Latin-1, which many manufacturers' tools write.
+/// Reads the text of a data sheet as UTF-8, or else as Latin-1, which many manufacturers' tools write.
 fn read_sheet(path: &Path) -> std::io::Result<String> {
     let bytes = std::fs::read(path)?;
     Ok(String::from_utf8(bytes)
         .unwrap_or_else(|error| error.as_bytes().iter().map(|byte| char::from(*byte)).collect()))
 }
 
-/// Error of a table, in a file or in the configuration.
+/// Converts the error of a table in a file, or in the configuration.
 fn refused(error: &TableError, file: Option<&str>) -> ConfigError {
     let refused = match (file, error.entry) {
         (Some(file), _) => ConfigError::key("drives", format!("{file}: {error}")),

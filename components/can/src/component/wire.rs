@@ -1,10 +1,10 @@
-//! Frames in the format of topics.
+//! Conversion between frames and their topic format.
 
 use motorium::state::CanFrame;
 
 use crate::{Form, Frame, Id, Report};
 
-/// Largest number of frames in one batch of all buses.
+/// Maximum number of frames in one batch for all buses.
 pub(super) const BATCH: usize = 128;
 
 /// Converts a frame of one bus for a topic; `time_ns` is its receive time, 0 for an outgoing frame.
@@ -61,7 +61,7 @@ pub(super) fn report(report: &Report, unsent: u8, bus: usize, time_ns: u64) -> C
     out
 }
 
-/// Byte of an error frame that is free for driver use.
+/// Index of the byte of an error frame that drivers may use freely.
 const UNSENT: usize = 5;
 
 /// Reports that the interface of a simulated bus is down, as an empty report.

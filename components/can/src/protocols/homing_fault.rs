@@ -11,7 +11,7 @@ pub enum HomingFault {
     /// The drive reported a failure.
     #[error("the drive reports that homing failed: is its switch stuck, or its method wrong?")]
     Drive,
-    /// The drive ended the homing before it was seen running.
+    /// The drive ended the homing before it was observed running.
     #[error("the drive reported the end of homing before its start: is homing configured in the drive?")]
     NotBegun,
     /// The drive disabled itself during the homing.
@@ -26,7 +26,7 @@ pub enum HomingFault {
     /// The joint came to rest at two different positions.
     #[error("its stop lies at two places, {0:.4} apart: is something soft in its way?")]
     Ambiguous(f64),
-    /// The joint moved back when it was held at the stop with half of its effort.
+    /// The joint moved back when half of the effort held it at the stop.
     #[error(
         "with half of `effort` it does not stay where it came to rest: was it no stop, but its weight that stopped it?"
     )]

@@ -1,4 +1,4 @@
-//! Checks of a drive table that need no robot.
+//! Checks of a drive table that do not require a robot.
 
 use super::{Table, TableError};
 use super::{current, homing, wire};
@@ -8,10 +8,10 @@ use crate::protocols::entries::{BusEntry, BusKind, ControlMode, DriveEntry, Loop
 use crate::protocols::spec::Refusal;
 use crate::servo::{FAST_HEAD, LONGEST};
 
-/// Mistake: the entry and its index, the value found, the advice.
+/// Mistake in a table: entry with its index, value found, and advice.
 pub(super) type Mistake = (Option<(&'static str, usize)>, String, &'static str);
 
-/// Largest number of servos on one serial line, all of whose numbers fit into one packet.
+/// Maximum number of servos on one serial line, limited by the size of one packet.
 const SERVOS: usize = 50;
 
 impl Table {
@@ -118,7 +118,7 @@ fn check_place(bus: &BusEntry, place: Place<'_>) -> Result<(), Refusal> {
     }
 }
 
-/// Refuses drives on one bus whose identifiers have another meaning in the protocol of others.
+/// Refuses drives on one bus whose identifiers have a different meaning in another drive's protocol.
 fn check_protocols(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
     let on_bus = || table.drives.iter().filter(|drive| drive.bus == bus.name);
     let Some(first) = on_bus().next() else { return Ok(()) };
@@ -193,7 +193,7 @@ fn check_drive(table: &Table, index: usize) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Checks the keys that only one protocol supports or requires.
+/// Checks the keys that only some protocols support or require.
 fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
     let (protocol, spec) = (drive.protocol.definition(), drive.protocol.spec());
     let Some(bus) = table.bus_of(drive).map(|index| &table.buses[index]) else { return Ok(()) };

@@ -1,4 +1,4 @@
-//! Frames and reports as records of 80 bytes for a unix socket, many per message.
+//! Frames and reports as 80-byte records for a unix socket, with many records per message.
 
 use crate::bus::Received;
 use crate::bus::report::Report;

@@ -1,4 +1,4 @@
-//! Errors of opening an interface: the cause and the next step.
+//! Errors of opening an interface, with advice on the next step.
 
 use std::io;
 
@@ -22,7 +22,7 @@ pub enum OpenError {
     /// The interface does not support CAN FD frames.
     #[error("the CAN interface `{0}` takes classic frames only, and the bus has a data bitrate")]
     Classic(String),
-    /// The bitrate differs from the bus's.
+    /// The bitrate of the interface differs from the bitrate of the bus.
     #[error("the CAN interface `{name}` has {found} bit/s, the bus {expected} bit/s")]
     Bitrate {
         /// Name of the interface.
@@ -35,7 +35,7 @@ pub enum OpenError {
     /// The serial line does not exist.
     #[error("there is no serial line `{0}`")]
     NoLine(String),
-    /// Serial line or terminal, which only one program can open.
+    /// The interface is a serial line or terminal, which only one program can open.
     #[error("`{0}` is a serial line, which only one program can use")]
     NotShared(String),
     /// No program offers a simulated bus by this name.

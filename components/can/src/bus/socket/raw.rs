@@ -5,9 +5,9 @@ use libc::{CAN_EFF_FLAG, CAN_EFF_MASK, CAN_ERR_FLAG, CAN_ERR_MASK, CAN_RTR_FLAG,
 use crate::bus::report::Report;
 use crate::frame::{Form, Frame, Id};
 
-/// The data of a CAN FD frame use the data bitrate.
+/// Flag of a CAN FD frame whose data are sent at the data bitrate.
 const FAST: u8 = libc::CANFD_BRS as u8;
-/// Marks a CAN FD frame on sockets that accept both forms.
+/// Flag of a CAN FD frame on sockets that accept both forms.
 const IS_FD: u8 = 0x04;
 
 /// Converts a frame to the kernel's format.

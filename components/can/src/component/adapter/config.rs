@@ -123,8 +123,7 @@ pub struct CanAdapterConfig {
 }
 
 impl CanAdapterConfig {
-    /// Loads the drive table: from its file, which is relative to `folder`, or from the entries in the
-    /// configuration.
+    /// Loads the drive table from its file, relative to `folder`, or from the entries in the configuration.
     ///
     /// # Errors
     /// Returns an error if the file cannot be read, or if a value is invalid.
@@ -169,8 +168,8 @@ pub(super) fn check_observer(config: &CanAdapterConfig, equipped: &Equipped) -> 
     Ok(())
 }
 
-/// Refuses drives whose watchdog is off or trips between two commands. Warns of a watchdog that a single lost
-/// command triggers.
+/// Refuses drives whose watchdog is off or expires between two commands. Warns of a watchdog that expires
+/// after a single lost command.
 pub(super) fn check_watchdogs(
     config: &CanAdapterConfig,
     equipped: &Equipped,
@@ -213,7 +212,7 @@ pub(super) fn check_watchdogs(
     Ok(())
 }
 
-/// Refuses homings that fail at the stop or may hit it too hard, and warns of homings that may fail.
+/// Refuses homings that fail at the stop or may hit it too hard, and warns about homings that may fail.
 pub(super) fn check_homing_loads(
     config: &CanAdapterConfig,
     equipped: &Equipped,

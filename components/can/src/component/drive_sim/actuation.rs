@@ -7,15 +7,15 @@ use motorium::declare::ConfigError;
 use motorium::units::TimeSpan;
 use motorium_robots::{Actuator, ActuatorSettings, ActuatorTable, Delay, DriveCommand, Model, Motor};
 
-/// Velocity gain of a closed brake, N m s/rad or N s/m: it applies the joint's full effort at a very low
-/// velocity.
+/// Velocity gain of an engaged brake, N m s/rad or N s/m. The brake reaches the joint's full effort at a very
+/// low velocity.
 pub(super) const BRAKE: f64 = 1e5;
 
 /// Actuator of a joint behind a simulated drive.
 pub(super) struct Actuation {
     actuator: Actuator,
     delay: Delay<f64>,
-    /// Command at the motor in the previous step, whose load physics reports now.
+    /// Command at the motor in the previous step, for which physics now reports the load.
     command: Option<DriveCommand>,
 }
 
@@ -58,8 +58,8 @@ impl Actuation {
         Ok(Self { actuator, delay: Delay::new(settings.delay, 0.0), command: None })
     }
 
-    /// State of the motor after a step of `h` \[s\]. Physics reports the state of the `joint` and the
-    /// `effort` that acted on it.
+    /// State of the motor after a step of `h` \[s\]. `joint` is the state reported by physics, and `effort`
+    /// the effort that acted on the joint.
     pub(super) fn motor(&mut self, joint: Motor, effort: f64, h: f64) -> Motor {
         self.actuator.begin(joint);
         if let Some(command) = self.command.take() {
@@ -68,13 +68,13 @@ impl Actuation {
         self.actuator.motor().unwrap_or(joint)
     }
 
-    /// Effort on the joint in the next step of `h` \[s\] for the drive's torque; a closed brake damps the
+    /// Effort on the joint in the next step of `h` \[s\] for the drive's torque; an engaged brake damps the
     /// motor.
     pub(super) fn effort(&mut self, wanted: f64, brake: f64, joint: Motor, h: f64) -> Effort {
         let acting = self.delay.acting(wanted);
         self.delay.advance(wanted, h);
-        // The motor does not produce the effort of a brake. That counts within the motor's limits only if
-        // both are on one shaft.
+        // The motor does not produce the effort of a brake. That effort counts towards the motor's limits
+        // only if both are on one shaft.
         let command = DriveCommand { kd: brake, ..DriveCommand::effort(acting) };
         if let Some(law) = self.actuator.joint_law(&command, joint, h) {
             self.command = Some(command);

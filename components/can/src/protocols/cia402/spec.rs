@@ -1,4 +1,4 @@
-//! Facts and rules of CiA 402 drives.
+//! Specification of CiA 402 drives.
 
 use core::f64::consts::TAU;
 use std::io;

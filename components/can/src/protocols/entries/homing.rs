@@ -87,9 +87,9 @@ pub enum HomingProcedure {
 
 /// Default timeout of a homing.
 const TIMEOUT: TimeSpan = TimeSpan { ns: 20_000_000_000 };
-/// Default energy limit at a stop, J: the energy of half a kilogram metre squared at 0.6 rad/s.
+/// Default energy limit at a stop, J: about the energy of 0.5 kg m2 at 0.6 rad/s.
 const ENERGY: f64 = 0.1;
-/// Default distance for backing off from a stop, rad or m.
+/// Default back-off distance from a stop, rad or m.
 const BACK_OFF: f64 = 0.05;
 
 impl HomingEntry {

@@ -1,4 +1,4 @@
-//! Facts and rules of the MIT family.
+//! Specification of the MIT family.
 
 use super::codec::{Drive, Reply};
 use super::damiao::{EVERYBODY, Register, Request, Value};
@@ -16,7 +16,7 @@ use crate::protocols::spec::{
 };
 use crate::range::Range;
 
-/// Protocol of the MIT family: its drives differ in their answers.
+/// Protocol of the MIT family, whose drives differ in the format of their answers.
 #[derive(Debug)]
 pub(crate) struct Mit {
     spec: Spec,
@@ -52,7 +52,7 @@ pub(crate) static DAMIAO: Mit = Mit {
 };
 
 impl Mit {
-    /// Facts of drives without readable settings.
+    /// Specification of drives without readable settings.
     const SPEC: Spec = Spec {
         bus: BusKind::Can,
         frames: Frames::Classic,
@@ -78,7 +78,7 @@ impl Mit {
         let entry = setup.entry;
         let usual = if self.reply == Reply::Damiao { 0x10 | u16::from(entry.node) } else { 0 };
         let reply_id = Id::Standard(entry.master.unwrap_or(usual));
-        // its fields have these ranges, whatever its limits are
+        // the fields have these ranges, regardless of the limits of the drive
         let mut drive = Drive::new(entry.node, reply_id, self.reply, entry.ranges.ranges());
         drive.form = setup.form;
         drive
@@ -163,7 +163,7 @@ impl DriveProtocol for Mit {
             (Register::PositionMax, Value::Number(max)) => ranges[0] = Some(max),
             (Register::VelocityMax, Value::Number(max)) => ranges[1] = Some(max),
             (_, Value::Number(max)) => ranges[2] = Some(max),
-            // a drive in another mode is still on the bus; enabling refuses it
+            // a drive in another mode is still found on the bus; enabling refuses it
             (_, Value::Mode(_)) => {}
         }
         Some(Device { node: *node, kind: DeviceKind::Damiao { master, watchdog_ns, ranges } })

@@ -1,4 +1,4 @@
-//! Facts and rules of moteus drives.
+//! Specification of moteus drives.
 
 use core::f64::consts::TAU;
 
@@ -60,7 +60,7 @@ impl DriveProtocol for Moteus {
         &self.spec
     }
 
-    /// Refuses ranges beyond the registers, where all larger values would be clamped.
+    /// Refuses ranges beyond the registers, which would clamp larger values.
     fn check_frames(&self, entry: &DriveEntry, bus: &BusEntry) -> Result<(), Refusal> {
         if bus.data_bitrate.is_none() {
             let message = format!("moteus on the classic bus `{}`", bus.name);
@@ -85,7 +85,7 @@ impl DriveProtocol for Moteus {
     }
 
     fn limited(&self, entry: &DriveEntry, ranges: Ranges) -> Ranges {
-        // its commands hold shares of the gains stored in it, at most one
+        // its commands contain fractions, at most 1, of the gains stored in the drive
         let gains = entry.loop_gains();
         ranges.with_gains(ranges.kp.max.min(gains.kp), ranges.kd.max.min(gains.kd))
     }
@@ -116,7 +116,7 @@ impl DriveProtocol for Moteus {
             Id::Standard(id) => u32::from(id),
             Id::Extended(id) => id,
         };
-        // only complete answers in CAN FD frames count: no other drive sends those
+        // only complete answers in CAN FD frames count, because no other drive sends them
         let node =
             u8::try_from(number >> 8).ok().filter(|_| number & 0xff == 0 && frame.form != Form::Classic)?;
         let State { mode, home, fault, .. } = Node::new(node)?.reply(frame).ok()?;
