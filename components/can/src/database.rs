@@ -273,7 +273,7 @@ fn signals(file: &Dbc, message: &can_dbc::Message) -> Result<Vec<Signal>, (Strin
             let ranges = entry.mappings.iter().map(|values| values.min_value..=values.max_value);
             match &mut switch {
                 Some((known, all)) if *known == at => all.extend(ranges),
-                Some(_) => return refuse("two signals switch it".into()),
+                Some(_) => return refuse("it has two multiplexers".into()),
                 None => switch = Some((at, ranges.collect())),
             }
         }
@@ -283,7 +283,7 @@ fn signals(file: &Dbc, message: &can_dbc::Message) -> Result<Vec<Signal>, (Strin
             | MultiplexIndicator::MultiplexorAndMultiplexedSignal(value),
         ) = (&switch, found.multiplexer_indicator)
         {
-            let Some(at) = main else { return refuse("no signal switches it".into()) };
+            let Some(at) = main else { return refuse("its multiplexer is missing".into()) };
             switch = Some((at, vec![value..=value]));
         }
         let labels = file.value_descriptions_for_signal(message.id, &found.name).unwrap_or_default();

@@ -94,10 +94,10 @@ impl Fault {
             Self::OverCurrent => "current too high",
             Self::HotTransistors => "transistors too hot",
             Self::HotMotor => "motor too hot",
-            Self::CommunicationLost => "no command for the time of its watchdog",
+            Self::CommunicationLost => "no command within the watchdog time",
             Self::Overload => "overload",
             Self::Encoder => "encoder failed",
-            Self::Other(_) => "a fault that the drive has a code for",
+            Self::Other(_) => "drive-specific fault",
         }
     }
 

@@ -206,7 +206,7 @@ pub enum DecodeError {
         expected: usize,
     },
     /// A field has a value that the protocol does not define, or a reserved bit is set.
-    #[error("{field} is 0x{found:X}, which the protocol does not know")]
+    #[error("{field} is 0x{found:X}, which the protocol does not define")]
     Field {
         /// Field.
         field: &'static str,
@@ -220,7 +220,7 @@ pub enum DecodeError {
         field: &'static str,
     },
     /// A number is beyond the measuring range of the device.
-    #[error("{field} cannot be: it is beyond what the device can have reached")]
+    #[error("{field} is implausible: the device cannot have reached it")]
     Implausible {
         /// Field.
         field: &'static str,

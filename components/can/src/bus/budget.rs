@@ -122,7 +122,7 @@ impl fmt::Display for Budget {
         }
         write!(
             f,
-            " with the most stuffing = {:.0} us at {} kbit/s",
+            " with maximum stuffing = {:.0} us at {} kbit/s",
             us(self.busy_ns()),
             self.rates.nominal / 1000
         )?;
@@ -131,7 +131,7 @@ impl fmt::Display for Budget {
         }
         write!(
             f,
-            ", + {:.0} us turn-round = {:.0} us of {:.0} us ({:.0} % load)",
+            ", + {:.0} us turnaround = {:.0} us of {:.0} us ({:.0} % load)",
             us(self.turn_round_ns),
             us(self.complete_ns()),
             us(self.cycle_ns),

@@ -43,7 +43,9 @@ impl Problem {
                 "raise `effort`, begin from the other side, or home it later, by `order`, when the others take its weight off it"
             }
             Self::TooWeak(_) => "raise `effort`, or choose the stop at the other end",
-            Self::TooHard(_) => "write a lower `velocity`, or as `energy` what its stop and its gear stand",
+            Self::TooHard(_) => {
+                "write a lower `velocity`, or set `energy` to what its stop and its gear withstand"
+            }
         }
     }
 }
@@ -199,7 +201,7 @@ impl<'a> Load<'a> {
     /// with the others at home, at some other positions, or on the way.
     fn unmoved(&mut self) -> Option<Unfit> {
         let certain = self.weights.at_stop(Others::Anywhere);
-        self.at_stop((certain.least, certain.most), "wherever the other joints are", true)
+        self.at_stop((certain.least, certain.most), "at any position of the other joints", true)
             .or_else(|| self.on_the_way(Others::AtHome))
             .or_else(|| {
                 let home = self.weights.at_stop(Others::AtHome);

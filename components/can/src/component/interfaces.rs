@@ -59,7 +59,7 @@ pub(super) fn offer(table: &Table) -> Result<Vec<Offer>, ConfigError> {
         Offer::open(place, table.rates(index), bus.data_bitrate.is_some(), is_servo_line).map_err(|error| {
             let message = format!("bus `{}`: `{interface}` cannot be offered: {error}", bus.name);
             ConfigError::key("drives", message)
-                .advise("end the other program, or give the bus another address")
+                .advise("stop the other program, or give the bus another address")
         })
     };
     table.buses.iter().enumerate().map(open).collect()

@@ -65,13 +65,13 @@ pub(super) fn too_small(equipped: &Equipped) -> Option<String> {
             // its zero is the power-up position, anywhere in the joint's range
             let (span, reaches) = (upper - lower, range.max / gear.ratio.abs());
             return (span.is_finite() && reaches < span).then(|| {
-                format!("the positions of drive `{name}` reach {reaches:.3} from its zero, and the joint moves by {span:.3}")
+                format!("the positions of drive `{name}` reach {reaches:.3} from its zero, but the joint moves by {span:.3}")
             });
         }
         let covers = low <= lower && high >= upper;
         // a joint without limits exceeds any range
         (lower.is_finite() && upper.is_finite() && !covers).then(|| {
-            format!("the positions of drive `{name}` cover {low:.3} to {high:.3}, the joint has {lower:.3} to {upper:.3}")
+            format!("the positions of drive `{name}` cover {low:.3} to {high:.3}, but the joint has {lower:.3} to {upper:.3}")
         })
     })
 }
@@ -90,7 +90,7 @@ pub(super) fn unfit_homing(equipped: &Equipped, limits: &[JointLimits]) -> Optio
             } else {
                 let end = homing.end().filter(|end| !(limits.lower..=limits.upper).contains(end))?;
                 format!(
-                    "it ends at {end:.4}, and the joint has {:.4} to {:.4}: write a longer `back_off`",
+                    "it ends at {end:.4}, but the joint has {:.4} to {:.4}: write a longer `back_off`",
                     limits.lower, limits.upper
                 )
             };

@@ -49,7 +49,7 @@ impl Source<'_> {
             let Some(index) = names.iter().position(|known| known == name) else {
                 let message = format!("no bus is named `{name}`; there is {}", names.join(", "));
                 return Err(
-                    ConfigError::key("interfaces", message).advise("name buses as the drive table does")
+                    ConfigError::key("interfaces", message).advise("use the bus names of the drive table")
                 );
             };
             table.buses[index].interface = Some(interface.clone());
@@ -74,11 +74,8 @@ impl Source<'_> {
             return Ok(table);
         };
         if inline {
-            return Err(ConfigError::key(
-                "drives",
-                "both a drive table and entries of another one are given",
-            )
-            .advise("leave `drives` out, or `bus` and `drive`"));
+            return Err(ConfigError::key("drives", "both a drive table and inline entries are given")
+                .advise("leave `drives` out, or `bus` and `drive`"));
         }
         let path = folder.join(file);
         let text = std::fs::read_to_string(&path).map_err(|error| {

@@ -110,7 +110,7 @@ pub enum WrongSetting {
     },
     /// Read-only process data with a different mapping.
     #[error(
-        "the object 0x{index:04X} maps 0x{found:08X}, expected 0x{expected:08X}, and its data sheet says that it cannot be written"
+        "the object 0x{index:04X} maps 0x{found:08X}, expected 0x{expected:08X}, but its data sheet declares it read-only"
     )]
     Mapping {
         /// Index of the object.

@@ -136,7 +136,7 @@ pub(crate) const THOUSANDTHS: f64 = 32.767;
 pub(crate) fn beyond(name: &str, value: f64, unit: &str, most: f64, field: &str) -> Result<(), Refusal> {
     if value > most {
         return Err((
-            format!("a {name} of {value} {unit}, and {field} ends at {most:.2}"),
+            format!("a {name} of {value} {unit}, but {field} is limited to {most:.2}"),
             "write what the drive reaches within it: `ranges` refer to the output shaft of the drive",
         ));
     }

@@ -84,7 +84,7 @@ fn check_stop(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
     let (is_positive, back_off) = (|x: f64| x.is_finite() && x > 0.0, homing.back_off());
     if !is_positive(homing.energy()) {
         let message = format!("a homing with an `energy` of {} J", homing.energy());
-        return Err((message, "write what the stop stands, such as 0.1"));
+        return Err((message, "write what the stop withstands, such as 0.1"));
     }
     if !(is_number && is_positive(effort) && is_positive(back_off)) {
         return Err((
@@ -106,7 +106,9 @@ fn check_stop(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
     let most = drive.protocol.definition().largest_damping(drive);
     if gain > most {
         return Err((
-            format!("a homing with a velocity gain of {gain:.3} N m s/rad, and the drive ends at {most:.3}"),
+            format!(
+                "a homing with a velocity gain of {gain:.3} N m s/rad, but the drive is limited to {most:.3}"
+            ),
             "write a higher `velocity`, or less `effort`: the gain is effort over velocity",
         ));
     }

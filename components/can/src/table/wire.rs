@@ -12,13 +12,10 @@ pub(super) fn check_forms(table: &Table, bus: &BusEntry) -> Result<(), Refusal> 
     let of = |form| on_bus().find(|drive| table.form(drive) == form);
     let (Some(fast), Some(classic)) = (of(Form::FdFast), of(Form::Classic)) else { return Ok(()) };
     let message = format!(
-        "bus `{}`: drives of {:?} are sent frames of CAN FD, which one of {:?} does not know, and disturbs",
+        "bus `{}`: drives of {:?} receive CAN FD frames, which a drive of {:?} does not support and disturbs",
         bus.name, fast.protocol, classic.protocol
     );
-    Err((
-        message,
-        "put them on buses of their own, or leave `data_bitrate` out where all know classic frames",
-    ))
+    Err((message, "put them on separate buses, or leave `data_bitrate` out if all support classic frames"))
 }
 
 /// Identifiers of a drive's commands and of its answers, on a bus shared by several protocols.
@@ -32,7 +29,7 @@ pub(super) fn check_identifiers(table: &Table, index: usize) -> Result<(), Refus
     let Some((mine, answers)) = identifiers(table, index) else { return Ok(()) };
     let refuse = |message: String| Err((message, "choose another `master`, or another `node`"));
     if answers == mine {
-        return refuse("the identifier of its answers is taken".into());
+        return refuse("the identifier of its answers is already in use".into());
     }
     for (i, other) in
         table.drives.iter().enumerate().filter(|(i, other)| *i != index && other.bus == drive.bus)

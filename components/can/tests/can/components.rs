@@ -319,7 +319,7 @@ fn what_cannot_be_is_refused_before_anything_runs() {
     assert!(text.contains("the watchdog of the drive of `joint1` is off"), "{text}");
     let text = refused("short", &DRIVES.replacen("\"20 ms\"", "\"1 ms\"", 1), "");
     assert!(
-        text.contains("the drive of `joint1` lets go after 1ms without a command, and one is sent each 1ms"),
+        text.contains("the drive of `joint1` disables itself after 1ms without a command, but commands are sent every 1ms"),
         "{text}"
     );
     let text = refused("range", &DRIVES.replacen("position = 12.5", "position = 6.0", 1), "");

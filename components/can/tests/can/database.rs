@@ -248,6 +248,6 @@ fn what_cannot_be_is_refused_with_its_place() {
     );
     assert_eq!(
         refused(&KINDS.replace("Page M : 0|4", "Page : 0|4")),
-        "the signal `Current` of the message `Switched`: no signal switches it"
+        "the signal `Current` of the message `Switched`: its multiplexer is missing"
     );
 }

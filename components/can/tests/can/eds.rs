@@ -157,7 +157,7 @@ fn drive_homing_needs_its_mode_objects_and_method() {
     assert!(table(&homing(17), &with("rw", "LowLimit=0x00\nHighLimit=0xFF")).is_ok());
     let refused = |method: i8, sheet: &str| table(&homing(method), sheet).unwrap_err().to_string();
     let found = refused(17, SHEET);
-    assert!(found.contains("the drive does not know homing: 0x6502 is 0x380"), "{found}");
+    assert!(found.contains("the drive does not support homing: 0x6502 is 0x380"), "{found}");
     let largest = object("6073", "rw", "");
     let found = refused(17, &format!("{}{largest}", SHEET.replace("0x380", "0x3A0")));
     assert!(found.contains("it has no object 0x6098:00"), "{found}");
@@ -176,16 +176,16 @@ fn drive_homing_needs_its_mode_objects_and_method() {
 fn an_entry_against_the_data_sheet_is_refused() {
     let refused = |entry: &str, sheet: &str| table(entry, sheet).unwrap_err().to_string();
     let found = refused(RANGES, &SHEET.replace("0x380", "0x300"));
-    assert!(found.contains("does not know the mode 8 of `mode`: 0x6502 is 0x300"), "{found}");
+    assert!(found.contains("does not support the mode 8 of `mode`: 0x6502 is 0x300"), "{found}");
     let found = refused("ranges = { position = 3.0, velocity = 30.0, torque = 13.0 }", SHEET);
     assert!(
-        found.contains("`ranges.torque` is 13 N m, and the drive ends at 12.5000 (0x6071, 0x6072)"),
+        found.contains("`ranges.torque` is 13 N m, but the drive is limited to 12.5000 (0x6071, 0x6072)"),
         "{found}"
     );
     let found = refused("ranges = { position = 3.0, velocity = 50.0, torque = 10.0 }", SHEET);
-    assert!(found.contains("`ranges.velocity` is 50 rad/s, and the drive ends at 47.9369"), "{found}");
+    assert!(found.contains("`ranges.velocity` is 50 rad/s, but the drive is limited to 47.9369"), "{found}");
     let found = refused("ranges = { position = 3.2, velocity = 30.0, torque = 10.0 }", SHEET);
-    assert!(found.contains("`ranges.position` is 3.2 rad, and the drive ends at 3.1415"), "{found}");
+    assert!(found.contains("`ranges.position` is 3.2 rad, but the drive is limited to 3.1415"), "{found}");
     let found = refused(RANGES, &SHEET.replace("[60C2sub2]", "[5FFFsub2]"));
     assert!(found.contains("motor.eds: it has no object 0x60C2:02"), "{found}");
     let found = refused(RANGES, &SHEET.replace("[1A01sub2]", "[5FFFsub2]"));

@@ -153,7 +153,7 @@ fn bus_off_trips_the_adapter_and_drives_release() {
     assert_eq!((&bus["condition"], &bus["bus_off"]), (&json!("bus-off"), &json!(1)), "{bus}");
     let diagnosis = bus["diagnosis"].as_str().unwrap();
     assert!(
-        diagnosis.contains("has left the bus: look for a short circuit or a wrong bitrate"),
+        diagnosis.contains("has left the bus: check for a short circuit or a wrong bitrate"),
         "{diagnosis}"
     );
     assert_eq!(result["tripped"], true);

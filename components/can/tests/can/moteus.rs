@@ -221,12 +221,12 @@ fn ranges_beyond_the_registers_of_16_bits_are_refused() {
         (
             "position = 12.5",
             "position = 25.0",
-            "a position of 25 rad, and the registers of a moteus end at 20.59",
+            "a position of 25 rad, but the registers of a moteus are limited to 20.59",
         ),
         (
             "velocity = 30.0",
             "velocity = 60.0",
-            "a velocity of 60 rad/s, and the registers of a moteus end at 51.47",
+            "a velocity of 60 rad/s, but the registers of a moteus are limited to 51.47",
         ),
     ] {
         let error = Table::parse(&table("").replace(from, to)).unwrap_err().to_string();

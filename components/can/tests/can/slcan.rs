@@ -244,7 +244,7 @@ fn a_refusing_adapter_and_a_missing_line_are_reported() {
     assert!(error.advice().contains("/dev/serial/by-id"));
     let odd = Rates { nominal: 333_333, fast: 333_333 };
     let error = SlcanBus::open("/dev/no-such-line", odd, false).unwrap_err();
-    assert_eq!(error.to_string(), "the adapter on `/dev/no-such-line` knows no 333333 bit/s");
+    assert_eq!(error.to_string(), "the adapter on `/dev/no-such-line` does not support 333333 bit/s");
 }
 
 #[test]

@@ -29,13 +29,13 @@ fn mistakes_are_named_with_their_line() {
     let missing = "[[drive]]\njoint = \"a\"\n";
     assert_eq!(refused(&format!("{BUS}{missing}")).0, Some(4));
     let twice = format!("{BUS}{}{}", drive("a", 1, ""), drive("b", 1, ""));
-    assert_eq!(refused(&twice), (Some(12), "drive of `b`: node 1 stands on that bus twice".into()));
+    assert_eq!(refused(&twice), (Some(12), "drive of `b`: node 1 is used twice on that bus".into()));
     let nowhere = format!("{BUS}{}", drive("a", 1, "").replace("can0", "can7"));
     assert_eq!(refused(&nowhere).1, "drive of `a`: no bus is named `can7`");
     let named = format!("{}{}", BUS.replace("can0", "can 0"), drive("a", 1, ""));
     assert_eq!(refused(&named), (Some(1), "a bus named \"can 0\"".into()));
     let gains = format!("{BUS}{}", drive("a", 1, "").replace("torque = 10.0", "torque = 10.0, kp = 900.0"));
-    assert_eq!(refused(&gains).1, "drive of `a`: the gains of a Damiao drive end at 500 and 5");
+    assert_eq!(refused(&gains).1, "drive of `a`: the gains of a Damiao drive are limited to 500 and 5");
     let key = format!("{BUS}{}", drive("a", 1, "torqe = 2"));
     assert!(refused(&key).1.contains("torqe"));
 }
@@ -78,7 +78,7 @@ fn the_arithmetic_stands_in_the_words_of_the_budget() {
     assert!(!budget.fits());
     assert_eq!(
         budget.to_string(),
-        "4 x (135 + 135 bits) with the most stuffing = 1080 us at 1000 kbit/s, + 100 us turn-round = 1180 us of 1000 us \
+        "4 x (135 + 135 bits) with maximum stuffing = 1080 us at 1000 kbit/s, + 100 us turnaround = 1180 us of 1000 us \
          (108 % load)"
     );
     assert_eq!(budget.most(), 3);

@@ -127,20 +127,20 @@ impl BusAccount {
         let name = &self.name;
         let unheard = counts.unacknowledged > 0 || counts.queue_full > 0;
         Some(match condition {
-            Condition::Gone => format!("`{name}` has gone: is its adapter plugged in?"),
+            Condition::Gone => format!("`{name}` has disappeared: is its adapter plugged in?"),
             Condition::Down => {
                 format!("`{name}` is down: `sudo ip link set {name} up`, then `motorium resume`")
             }
             Condition::Off => format!(
-                "the controller of `{name}` has left the bus: look for a short circuit or a wrong bitrate, then `sudo ip link set {name} down && sudo ip link set {name} up`, and `motorium resume`"
+                "the controller of `{name}` has left the bus: check for a short circuit or a wrong bitrate, then `sudo ip link set {name} down && sudo ip link set {name} up`, and `motorium resume`"
             ),
             _ if unheard => format!("nobody acknowledges on `{name}`: power, bitrate, termination?"),
             Condition::Passive | Condition::Warning => {
-                format!("many errors on `{name}`: wires, termination, a node with another bitrate?")
+                format!("many errors on `{name}`: check wires, termination and the bitrate of every node")
             }
             Condition::Active if counts.down > 0 => format!("`{name}` was down, and is up again"),
             Condition::Active if counts.overflows > 0 => {
-                format!("frames were lost on `{name}`: does a node send without end?")
+                format!("frames were lost on `{name}`: does a node send continuously?")
             }
             Condition::Active => return None,
         })

@@ -152,9 +152,8 @@ pub(super) fn check_observer(config: &CanAdapterConfig, equipped: &Equipped) -> 
     }
     if let Some(drive) = equipped.table.drives.iter().find(|drive| drive.is_homed()) {
         let message = format!("the drive of `{}` has to be homed, which needs torque", drive.joint);
-        return Err(ConfigError::key("observe", message).advise(
-            "leave `homing` out, and write the `offset` from which its position counts, or let the adapter enable it",
-        ));
+        return Err(ConfigError::key("observe", message)
+            .advise("leave `homing` out, and write the `offset` of its zero, or let the adapter enable it"));
     }
     if config.command_within.is_some() {
         return Err(ConfigError::key("command_within", "with `observe` there are no commands to wait for")
@@ -195,7 +194,7 @@ pub(super) fn check_watchdogs(
         return Ok(());
     };
     let message = format!(
-        "the drive of `{}` lets go after {:?} without a command, and one is sent each {period:?}",
+        "the drive of `{}` disables itself after {:?} without a command, but commands are sent every {period:?}",
         drive.joint,
         watchdog(drive)
     );
@@ -204,10 +203,7 @@ pub(super) fn check_watchdogs(
         return Err(ConfigError::key("drives", message).advise(advice));
     }
     if watchdog(drive) < 2 * period {
-        declare
-            .warn(format!("{message}: a single one that is lost makes it let go"))
-            .key("drives")
-            .advise(advice);
+        declare.warn(format!("{message}: a single lost command disables it")).key("drives").advise(advice);
     }
     Ok(())
 }

@@ -86,8 +86,7 @@ impl StepOrder {
             );
         }
         if let Some(within) = self.command_within.filter(|within| is_out(*within)) {
-            let advice =
-                "leave time for the answers: write what policy and controller take, such as \"300 us\"";
+            let advice = "leave time for the answers: set it to the time that policy and controller need, such as \"300 us\"";
             return refuse(
                 "command_within",
                 format!("a command within {within:?} of a period of {period:?}"),
@@ -95,8 +94,7 @@ impl StepOrder {
             );
         }
         if self.waits() >= period {
-            let message =
-                format!("a step that waits for {:?} in all, of a period of {period:?}", self.waits());
+            let message = format!("a total wait of {:?} per step, of a period of {period:?}", self.waits());
             return refuse("command_within", message, "shorten it, or `answer_within`");
         }
         Ok(())
@@ -141,8 +139,7 @@ pub(super) fn check_budget(
     }
     let within = order.answers_have(Duration::from_nanos(budget.cycle_ns));
     if (within.as_nanos() as u64) < budget.complete_ns() {
-        let message =
-            format!("answers on bus `{bus}` are waited for {within:?}, and may take longer: {budget}");
+        let message = format!("answers on bus `{bus}` may take longer than the wait of {within:?}: {budget}");
         let advice = "wait longer, raise the bitrate, or lower the rate";
         let key = if order.answer_within.is_some() { "answer_within" } else { "command_within" };
         declare.warn(message).key(key).advise(advice);
@@ -217,7 +214,7 @@ mod tests {
             (
                 "interface = \"/dev/ttyACM0\"",
                 "command_within = \"1 ms\"\nanswer_within = \"1500 us\"",
-                "a step that waits for 2.5ms in all, of a period of 2ms",
+                "a total wait of 2.5ms per step, of a period of 2ms",
             ),
         ] {
             let found = refused(interface, config);

@@ -32,7 +32,7 @@ pub(super) fn too_stiff(equipped: &Equipped, dt: f64) -> Option<String> {
         let share = kd * dt / inertia;
         (share.is_finite() && share > UNSTABLE).then(|| {
             format!(
-                "the loop of the drive of `{}` rattles: kd dt / I = {kd:.3} N m s/rad x {:.3} ms / {inertia:.3} kg m2 = {share:.1}, expected at most {UNSTABLE}",
+                "the loop of the drive of `{}` is unstable: kd dt / I = {kd:.3} N m s/rad x {:.3} ms / {inertia:.3} kg m2 = {share:.1}, expected at most {UNSTABLE}",
                 entry.joint,
                 dt * 1e3
             )

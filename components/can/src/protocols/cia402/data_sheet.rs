@@ -33,8 +33,9 @@ pub(crate) fn complete(
     let text = read(&name).map_err(|error| {
         (format!("{name}: {error}"), "name an EDS or DCF file, relative to the drive table")
     })?;
-    let sheet = Eds::parse(&text)
-        .map_err(|error| (format!("{name}, {error}"), "name an EDS or DCF file as its maker publishes it"))?;
+    let sheet = Eds::parse(&text).map_err(|error| {
+        (format!("{name}, {error}"), "use an EDS or DCF file as published by the manufacturer")
+    })?;
     let at = |(message, advice): Refusal| (format!("{name}: {message}"), advice);
     scales(drive, &sheet);
     mode(drive, &sheet).map_err(at)?;
@@ -124,13 +125,15 @@ fn mode(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
     let mode = cyclic(drive);
     match known {
         Some(known) if known != 0 && known >> (mode as u8 - 1) & 1 == 0 => {
-            let message =
-                format!("the drive does not know the mode {} of `mode`: 0x6502 is 0x{known:X}", mode as u8);
-            let advice = "0x80 is position, 0x100 velocity, 0x200 torque: write a `mode` that it knows";
+            let message = format!(
+                "the drive does not support the mode {} of `mode`: 0x6502 is 0x{known:X}",
+                mode as u8
+            );
+            let advice = "0x80 is position, 0x100 velocity, 0x200 torque: write a `mode` that it supports";
             Err((message, advice))
         }
         Some(known) if known != 0 && known >> 5 & 1 == 0 && homes_itself(drive) => {
-            let message = format!("the drive does not know homing: 0x6502 is 0x{known:X}");
+            let message = format!("the drive does not support homing: 0x6502 is 0x{known:X}");
             Err((
                 message,
                 "0x20 is homing, mode 6: leave `homing` out, or home it at its stop with `mode = \"torque\"`",
@@ -217,8 +220,9 @@ fn limits(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
         if let Some(limit) = limit
             && found > limit * (1.0 + 1e-9)
         {
-            let message =
-                format!("`ranges.{key}` is {found} {unit}, and the drive ends at {limit:.4} ({objects})");
+            let message = format!(
+                "`ranges.{key}` is {found} {unit}, but the drive is limited to {limit:.4} ({objects})"
+            );
             return Err((message, "write a range that the drive reaches: commands beyond it are clamped"));
         }
     }

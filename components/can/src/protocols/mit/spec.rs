@@ -35,7 +35,7 @@ pub(crate) static DAMIAO: Mit = Mit {
         watchdog: Watchdog::Units {
             unit_ns: 50_000,
             most: u32::MAX as u64,
-            advice: "write a multiple of 50 us: register 9 has them",
+            advice: "write a multiple of 50 us, the unit of register 9",
         },
         current_limit: CurrentLimit::Settable {
             keys: &[
@@ -62,7 +62,7 @@ impl Mit {
         keys: &["master"],
         watchdog: Watchdog::Any,
         current_limit: CurrentLimit::Unsupported {
-            advice: "leave it out, and set the limit in the drive with its maker's tool: the frames of this protocol have none",
+            advice: "leave it out, and set the limit in the drive with the manufacturer's tool: this protocol cannot transmit it",
         },
         gains: Gains::Commanded,
         has_velocity_mode: false,
@@ -102,7 +102,7 @@ impl DriveProtocol for Mit {
         let has_gains = entry.ranges.kp.is_some() || entry.ranges.kd.is_some();
         if has_gains && self.reply == Reply::Damiao {
             let advice = "leave `kp` and `kd` out, and let `ratio` scale them";
-            return Err(("the gains of a Damiao drive end at 500 and 5".into(), advice));
+            return Err(("the gains of a Damiao drive are limited to 500 and 5".into(), advice));
         }
         Ok(())
     }
@@ -120,7 +120,7 @@ impl DriveProtocol for Mit {
     fn check_homing(&self, entry: &DriveEntry, _homing: &HomingEntry) -> Result<(), Refusal> {
         Err((
             format!("a homing by the drive, which {:?} does not have", entry.protocol),
-            "write `by = \"stop\"`; its command \"set zero\" is not sent, for many such drives keep the zero for ever",
+            "write `by = \"stop\"`; its command \"set zero\" is not used, because many of these drives store the zero permanently",
         ))
     }
 

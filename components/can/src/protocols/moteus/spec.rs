@@ -33,7 +33,7 @@ pub(crate) static MOTEUS: Moteus = Moteus {
         watchdog: Watchdog::Units {
             unit_ns: 1_000_000,
             most: 32_767,
-            advice: "write whole milliseconds, up to 32767: its commands have them",
+            advice: "write whole milliseconds, up to 32767, the unit of its commands",
         },
         current_limit: CurrentLimit::Unsupported {
             advice: "leave it out: moteus gets `ranges.torque` with each command",
@@ -72,7 +72,7 @@ impl DriveProtocol for Moteus {
         let beyond = ranges.into_iter().zip(MOST).zip(names).find(|((value, most), _)| value > most);
         beyond.map_or(Ok(()), |((value, most), (name, unit))| {
             let message =
-                format!("a {name} of {value} {unit}, and the registers of a moteus end at {most:.2}");
+                format!("a {name} of {value} {unit}, but the registers of a moteus are limited to {most:.2}");
             Err((message, "reduce it; `ratio` is the ratio of the joint to the output of the drive"))
         })
     }
@@ -80,7 +80,7 @@ impl DriveProtocol for Moteus {
     fn check_homing(&self, _entry: &DriveEntry, _homing: &HomingEntry) -> Result<(), Refusal> {
         Err((
             "a homing by the drive, which moteus does not have".into(),
-            "with an encoder at its output it needs none: leave `homing` out; else write `by = \"stop\"`",
+            "with an output encoder it needs none: leave `homing` out; otherwise write `by = \"stop\"`",
         ))
     }
 

@@ -64,7 +64,7 @@ pub(crate) static DYNAMIXEL: Servo = Servo {
         watchdog: Watchdog::Units {
             unit_ns: dynamixel::WATCHDOG_UNIT_NS,
             most: dynamixel::LONGEST_WATCHDOG,
-            advice: "write a multiple of 20 ms, up to 2540 ms: register 98 has them",
+            advice: "write a multiple of 20 ms, up to 2540 ms, the unit of register 98",
         },
         current_limit: CurrentLimit::Settable {
             keys: &[

@@ -300,7 +300,7 @@ impl Node {
             let home = [Home::Relative, Home::Rotor, Home::Output]
                 .into_iter()
                 .find(|home| f64::from(*home as u8) == code);
-            home.ok_or(DecodeError::Field { field: "the place of home", found: code as i32 as u32 })
+            home.ok_or(DecodeError::Field { field: "the position reference", found: code as i32 as u32 })
         });
         Ok(State {
             mode: mode.ok_or(DecodeError::Field { field: "the mode", found: code as i32 as u32 })?,
