@@ -105,7 +105,7 @@ fn episodes_are_recorded_to_their_ends_and_verified() {
 }
 
 #[test]
-fn episodes_of_real_time_are_exported_one_by_one() {
+fn real_time_episodes_are_exported_one_by_one() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
@@ -143,7 +143,7 @@ fn episodes_of_real_time_are_exported_one_by_one() {
 }
 
 #[test]
-fn a_torn_file_is_read_up_to_the_damage_and_repaired() {
+fn a_truncated_file_is_read_up_to_the_damage_and_repaired() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     let text = GRAPH.replace("\"1 s\"", "\"30 s\"") + &recorder(&file);

@@ -58,7 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn scaled_numbers_have_all_their_digits() {
+    fn scaled_numbers_keep_all_digits() {
         let text = |raw, factor, offset| Decimal::scaled(raw, factor, offset).map(|x| x.to_string());
         for (raw, factor, offset, expected) in [
             (1_735_270_496_916_858, 1e-6, 0.0, "1735270496.916858"),

@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn devices_are_found_with_what_they_tell_of_themselves() {
+    fn devices_are_found_with_their_reported_settings() {
         let mut desk = desk(true);
         let found = scanned(&mut desk, false);
         let kinds: Vec<_> = found.devices.iter().map(|device| (device.node, device.kind.clone())).collect();
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn no_frame_of_can_fd_follows_an_error_of_the_bus() {
+    fn no_can_fd_frame_follows_a_bus_error() {
         for errors_from in [0, 1, 5] {
             let mut desk = Desk { errors_from, ..desk(false) };
             let found = scanned(&mut desk, true);

@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn servos_of_both_protocols_are_found_and_none_is_moved() {
+    fn servos_of_both_protocols_are_found_without_motion() {
         let rates = Rates { nominal: 1_000_000, fast: 1_000_000 };
         let servos = vec![servo("dynamixel", 12), servo("feetech", 3), servo("dynamixel", 200)];
         let mut line = Line { bus: SimulatedBus::new(rates, 5, 64), servos, now_ns: 0 };

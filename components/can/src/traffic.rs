@@ -206,7 +206,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_of_each_kind_is_written_as_it_was_read() {
+    fn lines_of_every_kind_round_trip() {
         for line in [
             "(1735270496.916858) can0 110#00112233",
             "(1735270588.936508) can0 120##500112233445566778899AABB",
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_have_their_identifier_form_and_data() {
+    fn parsed_frames_have_identifier_form_and_data() {
         let frame = |text: &str| Record::of_frame(text, "can0").unwrap().frame();
         assert_eq!(frame("123#0102"), Some(Frame::classic(Id::Standard(0x123), &[1, 2])));
         assert_eq!(frame("00000123#01"), Some(Frame::classic(Id::Extended(0x123), &[1])));
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_frame_is_refused_with_what_was_found() {
+    fn an_invalid_frame_is_refused_with_its_text() {
         for text in ["", "123", "123#0", "123#GG", "800#00", "123#112233445566778899", "12#00"] {
             let error = Record::of_frame(text, "can0").unwrap_err();
             assert_eq!(error.found, text);
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_interface_is_named_with_its_alternatives() {
+    fn a_missing_interface_is_reported_with_alternatives() {
         let error = Listener::open(["no-such-bus"]).err().unwrap();
         assert!(error.to_string().contains("no CAN interface `no-such-bus`"), "{error}");
         assert!(error.advice().contains("ip -details link show type can"));
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mistake_in_a_frame_is_named() {
+    fn mistakes_in_a_frame_are_named() {
         for (frame, words) in [
             ("123", "there is no `#` between identifier and data"),
             ("12G#01", "`G` in the identifier is not a hexadecimal digit"),

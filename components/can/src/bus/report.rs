@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_report_survives_its_frame() {
+    fn a_report_round_trips_through_its_frame() {
         for state in [
             None,
             Some(ErrorState::Active),
@@ -130,13 +130,13 @@ mod tests {
     }
 
     #[test]
-    fn a_controller_that_is_both_in_warning_and_passive_is_passive() {
+    fn error_passive_takes_precedence_over_warning() {
         assert_eq!(Report::decode(0x4, &[0, 0x2c, 0, 0, 0, 0, 0, 0]).state, Some(ErrorState::Passive));
         assert_eq!(Report::decode(0x44, &[0, 0x20, 0, 0, 0, 0, 0, 0]).state, Some(ErrorState::Off));
     }
 
     #[test]
-    fn a_report_is_read_as_the_library_for_such_frames_reads_it() {
+    fn a_report_matches_the_error_frame_library() {
         use socketcan::{CanErrorFrame, errors::ErrorCause};
         for (classes, data) in [
             (0x20_u32, [0_u8; 8]),

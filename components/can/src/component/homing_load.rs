@@ -364,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn joints_that_are_homed_before_are_where_their_homing_ended() {
+    fn previously_homed_joints_are_at_their_final_positions() {
         // the second and third joints end folded back at 2.85 rad, so little weight is left
         let before = at_stop(0.1, 18.0, "");
         let last = at_stop(0.1, 14.0, ", order = 1");
@@ -373,7 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn a_weight_pressing_the_joint_off_its_stop_is_refused() {
+    fn a_weight_pushing_the_joint_off_its_stop_is_refused() {
         let homing = |effort: f64| {
             format!(
                 "homing = {{ by = \"stop\", velocity = -0.1, effort = {effort}, position = -2.9, order = 1 }}"
@@ -419,7 +419,7 @@ mod tests {
     }
 
     #[test]
-    fn stop_energy_is_bounded_by_the_stretched_arm() {
+    fn stop_energy_is_bounded_by_the_extended_arm() {
         // 3 I + m (0.2^2 + 0.6^2 + 1.0^2)
         let inertia = 3.0 * 0.013_558_333 + 1.4_f64;
         let fastest = (2.0 * 0.1 / inertia).sqrt();

@@ -94,7 +94,7 @@ mod tests {
     use crate::ErrorState;
 
     #[test]
-    fn a_frame_survives_its_topic_in_every_form() {
+    fn frames_of_every_form_round_trip_through_a_topic() {
         for (id, form, length) in [
             (Id::Standard(0x7ff), Form::Classic, 8),
             (Id::Extended(0x1fff_ffff), Form::Classic, 0),
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_frame_is_none() {
+    fn invalid_frames_are_ignored() {
         let frame = to_topic(&Frame::classic(Id::Standard(1), &[1; 8]), 0, 0);
         assert_eq!(from_topic(&CanFrame { length: 65, ..frame }), None);
         assert_eq!(from_topic(&CanFrame { length: 9, ..frame }), None);
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn the_news_of_an_interface_survive_their_topic() {
+    fn interface_status_round_trips_through_a_topic() {
         for state in [ErrorState::Active, ErrorState::Passive, ErrorState::Off] {
             let sent = Report { state: Some(state), is_overflow: true, ..Report::default() };
             assert_eq!(news_of(&report(&sent, 7, 0, 0)), Some(News::Report(sent, 7)));

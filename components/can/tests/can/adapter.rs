@@ -157,7 +157,7 @@ fn a_late_answer_counts_as_late_and_missing() {
 }
 
 #[test]
-fn second_answers_are_counted_and_not_taken() {
+fn duplicate_answers_are_counted_and_ignored() {
     let mut rig = Rig::new(|cycle, answer| if cycle == 50 { vec![(answer, 0); 2] } else { well(0, answer) });
     rig.run(100);
     assert_eq!((rig.counts().duplicate, rig.counts().missing), (1, 0));
@@ -177,7 +177,7 @@ fn malformed_answers_are_counted_and_ignored() {
 }
 
 #[test]
-fn frames_of_a_stranger_are_counted_apart() {
+fn frames_of_unknown_devices_are_counted_separately() {
     let mut rig = Rig::new(well);
     let stranger = Received { frame: Frame::classic(Id::Standard(0x321), &[0; 8]), time_ns: 0 };
     rig.adapter.take(0, &stranger);

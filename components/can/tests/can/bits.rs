@@ -27,7 +27,7 @@ fn extreme_classic_frames_have_published_lengths() {
 }
 
 #[test]
-fn frames_of_can_fd_take_the_published_times() {
+fn can_fd_frames_have_published_durations() {
     let us = |bits: Bits| (bits.ns(&FD) as f64 / 1e3).round();
     for (extended, bytes, shortest, longest) in [
         (false, 8, 49.0, 57.0),
@@ -64,7 +64,7 @@ fn random_frames_have_the_published_mean_length() {
 /// Counts the bits of a frame as text, stuffed by replacing runs from the left: slow, but independent of the
 /// library's algorithm.
 #[test]
-fn stuffing_is_that_of_a_text_of_bits() {
+fn stuffing_matches_an_independent_count() {
     fn checksum(bits: &str) -> String {
         let mut register = vec![0_u8; 15];
         for bit in bits.bytes().map(|bit| bit - b'0') {

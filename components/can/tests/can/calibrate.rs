@@ -79,7 +79,7 @@ fn measured(table: &Table, desk: &mut Desk) -> Result<Vec<Calibrated>, Calibrati
 }
 
 #[test]
-fn with_the_offsets_found_every_joint_stands_as_the_pose_says() {
+fn measured_offsets_reproduce_the_pose() {
     for (protocol, more) in [
         ("damiao", ""),
         ("mini_cheetah", ""),
@@ -102,7 +102,7 @@ fn with_the_offsets_found_every_joint_stands_as_the_pose_says() {
 }
 
 #[test]
-fn what_makes_an_offset_worthless_is_told() {
+fn invalid_measurements_are_reported() {
     let table = table("damiao", "");
     let fresh = || desk(&table, [0.5, 1.0]);
     let silent = Desk { drives: fresh().drives.split_off(1), ..fresh() };

@@ -231,7 +231,7 @@ fn the_health_of_the_joints_shows_the_lost_one() {
 }
 
 #[test]
-fn each_fault_of_an_answer_is_counted_as_what_it_is() {
+fn answer_faults_are_counted_by_kind() {
     for (kind, count) in [
         ("wrong_length", "refused_frames"),
         ("corrupt", "refused_frames"),
@@ -261,7 +261,7 @@ fn late_answers_belong_to_their_own_cycle() {
 }
 
 #[test]
-fn a_bus_that_the_adapter_has_left_trips_it_and_is_counted() {
+fn bus_off_trips_the_adapter_and_is_counted() {
     let off = r#"faults = [{ at = "300 ms", lasts = "50 ms", kind = "bus_off", bus = "can1" }]"#;
     let report = run("bus-off", off, "500 ms");
     let result = adapter(&report);
@@ -271,7 +271,7 @@ fn a_bus_that_the_adapter_has_left_trips_it_and_is_counted() {
 }
 
 #[test]
-fn a_babbling_node_loses_the_adapter_its_drives() {
+fn a_babbling_node_makes_the_adapter_lose_its_drives() {
     let babbling = r#"faults = [{ at = "300 ms", lasts = "20 ms", kind = "babbling", bus = "can0" }]"#;
     let report = run("babbling", babbling, "500 ms");
     let result = adapter(&report);
@@ -281,7 +281,7 @@ fn a_babbling_node_loses_the_adapter_its_drives() {
 }
 
 #[test]
-fn a_disturbed_bus_sends_again_and_no_answer_is_missing() {
+fn a_disturbed_bus_retransmits_and_no_answer_is_missing() {
     let disturbed = r#"faults = [{ at = "300 ms", lasts = "2 ms", kind = "disturbed", bus = "can1" }]"#;
     let report = run("disturbed", disturbed, "500 ms");
     assert_eq!(adapter(&report)["missing_replies"], 0, "{}", adapter(&report));
@@ -305,7 +305,7 @@ fn drives_with_other_settings_than_the_table_are_not_enabled() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_before_anything_runs() {
+fn invalid_configurations_are_refused_before_the_run() {
     let refused = |name: &str, drives: &str, simulation: &str| {
         let folder = Folder::new(name, drives);
         graph(&folder, simulation, "").check().unwrap_err().render(false)
@@ -331,7 +331,7 @@ fn what_cannot_be_is_refused_before_anything_runs() {
 }
 
 #[test]
-fn answers_that_come_twice_point_to_two_drives_with_one_number() {
+fn duplicate_answers_suggest_two_drives_with_one_number() {
     let fault = r#"faults = [{ at = "300 ms", lasts = "50 ms", kind = "duplicate", joint = "joint1" }]"#;
     let report = run("twins", fault, "500 ms");
     let bus = &adapter(&report)["buses"]["can0"];

@@ -45,7 +45,7 @@ fn a_drive_keeps_its_current_limit() {
 }
 
 #[test]
-fn a_damiao_drive_lets_go_at_the_limit_of_its_current() {
+fn a_damiao_drive_disables_itself_at_its_current_limit() {
     let follow = |position: f64| {
         let mut rig = Rig::healthy(&Case { protocol: "damiao", bus: "", more: DAMIAO, cycle_ns: 1_000_000 });
         rig.adapter.set(0, JointSetpoint { position, kp: 20.0, kd: 0.1, ..JointSetpoint::default() });
@@ -112,7 +112,7 @@ fn a_current_limit_bounds_the_effort_range() {
 }
 
 #[test]
-fn a_drive_of_another_rated_current_is_not_enabled() {
+fn a_drive_with_another_rated_current_is_not_enabled() {
     let rated = |current: f64| {
         let keys = format!("{CIA402}\ncurrent_limit = 1.6\nrated_current = {current:?}");
         table("cia402", &keys).unwrap()

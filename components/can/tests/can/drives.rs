@@ -186,7 +186,7 @@ fn drives_of_every_protocol_are_enabled_in_place() {
 }
 
 #[test]
-fn commands_turn_the_shafts_towards_their_goals() {
+fn commands_move_the_shafts_towards_their_goals() {
     for case in all() {
         let mut rig = Rig::healthy(&case);
         let goal = |position: f64| JointSetpoint { position, kp: 4.0, kd: 0.1, ..JointSetpoint::default() };
@@ -291,7 +291,7 @@ fn watchdog_releases_are_detected() {
 }
 
 #[test]
-fn a_hundred_interrupted_batches_end_by_watchdogs() {
+fn watchdogs_act_after_a_hundred_interrupted_batches() {
     for case in &CASES {
         for run in 0..100 {
             let mut rig = Rig::healthy(case);
@@ -356,7 +356,7 @@ fn a_dynamixel_watchdog_stops_it_until_checked() {
 }
 
 #[test]
-fn a_dynamixel_that_keeps_another_watchdog_is_not_enabled() {
+fn a_dynamixel_with_a_fixed_watchdog_is_not_enabled() {
     let keeps = Overrides { watchdog_ns: Some(100_000_000), ..Overrides::default() };
     let mut rig = Rig::new(&DYNAMIXEL, keeps);
     rig.run(50);

@@ -11,7 +11,7 @@ use motorium_can::{Table, TableError};
 const SHEET: &str = include_str!("databases/motor.eds");
 
 #[test]
-fn every_object_of_a_data_sheet_is_what_canopen_reads() {
+fn data_sheet_objects_match_canopen() {
     let sheet = Eds::parse(SHEET).unwrap();
     let mut objects = 0;
     for line in include_str!("databases/golden_eds.txt").lines() {
@@ -76,7 +76,7 @@ fn hexadecimal_numbers_of_signed_types_are_negative() {
 }
 
 #[test]
-fn what_is_no_data_sheet_is_refused_with_its_line() {
+fn an_invalid_data_sheet_is_refused_with_its_line() {
     let refused = |text: &str| Eds::parse(text).unwrap_err();
     assert_eq!(
         refused("[DeviceInfo]\nProductName=X\n").message,
@@ -173,7 +173,7 @@ fn drive_homing_needs_its_mode_objects_and_method() {
 }
 
 #[test]
-fn an_entry_against_the_data_sheet_is_refused() {
+fn an_entry_that_contradicts_the_data_sheet_is_refused() {
     let refused = |entry: &str, sheet: &str| table(entry, sheet).unwrap_err().to_string();
     let found = refused(RANGES, &SHEET.replace("0x380", "0x300"));
     assert!(found.contains("does not support the mode 8 of `mode`: 0x6502 is 0x300"), "{found}");

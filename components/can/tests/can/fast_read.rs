@@ -20,7 +20,7 @@ fn answered_after_ns(rig: &mut Rig) -> u64 {
 }
 
 #[test]
-fn a_fast_read_saves_six_bytes_a_servo() {
+fn a_fast_read_saves_six_bytes_per_servo() {
     let (mut fast, mut plain) = (Rig::healthy(&FAST), Rig::healthy(&DYNAMIXEL));
     for link in fast.adapter.links() {
         assert_eq!((link.counts().missing, link.counts().late, link.counts().refused), (0, 0, 0));
@@ -33,7 +33,7 @@ fn a_fast_read_saves_six_bytes_a_servo() {
 }
 
 #[test]
-fn servos_behind_a_silent_one_are_asked_alone() {
+fn servos_after_a_silent_one_are_polled_separately() {
     let mut rig = Rig::healthy(&FAST);
     rig.is_silent = true;
     rig.run(3);
@@ -43,7 +43,7 @@ fn servos_behind_a_silent_one_are_asked_alone() {
 }
 
 #[test]
-fn servos_without_fast_read_are_asked_normally() {
+fn servos_without_fast_read_are_polled_normally() {
     let mut rig = Rig::new(&FAST, Overrides::default());
     rig.is_old = true;
     rig.run(100);

@@ -71,7 +71,7 @@ fn a_constantly_late_reply_is_lost_in_three_cycles() {
 }
 
 #[test]
-fn a_single_reply_that_is_a_whole_cycle_late_trips_nothing() {
+fn a_single_reply_a_cycle_late_does_not_trip() {
     for (delay, late) in [("1 ms", 1), ("1.05 ms", 1)] {
         let fault = format!(r#"lasts = "1 ms", kind = "late", delay = "{delay}", joint = "joint1""#);
         let report = row(&format!("late-once-{}", delay.replace([' ', '.'], "-")), &fault);
@@ -135,7 +135,7 @@ fn unacknowledged_frames_are_reported_and_dropped() {
 }
 
 #[test]
-fn a_bus_that_is_error_passive_is_told_and_goes_on() {
+fn an_error_passive_bus_is_reported_and_keeps_running() {
     // four frames per millisecond are disturbed, and sent again
     let report = row("passive", r#"lasts = "10 ms", kind = "disturbed", bus = "can1""#);
     let result = adapter(&report);
@@ -172,7 +172,7 @@ fn nothing_is_sent_after_bus_off_until_drives_release() {
 }
 
 #[test]
-fn a_link_that_goes_down_trips_and_is_used_again_when_it_is_up() {
+fn a_link_that_goes_down_trips_and_recovers() {
     let report = row("down", r#"lasts = "100 ms", kind = "down", bus = "can1""#);
     let result = adapter(&report);
     let bus = &result["buses"]["can1"];
@@ -222,7 +222,7 @@ fn malformed_and_corrupt_answers_are_refused() {
 }
 
 #[test]
-fn a_drive_that_lost_its_power_stays_disabled_when_it_is_back() {
+fn a_drive_stays_disabled_after_power_returns() {
     let report = row("power", r#"lasts = "50 ms", kind = "off", joint = "joint2""#);
     assert_eq!(adapter(&report)["tripped"], true);
     assert_eq!(drive(&report, "joint2")["enabled"], false);
@@ -274,7 +274,7 @@ fn drives_release_when_the_adapter_dies_or_hangs() {
 }
 
 #[test]
-fn a_silent_controller_leads_to_the_safe_state() {
+fn a_silent_controller_triggers_the_safe_state() {
     let run = |turn: u32| {
         let folder = Folder::new(&format!("controller-{turn}"), DRIVES);
         let commands =

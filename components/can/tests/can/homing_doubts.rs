@@ -11,7 +11,7 @@ fn at_stop(order: u8) -> String {
 }
 
 #[test]
-fn a_joint_that_its_weight_balances_is_not_at_its_stop() {
+fn a_joint_balanced_by_its_weight_is_not_at_its_stop() {
     let case = &AT_STOPS[0];
     // the spring takes up the whole effort on the way, at the same position each time
     let mut rig = Rig::one(case);
@@ -29,7 +29,7 @@ fn a_joint_that_its_weight_balances_is_not_at_its_stop() {
 }
 
 #[test]
-fn the_failure_of_one_joint_is_none_of_its_neighbour() {
+fn the_failure_of_one_joint_does_not_affect_another() {
     let mut rig = Rig::new(&AT_STOPS[0], &[&at_stop(0), &at_stop(0)], OnTrip::Damp);
     rig.joints[0].is_jammed = true;
     assert_eq!(rig.run_until_over(0, 5.0), HomingState::Failed(HomingFault::Jammed));
@@ -130,7 +130,7 @@ fn a_drive_that_restarts_is_checked_from_the_beginning() {
 }
 
 #[test]
-fn a_drive_that_restarts_while_homing_trips_at_once() {
+fn a_drive_that_restarts_while_homing_trips_immediately() {
     let mut rig = Rig::one(&BY_DRIVE[2]);
     rig.run(0.4);
     assert_eq!(rig.state(0), HomingState::Running);

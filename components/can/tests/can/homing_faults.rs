@@ -32,7 +32,7 @@ fn a_missing_mark_trips_and_homing_restarts_on_resume() {
 }
 
 #[test]
-fn a_switch_that_is_stuck_is_no_mark() {
+fn a_stuck_switch_fails_the_homing() {
     for case in [&BY_DRIVE[0], &BY_DRIVE[2]] {
         let mut rig = Rig::one(case);
         rig.drives[0].set_mark(Mark::Stuck);
@@ -44,7 +44,7 @@ fn a_switch_that_is_stuck_is_no_mark() {
 }
 
 #[test]
-fn a_drive_that_is_not_set_up_for_homing_is_found_out() {
+fn a_drive_not_configured_for_homing_is_detected() {
     // the switch of this drive is pressed from the start, and its homing ends immediately, without being seen
     // running
     let mut rig = Rig::one(&BY_DRIVE[0]);
@@ -65,7 +65,7 @@ fn a_drive_that_is_not_set_up_for_homing_is_found_out() {
 }
 
 #[test]
-fn what_is_no_stop_is_told_from_one() {
+fn false_stops_are_distinguished_from_real_ones() {
     let case = &AT_STOPS[0];
     let homing = case.homing.replace("by =", "timeout = \"3 s\", by =");
     // jammed in the middle of its range: at rest, and not able to back off
@@ -102,7 +102,7 @@ fn what_is_no_stop_is_told_from_one() {
 }
 
 #[test]
-fn homing_that_is_interrupted_lets_go_and_begins_anew() {
+fn interrupted_homing_disables_the_drive_and_restarts() {
     for case in all() {
         let mut rig = Rig::one(&case);
         rig.run(0.3);

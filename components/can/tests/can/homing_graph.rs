@@ -144,7 +144,7 @@ fn an_emergency_stop_interrupts_a_homing() {
 }
 
 #[test]
-fn while_an_arm_is_homed_no_command_is_judged() {
+fn commands_are_not_checked_while_an_arm_is_homed() {
     let folder = Folder::new("homing-judged", PLANAR);
     // far beyond all limits
     let wild = Source::new("commands", "arm/command", |_| {

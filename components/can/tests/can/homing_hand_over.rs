@@ -110,7 +110,7 @@ fn is_between([first, second, _]: [u32; 3]) -> bool {
 }
 
 #[test]
-fn held_joints_take_the_safe_state_while_homing_is_paused() {
+fn held_joints_apply_the_safe_state_while_homing_is_paused() {
     // 1.92 N m against 20 N m s/rad for 0.7 s, or 100 N m/rad
     for (safe_state, sinks_by) in [("hold", -0.02..0.02), ("damp", 0.055..0.08)] {
         let mut arm =

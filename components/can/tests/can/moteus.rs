@@ -26,7 +26,7 @@ fn frame(id: Id, hex: &str) -> Frame {
 }
 
 #[test]
-fn frames_are_those_of_the_makers_own_tests() {
+fn frames_match_the_manufacturers_tests() {
     // mode and three numbers, as queried by default, then six registers from the motor temperature to the
     // fault
     assert_eq!(data(&node().frame(&Instruction::Query, Resolution::Float)), "11001f0110060a");
@@ -54,7 +54,7 @@ fn frames_are_those_of_the_makers_own_tests() {
 }
 
 #[test]
-fn answers_of_the_makers_own_tests_are_read() {
+fn answers_of_the_manufacturers_tests_are_decoded() {
     let minimal = frame(node().reply_id(), "2404000a00100200fe2000230d203040");
     let state = node().reply(&minimal).unwrap();
     assert_eq!((state.mode, state.fault), (Mode::Position, 64));
@@ -75,7 +75,7 @@ fn answers_of_the_makers_own_tests_are_read() {
 }
 
 #[test]
-fn a_drive_beyond_number_7_answers_with_29_bits() {
+fn a_drive_above_id_7_answers_with_29_bits() {
     assert_eq!(Node::new(7).unwrap().reply_id(), Id::Standard(0x700));
     assert_eq!(Node::new(8).unwrap().reply_id(), Id::Extended(0x800));
     assert_eq!(Node::new(8).unwrap().id(), Id::Extended(0x8008));
@@ -83,7 +83,7 @@ fn a_drive_beyond_number_7_answers_with_29_bits() {
 }
 
 #[test]
-fn what_is_cut_off_refused_or_lacking_is_no_state() {
+fn truncated_refused_or_incomplete_states_are_errors() {
     let reply = |hex| node().reply(&frame(node().reply_id(), hex));
     let whole = "2404000a00100200fe2000230d203040";
     assert!(reply(whole).is_ok());
@@ -208,7 +208,7 @@ fn faults_have_names_and_limits() {
 }
 
 #[test]
-fn the_hotter_of_board_and_motor_is_told() {
+fn the_higher_temperature_is_reported() {
     for (motor, expected) in [(None, 30.0), (Some(12.0), 30.0), (Some(71.0), 71.0)] {
         let state = State { motor_temperature: motor, ..well(Home::Output) };
         assert_eq!(answered(adapter(""), &state).links()[0].temperature(), Some(expected));
@@ -273,7 +273,7 @@ proptest! {
     }
 
     #[test]
-    fn a_position_that_is_none_stays_so_in_every_resolution(resolution in resolution()) {
+    fn a_missing_position_round_trips_in_every_resolution(resolution in resolution()) {
         let frame = node().frame(&Instruction::Position(Command::default()), resolution);
         let Ok(Instruction::Position(found)) = node().instruction(&frame) else { panic!() };
         prop_assert!(found.position.is_nan() && found.max_torque.is_nan());

@@ -79,7 +79,7 @@ config    = {{ drives = "drives.toml", observe = true, {more} }}
 }
 
 #[test]
-fn drives_of_every_protocol_are_measured_while_they_are_off() {
+fn drives_of_every_protocol_are_measured_while_disabled() {
     for protocol in PROTOCOLS {
         let (name, rate) = (protocol.0, protocol.4);
         let folder = Folder::new(&format!("observed-{name}"), &table(protocol));
@@ -154,7 +154,7 @@ fn a_silent_drive_is_measured_again_when_it_answers() {
 }
 
 #[test]
-fn what_needs_torque_is_refused_by_name() {
+fn observers_refuse_keys_that_require_torque() {
     let refusal = |table: &str, more: &str| {
         let folder = Folder::new("observed-refused", table);
         graph(&folder, 400, more, "").check().unwrap_err().render(false)

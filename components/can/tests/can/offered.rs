@@ -78,7 +78,7 @@ fn programs_share_a_bus_over_a_socket() {
 }
 
 #[test]
-fn a_bus_whose_simulator_ends_has_gone_and_is_found_again() {
+fn a_bus_disappears_and_returns_with_its_simulator() {
     let name = name("gone");
     assert!(matches!(UnixBus::open(&name), Err(OpenError::NotOffered(_))));
     let offer = Offer::open(Place::Socket(&name), RATES, false, false).unwrap();
@@ -124,7 +124,7 @@ fn serve(offer: &mut Offer, stop: &AtomicBool) {
 }
 
 #[test]
-fn an_offered_terminal_is_an_adapter_with_slcan() {
+fn an_offered_terminal_acts_as_an_slcan_adapter() {
     let (path, stop) = (path("slcan"), AtomicBool::new(false));
     let mut offer = Offer::open(Place::Terminal(&path), RATES, true, false).unwrap();
     std::thread::scope(|scope| {
@@ -187,7 +187,7 @@ fn an_offered_line_of_servos_carries_packets_of_both_protocols() {
 }
 
 #[test]
-fn something_else_at_the_path_of_a_terminal_is_left_alone() {
+fn an_existing_file_at_a_terminal_path_is_kept() {
     let path = path("file");
     std::fs::write(&path, "mine").unwrap();
     assert!(Offer::open(Place::Terminal(&path), RATES, false, false).is_err());
@@ -196,7 +196,7 @@ fn something_else_at_the_path_of_a_terminal_is_left_alone() {
 }
 
 #[test]
-fn the_places_of_a_drive_table_are_checked() {
+fn bus_addresses_of_a_drive_table_are_checked() {
     let table = |one: &str, two: &str| {
         let bus =
             |name: &str, more: &str| format!("[[bus]]\nname = \"{name}\"\nbitrate = 1_000_000\n{more}\n");

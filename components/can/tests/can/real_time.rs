@@ -74,7 +74,7 @@ fn median(name: &str, config: &str) -> f64 {
 }
 
 #[test]
-fn a_waiting_step_sends_its_command_at_once() {
+fn a_waiting_step_sends_its_command_immediately() {
     let (at_once, later) = (median("at-once", "command_within = \"20 ms\""), median("later", ""));
     assert!(at_once < later / 2.0, "{at_once} us and {later} us");
 }

@@ -233,7 +233,7 @@ fn a_cia402_drive_whose_heartbeat_stops_is_lost() {
 }
 
 #[test]
-fn a_cia402_drive_without_heartbeat_is_watched() {
+fn a_cia402_drive_without_heartbeat_is_monitored() {
     let mut rig = Rig::new("cia402", FAMILIES[3].1);
     rig.change = without_beat;
     rig.run(4000);
@@ -250,7 +250,7 @@ fn an_odrive_that_never_sends_a_heartbeat_is_not_enabled() {
 }
 
 #[test]
-fn positions_that_cannot_be_are_refused_and_trip() {
+fn implausible_positions_are_refused_and_trip() {
     for wrong in [1e35, -1e35, 1e6, 9.0] {
         let mut rig = Rig::enabled("odrive", FAMILIES[2].1);
         let node = odrive::Node::new(5).unwrap();
@@ -282,7 +282,7 @@ fn positions_that_cannot_be_are_refused_and_trip() {
 }
 
 #[test]
-fn motion_within_the_velocity_limit_is_believed() {
+fn motion_within_the_velocity_limit_is_plausible() {
     for (protocol, more) in FAMILIES {
         let mut rig = Rig::enabled(protocol, more);
         rig.adapter.set(0, JointSetpoint::default());
@@ -317,7 +317,7 @@ fn an_emergency_message_is_counted_and_trips() {
 }
 
 #[test]
-fn a_simulated_cia402_drive_has_the_objects_of_all() {
+fn a_simulated_cia402_drive_has_the_mandatory_objects() {
     let node = cia402::Node::new(5).unwrap();
     let mut drive = AnySimulatedDrive::new(&table("cia402", FAMILIES[3].1), 0, Overrides::default());
     let mut ask = |service: cia402::Service| {
@@ -344,7 +344,7 @@ fn a_simulated_cia402_drive_has_the_objects_of_all() {
 }
 
 #[test]
-fn drives_of_every_family_are_let_go_at_the_end() {
+fn drives_of_every_family_are_disabled_at_the_end() {
     for (protocol, more) in FAMILIES {
         let mut rig = Rig::enabled(protocol, more);
         rig.adapter.release();

@@ -18,14 +18,14 @@ fn refused(text: &str) -> (Option<usize>, String) {
 }
 
 #[test]
-fn a_drive_turns_its_joint_by_the_gear_between_them() {
+fn positions_convert_through_the_transmission() {
     let table = format!("{BUS}{}", drive("a", 1, "ratio = 4.0\nreversed = true\noffset = 0.5"));
     let gear = Table::parse(&table).unwrap().transmission(0);
     assert_eq!((gear.to_drive(1.5), gear.to_joint(-4.0)), (-4.0, 1.5));
 }
 
 #[test]
-fn mistakes_are_named_with_their_line() {
+fn mistakes_are_reported_with_their_line() {
     let missing = "[[drive]]\njoint = \"a\"\n";
     assert_eq!(refused(&format!("{BUS}{missing}")).0, Some(4));
     let twice = format!("{BUS}{}{}", drive("a", 1, ""), drive("b", 1, ""));
@@ -58,7 +58,7 @@ fn an_unknown_joint_is_reported_with_its_position() {
 }
 
 #[test]
-fn the_budget_counts_as_many_joints_as_the_published_table() {
+fn the_budget_matches_the_published_table() {
     for (rate, joints) in [(1000, 2), (500, 5), (250, 11), (100, 29)] {
         let drives: String = (1..=joints.min(15)).map(|node| drive(&format!("j{node}"), node, "")).collect();
         let budget = Table::parse(&format!("{BUS}{drives}")).unwrap().budget(0, 1_000_000_000 / rate);
@@ -72,7 +72,7 @@ fn the_budget_counts_as_many_joints_as_the_published_table() {
 }
 
 #[test]
-fn the_arithmetic_stands_in_the_words_of_the_budget() {
+fn the_budget_displays_its_arithmetic() {
     let text: String = (1..=4).map(|node| drive(&format!("j{node}"), node, "")).collect();
     let budget = Table::parse(&format!("{BUS}{text}")).unwrap().budget(0, 1_000_000);
     assert!(!budget.fits());
@@ -85,7 +85,7 @@ fn the_arithmetic_stands_in_the_words_of_the_budget() {
 }
 
 #[test]
-fn the_budget_counts_what_a_drive_sends_beside_its_answers() {
+fn the_budget_counts_additional_frames_of_a_drive() {
     let others = |protocol: &str, more: &str| {
         let drive = drive("a", 1, more).replace("damiao", protocol);
         Table::parse(&format!("{BUS}{drive}")).unwrap().budget(0, 1_000_000).others.len()

@@ -148,7 +148,7 @@ fn an_unreachable_watchdog_is_refused_in_the_table() {
 }
 
 #[test]
-fn gains_of_commands_to_a_moteus_end_at_those_that_stand_in_it() {
+fn moteus_command_gains_are_limited_to_stored_gains() {
     let gains = |more: &str| {
         let ranges = table(FD, &[("moteus", 1, more)]).unwrap().ranges(0);
         [ranges.kp.max, ranges.kd.max]

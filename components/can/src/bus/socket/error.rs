@@ -131,7 +131,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_advice_on_a_serial_line_is_that_of_its_error() {
+    fn serial_line_advice_matches_the_error() {
         for (kind, words) in [
             (io::ErrorKind::PermissionDenied, "dialout"),
             (io::ErrorKind::ResourceBusy, "fuser"),

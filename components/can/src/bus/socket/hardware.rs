@@ -61,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn a_controller_that_starts_again_is_taken_as_it_is() {
+    fn a_restarted_controller_resets_the_offset() {
         let mut clock = HardwareClock::default();
         clock.to_computer(90_000_000_000, 100_000_000_000);
         assert_eq!(clock.to_computer(5_000, 101_000_000_000), 101_000_000_000);

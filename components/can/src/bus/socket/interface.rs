@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_that_is_cut_off_anywhere_is_read_without_a_panic() {
+    fn truncated_messages_cause_no_panic() {
         let info = attribute(LINK_INFO, &attribute(DATA, &attribute(STATE, &[1, 0, 0, 0])));
         let datagram = device(CAN_DEVICE, 0, &[attribute(NAME, b"can0\0"), info]);
         for length in 0..datagram.len() {

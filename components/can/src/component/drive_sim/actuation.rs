@@ -92,7 +92,7 @@ mod tests {
     const H: f64 = 2.5e-4;
 
     #[test]
-    fn the_torque_of_a_drive_lags_as_its_actuator_does() {
+    fn drive_torque_lags_like_its_actuator() {
         let settings = ActuatorSettings { lag: 0.01, delay: 1e-3, ..ActuatorSettings::default() };
         let mut actuation = Actuation::new(&settings, 50.0, "joint").unwrap();
         for step in 0..200 {
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn a_series_elastic_drive_winds_its_spring_on_a_blocked_joint() {
+    fn a_series_elastic_drive_loads_its_spring_on_a_blocked_joint() {
         let drivetrain = Drivetrain { motor_inertia: 0.1, stiffness: 300.0, damping: 4.0, backlash: 0.0 };
         let settings = ActuatorSettings { drivetrain: Some(drivetrain), ..ActuatorSettings::default() };
         let mut actuation = Actuation::new(&settings, f64::INFINITY, "joint").unwrap();

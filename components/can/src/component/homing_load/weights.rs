@@ -309,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn bounds_of_any_chain_are_those_when_it_is_stretched() {
+    fn bounds_of_any_chain_are_reached_fully_extended() {
         for count in [4, 8, 12, 16, 24] {
             // the robot is fully extended at positions other than zero, the middle or an end of a range
             let equipped = chain(count, |i| 0.37 + 0.9 * (1.7 * i as f64).sin());

@@ -74,13 +74,13 @@ mod tests {
     }
 
     #[test]
-    fn rounded_field_by_field_the_torque_is_off_for_ever() {
+    fn separate_rounding_leaves_a_permanent_torque_error() {
         let (goal, rounded) = (wanted().torque_at(STATE.0, STATE.1), drive().fields().rounded(&wanted()));
         assert!((rounded.torque_at(STATE.0, STATE.1) - goal).abs() > 0.2 * ranges().torque.resolution(12));
     }
 
     #[test]
-    fn what_a_range_cuts_off_is_not_made_up_for() {
+    fn clamped_torque_is_not_compensated_later() {
         let strong = Command { torque: 14.0, ..Command::default() };
         assert!(torques(strong).take(100).all(|torque| (torque - 10.0).abs() < 0.02));
         let stiff = Command { kp: 900.0, ..wanted() };
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn before_the_state_is_known_a_command_is_sent_as_it_is() {
+    fn without_a_state_commands_are_not_compensated() {
         assert_eq!(Rounding::default().command(&wanted(), &drive(), None), wanted());
     }
 }

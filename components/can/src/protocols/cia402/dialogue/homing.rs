@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn homing_in_place_may_end_at_once() {
+    fn homing_in_place_may_end_immediately() {
         for method in [35, 37] {
             let mut drive = drive(method);
             drive.homing = Stage::Enabling;
