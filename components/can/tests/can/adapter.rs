@@ -1,4 +1,4 @@
-//! Adapter against simulated drives on a simulated bus, without a runtime.
+//! Adapter with simulated drives on a simulated bus, without a runtime.
 
 use motorium_can::adapter::{Adapter, OnTrip, Phase, WrongSetting};
 use motorium_can::bus::simulated::Event;
@@ -9,7 +9,7 @@ use motorium_drive::JointSetpoint;
 const CYCLE_NS: u64 = 1_000_000;
 const DELAY_NS: u64 = 50_000;
 
-/// Fault of a drive's answers: returns the answers sent instead, with their delays.
+/// Fault of a drive's answers: returns the answers that are sent instead, with their delays.
 type Befalls = fn(u64, Frame) -> Vec<(Frame, u64)>;
 
 /// Two drives on a bus, and the adapter.
@@ -167,7 +167,7 @@ fn duplicate_answers_are_counted_and_ignored() {
 fn malformed_answers_are_counted_and_ignored() {
     let mut rig = Rig::new(|cycle, answer| match cycle {
         50 => vec![(Frame::classic(answer.id, &answer.data()[..7]), 0)],
-        // the invalid state 5, and a position far away
+        // the invalid state 5, and a distant position
         51 => vec![(Frame::classic(answer.id, &[0x51, 0xff, 0xff, 0, 0, 0, 0, 0]), 0)],
         _ => well(0, answer),
     });
@@ -237,7 +237,7 @@ fn the_others_are_damped_while_the_adapter_has_tripped() {
     let (still, moving) =
         (rig.drives[1].step(1.0, 0.0, 30 * CYCLE_NS), rig.drives[1].step(1.0, 4.0, 30 * CYCLE_NS));
     assert!(still.abs() < 0.01, "no effort at rest: {still} N m");
-    // 0.3 N m s/rad at the joint are 0.075 behind a gear of 2
+    // 0.3 N m s/rad at the joint are 0.075 at the drive of a gear with ratio 2
     assert!((moving + 0.3).abs() < 0.02, "{moving} N m");
 }
 
@@ -247,7 +247,7 @@ fn drives_release_after_the_adapter_dies_100_of_100() {
     for trial in 0..100 {
         let mut rig = Rig::new(well);
         rig.run(20 + trial % 7);
-        // the last frame arrives at some point within a period of the 4 kHz inner loop
+        // the last frame arrives at any time within a period of the 4 kHz inner loop
         let last_ns = rig.cycle * CYCLE_NS + 7_919 * trial;
         for drive in &mut rig.drives {
             let frame = drive.codec().command(&Command { torque: 1.0, ..Default::default() });
@@ -271,7 +271,7 @@ fn drives_release_after_the_adapter_dies_100_of_100() {
 
 #[test]
 fn constant_latency_is_distinguished_from_a_lost_answer() {
-    // as late as answers to the frames of the next cycle
+    // late by a whole cycle, like answers to the next cycle's frames
     let mut rig = Rig::new(|cycle, answer| vec![(answer, if cycle < 50 { 0 } else { CYCLE_NS + 20_000 })]);
     rig.run(52);
     assert!(!rig.adapter.has_tripped(), "the answer to the cycle before is believed");

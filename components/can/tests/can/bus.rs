@@ -82,7 +82,7 @@ fn a_disturbed_sender_becomes_passive_and_then_bus_off() {
     while let Some(Event::Disturbed { state, .. }) = bus.next(1_000_000_000) {
         states.push(state);
     }
-    // 8 errors each time: the 16th makes 128, the 32nd 256
+    // each error counts 8: the 16th reaches 128, the 32nd reaches 256
     let expected: Vec<ErrorState> = (1..=32)
         .map(|n| match n {
             32 => ErrorState::Off,

@@ -1,4 +1,4 @@
-//! Offsets measured in a known pose, with simulated drives on a bus without bit times.
+//! Measuring offsets in a known pose, with simulated drives on a bus without bit times.
 
 use core::time::Duration;
 
@@ -121,7 +121,7 @@ fn invalid_measurements_are_reported() {
         matches!(&wrong, CalibrationError::Setting { joint, wrong: WrongSetting::Range { .. } } if joint == "b"),
         "{wrong}"
     );
-    // a command of another program, which a kernel socket delivers to every listener
+    // another program's command, which a kernel socket delivers to every listener
     let frame = table.drive(1).unwrap().command(&Command::default());
     let commanded = Desk { received: vec![Received { frame, time_ns: 0 }], ..fresh() };
     assert_eq!(error(commanded), CalibrationError::Commanded { joint: "b".into() });

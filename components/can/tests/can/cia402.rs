@@ -1,4 +1,4 @@
-//! CANopen and CiA 402, against the published frame formats.
+//! CANopen and CiA 402, compared with the published frame formats.
 
 use motorium_can::cia402::{
     DriveState, Mode, NetworkCommand, NetworkState, Node, Object, Process, Service, Setpoint, Value, sync,

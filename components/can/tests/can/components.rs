@@ -68,7 +68,7 @@ impl Drop for Folder {
 /// Positions at which the joints are held, rad.
 pub(super) const GOAL: [f64; 3] = [0.35, 0.75, -0.85];
 
-/// Planar arm held by commands through drives, with these additions to the tables of the simulated drives and
+/// Planar arm that commands hold through its drives, with additions to the tables of the simulated drives and
 /// of the safety.
 pub(super) fn graph(folder: &Folder, simulation: &str, safety: &str) -> Graph {
     let command = Source::new("commands", "arm/command", |_| Some(command()));
@@ -87,12 +87,12 @@ pub(super) fn command() -> JointCommand {
     command
 }
 
-/// The same without a commander, and without the adapter's kind.
+/// Same graph without a commander and without the adapter's kind.
 pub(super) fn bare_graph(folder: &Folder, simulation: &str, safety: &str) -> Graph {
     pushed_graph(folder, "pushes = []", simulation, safety)
 }
 
-/// The same, with pushes on the arm.
+/// Same graph with pushes on the arm.
 pub(super) fn pushed_graph(folder: &Folder, pushes: &str, simulation: &str, safety: &str) -> Graph {
     let text = format!(
         r#"
@@ -193,7 +193,7 @@ fn the_joint_lags_its_motor_by_load_over_stiffness() {
     for joint in 0..3 {
         let twist = measured.position()[joint] - truth.position()[joint];
         let expected = truth.effort()[joint] / 120.0;
-        // to the resolution of 16 bits over 25 rad, behind the gear
+        // within the resolution of 16 bits over 25 rad, at the joint
         assert!((twist - expected).abs() < 2e-4, "joint {joint}: {twist}, {expected}");
     }
     assert!(truth.effort()[0].abs() > 1.0, "the push bends it: {:?}", truth.effort());
@@ -206,7 +206,7 @@ fn a_silent_drive_is_lost_in_the_third_cycle() {
         let fault = format!(r#"faults = [{{ at = "{at} ms", kind = "silent", joint = "joint2" }}]"#);
         let report = run(&format!("silent-{at}"), &fault, "800 ms");
         let joint = &adapter(&report)["joints"]["joint2"];
-        // the first unanswered query is the one in this cycle, and it counts as missing a cycle later
+        // the query of this cycle is the first unanswered one, which counts as missing a cycle later
         assert_eq!(
             (&joint["lost"], &joint["lost_in_cycle"]),
             (&Value::from(1), &Value::from(at + 4)),

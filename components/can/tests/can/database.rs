@@ -1,4 +1,4 @@
-//! Message databases, against cantools (`databases/golden.py`) and the codec of ODrives.
+//! Message databases, compared with cantools (`databases/golden.py`) and the ODrive codec.
 
 use core::f64::consts::TAU;
 
@@ -57,10 +57,10 @@ fn signals_of_an_absent_multiplexer_are_absent() {
     let decoded =
         |data: &[u8]| database.decode(&Frame::classic(Id::Standard(2024), data)).unwrap().to_string();
     assert_eq!(decoded(&[1, 13, 80]), "Diagnosis(Service: 1, Pid: 13, Speed: 80 km/h)");
-    // The bytes hold 13 where `Pid` would be.
+    // The byte at the position of `Pid` is 13.
     assert_eq!(decoded(&[2, 13, 80]), "Diagnosis(Service: 2, Code: 20493)");
     assert_eq!(decoded(&[1, 12, 80]), "Diagnosis(Service: 1, Pid: 12)");
-    // Two that switch one another are never there.
+    // Two multiplexers that depend on each other are never present.
     let circle = text.replace("Pid Service 1-1", "Pid Speed 1-1");
     let database = Database::parse(&circle).unwrap();
     let found = database.decode(&Frame::classic(Id::Standard(2024), &[1, 13, 1])).unwrap().to_string();
@@ -211,7 +211,7 @@ fn without_a_mask_only_the_own_node_is_decoded() {
 fn a_short_frame_has_the_signals_that_fit() {
     let database = Database::parse(KINDS).unwrap();
     let decoded = database.decode(&frame("s100", "f0ff")).unwrap();
-    // -1 of 0.5 degrees, from -3
+    // raw value -1, factor 0.5 deg, offset -3 deg
     assert_eq!(decoded.to_string(), "Orders(Intel: -3.5 deg)");
     assert_eq!(database.decode(&frame("s100", "")).unwrap().signals, []);
 }

@@ -1,5 +1,5 @@
-//! Electronic data sheets: the reader against the values that canopen reads (`databases/golden_eds.py`), and
-//! drive tables that name a data sheet.
+//! Electronic data sheets: the parser, compared with canopen (`databases/golden_eds.py`), and drive tables
+//! with a data sheet.
 
 use std::io;
 
@@ -21,13 +21,13 @@ fn data_sheet_objects_match_canopen() {
         let index = u16::from_str_radix(head[0], 16).unwrap();
         let entry = sheet.entry(Object { index, subindex: head[1].parse().unwrap() }).expect(line);
         assert_eq!((entry.name(), entry.is_writable()), (name, head[2] == "rw"), "{line}");
-        // canopen reports no limit that equals the type's
+        // canopen does not report a limit that equals the limit of the type
         let number = |text: &str| text.parse::<i64>().ok();
         assert_eq!(entry.value(5), number(head[3]), "{line}");
         assert_eq!((entry.low(5), entry.high(5)), (number(low), number(high)), "{line}");
         objects += 1;
     }
-    // canopen counts a record or an array by its entries; here its head counts, too
+    // canopen only counts the entries of a record or array; here its head is counted, too
     assert!(objects > 40 && sheet.len() >= objects, "{objects} of {}", sheet.len());
     assert_eq!((sheet.product(), sheet.is_empty()), ("Test drive", false));
 }
@@ -149,11 +149,11 @@ fn drive_homing_needs_its_mode_objects_and_method() {
     // the lowest method is -4, written as unsigned
     let all = |access: &str| with(access, "LowLimit=0xFC\nHighLimit=35");
     let drive = table(&homing(17), &all("rw")).unwrap().drives.remove(0);
-    // half a radian per second is 65536 / 4 pi increments
+    // 0.5 rad/s is 65536 / 4 pi increments per second
     let objects = [(0x6098, 0, 17), (0x6099, 1, 5215), (0x6099, 2, 1043), (0x609a, 0, 10430), (0x607c, 0, 0)];
     assert_eq!(drive.homing_registers(), objects);
     assert!(table(&homing(-4), &all("rw")).is_ok());
-    // the whole byte, unsigned
+    // limits of the whole unsigned byte
     assert!(table(&homing(17), &with("rw", "LowLimit=0x00\nHighLimit=0xFF")).is_ok());
     let refused = |method: i8, sheet: &str| table(&homing(method), sheet).unwrap_err().to_string();
     let found = refused(17, SHEET);
@@ -218,7 +218,7 @@ fn a_fixed_mapping_must_match() {
     use super::drives::follow;
     let sheet = fixed();
     assert_eq!(follow(&table(RANGES, &sheet).unwrap(), None), (true, None));
-    // the drive's mapping differs from its data sheet
+    // the drive's mapping differs from the data sheet
     let read = table(RANGES, &sheet).unwrap();
     let is =
         table(&format!("{RANGES}\nmode = \"torque\""), &sheet.replace("0x607A0020", "0x60710010")).unwrap();

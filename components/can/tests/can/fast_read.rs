@@ -26,8 +26,8 @@ fn a_fast_read_saves_six_bytes_per_servo() {
         assert_eq!((link.counts().missing, link.counts().late, link.counts().refused), (0, 0, 0));
     }
     assert_eq!(fast.adapter.stray(), 0);
-    // two packets of 11 bytes and the state, or one of 8 bytes plus 4 and the state for each; ten bits per
-    // byte at 1 Mbit/s
+    // two packets of 11 bytes plus the state, or one packet of 8 bytes plus, for each servo, 4 bytes and the
+    // state; ten bits per byte at 1 Mbit/s
     let saved_ns = answered_after_ns(&mut plain) - answered_after_ns(&mut fast);
     assert_eq!(saved_ns, (2 * 11 - (8 + 2 * 4)) * 10_000);
 }
@@ -77,7 +77,7 @@ fn a_long_common_answer_arrives_in_parts() {
         }
         found
     };
-    // two of three answers, an incomplete packet
+    // two of three answers: an incomplete packet
     master.write_all(&whole[..whole.len() - 25]).unwrap();
     std::thread::sleep(std::time::Duration::from_millis(20));
     assert_eq!(line.receive(&mut [Received::default(); 4]), 0);
@@ -113,6 +113,6 @@ fn an_impossible_fast_read_is_refused() {
     let (fast, plain) =
         (Table::parse(&text).unwrap(), Table::parse(&text.replace("fast_read = true", "")).unwrap());
     let time_ns = |table: &Table| table.budget(0, 10_000_000).complete_ns();
-    // seven bytes less for each servo, eight more in total, and one turnaround time of 100 us instead of nine
+    // seven bytes fewer per servo, eight more in total, and one turnaround time of 100 us instead of nine
     assert_eq!(time_ns(&plain) - time_ns(&fast), (9 * 7 - 8) * 10_000 + 8 * 100_000);
 }

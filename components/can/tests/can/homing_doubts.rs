@@ -1,4 +1,4 @@
-//! Homing with doubtful readings: the adapter does not move, and restarts the homing.
+//! Homing with doubtful readings: the adapter does not move the joint, and restarts the homing.
 
 use motorium_can::adapter::{HomingFault, HomingState, OnTrip, Phase};
 use motorium_drive::JointSetpoint;
@@ -13,14 +13,14 @@ fn at_stop(order: u8) -> String {
 #[test]
 fn a_joint_balanced_by_its_weight_is_not_at_its_stop() {
     let case = &AT_STOPS[0];
-    // the spring takes up the whole effort on the way, at the same position each time
+    // the spring balances the whole effort on the way, at the same position each time
     let mut rig = Rig::one(case);
     rig.joints[0].spring = 4.0;
     assert_eq!(rig.run_until_over(0, 15.0), HomingState::Failed(HomingFault::Balanced));
     assert!(rig.joints[0].position > -0.1, "{}", rig.joints[0].position);
     rig.run(0.1);
     assert!(rig.adapter.has_tripped() && !rig.drives[0].has_torque());
-    // at the stop itself, with a load above and below half of the effort
+    // at the stop itself, with loads below and above half of the effort
     for (load, outcome) in [(0.4, HomingState::Homed), (0.9, HomingState::Failed(HomingFault::Balanced))] {
         let mut rig = Rig::one(case);
         (rig.joints[0].load, rig.joints[0].position) = (load, -0.6);
@@ -76,7 +76,7 @@ fn a_drive_without_power_before_enabling_is_set_up_again() {
     let limited = "protocol = \"damiao\"\ncurrent_limit = 10.0\ntorque_constant = 0.5\nfull_current = 40.0";
     let damiao = Case { name: "damiao", bus: "", drive: limited, homing: "" };
     let cia402 = Case { name: "cia402", bus: "", drive: CIA402, homing: "" };
-    // a drive that reports a restart need not have been silent
+    // a drive that reports its restart does not have to be silent before
     for (case, homing, silent_s) in [
         (&damiao, at_stop(0), 0.02),
         (&cia402, BY_DRIVE[2].homing.into(), 0.0),

@@ -45,13 +45,13 @@ fn a_stuck_switch_fails_the_homing() {
 
 #[test]
 fn a_drive_not_configured_for_homing_is_detected() {
-    // the switch of this drive is pressed from the start, and its homing ends immediately, without being seen
-    // running
+    // the switch of this drive is pressed from the start, so its homing ends immediately, without being
+    // observed running
     let mut rig = Rig::one(&BY_DRIVE[0]);
     let mut heartbeats = 0;
     for _ in 0..2000 {
         rig.run_cycle();
-        // without power, it forgets the request
+        // a power cut discards the request
         if rig.state(0) == HomingState::Running {
             heartbeats += 1;
             rig.drives[0].cut_power();
@@ -68,7 +68,7 @@ fn a_drive_not_configured_for_homing_is_detected() {
 fn false_stops_are_distinguished_from_real_ones() {
     let case = &AT_STOPS[0];
     let homing = case.homing.replace("by =", "timeout = \"3 s\", by =");
-    // jammed in the middle of its range: at rest, and not able to back off
+    // jammed in the middle of its range: at rest, and unable to back off
     let mut rig = Rig::new(case, &[&homing], OnTrip::Damp);
     rig.joints[0].is_jammed = true;
     assert_eq!(rig.run_until_over(0, 5.0), HomingState::Failed(HomingFault::Jammed));
@@ -91,7 +91,7 @@ fn false_stops_are_distinguished_from_real_ones() {
         panic!("{:?}", rig.state(0))
     };
     assert!((apart - 0.04).abs() < 0.005, "{apart}");
-    // a load that pulls it
+    // a load that pulls the joint
     let mut rig = Rig::new(case, &[&homing], OnTrip::Damp);
     (rig.joints[0].load, rig.joints[0].stops) = (-10.0, [-100.0, 100.0]);
     assert!(
@@ -171,7 +171,7 @@ fn only_the_drive_that_lost_its_power_is_homed_again() {
         assert_eq!(rig.drives[1].is_enabled(), on_trip == OnTrip::Damp, "{name}");
         let held = rig.joints[1].position;
         rig.adapter.resume();
-        // a drive that does not report its state may have lost its power, too
+        // a drive that does not report its state may also have lost power
         let tells = case.name != "mini cheetah";
         assert_eq!(rig.state(1) == HomingState::Homed, tells, "{name}");
         for joint in [0, 1] {

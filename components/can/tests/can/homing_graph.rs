@@ -56,7 +56,7 @@ offset       = -1.2
 homing       = { by = "drive", method = 17, velocity = 0.5, creep_velocity = 0.1, acceleration = 2.0, order = 1 }
 "#;
 
-/// The same with an ODrive, which reports unsolicited, instead of the CiA 402 drive.
+/// Same table with an ODrive, which reports unsolicited, instead of the CiA 402 drive.
 fn with_odrive() -> String {
     let own = &PLANAR[PLANAR.find("protocol     = \"cia402\"").unwrap()..];
     let odrive = r#"protocol = "odrive"
@@ -98,7 +98,7 @@ fn homes_an_arm(name: &str, drives: &str) {
     assert_eq!((&result["tripped"], &result["missing_replies"]), (&false.into(), &0.into()), "{result}");
     let adapter = report.components.iter().find(|component| component.name == "adapter").unwrap();
     assert_eq!(adapter.allocations, Some(0));
-    // published positions are the true ones from the first state on
+    // published positions are true from the first state on
     let truth = truth.samples();
     for sample in measured.samples() {
         let now = sample.stamp.source_time;
@@ -116,7 +116,7 @@ fn homes_an_arm(name: &str, drives: &str) {
     for (q, goal) in last.position().iter().zip(GOAL) {
         assert!((q - goal).abs() < 0.2, "{:?}", last.position());
     }
-    // nothing was enabled before, and the flags reported the reason
+    // nothing was enabled before, and the flags report the reason
     let first = health.values()[100];
     assert_eq!(
         first.flags[0] & (JointHealth::HOMING | JointHealth::NOT_HOMED),

@@ -1,5 +1,5 @@
-//! A stop of the run in the middle of a homing, in a graph. Held joints apply the safe state of the graph,
-//! joints in progress are disabled, and the homing continues once the run is resumed.
+//! Stopping a run in the middle of a homing, in a graph. Held joints apply the graph's safe state, joints in
+//! progress are disabled, and the homing continues once the run is resumed.
 
 use std::time::Duration;
 
@@ -41,7 +41,7 @@ impl Component for Commander {
     }
 }
 
-/// Arm whose first joint is homed before the others, while a push presses it off its stop.
+/// Arm whose first joint is homed before the others, while a force pushes it off its stop.
 struct Arm {
     session: Session<'static>,
     region: Region,
@@ -111,14 +111,14 @@ fn is_between([first, second, _]: [u32; 3]) -> bool {
 
 #[test]
 fn held_joints_apply_the_safe_state_while_homing_is_paused() {
-    // 1.92 N m against 20 N m s/rad for 0.7 s, or 100 N m/rad
+    // 1.92 N m against 20 N m s/rad for 0.7 s, or against 100 N m/rad
     for (safe_state, sinks_by) in [("hold", -0.02..0.02), ("damp", 0.055..0.08)] {
         let mut arm =
             Arm::launch(&format!("hand-over-{safe_state}"), &format!("safe_state = \"{safe_state}\""));
         arm.run_until("between two homings", is_between);
         arm.run(0.3);
         arm.region.header().latch(Latch::Stop);
-        // the brake that stops the second joint turns the first one a little
+        // braking the second joint slightly moves the first
         arm.run(0.3);
         let before = arm.positions();
         arm.run(0.7);

@@ -1,4 +1,4 @@
-//! MIT protocol: published bytes, and round trips within half a step of the field.
+//! MIT protocol: published bytes, and round trips within half a field step.
 
 use motorium_can::drive::{Command, Fault, Feedback, Ranges, State};
 use motorium_can::mit::{Drive, Instruction, Reply};

@@ -1,4 +1,4 @@
-//! moteus, against the frames in the manufacturer's own protocol tests.
+//! moteus, compared with the frames in the manufacturer's protocol tests.
 
 use core::f64::consts::TAU;
 
@@ -41,7 +41,7 @@ fn frames_match_the_manufacturers_tests() {
         max_torque: 8.0,
         watchdog: 0.2,
     };
-    // like the manufacturer's, with eight registers instead of eleven, and no stop position
+    // like the manufacturer's frame, but with eight registers instead of eleven, and without a stop position
     assert!(
         data(&node().frame(&Instruction::Position(command), Resolution::Int16))
             .starts_with("01000a040820c409d0076400ff1fff0f20030080c800"),
@@ -64,12 +64,12 @@ fn answers_of_the_manufacturers_tests_are_decoded() {
     near(state.position, 0.0528 * TAU);
     near(state.velocity, -0.128 * TAU);
     near(state.torque, 0.320);
-    // with registers that are never queried here
+    // contains registers that are never queried here
     let maximal = frame(
         node().reply_id(),
         "2407000a00100200fe200010004000700020060a100102203040240250200030 00".replace(' ', "").as_str(),
     );
-    // and two more that are queried here
+    // plus two more that are queried here
     let expected = State { motor_temperature: Some(16.0), home: Some(Home::Output), ..state };
     assert_eq!(node().reply(&maximal), Ok(expected));
 }

@@ -1,4 +1,4 @@
-//! CANSimple, against bytes worked out by hand from the published database.
+//! CANSimple, compared with bytes derived by hand from the published database.
 
 use core::f64::consts::TAU;
 

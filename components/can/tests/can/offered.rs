@@ -16,7 +16,7 @@ fn frame(id: u16, data: &[u8]) -> Frame {
     Frame::classic(Id::Standard(id), data)
 }
 
-/// Name that no other test uses.
+/// Name that is unique to a test.
 fn name(test: &str) -> String {
     format!("test-{test}-{}", std::process::id())
 }
@@ -97,8 +97,8 @@ fn a_bus_disappears_and_returns_with_its_simulator() {
     assert_eq!(bus.condition(), Condition::Active);
 }
 
-/// Adapter simulated by a thread until this value is dropped. It answers each frame with one that has the
-/// next identifier.
+/// Adapter simulated by a thread until this value is dropped. It answers each frame with a frame of the next
+/// identifier.
 struct Device<'a> {
     stop: &'a AtomicBool,
 }

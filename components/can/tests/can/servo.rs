@@ -1,4 +1,4 @@
-//! Packets of serial servos, against the manufacturers' manuals.
+//! Packets of serial servos, compared with the manufacturers' manuals.
 
 use motorium_can::servo::{
     FastReader, FastTurn, Instruction, LONGEST, Packet, Protocol, Reader, fast_sum, write, write_fast_status,
@@ -77,7 +77,7 @@ fn packets_to_many_servos_match_the_manual() {
         written(Protocol::Two, 0xfe, &fast),
         bytes("FF FF FD 00 FE 0A 00 8A 84 00 04 00 03 07 04 20 F2")
     );
-    // one packet; each servo writes a part, with the checksum of everything before
+    // one packet; each servo writes its share, with the checksum of all previous bytes
     let whole = bytes(
         "FF FF FD 00 FE 19 00 55 00 03 A6 00 00 00 84 08 00 07 1F 08 00 00 16 CA 00 04 FF 03 00 00 D1 9E",
     );
@@ -95,7 +95,7 @@ fn packets_to_many_servos_match_the_manual() {
     };
     let expected = [(3, 0, vec![0xa6, 0, 0, 0]), (7, 0, vec![0x1f, 8, 0, 0]), (4, 0, vec![0xff, 3, 0, 0])];
     assert_eq!(answers(&whole), expected);
-    // up to the first damaged share
+    // shares up to the first damaged one
     for (place, count) in [(10, 0), (15, 0), (18, 1), (28, 2), (5, 0)] {
         let mut broken = whole.clone();
         broken[place] ^= 1;

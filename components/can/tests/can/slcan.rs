@@ -1,4 +1,4 @@
-//! slcan: the codec against lines of published documents, and the bus over a pseudo-terminal.
+//! slcan: the codec, compared with lines of published documents, and the bus over a pseudo-terminal.
 
 #![allow(unsafe_code)] // a pseudo-terminal needs a few libc calls
 
@@ -44,7 +44,7 @@ fn timestamps_either_case_and_states_are_decoded() {
     let state =
         |state, counters| Report { state: Some(state), counters: Some(counters), ..Report::default() };
     assert_eq!(lines(b"sa000000\r"), [Line::Report(state(ErrorState::Active, [0, 0]))]);
-    // receive errors come first
+    // the receive error counter comes first
     assert_eq!(lines(b"sp012136\r"), [Line::Report(state(ErrorState::Passive, [136, 12]))]);
     assert_eq!(lines(b"sb255130\r"), [Line::Report(state(ErrorState::Off, [130, 255]))]);
     assert_eq!(lines(b"e1a\r"), [Line::Report(Report { is_unacknowledged: true, ..Report::default() })]);
@@ -160,7 +160,7 @@ fn a_bus_exchanges_frames_and_tracks_its_state() {
     );
     let mut inbox = [Received::default(); 4];
     assert_eq!(bus.receive(&mut inbox), 0, "nothing has come, and nothing is waited for");
-    // a line in two parts, one of a node that is filtered out, and a report
+    // a line in two parts, a line of a filtered node, and a report
     bus.receive_only(&[Id::Standard(0x0a7)]);
     terminal.write_all(b"\rt0A7").unwrap();
     assert_eq!(bus.receive(&mut inbox), 0);
@@ -200,7 +200,7 @@ fn an_unread_line_accepts_whole_frames_only() {
     }
     assert!(full && taken > 20, "{taken}");
     assert!(bus.counts().queue_full > 0);
-    // once the terminal is read again, the next frames arrive whole, after the rest of the partly written one
+    // once the terminal is read again, the rest of the partly written frame arrives, followed by whole frames
     let mut all = written(&mut terminal);
     let until = Instant::now() + Duration::from_secs(10);
     while Instant::now() < until {

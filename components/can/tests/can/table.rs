@@ -95,8 +95,8 @@ fn the_budget_counts_additional_frames_of_a_drive() {
     let cia402 = "increments = 65536.0\nrated_torque = 5.0\ncurrent_limit = 2.0\nrated_current = 4.0";
     let homing =
         "homing = { by = \"drive\", method = 17, velocity = 0.6, creep_velocity = 0.1, acceleration = 2.0 }";
-    // its second process data, synchronisation, heartbeat of the adapter; service data while the drive homes
-    // itself
+    // second process data, synchronisation, and the adapter's heartbeat; also service data while the drive
+    // homes itself
     assert_eq!(others("cia402", cia402), 3);
     assert_eq!(others("cia402", &format!("{cia402}\n{homing}")), 5);
     let at_stop =

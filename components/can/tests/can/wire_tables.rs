@@ -174,7 +174,7 @@ fn process_data_are_stopped_before_mapping() {
         drive.receive(frame, 0, &mut |answer| answers.push(answer));
         answers
     };
-    // as left by a previous adapter
+    // state left behind by a previous adapter
     answers(&node.network(NetworkCommand::Start));
     let refused = node.service_answer(&steps[2], Err(0x0800_0022));
     assert_eq!(answers(&node.service(&steps[2])), [refused]);
