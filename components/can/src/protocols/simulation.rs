@@ -67,9 +67,9 @@ pub enum Mark {
     /// The mark works.
     #[default]
     Works,
-    /// The mark is never met.
+    /// The mark is never found.
     Missing,
-    /// The mark is met at every position.
+    /// The mark is detected at every position.
     Stuck,
 }
 

@@ -166,8 +166,8 @@ fn check_drive(table: &Table, index: usize) -> Result<(), Refusal> {
         return refuse("another drive moves that joint".into(), "name each joint once");
     }
     if !drive.protocol.spec().nodes.contains(&drive.node) {
-        let advice = "nodes are numbered from 1 (ODrive: 0); those of Damiao drives end at 15, of ODrives at 63, of \
-                      CiA 402 and moteus at 126, of servos at 253 (Dynamixel: 252)";
+        let advice = "write a number from 1 (ODrive: 0), up to 15 for Damiao drives, 63 for ODrives, 126 for CiA 402 \
+                      and moteus, 253 for servos (Dynamixel: 252)";
         return refuse(format!("node {}", drive.node), advice);
     }
     if before.iter().any(|other| other.bus == drive.bus && other.node == drive.node) {

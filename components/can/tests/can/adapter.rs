@@ -95,7 +95,7 @@ impl Rig {
 fn drives_are_checked_queried_and_enabled_together() {
     let mut rig = Rig::new(well);
     rig.run(3);
-    assert_eq!(rig.phases(), [Phase::Checking(3); 2], "one setting a cycle");
+    assert_eq!(rig.phases(), [Phase::Checking(3); 2], "one setting per cycle");
     rig.run(2);
     assert_eq!(rig.phases(), [Phase::Disabled; 2]);
     rig.run(2);
@@ -103,7 +103,7 @@ fn drives_are_checked_queried_and_enabled_together() {
     rig.run(1000);
     assert_eq!(rig.counts().missing, 0);
     let (position, ..) = rig.adapter.links()[0].state();
-    assert!((position - 0.5).abs() < 25.0 / 65535.0 / 2.0, "{position} rad behind a gear of 2");
+    assert!((position - 0.5).abs() < 25.0 / 65535.0 / 2.0, "{position} rad with a gear ratio of 2");
 }
 
 #[test]
@@ -111,7 +111,7 @@ fn a_drive_switched_on_later_is_awaited() {
     let mut rig = Rig::new(|cycle, answer| if cycle < 30 { vec![] } else { well(0, answer) });
     rig.run(30);
     assert!(!rig.adapter.links()[0].is_found() && rig.adapter.links()[1].is_found());
-    assert_eq!(rig.phases()[1], Phase::Disabled, "nothing is enabled without the other");
+    assert_eq!(rig.phases()[1], Phase::Disabled, "no drive is enabled without the other one");
     assert_eq!((rig.counts().awaited, rig.counts().missing), (30, 0));
     rig.run(100);
     assert_eq!(rig.phases(), [Phase::Enabled; 2]);
@@ -223,7 +223,7 @@ fn a_released_drive_trips_the_adapter_until_resumed() {
     rig.run(2);
     assert!(rig.adapter.has_tripped());
     rig.run(100);
-    assert!(rig.adapter.has_tripped() && !rig.drives[0].is_enabled(), "it does not come back by itself");
+    assert!(rig.adapter.has_tripped() && !rig.drives[0].is_enabled(), "it does not resume automatically");
     rig.adapter.resume();
     rig.run(10);
     assert_eq!(rig.phases(), [Phase::Enabled; 2]);
@@ -256,10 +256,7 @@ fn drives_release_after_the_adapter_dies_100_of_100() {
         let step_ns = 250_000;
         let loops = (1..).map(|k| (last_ns / step_ns + k) * step_ns);
         for now_ns in loops.take_while(|now_ns| *now_ns < last_ns + 5_000_000) {
-            assert!(
-                rig.drives.iter_mut().all(|drive| drive.step(1.0, 0.0, now_ns) > 0.9),
-                "not before its time"
-            );
+            assert!(rig.drives.iter_mut().all(|drive| drive.step(1.0, 0.0, now_ns) > 0.9), "not early");
         }
         let over_ns = (last_ns + 5_000_000).div_ceil(step_ns) * step_ns;
         let has_let_go =
@@ -274,7 +271,7 @@ fn constant_latency_is_distinguished_from_a_lost_answer() {
     // late by a whole cycle, like answers to the next cycle's frames
     let mut rig = Rig::new(|cycle, answer| vec![(answer, if cycle < 50 { 0 } else { CYCLE_NS + 20_000 })]);
     rig.run(52);
-    assert!(!rig.adapter.has_tripped(), "the answer to the cycle before is believed");
+    assert!(!rig.adapter.has_tripped(), "the answer to the previous cycle is accepted");
     rig.run(2);
     assert!(rig.adapter.has_tripped());
     assert_eq!((rig.counts().lost_in, rig.counts().late), (Some(53), 2));

@@ -91,7 +91,7 @@ fn a_disturbed_sender_becomes_passive_and_then_bus_off() {
         })
         .collect();
     assert_eq!(states, expected);
-    assert!(!bus.enqueue(0, frame(0x123), 0), "it has left the bus");
+    assert!(!bus.enqueue(0, frame(0x123), 0), "it is bus-off");
     bus.restart(0);
     assert!(bus.enqueue(0, frame(0x123), 0));
 }
@@ -114,7 +114,7 @@ fn two_nodes_with_one_identifier_disturb_each_other() {
     bus.enqueue(2, Frame::classic(Id::Standard(7), &[2]), 0);
     assert!(matches!(bus.next(1_000_000), Some(Event::Disturbed { .. })));
     while let Some(event) = bus.next(1_000_000_000) {
-        assert!(matches!(event, Event::Disturbed { .. }), "the third hears nothing: {event:?}");
+        assert!(matches!(event, Event::Disturbed { .. }), "the third node receives nothing: {event:?}");
     }
     assert_eq!((bus.state(1), bus.state(2)), (ErrorState::Off, ErrorState::Off));
 }

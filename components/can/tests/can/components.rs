@@ -277,7 +277,7 @@ fn a_babbling_node_makes_the_adapter_lose_its_drives() {
     let result = adapter(&report);
     assert_eq!(result["tripped"], true, "{result}");
     assert!(result["stray_frames"].as_u64().is_some_and(|stray| stray > 100), "{result}");
-    assert_eq!(result["joints"]["joint3"]["missing_replies"], 0, "the other bus goes on");
+    assert_eq!(result["joints"]["joint3"]["missing_replies"], 0, "the other bus continues");
 }
 
 #[test]

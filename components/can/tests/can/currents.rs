@@ -109,7 +109,11 @@ fn a_current_limit_bounds_the_effort_range() {
     let torque = |more: &str| table("odrive", more).unwrap().ranges(0).torque.max;
     assert_eq!(torque(""), 10.0);
     assert!((torque("current_limit = 20.0\ntorque_constant = 0.1") - 2.0).abs() < 1e-12);
-    assert_eq!(torque("current_limit = 200.0\ntorque_constant = 0.1"), 10.0, "no more than it reaches");
+    assert_eq!(
+        torque("current_limit = 200.0\ntorque_constant = 0.1"),
+        10.0,
+        "no more than the drive reaches"
+    );
 }
 
 #[test]

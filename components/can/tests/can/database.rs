@@ -202,7 +202,10 @@ fn without_a_mask_only_the_own_node_is_decoded() {
     assert!(plain.decode(&frame("s9", "0000000000000000")).is_some());
     assert!(plain.decode(&frame("s69", "0000000000000000")).is_none());
     assert!(odrive().decode(&frame("s69", "0000000000000000")).is_some());
-    assert!(odrive().decode(&frame("x69", "0000000000000000")).is_none(), "29 bits are another identifier");
+    assert!(
+        odrive().decode(&frame("x69", "0000000000000000")).is_none(),
+        "a 29-bit identifier is a different one"
+    );
     let error = Database::parse(KINDS).unwrap().with_mask(0xff).unwrap_err();
     assert!(matches!(error, DatabaseError::Twice { mask: 0xff, .. }), "{error}");
 }

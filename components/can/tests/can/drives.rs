@@ -343,7 +343,7 @@ fn a_dynamixel_watchdog_stops_it_until_checked() {
     assert!(rig.drives.iter().all(|drive| drive.watchdog_trips() == 1));
     rig.shaft = SHAFT + 0.03;
     rig.step(killed_ns + WATCHDOG_NS + 2 * STEP_NS);
-    assert!(rig.torques.iter().all(|torque| *torque < -5.0), "it holds the place: {:?}", rig.torques);
+    assert!(rig.torques.iter().all(|torque| *torque < -5.0), "it holds its position: {:?}", rig.torques);
     // goals are refused until the checks of a resumed adapter set the watchdog again
     rig.cycle = 2 + (killed_ns + WATCHDOG_NS) / rig.cycle_ns;
     rig.run(5);

@@ -25,7 +25,7 @@ fn row(name: &str, fault: &str) -> Report {
 }
 
 fn number(value: &Value) -> u64 {
-    value.as_u64().unwrap_or_else(|| panic!("{value} is no number"))
+    value.as_u64().unwrap_or_else(|| panic!("{value} is not a number"))
 }
 
 fn drive<'a>(report: &'a Report, joint: &str) -> &'a Value {
@@ -114,7 +114,7 @@ fn a_saturated_bus_is_refused_and_a_blocked_one_trips() {
     assert!((380..=500).contains(&number(&result["stray_frames"])), "{result}");
     assert!(number(&bus["queue_full"]) > 0 && number(&bus["unsent"]) > 0, "{bus}");
     assert!(bus["highest_load"].as_f64().unwrap() > 0.9, "{bus}");
-    assert_eq!(result["joints"]["joint3"]["missing_replies"], 0, "the other bus goes on");
+    assert_eq!(result["joints"]["joint3"]["missing_replies"], 0, "the other bus continues");
 }
 
 #[test]
@@ -287,6 +287,6 @@ fn a_silent_controller_triggers_the_safe_state() {
     let result = adapter(&one);
     assert!(number(&result["cycles_in_safe_state"]) > 250, "{result}");
     assert_eq!((&result["missing_replies"], &result["tripped"]), (&json!(0), &json!(false)), "{result}");
-    assert!(health.flags[..3].iter().all(|flags| flags & JointHealth::ENABLED != 0), "held, not let go");
+    assert!(health.flags[..3].iter().all(|flags| flags & JointHealth::ENABLED != 0), "held, not disabled");
     assert_eq!(one.state_hash, two.state_hash);
 }

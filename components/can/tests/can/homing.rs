@@ -250,7 +250,7 @@ fn joints_of_every_family_are_homed() {
         let mut rig = Rig::one(&case);
         rig.run(0.1);
         let unknown = (rig.adapter.links()[0].state().0 - rig.joints[0].position).abs();
-        assert!(unknown > 0.2, "{}: its encoder counts from where its power came on: {unknown}", case.name);
+        assert!(unknown > 0.2, "{}: its encoder counts from its power-up position: {unknown}", case.name);
         assert_eq!(rig.run_until_over(0, 10.0), HomingState::Homed, "{}", case.name);
         rig.run(0.3);
         let (link, joint) = (&rig.adapter.links()[0], &rig.joints[0]);
@@ -287,9 +287,9 @@ fn joints_are_homed_in_order_while_others_hold() {
         rig.run_cycle();
         assert!(rig.cycle * CYCLE_NS < 20_000_000_000);
     }
-    assert_eq!(rig.joints[0].position, 0.4, "it has not moved");
+    assert_eq!(rig.joints[0].position, 0.4, "the joint has not moved");
     let links = rig.adapter.links();
-    assert_eq!(links[2].phase(), Phase::Disabled, "one that needs none waits until all are homed");
+    assert_eq!(links[2].phase(), Phase::Disabled, "a joint without homing waits until all are homed");
     assert_eq!([links[1].phase(), links[3].phase()], [Phase::Enabled; 2]);
     let held = rig.joints[1].position;
     assert_eq!(rig.run_until_over(0, 10.0), HomingState::Homed);

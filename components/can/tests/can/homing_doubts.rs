@@ -34,7 +34,7 @@ fn the_failure_of_one_joint_does_not_affect_another() {
     rig.joints[0].is_jammed = true;
     assert_eq!(rig.run_until_over(0, 5.0), HomingState::Failed(HomingFault::Jammed));
     rig.run(0.1);
-    assert_eq!(rig.state(1), HomingState::Waiting, "it was on its way");
+    assert_eq!(rig.state(1), HomingState::Waiting, "it was moving");
     assert_eq!(rig.adapter.links()[1].counts().faults, 0);
     // an external trip is not a homing failure
     for case in &AT_STOPS {
@@ -56,7 +56,7 @@ fn held_joints_follow_setpoints_while_homing_is_paused() {
     rig.run(0.3);
     assert_eq!(rig.state(1), HomingState::Running);
     rig.adapter.allow_homing(false);
-    assert_eq!(rig.state(1), HomingState::Waiting, "at once, before another frame goes out");
+    assert_eq!(rig.state(1), HomingState::Waiting, "immediately, before another frame is sent");
     rig.adapter.set(0, JointSetpoint { kd: 0.5, ..JointSetpoint::default() });
     rig.joints[0].load = 0.3;
     rig.run(1.0);
@@ -151,10 +151,7 @@ fn homing_is_forgotten_after_a_silence_of_late_answers() {
     rig.late_ns = CYCLE_NS;
     while !rig.adapter.has_tripped() {
         rig.run_cycle();
-        assert!(
-            rig.adapter.has_tripped() || rig.adapter.links()[0].silent() < 3,
-            "its answers seem to come in time"
-        );
+        assert!(rig.adapter.has_tripped() || rig.adapter.links()[0].silent() < 3, "its answers seem timely");
     }
     rig.drives[0].cut_power();
     rig.silent = Some(0);

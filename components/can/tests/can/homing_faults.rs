@@ -17,10 +17,14 @@ fn a_missing_mark_trips_and_homing_restarts_on_resume() {
         rig.run(1.0);
         assert_eq!(rig.state(0), HomingState::Failed(HomingFault::TimedOut), "{}", case.name);
         assert!(rig.adapter.has_tripped(), "{}", case.name);
-        assert!(!rig.drives[0].has_torque(), "{}: it has let go", case.name);
+        assert!(!rig.drives[0].has_torque(), "{}: it is disabled", case.name);
         let given_up = rig.joints[0].position;
         rig.run(1.0);
-        assert!((rig.joints[0].position - given_up).abs() < 0.2, "{}: nothing begins by itself", case.name);
+        assert!(
+            (rig.joints[0].position - given_up).abs() < 0.2,
+            "{}: nothing starts automatically",
+            case.name
+        );
         rig.drives[0].set_mark(Mark::Works);
         rig.joints[0].position = 0.3;
         rig.joints[0].velocity = 0.0;
@@ -167,7 +171,11 @@ fn only_the_drive_that_lost_its_power_is_homed_again() {
         rig.run(0.2);
         assert!(rig.adapter.has_tripped(), "{name}");
         assert_eq!(rig.state(1), HomingState::Homed, "{name}");
-        assert_eq!(rig.adapter.links()[1].counts().faults, 0, "{name}: it has let go for the other one");
+        assert_eq!(
+            rig.adapter.links()[1].counts().faults,
+            0,
+            "{name}: it is disabled because of the other one"
+        );
         assert_eq!(rig.drives[1].is_enabled(), on_trip == OnTrip::Damp, "{name}");
         let held = rig.joints[1].position;
         rig.adapter.resume();

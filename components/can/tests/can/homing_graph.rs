@@ -139,8 +139,8 @@ fn an_emergency_stop_interrupts_a_homing() {
     let at = |time: f64| {
         truth.samples().iter().find(|sample| sample.tick.time() >= time).unwrap().value.position()[0]
     };
-    assert!(at(0.95) > at(0.5) + 0.3, "it was on its way");
-    assert!((at(2.9) - at(1.2)).abs() < 1e-3, "and stands: {} {}", at(1.2), at(2.9));
+    assert!(at(0.95) > at(0.5) + 0.3, "it was moving");
+    assert!((at(2.9) - at(1.2)).abs() < 1e-3, "and rests: {} {}", at(1.2), at(2.9));
 }
 
 #[test]

@@ -218,7 +218,7 @@ fn a_stale_part_silences_the_merged_state() {
     let (report, [arm, gripper, whole]) = run("two-adapters-silent", faults);
     let last = |samples: Vec<motorium::testing::Sample<JointState>>| samples.last().expect("one").stamp;
     let (arm, gripper, whole) = (last(arm.samples()), last(gripper.samples()), last(whole.samples()));
-    assert!(arm.publish_time - whole.publish_time > 400_000_000, "the arm goes on");
+    assert!(arm.publish_time - whole.publish_time > 400_000_000, "the arm continues");
     // no earlier than the measurement is stale, and at most one step later
     let age_ns = whole.publish_time - gripper.source_time;
     assert!((20_000_000..=25_000_000).contains(&age_ns), "{age_ns}");

@@ -50,7 +50,7 @@ fn frames_match_the_manufacturers_tests() {
     let expected = Command { position: 0.0, ..Command::default() };
     let Ok(Instruction::Position(found)) = node().instruction(&defaults) else { panic!() };
     assert_eq!((found.position, found.velocity, found.kp_scale), (expected.position, 0.0, 1.0));
-    assert!(found.watchdog == 0.0 && found.max_torque.is_nan(), "those of the drive");
+    assert!(found.watchdog == 0.0 && found.max_torque.is_nan(), "the drive's own values");
 }
 
 #[test]
@@ -59,7 +59,7 @@ fn answers_of_the_manufacturers_tests_are_decoded() {
     let state = node().reply(&minimal).unwrap();
     assert_eq!((state.mode, state.fault), (Mode::Position, 64));
     assert_eq!((state.voltage, state.temperature), (16.0, 48.0));
-    assert_eq!((state.motor_temperature, state.home), (None, None), "it tells neither");
+    assert_eq!((state.motor_temperature, state.home), (None, None), "neither is reported");
     let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-12, "{found}");
     near(state.position, 0.0528 * TAU);
     near(state.velocity, -0.128 * TAU);
@@ -100,7 +100,7 @@ fn truncated_refused_or_incomplete_states_are_errors() {
     );
     assert!(matches!(reply("24040000"), Err(DecodeError::Length { .. })));
     assert!(matches!(reply("70"), Err(DecodeError::Field { .. })));
-    assert!(matches!(reply("01000a"), Err(DecodeError::Field { .. })), "a write is no answer");
+    assert!(matches!(reply("01000a"), Err(DecodeError::Field { .. })), "a write is not an answer");
     let stranger = frame(Id::Standard(0x200), whole);
     assert!(matches!(node().reply(&stranger), Err(DecodeError::Id { .. })));
 }

@@ -109,7 +109,7 @@ fn drives_of_every_protocol_are_measured_while_disabled() {
             assert_eq!(result["joints"][joint]["phase"], "disabled", "{name}: {result}");
         }
         let is_off = |command: &JointCommand| command.effort().iter().all(|effort| *effort == 0.0);
-        assert!(efforts.values().iter().all(is_off), "{name}: no drive gives torque");
+        assert!(efforts.values().iter().all(is_off), "{name}: no drive applies torque");
         let flags = JointHealth::ENABLED | JointHealth::FAULT | JointHealth::LOST;
         let healths = health.values();
         assert!(healths.iter().all(|health| health.flags.iter().all(|found| found & flags == 0)), "{name}");

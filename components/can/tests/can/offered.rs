@@ -50,8 +50,8 @@ fn programs_share_a_bus_over_a_socket() {
     assert_eq!(offer.receive(&mut inbox), 2);
     assert_eq!([inbox[0].frame, inbox[1].frame], [frame(1, &[1, 2]), long]);
     assert!(inbox[0].time_ns > 0 && inbox[0].time_ns == inbox[1].time_ns);
-    assert_eq!(received(&mut two, 2), [frame(1, &[1, 2]), long], "those of the other one");
-    assert_eq!(one.receive(&mut inbox), 0, "not its own");
+    assert_eq!(received(&mut two, 2), [frame(1, &[1, 2]), long], "frames of the other program");
+    assert_eq!(one.receive(&mut inbox), 0, "not its own frames");
 
     two.receive_only(&[Id::Standard(0x11)]).unwrap();
     offer.deliver(&Received { frame: frame(0x11, &[3]), time_ns: 42 });
@@ -64,7 +64,7 @@ fn programs_share_a_bus_over_a_socket() {
     for bus in [&mut one, &mut two] {
         assert_eq!(bus.receive(&mut inbox), 0);
         assert_eq!((bus.condition(), bus.counts().bus_off, bus.counts().queue_full), (Condition::Off, 1, 1));
-        assert_eq!(bus.send(&[frame(1, &[])]), 0, "a controller that has left the bus sends nothing");
+        assert_eq!(bus.send(&[frame(1, &[])]), 0, "a bus-off controller sends nothing");
     }
     offer.set_link_down(true);
     offer.flush();

@@ -256,9 +256,9 @@ fn implausible_positions_are_refused_and_trip() {
         let node = odrive::Node::new(5).unwrap();
         rig.receive(node.report_frame(&Report::Encoder { position: wrong, velocity: 0.0 }));
         assert_eq!((rig.link().counts().implausible, rig.link().counts().refused), (1, 1), "{wrong}");
-        assert!((rig.link().state().0 - 0.5).abs() < 1e-3, "{wrong}: the last one is kept");
+        assert!((rig.link().state().0 - 0.5).abs() < 1e-3, "{wrong}: the last position is kept");
         rig.run(50);
-        assert!(!rig.adapter.has_tripped(), "a single one changes nothing");
+        assert!(!rig.adapter.has_tripped(), "a single implausible position has no effect");
         // all frames from now on
         rig.change = |frame| {
             let node = odrive::Node::new(5).unwrap();

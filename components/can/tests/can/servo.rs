@@ -101,7 +101,7 @@ fn packets_to_many_servos_match_the_manual() {
         broken[place] ^= 1;
         assert_eq!(answers(&broken), expected[..count], "byte {place}");
     }
-    assert_eq!(answers(&whole[..whole.len() - 1]), expected[..2], "those before one that is silent");
+    assert_eq!(answers(&whole[..whole.len() - 1]), expected[..2], "the answers before a silent servo");
     // the servo side writes the same bytes
     let (mut said, mut share) = (Vec::new(), [0; LONGEST]);
     for (servo, error, data) in &expected {

@@ -159,7 +159,7 @@ fn a_bus_exchanges_frames_and_tracks_its_state() {
         [Line::Frame(frame), Line::Frame(Frame::classic(Id::Standard(1), &[2]))]
     );
     let mut inbox = [Received::default(); 4];
-    assert_eq!(bus.receive(&mut inbox), 0, "nothing has come, and nothing is waited for");
+    assert_eq!(bus.receive(&mut inbox), 0, "nothing has arrived, and the call does not block");
     // a line in two parts, a line of a filtered node, and a report
     bus.receive_only(&[Id::Standard(0x0a7)]);
     terminal.write_all(b"\rt0A7").unwrap();
