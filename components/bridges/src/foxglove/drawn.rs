@@ -241,8 +241,8 @@ fn append(message: &impl Encode, out: &mut Vec<u8>) {
     let _ = message.encode(out);
 }
 
-/// Returns the topic of joint states from which the links of the robot are drawn: the first one in the plan,
-/// which is the true state in a simulation.
+/// Returns the topic of joint states from which the links of the robot are drawn: the first one in the plan.
+/// In a simulation, it is the true state.
 fn first_state(plan: &Plan, index: usize) -> Option<usize> {
     let robot = &robot_of_topic(plan, index)?.name;
     let mut states = plan.topics.iter().enumerate().filter(|(other, topic)| {

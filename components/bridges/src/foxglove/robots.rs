@@ -248,8 +248,8 @@ impl RobotFrames {
         format!("{}{root}", self.prefix)
     }
 
-    /// Returns the poses of all links except the root, relative to it, at these joint positions, and the pose
-    /// of the root in the world if the base is fixed. `None` if the state has too few joints.
+    /// Returns the poses of all links at these joint positions, relative to the root. Includes the pose of
+    /// the root in the world if the base is fixed. `None` if the state has too few joints.
     pub fn of_joints(&mut self, state: &JointState, time_ns: u64) -> Option<FrameTransforms> {
         let model = &self.loaded.model;
         let joints = model.joint_count();

@@ -26,9 +26,9 @@ pub enum TableError {
     Write(#[from] io::Error),
 }
 
-/// Writes a topic as a table of comma-separated values: one row per sample with its time (since 1970, or
-/// since the start of a lockstep run), its stamp, and one column per number. A counted array has one column
-/// per entry in use in the first sample. Reading the numbers back is exact, bit for bit.
+/// Writes a topic as comma-separated values, with one row per sample: its time (since 1970, or since the
+/// start of a lockstep run), its stamp, and one column per number. A counted array has one column per entry
+/// in use in the first sample. Reading the numbers back is exact, bit for bit.
 ///
 /// # Errors
 /// Returns an error if the recording cannot be read or the table cannot be written.

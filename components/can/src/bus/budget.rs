@@ -66,8 +66,8 @@ impl Budget {
         exchanges.sum::<u64>() + self.others.iter().map(|shape| self.ns(shape)).sum::<u64>()
     }
 
-    /// Worst-case time from the first bit of the commands to the last bit of the answers, ns: all bits, and
-    /// the turnaround time of the last answer, during which the bus is idle.
+    /// Worst-case time from the first bit of the commands to the last bit of the answers, ns. It consists of
+    /// all bits and the turnaround time of the last answer, while the bus is idle.
     pub fn complete_ns(&self) -> u64 {
         self.busy_ns() + self.turn_round_ns
     }

@@ -97,9 +97,9 @@ impl fmt::Display for TooWeak {
         let (before, sign, part) = match moment {
             Moment::OnTheWay => (format!("on its way, {place}, its weight needs up to"), '+', &*moving),
             Moment::Reaching => {
-                (format!("at its stop, {place}, its weight presses it off with"), '+', &*moving)
+                (format!("at its stop, {place}, its weight pushes it off with"), '+', &*moving)
             }
-            Moment::Holding => (format!("at its stop, {place}, its weight presses it off with"), '-', "half"),
+            Moment::Holding => (format!("at its stop, {place}, its weight pushes it off with"), '-', "half"),
             Moment::Leaving => {
                 (format!("at its stop, {place}, its weight holds it there with"), '+', &*moving)
             }
@@ -107,7 +107,7 @@ impl fmt::Display for TooWeak {
         write!(
             f,
             "{before} {weight:.3} {unit}, {sign} {friction:.3} {unit} of friction = {:.3} {unit}, \
-             and {part} of `effort` is {available:.3} {unit}",
+             but {part} of `effort` is only {available:.3} {unit}",
             self.load()
         )
     }
@@ -143,8 +143,8 @@ impl fmt::Display for TooHard {
         let (mass, speeds) = if *is_prismatic { ("kg", "m/s") } else { ("kg m2", "rad/s") };
         write!(
             f,
-            "it may meet its stop with up to 0.5 x {inertia:.4} {mass} x ({velocity} {speeds} x {faster:.2})^2 = \
-             {:.3} J, and `energy` is {allowed} J: that is {slow:.3} {speeds}",
+            "it may hit its stop with up to 0.5 x {inertia:.4} {mass} x ({velocity} {speeds} x {faster:.2})^2 = \
+             {:.3} J, but `energy` is {allowed} J, which corresponds to {slow:.3} {speeds}",
             self.energy()
         )
     }
@@ -241,9 +241,9 @@ impl<'a> Load<'a> {
         self.effort * (1.0 - STILL)
     }
 
-    /// Checks the energy with which the joint may hit its stop. The energy is computed from the largest
-    /// inertia at the stop and the velocity under the largest weight on the way, each with the other joints
-    /// in their worst positions.
+    /// Checks the energy with which the joint may hit its stop. It follows from the largest inertia at the
+    /// stop, and from the velocity under the largest weight on the way. For each, the other joints are in
+    /// their worst positions.
     fn too_hard(&mut self) -> Option<Unfit> {
         let inertia = self.weights.inertia_at_stop();
         let helping = self.weights.helping().max(0.0);

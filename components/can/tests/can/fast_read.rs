@@ -26,8 +26,8 @@ fn a_fast_read_saves_six_bytes_per_servo() {
         assert_eq!((link.counts().missing, link.counts().late, link.counts().refused), (0, 0, 0));
     }
     assert_eq!(fast.adapter.stray(), 0);
-    // two packets of 11 bytes plus the state, or one packet of 8 bytes plus, for each servo, 4 bytes and the
-    // state; ten bits per byte at 1 Mbit/s
+    // two packets of 11 bytes plus the state, or one packet of 8 bytes plus 4 bytes and the state per servo;
+    // ten bits per byte at 1 Mbit/s
     let saved_ns = answered_after_ns(&mut plain) - answered_after_ns(&mut fast);
     assert_eq!(saved_ns, (2 * 11 - (8 + 2 * 4)) * 10_000);
 }

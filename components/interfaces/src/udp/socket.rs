@@ -85,8 +85,8 @@ impl AsFd for Socket {
 /// Extracts the receive time and the number of lost datagrams from the control messages.
 fn control_data(message: &libc::msghdr) -> (Option<u64>, Option<u32>) {
     let (mut received_ns, mut lost) = (None, None);
-    // SAFETY: the kernel has filled the control buffer of this header, and wrote its length; the macros stay
-    // within it, and each value is read from the data of a message of its type, at any alignment.
+    // SAFETY: the kernel has filled the control buffer of this header and set its length. The macros stay
+    // within that length, and each value is read unaligned from the data of a message of its type.
     unsafe {
         let mut head = libc::CMSG_FIRSTHDR(message);
         while let Some(control) = head.as_ref() {

@@ -130,8 +130,8 @@ struct Movement {
 }
 
 impl Follower {
-    /// Returns `None` if the reader has no robot with such a frame or does not move a frame to the target, or
-    /// if its inputs were not recorded.
+    /// Returns `None` if the reader has no robot with such a frame, if it does not move a frame to the
+    /// target, or if its inputs were not recorded.
     pub(super) fn new(
         recording: &Recording,
         plan: &Plan,

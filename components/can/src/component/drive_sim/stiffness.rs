@@ -10,8 +10,8 @@ use crate::component::Equipped;
 /// between both limits.
 const UNSTABLE: f64 = 2.0;
 
-/// Describes the first drive whose own loop is unstable for a step of `dt` \[s\], according to `kd dt / I`
-/// with the gain at the joint and the joint's effective inertia in the home pose.
+/// Describes the first drive whose own loop is unstable for a step of `dt` \[s\]. The criterion is `kd dt /
+/// I`, with the gain at the joint and the joint's effective inertia in the home pose.
 pub(super) fn too_stiff(equipped: &Equipped, dt: f64) -> Option<String> {
     let Equipped { robot, table, order } = equipped;
     let (model, joints) = (&robot.model, robot.model.joint_count());
