@@ -5,11 +5,11 @@ use serde_json::Value;
 use super::{ConfigureError, Episode, Setup, Tick};
 use crate::declare::{ConfigError, Declare, StepError};
 
-/// A component as an object: for programs that read scripts, and for bindings of other languages, which have
-/// no Rust type for each component.
+/// A component as an object, for programs that run scripts and for bindings to other languages, which have no
+/// Rust type for each component.
 ///
 /// Its methods are the methods of [`Component`](super::Component). Its configuration is JSON, its ports are
-/// usually from [`raw`](crate::raw), and [`Declare::resets`] declares that it can be reset.
+/// usually from [`raw`](crate::raw), and it declares by [`Declare::resets`] that it can be reset.
 /// `program::main_of` is the `main` of its program, which a graph names by `exec`.
 ///
 /// ```no_run
@@ -83,8 +83,8 @@ pub trait DynamicComponent: 'static {
     /// The step failed; the policy `on_error` of the graph file decides on the consequence.
     fn step(&mut self, tick: &Tick) -> Result<(), StepError>;
 
-    /// Resets to the state after [`configure`](Self::configure) for a new episode, if it declares that it
-    /// resets.
+    /// Resets to the state after [`configure`](Self::configure) for a new episode, if it declared that it can
+    /// be reset.
     ///
     /// # Errors
     /// The component cannot continue; the run ends.
@@ -101,7 +101,7 @@ pub trait DynamicComponent: 'static {
         Ok(())
     }
 
-    /// Runs once when the run ends in an orderly way.
+    /// Called once when the run ends in an orderly way.
     fn stop(&mut self) {}
 
     /// The component's entry under `results` in the report of the finished run.
