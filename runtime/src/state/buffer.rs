@@ -17,7 +17,7 @@ pub trait StateBuffer: Field + ZeroCopySend {
 }
 
 impl TypeLayout {
-    /// The layout of a type.
+    /// Returns the layout of a type.
     pub fn of<T: StateBuffer>() -> Self {
         let mut fields = Vec::new();
         T::describe("", 0, &mut fields);

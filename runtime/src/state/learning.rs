@@ -4,15 +4,15 @@
 
 use super::counted::counted_buffer;
 
-/// The most numbers of one block of [`Weights`].
+/// Maximum number of values in a block of [`Weights`].
 pub const MAX_WEIGHTS: usize = 4096;
-/// The most numbers of one [`Observation`].
+/// Maximum number of values in an [`Observation`].
 pub const MAX_OBSERVATION: usize = 512;
-/// The most numbers of one [`Action`].
+/// Maximum number of values in an [`Action`].
 pub const MAX_ACTION: usize = 64;
-/// The most numbers of one [`ActionChunk`].
+/// Maximum number of values in an [`ActionChunk`].
 pub const MAX_CHUNK: usize = 4096;
-/// The most numbers of one [`Randomisation`].
+/// Maximum number of values in a [`Randomisation`].
 pub const MAX_DRAWN: usize = 512;
 
 counted_buffer! {
@@ -154,7 +154,7 @@ crate::state_buffer! {
 }
 
 impl Reward {
-    /// True if this is the last step of its episode.
+    /// Returns `true` if this is the last step of its episode.
     pub fn is_last(&self) -> bool {
         self.terminal != 0 || self.truncated != 0
     }
@@ -263,7 +263,7 @@ impl Randomisation {
     /// The part of a property of the base of a robot.
     pub const BASE: u32 = u32::MAX;
 
-    /// The number drawn for a property of a part.
+    /// Returns the value sampled for a property of a part.
     pub fn find(&self, property: u32, part: u32) -> Option<f64> {
         let mut entries = self.property().iter().zip(self.part()).zip(self.value());
         entries.find(|((p, q), _)| (**p, **q) == (property, part)).map(|(_, value)| *value)

@@ -4,7 +4,7 @@
 
 use super::counted::counted_buffer;
 
-/// The most feet of one [`FootContacts`] and one [`ContactSchedule`].
+/// Maximum number of feet in [`FootContacts`] and [`ContactSchedule`].
 pub const MAX_FEET: usize = 16;
 
 counted_buffer! {

@@ -1,12 +1,12 @@
-//! Measurements of sensors of distance, place and field.
+//! Measurements of range, position and magnetic field sensors.
 
 #![allow(unsafe_code)] // `Field` implementations that look only at the used part of their arrays
 
 use super::counted::counted_buffer;
 
-/// The most rays of one [`Ranges`].
+/// Maximum number of rays in [`Ranges`].
 pub const MAX_RANGES: usize = 2048;
-/// The most points of one [`HeightScan`].
+/// Maximum number of points in a [`HeightScan`].
 pub const MAX_HEIGHTS: usize = 1024;
 
 counted_buffer! {

@@ -4,9 +4,9 @@
 
 use super::counted::counted_buffer;
 
-/// The most contacts of one [`Contacts`].
+/// Maximum number of contacts in [`Contacts`].
 pub const MAX_CONTACTS: usize = 64;
-/// The most objects of one [`ObjectPoses`].
+/// Maximum number of objects in [`ObjectPoses`].
 pub const MAX_OBJECTS: usize = 64;
 
 counted_buffer! {
@@ -51,7 +51,7 @@ counted_buffer! {
     }
 }
 
-/// The most links of one [`ContactImpulses`].
+/// Maximum number of links in [`ContactImpulses`].
 pub const MAX_IMPULSES: usize = 128;
 
 counted_buffer! {

@@ -1,9 +1,10 @@
-//! The header that travels with every sample.
+//! The header of every sample.
 
 #[cfg(doc)]
 use super::StateBuffer;
 
-/// A stamp may lie this far ahead of the clock, ns: two cores read the clock at slightly different times.
+/// Maximum time that a stamp may be ahead of the clock, ns, because clock readings of two cores differ
+/// slightly.
 pub const FUTURE_TOLERANCE_NS: u64 = 1_000_000;
 
 crate::state_buffer! {
