@@ -12,7 +12,7 @@ use crate::region::{ComponentBlock, GateReport, Misses, Region, Stalls};
 use crate::state::Digest;
 use crate::telemetry::Percentiles;
 
-/// Version of the report's format; raised when a field changes its meaning or goes.
+/// Version of the report's format; incremented when the meaning of a field changes or a field is removed.
 pub const REPORT_VERSION: u32 = 2;
 
 /// The report of a run.
@@ -165,7 +165,7 @@ pub struct EdgeReport {
     pub age_ns: Percentiles,
 }
 
-/// The edges of a run.
+/// Returns the edges of a run.
 pub(super) fn edges(plan: &Plan, region: &Region) -> Vec<EdgeReport> {
     plan.edges()
         .into_iter()
@@ -179,7 +179,7 @@ pub(super) fn edges(plan: &Plan, region: &Region) -> Vec<EdgeReport> {
         .collect()
 }
 
-/// The latency budgets of a run.
+/// Returns the latency budgets of a run.
 pub(super) fn latencies(plan: &Plan, region: &Region) -> Vec<LatencyReport> {
     plan.latencies
         .iter()
@@ -221,7 +221,7 @@ impl core::fmt::Display for ExpectationReport {
     }
 }
 
-/// Digest of everything published in the present episode.
+/// Returns the digest of all values published in the current episode.
 pub(super) fn state_hash(plan: &Plan, region: &Region) -> String {
     let mut digest = Digest::default();
     for (topic, block) in plan.topics.iter().zip(region.topics()) {
@@ -232,16 +232,16 @@ pub(super) fn state_hash(plan: &Plan, region: &Region) -> String {
     format!("{:016x}", digest.finish())
 }
 
-/// Steps per second of a component, at `now_ns` on the run's clock.
+/// Returns the steps per second of a component at `now_ns` on the run's clock.
 fn rate_hz(plan: &ComponentPlan, block: &ComponentBlock, now_ns: u64) -> f64 {
     let (first, last) = (block.first_step_ns.load(Relaxed), block.last_step_ns.load(Relaxed));
     let begun = block.begun.load(Relaxed).saturating_sub(block.episode_first.load(Relaxed));
     steps_per_second(begun, first, last, now_ns, plan.period_ns())
 }
 
-/// Steps per second, from the number of steps and the time between the first and the last. If the last is
-/// more than two periods old, the time until `now_ns` is used, so that the rate of a stopped component falls.
-/// All times in ns.
+/// Returns the steps per second, from the number of steps and the time between the first and the last step.
+/// If the last step is more than two periods old, the time until `now_ns` is used, so that the rate of a
+/// stopped component falls. All times are in ns.
 pub fn steps_per_second(begun: u64, first_ns: u64, last_ns: u64, now_ns: u64, period_ns: u64) -> f64 {
     let still_steps = now_ns.saturating_sub(last_ns) <= 2 * period_ns;
     let end_ns = if still_steps { last_ns } else { now_ns };
@@ -249,7 +249,7 @@ pub fn steps_per_second(begun: u64, first_ns: u64, last_ns: u64, now_ns: u64, pe
     if begun > 1 && span_ns > 0 { (begun - 1) as f64 * 1e9 / span_ns as f64 } else { 0.0 }
 }
 
-/// The report of one component, from its counters.
+/// Returns the report of a component, from its counters.
 pub(super) fn component(plan: &ComponentPlan, block: &ComponentBlock, now_ns: u64) -> ComponentReport {
     let counts = block.counts_allocations.load(Relaxed) != 0;
     ComponentReport {

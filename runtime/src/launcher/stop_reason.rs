@@ -1,4 +1,4 @@
-//! The reason for which components have ordered a safe stop.
+//! The reason why components ordered a safe stop.
 
 use crate::plan::{OnMiss, OnOverrun, Plan};
 use crate::region::{Misses, Region};
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn who_overran_and_why_is_named_and_who_may_is_not() {
+    fn only_excessive_overruns_are_named_with_their_cause() {
         let late = Misses { long_step: 1, late_wake: 2, ..Misses::default() };
         let both = [late, late];
         assert_eq!(
