@@ -1,4 +1,5 @@
-//! Episodes: whether all components of a graph can be reset, and who begins and ends an episode.
+//! Episodes: checks that all components of a graph can be reset, and finds the components that begin and end
+//! episodes.
 
 use super::draft::Draft;
 use crate::declare::Declaration;
@@ -81,8 +82,8 @@ pub(super) fn check(graph: &GraphTable<'_>, drafts: &[Draft<'_, '_>], report: &m
     }
 }
 
-/// The component with a right, and the place at which the graph gives it. Reports a second one, and one that
-/// cannot use it.
+/// Returns the component with a right, and the position of that key in the graph. Reports a second component,
+/// and a component that cannot use the right.
 fn holder<'g>(right: &Right, drafts: &'g [Draft<'_, '_>], report: &mut Report) -> Option<(&'g str, Span)> {
     let mut holder: Option<(&str, Span)> = None;
     for draft in drafts {
