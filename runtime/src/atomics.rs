@@ -76,17 +76,17 @@ pub(crate) trait Atomics: Debug + 'static {
     /// Returns the memory ordering at a site: `strong` unless a model weakens it.
     fn ordering(site: Site, strong: Ordering) -> Ordering;
 
-    /// A sequentially consistent fence.
+    /// Issues a sequentially consistent fence.
     fn fence(site: Site);
 
-    /// A sequentially consistent fence after a [`swap`](Word::swap) or addition of the same thread, which
-    /// alone may be sufficient.
+    /// Issues a sequentially consistent fence after a [`swap`](Word::swap) or addition of the same thread,
+    /// which alone may be sufficient.
     #[inline(always)]
     fn fence_after_exchange(site: Site) {
         Self::fence(site);
     }
 
-    /// A fence that orders earlier reads before later reads.
+    /// Issues a fence that orders earlier reads before later reads.
     fn read_fence(site: Site);
 
     /// Stores with release ordering at `site`, followed by the fence at `fence`.

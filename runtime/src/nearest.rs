@@ -12,7 +12,7 @@ pub fn nearest<'a>(written: &str, known: impl IntoIterator<Item = &'a str>) -> O
     let plain = |name: &str| name.to_lowercase().replace(['-', ' '], "_");
     let wanted = plain(written);
     let count = wanted.chars().count();
-    // names without a common character are not similar, however short
+    // names without a common character are not similar, even if short
     let slight = |distance: usize, other: &str| {
         distance <= (count / 3).max(1) && distance < count.max(other.chars().count())
     };

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// A length of time, whole nanoseconds. Written with its unit wherever a user writes it.
+/// A time span in whole nanoseconds. Users write it with a unit.
 ///
 /// ```
 /// use motorium::units::TimeSpan;

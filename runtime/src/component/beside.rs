@@ -8,7 +8,7 @@ impl Setup {
     /// Starts a helper thread for work that must not be done in a step: printing, files, slow devices.
     ///
     /// The thread runs at normal priority on the shared cores of the graph, under `name` (1 to 15 bytes). Its
-    /// allocations are not counted as those of the steps. After the component has stopped, the thread
+    /// allocations do not count as allocations in steps. After the component has stopped, the thread
     /// receives a stop request and is joined. The request also interrupts a [`wait`](StopRequest::wait) or a
     /// blocking system call. The thread must end within half of the component's `stop_within`.
     ///

@@ -27,7 +27,7 @@ impl Setup {
 /// ```
 /// use motorium::prelude::*;
 ///
-/// /// The angle of a motion, which goes on after a crash where it was.
+/// /// The angle of a motion, which continues after a crash.
 /// fn resume(setup: &mut Setup) -> Result<(Checkpoint, f64), ConfigureError> {
 ///     let mut checkpoint = setup.checkpoint(1)?;
 ///     let angle = checkpoint.resume().map_or(0.0, |numbers| numbers[0]);

@@ -39,13 +39,13 @@ impl RunClock {
         Self { context }
     }
 
-    /// Real time or lockstep.
+    /// Returns the kind of the clock: real time or lockstep.
     pub fn kind(&self) -> ClockKind {
         if self.context.clock().is_lockstep() { ClockKind::Lockstep } else { ClockKind::Realtime }
     }
 
-    /// Current time, ns since the start of the run or episode, on the clock of [`Tick::time_ns`]. In lockstep
-    /// it is the time of the step.
+    /// Returns the current time, ns since the start of the run or episode, on the clock of [`Tick::time_ns`].
+    /// In lockstep it is the time of the step.
     #[inline]
     pub fn now_ns(&self) -> u64 {
         let clock = self.context.clock();

@@ -54,13 +54,13 @@ use crate::declare::{ConfigError, Declare, StepError};
 /// }
 /// ```
 pub trait DynamicComponent: 'static {
-    /// The name of its kind, `family.name`, for messages and lists.
+    /// Returns the name of its kind, `family.name`, for messages and lists.
     fn kind(&self) -> &str;
 
-    /// One-line summary for lists.
+    /// Returns a one-line summary for lists.
     fn summary(&self) -> &str;
 
-    /// The JSON Schema (draft 7) of its `config` table. Default: any table.
+    /// Returns the JSON Schema (draft 7) of its `config` table. The default accepts any table.
     fn schema(&self) -> Value {
         serde_json::json!({ "type": "object" })
     }
@@ -104,7 +104,7 @@ pub trait DynamicComponent: 'static {
     /// Called once when the run ends in an orderly way.
     fn stop(&mut self) {}
 
-    /// The component's entry under `results` in the report of the finished run.
+    /// Returns the component's entry under `results` in the report of the finished run.
     fn result(&self) -> Option<Value> {
         None
     }

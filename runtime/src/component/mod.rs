@@ -316,7 +316,7 @@ pub trait Component: Sized + 'static {
     /// Called once when the run ends in an orderly way, but not if the process is killed.
     fn stop(&mut self) {}
 
-    /// The component's entry under `results` in the report of the finished run.
+    /// Returns the component's entry under `results` in the report of the finished run.
     fn result(&self) -> Option<serde_json::Value> {
         None
     }

@@ -239,7 +239,7 @@ impl Context {
         }
     }
 
-    /// Current `CLOCK_MONOTONIC` time, ns, if the lockstep trace needs it; else `known_ns`.
+    /// Returns the current `CLOCK_MONOTONIC` time, ns, if the lockstep trace needs it, or else `known_ns`.
     #[inline]
     pub(crate) fn traced_ns(&self, known_ns: u64) -> u64 {
         if self.trace.is_some() && self.clock.is_lockstep() { monotonic_ns() } else { known_ns }

@@ -37,9 +37,9 @@ impl Signals {
         }
     }
 
-    /// Time since which actuators must be in their safe state without a request from the launcher, ns: when
-    /// this process was requested to end, or the launcher died. `u64::MAX` until the time of a request is
-    /// recorded.
+    /// Returns the time since which actuators must be in their safe state without a request from the
+    /// launcher, ns: when this process was requested to end, or the launcher died. `u64::MAX` until the time
+    /// of a request is recorded.
     #[inline]
     pub(super) fn on_its_own_since_ns(&self) -> Option<u64> {
         let noted = |cell: &AtomicU64| Some(cell.load(Relaxed)).filter(|ns| *ns != 0);

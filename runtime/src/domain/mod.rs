@@ -165,7 +165,7 @@ impl Domain {
     /// Removes all remains of the domain when it is no longer used. Returns the removed paths.
     pub fn remove(&self) -> Vec<PathBuf> {
         let mut removed = Vec::new();
-        // The lock is removed last: objects without a lock belong to nobody.
+        // The lock is removed last, because objects without a lock count as unused.
         for path in self.objects().filter(|path| *path != self.lock_file()).chain([self.lock_file()]) {
             if std::fs::remove_file(&path).is_ok() {
                 removed.push(path);

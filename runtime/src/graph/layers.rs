@@ -109,7 +109,7 @@ impl Layers {
             let message = format!(
                 "the files of the graph have {total} bytes, expected at most {LONGEST} (16 MiB) together"
             );
-            return refuse(message, "a graph is written by hand: is this one?");
+            return refuse(message, "check that this is the intended file");
         }
         match String::from_utf8(bytes) {
             Ok(text) => Ok(Some((path, text))),

@@ -53,7 +53,7 @@ fn remove(below: &mut DeTable<'_>, path: &str, span: &Span, report: &mut Report)
             let advice = match nearest(step, known()) {
                 Some(near) => format!("did you mean `{near}`?"),
                 None if table.is_empty() => "leave it out".to_string(),
-                None => format!("what stands there: {}", list(known())),
+                None => format!("its keys are {}", list(known())),
             };
             report
                 .error(format!("`{path}` cannot be removed: the files below have no `{step}`"))

@@ -17,7 +17,7 @@ pub(super) struct Texts<'s> {
 }
 
 impl<'s> Texts<'s> {
-    /// `sources` contains the files and then one text for each of `overrides`.
+    /// Prepares texts for parsing. `sources` contains the files and then one text for each of `overrides`.
     pub(super) fn new(sources: &'s Sources, overrides: &'s [Override]) -> Self {
         let padded = sources
             .overrides()
@@ -63,10 +63,7 @@ fn parse_file<'s>(file: &'s Source, report: &mut Report) -> Option<DeTable<'s>> 
         // every key of a duplicated table is reported again
         if duplicates == 1 {
             report
-                .error(format!(
-                    "`{}` stands here for the second time",
-                    file.text.get(local).unwrap_or_default()
-                ))
+                .error(format!("`{}` is defined twice", file.text.get(local).unwrap_or_default()))
                 .label(&span, "already defined above")
                 .advise("merge both, or rename one of them");
         }

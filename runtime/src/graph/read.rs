@@ -173,7 +173,7 @@ pub(super) fn mismatch<'r>(
         DeValue::String(text) if matches!(text.as_ref(), "true" | "false") => {
             format!("leave the quotes out: {text}")
         }
-        _ => "the JSON Schema of graph files says what belongs here: `motorium schema`".to_string(),
+        _ => "see the JSON Schema of graph files for the expected value: `motorium schema`".to_string(),
     };
     report
         .error(format!("`{key}` is {found}, expected {expected}"))

@@ -123,7 +123,7 @@ impl Findings {
                     (None, Some(end)) => end.to_string(),
                     (None, None) => "it did not end".to_string(),
                 };
-                found.push(format!("`{name}` did not end in good order: {reason}"));
+                found.push(format!("`{name}` did not end in an orderly way: {reason}"));
             }
         }
         self.warn(found, observe);
@@ -191,9 +191,9 @@ fn denied(run: &Run, idle_states: &IdleStates) -> Vec<String> {
     }
     let denied = [
         ("real-time priority", priority),
-        ("time of its own in every period", deadline),
+        ("reserved time in every period", deadline),
         ("locked memory", memory),
-        ("the core asked for", core),
+        ("the requested core", core),
     ];
     let idle = idle_states.denied.as_ref();
     denied

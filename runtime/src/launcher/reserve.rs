@@ -131,7 +131,7 @@ pub(super) fn check(plan: &Plan, hosting: Hosting) -> Result<(), LaunchError> {
     };
     let advice = || {
         format!(
-            "look what fills it (`ls -lS {SHARED_MEMORY}`), remove what dead runs left (`motorium doctor --clean`), or \
+            "check what fills it (`ls -lS {SHARED_MEMORY}`), remove the remains of dead runs (`motorium doctor --clean`), or \
              enlarge it (`mount -o remount,size=1G {SHARED_MEMORY}`; `--shm-size` of a container)"
         )
     };

@@ -28,7 +28,7 @@ fn describe(plan: &Plan, misses: &[Misses], latencies: &[(u64, u64)]) -> String 
         (late > u64::from(tolerated)).then(|| {
             let causes = [
                 (misses.long_step, "too long"),
-                (misses.late_wake, "held up by others"),
+                (misses.late_wake, "delayed by others"),
                 (misses.stolen, "by the host"),
             ];
             let causes: Vec<String> = causes
@@ -81,7 +81,7 @@ mod tests {
         let both = [late, late];
         assert_eq!(
             describe(&plan(), &both, &[(0, 0)]),
-            "`controller` had 3 late steps (1 too long, 2 held up by others) where 0 are tolerated"
+            "`controller` had 3 late steps (1 too long, 2 delayed by others) where 0 are tolerated"
         );
         let mut tolerant = plan();
         tolerant.components[1].overruns_tolerated = Some(3);

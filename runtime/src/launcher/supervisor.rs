@@ -409,7 +409,7 @@ impl Supervisor {
             self.supervision[index].reported_tolerated = true;
             if let Some(failure) = block.failure() {
                 let component = &self.run.plan.components[index].name;
-                let consequence = "tolerated, as the graph says; later ones are only counted";
+                let consequence = "tolerated, as configured; later errors are only counted";
                 let (tick, reason) = (failure.tick, failure.to_string());
                 observe(Event::Failed { component, tick, reason: &reason, consequence, seen_ns: None });
             }

@@ -53,10 +53,10 @@ pub fn shortage(place: &Path) -> Option<String> {
             Some(libc::EMFILE) => {
                 let limit = limit(Resource::Nofile).map_or_else(String::new, |limit| format!(" ({limit})"));
                 return Some(format!(
-                    "this process has as many files open as it may{limit}; raise the limit with `ulimit -n 1024`"
+                    "this process has reached its limit of open files{limit}; raise the limit with `ulimit -n 1024`"
                 ));
             }
-            Some(libc::ENFILE) => return Some("the system has as many files open as it may".to_string()),
+            Some(libc::ENFILE) => return Some("the system has reached its limit of open files".to_string()),
             _ => {}
         }
     }
@@ -68,7 +68,7 @@ pub fn shortage(place: &Path) -> Option<String> {
             format!("{} more files may be made", room.files)
         };
         Some(format!(
-            "{} is full: {what}; `ls -lS {0}` shows what fills it, `motorium doctor --clean` removes what dead runs left",
+            "{} is full: {what}; `ls -lS {0}` shows what fills it, `motorium doctor --clean` removes the remains of dead runs",
             path.display()
         ))
     })
@@ -89,7 +89,7 @@ pub fn named(error: &std::io::Error) -> String {
     }
     let limit = process_limit().map_or_else(String::new, |limit| format!(" ({limit})"));
     format!(
-        "{error}; this user has as many processes and threads as it may{limit}; raise the limit with `ulimit -u`, or \
+        "{error}; this user has reached the limit of processes and threads{limit}; raise the limit with `ulimit -u`, or \
          `TasksMax=` of the service"
     )
 }

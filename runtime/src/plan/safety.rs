@@ -35,7 +35,7 @@ pub enum ResumeRule {
     Near,
     /// Stay in the safe state until `motorium resume`; then like `near`.
     Latch,
-    /// Apply them immediately, however far away they are.
+    /// Apply them immediately, at any distance.
     AtOnce,
 }
 

@@ -16,7 +16,7 @@ use crate::transport::{
 /// An output port that writes a state whose layout is given at run time. It is the only writer of its topic.
 ///
 /// Declare it with [`Declare::raw_output`](crate::declare::Declare::raw_output). Values published on an
-/// output that the graph leaves unconnected are checked, but nobody reads them.
+/// unwired output are checked and discarded.
 #[derive(Debug)]
 pub struct RawOutput {
     layout: TypeLayout,

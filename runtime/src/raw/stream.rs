@@ -75,7 +75,7 @@ impl RawStreamInput {
         Ok(Self { wired: Some(wired), effects: place.effects(participant) })
     }
 
-    /// The connection to be made before the first step.
+    /// Returns the connection to make before the first step.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
         self.wired.as_ref().map(|wired| wired.queue.connection())
     }
@@ -165,7 +165,7 @@ impl RawStreamOutput {
         Ok(output)
     }
 
-    /// The connection to be made before the first step.
+    /// Returns the connection to make before the first step.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
         self.wired.as_ref().map(|(_, stream, _)| stream.connection())
     }

@@ -251,7 +251,7 @@ impl GateBlock {
         core::array::from_fn(|reason| self.refused[reason].load(Relaxed))
     }
 
-    /// Number of entries into the safe state after applied commands.
+    /// Returns the number of entries into the safe state after applied commands.
     pub fn entries(&self) -> u64 {
         self.entries.load(Relaxed)
     }

@@ -83,7 +83,7 @@ impl Counts {
         self.latencies_at() + self.latencies * size_of::<LatencyBlock>()
     }
 
-    /// The heads of the rings, followed by the slots of each ring.
+    /// Returns the offset of the heads of the rings, which are followed by the slots of each ring.
     fn trace_at(self) -> usize {
         self.edges_at() + self.edges * size_of::<EdgeBlock>()
     }

@@ -76,7 +76,10 @@ pub(super) fn check(path: &Path) -> Result<(), RunFolderError> {
     };
     if !metadata.is_dir() {
         let found = if metadata.is_symlink() { "a symbolic link" } else { "no folder" };
-        return refuse(found.into(), format!("look who made it, and remove it: `rm {}`", path.display()));
+        return refuse(
+            found.into(),
+            format!("find out who created it, then remove it: `rm {}`", path.display()),
+        );
     }
     if metadata.uid() != user {
         let advice = if is_mapped_elsewhere() {
@@ -91,7 +94,7 @@ pub(super) fn check(path: &Path) -> Result<(), RunFolderError> {
         let found = format!("open to other users (mode {:o})", metadata.mode() & 0o7777);
         return refuse(
             found,
-            format!("look whether anything in it is not yours, then `chmod 700 {}`", path.display()),
+            format!("check that all of its content is yours, then `chmod 700 {}`", path.display()),
         );
     }
     Ok(())

@@ -47,6 +47,6 @@ pub struct Offer<'a> {
     pub command: &'a JointCommand,
     /// True if it was not offered in the previous step.
     pub is_new: bool,
-    /// Time between its setpoints and those of the previous command, s, over which rates are computed.
+    /// Time between its setpoints and the previous command's, s, over which rates are computed.
     pub ahead: f64,
 }

@@ -63,10 +63,10 @@ impl Joint {
 ///
 /// | state | position | gains | feed-forward |
 /// |---|---|---|---|
-/// | `hold` | current; with an acceleration limit, where 0.7 times the limit stops the joint | held gains | gravity |
+/// | `hold` | current; with an acceleration limit, stop at 0.7 times the limit | held gains | gravity |
 /// | `damp` | none | `kd` of the safe states | none |
 /// | `zero_torque` | none | none | none |
-/// | `brake` | none, then where the joint has stopped | 10^6 N m s/rad, then the gains of the safe states | gravity |
+/// | `brake` | none, then where the joint stopped | 10^6 N m s/rad, then the safe states' gains | gravity |
 ///
 /// Held gains are the larger of the last command's and the profile's, separately for `kp` and `kd`, but at
 /// most 16 times the profile's `kp` and 20 times its `kd`. If `kp` is larger than the profile's, `kd` is at

@@ -150,7 +150,7 @@ impl Session<'_> {
     ///
     /// # Errors
     /// The session does not stand in for the writer of the topic ([`Options`](crate::launcher::Options)), the
-    /// topic holds another type, or the value holds a number that is not finite.
+    /// topic has a different type, or a number of the value is not finite.
     pub fn publish<T: StateBuffer>(&mut self, topic: &str, value: &T) -> Result<(), SessionError> {
         self.publish_at(topic, value, None)
     }
@@ -194,7 +194,7 @@ impl Session<'_> {
     ///
     /// # Errors
     /// The session does not stand in for the writer of the topic ([`Options`](crate::launcher::Options)), the
-    /// topic is no state, or was published as a type before.
+    /// topic is not a state, or it was already published as a typed value.
     pub fn writer(&mut self, topic: &str) -> Result<TopicWriter<'_>, SessionError> {
         self.check_alive()?;
         let index = self.topic(topic)?;

@@ -12,7 +12,7 @@ pub trait StateBuffer: Field + ZeroCopySend {
     /// Name of the type for other languages and processes, such as `motorium.JointState`.
     const NAME: &'static str;
 
-    /// Names, offsets and types of the fields.
+    /// Returns the names, offsets and types of the fields.
     fn layout() -> TypeLayout;
 }
 

@@ -61,7 +61,7 @@ crate::state_buffer! {
         pub sent: u64,
         /// Number of frames not sent in time.
         pub unsent: u64,
-        /// Number of received frames lost before the graph.
+        /// Number of received frames lost before they reached the graph.
         pub dropped: u64,
         /// Number of device answers that did not arrive in time.
         pub unanswered: u64,
@@ -69,7 +69,7 @@ crate::state_buffer! {
         pub errors: u64,
         /// Number of times that the controller went bus-off.
         pub bus_off: u64,
-        /// Fraction of the time in which the bus carried bits, 0 to 1.
+        /// Fraction of time in which the bus carried bits, 0 to 1.
         pub load: f64,
     }
 }

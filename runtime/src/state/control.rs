@@ -35,7 +35,7 @@ crate::state_buffer! {
         pub status: u32,
         /// Iterations of the solver, in the first level.
         pub iterations: u32,
-        /// Number of levels below the first left undecided.
+        /// Number of levels below the first that remain undecided.
         pub undecided: u32,
         /// Number of active constraints, including those beyond the lists.
         pub constraints: u32,
@@ -62,10 +62,10 @@ impl ControlDiagnostics {
 
     /// Torque limit of the joint `index`.
     pub const TORQUE: u32 = 1;
-    /// Friction of the contact point `index`, counted over all contacts: four of a sole, one of any other.
+    /// Friction of the contact point `index`, counted over all contacts: four for a sole, one for any other.
     pub const FRICTION: u32 = 2;
-    /// Normal force of the contact point `index`, in the same numbering: it would pull (`LOWER`), or is at
-    /// its maximum (`UPPER`).
+    /// Normal force of the contact point `index`, in the same numbering: it would be negative (`LOWER`), or
+    /// is at its maximum (`UPPER`).
     pub const FORCE: u32 = 3;
     /// Position, velocity or acceleration limit of the joint `index`.
     pub const JOINT: u32 = 4;
@@ -74,7 +74,7 @@ impl ControlDiagnostics {
     /// A contact at rest: `index` is six times the contact's index, plus 0 to 2 along x, y, z, or 3 to 5
     /// about them.
     pub const MOTION: u32 = 6;
-    /// Row `index` of the limits of combinations of velocities, in the order of the configuration.
+    /// Row `index` of the limits on linear combinations of velocities, in the order of the configuration.
     pub const ROW: u32 = 7;
 
     /// The lower limit.

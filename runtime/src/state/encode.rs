@@ -21,7 +21,7 @@ pub enum EncodeError {
         advice: String,
     },
     /// A field occurs twice.
-    #[error("`{0}` stands there twice")]
+    #[error("`{0}` is given twice")]
     Twice(String),
     /// The value has the wrong type.
     #[error("`{field}` is {found}, expected {kind}{}", if kind.starts_with('f') { ", finite" } else { "" })]
@@ -259,7 +259,7 @@ mod tests {
             ("goal=[1]", "`goal` is u64, written as one number, such as 1"),
             ("goal=-1", "`goal` is -1, expected u64"),
             ("goal=1.5", "`goal` is 1.5, expected u64"),
-            ("goal=1 goal=2", "`goal` stands there twice"),
+            ("goal=1 goal=2", "`goal` is given twice"),
         ] {
             assert_eq!(refused::<PoseTarget>(text), answer);
         }

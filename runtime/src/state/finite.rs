@@ -139,7 +139,7 @@ mod tests {
         }
     }
 
-    /// Any bits: finite numbers, subnormal ones, infinities, NaNs of every payload.
+    /// Generates any bits: finite and subnormal numbers, infinities, NaNs with any payload.
     fn any_f64() -> impl Strategy<Value = f64> {
         prop_oneof![
             20 => any::<u64>().prop_map(f64::from_bits),

@@ -11,8 +11,8 @@ use super::counted::counted_buffer;
 pub const MAX_GOAL_TEXT: usize = 256;
 
 counted_buffer! {
-    /// A goal of a robot's joints: a pose of its end effector, positions of joints, or both. All other joints
-    /// keep their previous goal.
+    /// A goal for a robot's joints: a pose of its end effector, positions of joints, or both. All other
+    /// joints keep their previous goal.
     ///
     /// ```
     /// use motorium::state::MotionGoal;
@@ -25,7 +25,7 @@ counted_buffer! {
     /// ```
     pub struct MotionGoal as "motorium.MotionGoal", at most MAX_JOINTS {
         plain {
-            /// Number of the goal at its sender, repeated in [`GoalStatus`]. A goal that is sent again
+            /// Number of the goal assigned by its sender, repeated in [`GoalStatus`]. Sending a goal again
             /// without a change has no effect.
             number: u64;
             /// 1 if `position` is given, else 0.
@@ -103,7 +103,7 @@ counted_buffer! {
             error: f64;
         }
         counted {
-            /// The reason for which the goal was refused or missed, in UTF-8.
+            /// The reason why the goal was refused or missed, in UTF-8.
             text, text_mut: u8;
         }
     }

@@ -29,7 +29,7 @@ counted_buffer! {
     /// ```
     pub struct Weights as "motorium.Weights", at most MAX_WEIGHTS {
         plain {
-            /// Grows with each change: all blocks of one version belong together.
+            /// Increases with each change; all blocks of one version belong together.
             version: u64;
             /// Index of this block.
             block: u32;
@@ -146,7 +146,7 @@ crate::state_buffer! {
         pub reward: f64,
         /// Sum of the rewards of the episode so far.
         pub total: f64,
-        /// 1 if the task ended by itself, so that no further reward is possible.
+        /// 1 if the task reached a terminal state, so that no further reward is possible.
         pub terminal: u64,
         /// 1 if the episode was cut off, for example by a time limit.
         pub truncated: u64,
@@ -177,7 +177,7 @@ counted_buffer! {
         plain {
             /// Index of the episode.
             episode: u64;
-            /// Seed of the component in this episode: the same one draws the same numbers.
+            /// Seed of the component in this episode; equal seeds sample equal numbers.
             seed: u64;
         }
         counted {
@@ -185,7 +185,8 @@ counted_buffer! {
             property, property_mut: u32;
             /// The body, joint or object that it belongs to, by its index in the robot or the world; else 0.
             part, part_mut: u32;
-            /// The number drawn: a factor, a coefficient, a displacement in m or rad, a time in s, or a seed.
+            /// The sampled value: a factor, a coefficient, a displacement in m or rad, a time in s, or a
+            /// seed.
             value, value_mut: f64;
         }
     }

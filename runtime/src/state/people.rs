@@ -24,7 +24,7 @@ counted_buffer! {
     /// ```
     pub struct Controls as "motorium.Controls", at most MAX_AXES {
         plain {
-            /// A bit for each button that is pressed, button 0 the lowest.
+            /// One bit for each pressed button; button 0 is the lowest bit.
             buttons: u64;
         }
         counted {

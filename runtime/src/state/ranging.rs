@@ -54,11 +54,11 @@ counted_buffer! {
     /// ```
     pub struct HeightScan as "motorium.HeightScan", at most MAX_HEIGHTS {
         plain {
-            /// Points along x.
+            /// Number of points along x.
             rows: u32;
-            /// Points along y.
+            /// Number of points along y.
             columns: u32;
-            /// Distance of two points that are side by side, m.
+            /// Distance between adjacent points, m.
             spacing: f64;
             /// Minimum reported height, m; also used for points without a surface.
             least: f64;
@@ -109,7 +109,7 @@ crate::state_buffer! {
     pub struct Altitude as "motorium.Altitude" {
         /// Height above the reference of the sensor, m.
         pub height: f64,
-        /// Rate of the height, m/s.
+        /// Rate of change of the height, m/s.
         pub rate: f64,
     }
 }

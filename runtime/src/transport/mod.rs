@@ -2,8 +2,8 @@
 //!
 //! | pattern | reader | mechanism |
 //! |---|---|---|
-//! | state | the newest value, in place, of any size | pinned slots ([`latest`]), in shared memory of iceoryx2 |
-//! | stream | every value, in order, losses counted | a queue per reader ([`stream`]), iceoryx2 publish-subscribe |
+//! | state | the newest value, in place, of any size | pinned slots ([`latest`]) in iceoryx2 memory |
+//! | stream | every value in order, losses counted | a queue per reader ([`stream`]) of iceoryx2 |
 //! | parameter | a typed value, taken between two steps | iceoryx2 blackboard |
 //!
 //! [`Input`] and [`Output`] are the ports that a component uses in its steps, [`Trigger`] waits for a topic,

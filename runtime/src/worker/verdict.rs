@@ -81,7 +81,7 @@ impl LeakyCounter {
 mod tests {
     use super::*;
 
-    /// Released at 1000 with a deadline of 2000; 100 of work.
+    /// Returns a step released at 1000 with a deadline of 2000 and 100 of work.
     fn in_time() -> Evidence {
         Evidence {
             release_ns: 1_000,

@@ -123,7 +123,7 @@ pub(super) fn resolve<'g, 'i>(
     for (robot, _) in robots.iter().zip(used).filter(|(_, used)| !used) {
         report
             .warning(format!("no component works on robot `{}`", robot.name))
-            .label(&robot.place, "used by nobody")
+            .label(&robot.place, "unused")
             .advise(format!("add `robot = \"{}\"` to a component, or leave the robot out", robot.name));
     }
     drafts
@@ -150,7 +150,7 @@ fn unread_world(
     if !drafts.iter().any(reads) {
         report
             .warning("no component reads the `[world]` of the graph")
-            .label(&world.key, "read by nobody")
+            .label(&world.key, "not read")
             .advise("leave it out, or simulate it by a component such as `physics.articulated`");
     }
 }

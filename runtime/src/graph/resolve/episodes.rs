@@ -57,13 +57,13 @@ pub(super) fn check(graph: &GraphTable<'_>, drafts: &[Draft<'_, '_>], report: &m
     let Some(at) = graph.episodes.as_ref() else { return };
     let Some(table) = at.get() else { return };
     if let Some(count) = table.count.as_ref().filter(|count| count.get() == Some(&0)) {
-        report.error("a run of no episodes").label(&count.span, "expected at least 1");
+        report.error("a run without episodes").label(&count.span, "expected at least 1");
     }
     if let Some((name, span)) = &beginning {
         report
             .error(format!("`[episodes]` and component `{name}` both divide the run"))
             .label(&at.span, "a fixed number of episodes")
-            .and(span, "begins episodes when it decides to")
+            .and(span, "begins episodes at any time")
             .advise("remove one of them");
     } else if good(&graph.duration).is_none() && ending.is_none() {
         report

@@ -83,7 +83,7 @@ impl ExecProblem {
         if let Self::NoComponent { stderr, .. } = self
             && !stderr.is_empty()
         {
-            diagnostic.note(format!("it said: {stderr}"));
+            diagnostic.note(format!("standard error: {stderr}"));
         }
         diagnostic.advise(match self {
             Self::Missing(_) => format!("{}; the path is relative to the graph file", self.advice()),

@@ -105,8 +105,8 @@ fn budget<'g>(
     }
     if let Some(max) = table.max.as_ref().filter(|max| max.get() == Some(&TimeSpan { ns: 0 })) {
         report
-            .error("a latency budget of nothing cannot be met")
-            .label(&max.span, "no time at all")
+            .error("a latency budget of zero cannot be met")
+            .label(&max.span, "expected a time above zero")
             .advise("allow at least the execution budgets of the components on the path");
     }
     let from = topic(table.from.as_ref(), wiring, report);

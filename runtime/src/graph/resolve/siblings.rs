@@ -170,7 +170,7 @@ impl Homeless {
                 if let ExecProblem::NoComponent { stderr, .. } = &**problem
                     && !stderr.is_empty()
                 {
-                    diagnostic.note(format!("it said: {stderr}"));
+                    diagnostic.note(format!("standard error: {stderr}"));
                 }
                 diagnostic.advise(match sibling.install {
                     Some(install) => {

@@ -320,8 +320,8 @@ fn budgets(drafts: &[Draft<'_, '_>], timing: &Timing, report: &mut Report) {
         let Some(budget) = at.get() else { continue };
         if budget.ns == 0 {
             report
-                .error(format!("component `{}` has no time to step", draft.name))
-                .label(&at.span, "a budget of nothing")
+                .error(format!("the budget of component `{}` is zero", draft.name))
+                .label(&at.span, "expected a time above zero")
                 .advise("leave `budget` out if the execution time does not matter");
         }
         let (Some(period_ns), Some(head)) = (timing.period_ns(component), timing.head[component]) else {

@@ -87,15 +87,15 @@ impl fmt::Display for Event<'_> {
                     Latch::EmergencyStop => "release the emergency stop, then ",
                     Latch::Stop | Latch::SafeState => "",
                 };
-                write!(f, "the robot stays in its safe state, {cause}; to go on: {first}`motorium resume`")
+                write!(f, "the robot stays in its safe state, {cause}; to continue: {first}`motorium resume`")
             }
-            Self::Resumed => f.write_str("resumed: the robot comes back to its commands"),
+            Self::Resumed => f.write_str("resumed: the robot returns to its commands"),
             Self::LosesSteps { component, share } => {
                 write!(f, "`{component}` lost {} of its steps in the last second", LostShare(*share))
             }
             Self::Waiting { component, tick, for_ns } => write!(
                 f,
-                "`{component}` has been in tick {tick} for {:.1} s; simulated time stands still until it ends (Ctrl-C stops)",
+                "`{component}` has been in tick {tick} for {:.1} s; simulated time does not advance until it ends (Ctrl-C stops)",
                 *for_ns as f64 * 1e-9
             ),
             Self::Ending(Exit::Finished) => f.write_str("the run ends: its time is over"),
@@ -119,7 +119,7 @@ impl Refusal {
     pub fn description(self) -> &'static str {
         match self {
             Self::Content => "not finite",
-            Self::Count => "for another number of joints",
+            Self::Count => "for a different number of joints",
             Self::NegativeGain => "with a negative gain",
             Self::Limits => "beyond a limit",
             Self::Future => "stamped in the future",
@@ -142,7 +142,7 @@ fn names(names: &[&str]) -> String {
 fn causes(misses: &Misses) -> String {
     let causes = [
         (misses.long_step, "too long"),
-        (misses.late_wake, "held up by others"),
+        (misses.late_wake, "delayed by others"),
         (misses.stolen, "by the host"),
         (misses.late_input, "without a fresh command"),
     ];

@@ -74,7 +74,7 @@ impl Node {
 
     /// Schedules the component by deadline, with spare run time.
     pub(crate) fn by_deadline(mut self, needs_ns: u64, room_ns: u64) -> Self {
-        let When::Every(period_ns, _) = self.when else { panic!("deadlines are those of periods") };
+        let When::Every(period_ns, _) = self.when else { panic!("only periodic components have deadlines") };
         self.class = SchedulingClass::Deadline { runtime_ns: (needs_ns + room_ns).min(period_ns), period_ns };
         self.core = None;
         self

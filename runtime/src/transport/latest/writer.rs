@@ -42,7 +42,7 @@ impl StateWriter {
         debug_assert_eq!(size_of::<T>(), self.memory.value_bytes());
         // A polling core has a copy of the line: fetch it back while the value is being filled.
         prefetch_write(core::ptr::from_ref(self.memory.head()).cast(), 1);
-        // SAFETY: the slot is claimed, so no reader uses it, and by the caller's promise nobody else does.
+        // SAFETY: the slot is claimed, so no reader uses it, and by the caller's contract nothing else does.
         // The port was opened for exactly this layout; every bit pattern is a valid value.
         unsafe { &mut *self.memory.value(self.slot()).cast::<T>() }
     }
@@ -54,8 +54,8 @@ impl StateWriter {
     #[inline]
     #[allow(clippy::mut_from_ref)]
     pub(crate) unsafe fn bytes_mut(&self) -> &mut [u8] {
-        // SAFETY: the slot is claimed, so no reader uses it, and by the caller's promise nobody else does. It
-        // has room for a value of this size and was initialised by the system or an earlier publication.
+        // SAFETY: the slot is claimed, so no reader uses it, and by the caller's contract nothing else does.
+        // It has room for a value of this size and was initialised by the system or an earlier publication.
         unsafe { core::slice::from_raw_parts_mut(self.memory.value(self.slot()), self.memory.value_bytes()) }
     }
 

@@ -47,7 +47,7 @@ pub(in crate::transport) fn builder(
     let service = node.service_builder(&service_name("topic", &topic.name)?);
     let builder = service.publish_subscribe::<Bytes>().user_header::<Header>();
     // SAFETY: the details describe a `StateBuffer` (`repr(C)`, fixed size, with its declared alignment) and a
-    // `Stamp`. iceoryx2 compares them with those of an existing service.
+    // `Stamp`. iceoryx2 compares them with an existing service's.
     Ok(unsafe {
         builder.__internal_set_payload_type_details(&payload).__internal_set_user_header_type_details(&stamp)
     })

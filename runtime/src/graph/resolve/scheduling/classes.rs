@@ -43,7 +43,7 @@ pub(super) fn classes(
                     "component `{}` is real-time, but waits for `{}`, which is not",
                     draft.name, drafts[head].name
                 ))
-                .label(&draft.place, "its trigger chain can be held up by any other program")
+                .label(&draft.place, "any other program can delay its trigger chain")
                 .and(&drafts[head].place, "scheduled as `normal`")
                 .advise("schedule both in the same way");
         }
@@ -81,7 +81,7 @@ fn deadline(draft: &Draft<'_, '_>, period_ns: Option<u64>, report: &mut Report) 
     if table.budget.is_none() {
         report
             .error(format!("component `{name}` is scheduled by its deadline but has no budget"))
-            .label(place, "the kernel wants to know how much time it needs in every period")
+            .label(place, "the kernel must know the time it needs in every period")
             .advise("add `budget = \"200 us\"`, or what `motorium calibrate` proposes");
     }
     if let Some((trigger, _, label)) = activate::not_by_the_clock(draft) {

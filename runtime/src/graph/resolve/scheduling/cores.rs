@@ -35,7 +35,7 @@ pub(super) fn cores(graph: &GraphTable<'_>, machine: &Machine, report: &mut Repo
             if cores.contains(number) {
                 report
                     .error(format!("core {number} is listed twice"))
-                    .label(&core.span, "once is enough")
+                    .label(&core.span, "already listed")
                     .advise("leave one of them out");
             } else if exists(*number, machine, core, report) {
                 cores.push(*number);
