@@ -55,7 +55,7 @@ pub(crate) struct Context {
     signals: Arc<Signals>,
     /// Trace of the component, if the run is traced.
     trace: Option<TraceWriter>,
-    /// Number of the episode.
+    /// Index of the episode.
     episode: Cell<u64>,
     /// Number of started episodes; the content of a port belongs to one of them.
     era: Cell<u32>,
@@ -169,7 +169,7 @@ impl Context {
         self.causality.enter_step();
     }
 
-    /// Number of the episode.
+    /// Returns the index of the episode.
     #[inline]
     pub(crate) fn episode(&self) -> u64 {
         self.episode.get()

@@ -81,7 +81,7 @@ impl Diagnostic {
         &self.message
     }
 
-    /// Advice, in one sentence.
+    /// Returns the advice, in one sentence.
     pub fn advice(&self) -> Option<&str> {
         self.advice.as_deref()
     }
@@ -125,7 +125,7 @@ impl Diagnostic {
         self
     }
 
-    /// Advice, in one sentence.
+    /// Sets the advice, in one sentence.
     pub(super) fn advise(&mut self, advice: impl Into<String>) -> &mut Self {
         self.advice = Some(shortened(advice.into()));
         self
