@@ -48,9 +48,9 @@ pub struct Tick {
     /// Index of the step since the last reset or the start of the run, from 0. Restarts of the component and
     /// new episodes in real time do not reset it.
     pub index: u64,
-    /// Time for which the step computes, ns since the run began, or since the last reset in lockstep. For a
-    /// time-triggered component this is the scheduled release, for a triggered one the publish time of the
-    /// sample that woke it, for a sporadic one the arrival of the event that released it.
+    /// Time for which the step computes, ns since the run began, or since the last reset in lockstep. This is
+    /// the scheduled release of a time-triggered component, the publish time of the sample that woke a
+    /// triggered component, or the arrival of the event that released a sporadic component.
     pub time_ns: u64,
     /// Deadline of the step, ns on the clock of `time_ns`: one period later, when the next step of a
     /// time-triggered component is due. The value is the same in lockstep, where no step is ever late because

@@ -37,9 +37,9 @@ pub(crate) enum Withheld {
     InFuture { ahead_ns: u64 },
 }
 
-/// The state that the ports, the setup and the loop of one component share: its identity in the run, its
-/// clock, the times that its step propagates, the work deferred to the end of the step, and the signals it
-/// received.
+/// The state that the ports, the setup and the loop of one component share. It consists of its identity in
+/// the run, its clock, the times that its step propagates, the work deferred to the end of the step, and the
+/// signals it received.
 #[derive(Debug)]
 pub(crate) struct Context {
     region: Rc<Region>,

@@ -313,9 +313,9 @@ impl Declare {
         self.declaration.resets = true;
     }
 
-    /// Declares that this component has a file descriptor, such as a socket, that can release its steps: a
-    /// graph may set `activate = { on = "fd", min_interval = "1 ms" }`. The component passes the descriptor
-    /// to `Setup::wake_on`.
+    /// Declares that this component has a file descriptor, such as a socket, that can release its steps. A
+    /// graph may then set `activate = { on = "fd", min_interval = "1 ms" }`. The component passes the
+    /// descriptor to `Setup::wake_on`.
     pub fn wakes_on_descriptor(&mut self) {
         self.declaration.wakes_on_descriptor = true;
     }

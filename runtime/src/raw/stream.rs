@@ -205,9 +205,9 @@ impl RawStreamOutput {
     /// the components that it triggers.
     ///
     /// # Errors
-    /// The value is not published if a number is not finite, a count exceeds its array, it is longer than
-    /// declared, it is not a whole number of elements, the step is past its deadline, or readers still use
-    /// all samples.
+    /// The value is not published if its content is invalid, that is, if a number is not finite or a count
+    /// exceeds its array. It is not published either if it is longer than declared or not a whole number of
+    /// elements, if the step is past its deadline, or if readers still use all samples.
     pub fn publish(&mut self, bytes: &[u8]) -> Result<(), RawError> {
         self.finish(bytes, None)
     }

@@ -1,8 +1,9 @@
 //! The turn of lockstep, which is the right to step, held by one component or the launcher at a time.
 //!
 //! The launcher passes the turn to the first component of a round. After its step, each holder passes it to
-//! the next due component, in this round or the next, without waking the launcher, or back to the launcher if
-//! it may not continue. If a process dies with the turn, the launcher detects this and takes the turn back.
+//! the next due component in this round or the next, without waking the launcher. A holder that may not
+//! continue returns it to the launcher. If a process dies with the turn, the launcher detects this and takes
+//! the turn back.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU32, AtomicU64};

@@ -155,8 +155,8 @@ impl JointLimits {
         if self.acceleration.is_finite() { self.acceleration } else { self.velocity / FULL_SPEED }
     }
 
-    /// Sets the effort limit, N m or N, and derives the largest useful gains from it: the position gain with
-    /// full effort at 10 mrad (or mm), and the velocity gain with full effort at a thousandth of the velocity
+    /// Sets the effort limit, N m or N, and derives the largest useful gains from it. These apply the full
+    /// effort at a position error of 10 mrad (or mm) and at a velocity error of a thousandth of the velocity
     /// limit.
     #[must_use]
     pub fn with_effort(mut self, effort: f64) -> Self {

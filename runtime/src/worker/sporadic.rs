@@ -1,9 +1,9 @@
 //! The loop of a component that steps when its descriptor is readable.
 //!
-//! One system call waits for all events: the descriptor, a command of the launcher (as a signal, which is
-//! blocked except during the wait) and, in an actuator, the time at which its command becomes stale. Events
-//! within `min_interval` of the last release are deferred until that time has passed, and all events until
-//! then cause one release.
+//! One system call waits for all events: the descriptor, a command of the launcher and, in an actuator, the
+//! time at which its command becomes stale. The command is a signal, which is blocked except during the wait.
+//! Events within `min_interval` of the last release are deferred until that time has passed, and all events
+//! until then cause one release.
 
 use super::Failure;
 use super::rest::Rest;

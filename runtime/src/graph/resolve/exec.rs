@@ -1,9 +1,9 @@
 //! User programs: search, and queries of their declarations.
 //!
-//! The program is run once as `program motorium-describe`, receives `{"config": ..., "robot": ...,
-//! "placement": ...}` on standard input and answers on standard output with `{"motorium": VERSION,
-//! "declaration": ...}`, or with `{"motorium": VERSION, "error": {"key": ..., "message": ..., "advice":
-//! ...}}`.
+//! The program is run once as `program motorium-describe`. It receives
+//! `{"config": ..., "robot": ..., "placement": ...}` on standard input and answers on standard output with
+//! `{"motorium": VERSION, "declaration": ...}`, or with
+//! `{"motorium": VERSION, "error": {"key": ..., "message": ..., "advice": ...}}`.
 
 use std::io::{Read as _, Write as _};
 use std::os::unix::fs::PermissionsExt as _;

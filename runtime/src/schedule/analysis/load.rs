@@ -19,7 +19,7 @@ pub(in crate::schedule) struct Burst {
 ///
 /// The share of a core is a mean, but the kernel counts in periods. In a window of length P a task of cost C,
 /// period T and response time R runs for at most `n * C + min(C, P + R - C - n * T)` with
-/// `n = floor((P + R - C) / T)`: its first job runs as late as possible, its last one immediately (M.
+/// `n = floor((P + R - C) / T)`. Its first job runs as late as possible, its last one immediately (M.
 /// Bertogna, M. Cirinei, G. Lipari 2005).
 pub(in crate::schedule) fn longest_burst(
     tasks: &StaticPlan,

@@ -204,7 +204,7 @@ impl Writer {
             count += 1;
         }
         A::fence(Site::Claim);
-        // The last one is filled first, so the slots are used from highest to lowest: a reader's processor
+        // The last one is filled first, so the slots are used from highest to lowest. A reader's processor
         // prefetches lines past the end of its value, which then belong to an older value, not to the next
         // slot to be filled.
         for (slot, held) in &marked[..count] {
