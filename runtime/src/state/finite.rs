@@ -4,7 +4,7 @@
 
 use core::ops::BitOr;
 
-/// Minimum number of values for SIMD instructions, whose function may be on another page of code.
+/// Minimum number of values for SIMD instructions, which are in a separate function on another page.
 #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
 const WIDE: usize = 256;
 

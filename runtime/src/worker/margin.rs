@@ -13,7 +13,7 @@ const ROOM_NS: u64 = 2_000;
 
 /// The spin margin of one component, which is tuned to the measured wake errors if the plan requires it.
 ///
-/// A tuned margin is an eighth more than the second largest wake error of each of the last windows, so single
+/// A tuned margin covers the second largest wake error of each of the last windows plus an eighth, so single
 /// stalls do not widen it. It never exceeds its share of the period.
 #[derive(Debug, Clone)]
 pub(super) struct Margin {
