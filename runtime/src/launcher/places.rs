@@ -38,8 +38,8 @@ impl Places {
                 Ok(Some(status)) => {
                     self.next = Some(now + AFTER_CRASH);
                     let line = format!(
-                        "the places of dead processes in the topics: freeing them ended with {status}; a component \
-                         that dies again may not find a place"
+                        "the slots of dead processes in the topics could not be freed ({status}); a component that \
+                         crashes again may find no free slot"
                     );
                     observe(Event::Lost(&line));
                 }

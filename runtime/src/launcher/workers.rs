@@ -163,7 +163,7 @@ impl Workers {
             }
             let dropped = child.dropped();
             if dropped > 0 {
-                let line = format!("({dropped} lines were dropped: they came too fast)");
+                let line = format!("({dropped} lines were dropped because they came too fast)");
                 observe(Event::Output { component: child.name(), line: &line });
             }
         }

@@ -43,10 +43,10 @@ pub(super) fn resolve(
     if clock == ClockKind::Lockstep {
         report
             .error(format!("component `{name}` waits for events, and in lockstep there are none"))
-            .label(&at.key, "events come in real time, from outside of the graph")
+            .label(&at.key, "events come in real time, from outside the graph")
             .advise(
-                "in lockstep give it a `rate` in place of `activate`: it then looks for events at each step, and no two runs are \
-                 the same; or put a component in its place that simulates the source",
+                "in lockstep give it a `rate` instead of `activate`: it then polls for events at each step, and runs are not \
+                 reproducible; or replace it by a component that simulates the source",
             );
     }
     let values = at.get()?;
@@ -78,7 +78,7 @@ fn can_wait(draft: &Draft<'_, '_>, at: &At<ActivateTable>, report: &mut Report) 
     let kind = draft.table.kind.as_ref().or(draft.table.exec.as_ref());
     let diagnostic = report
         .error(format!("component `{}` has no descriptor that could release it", draft.name))
-        .label(&at.span, "only kinds that wait for something outside of the graph have one")
+        .label(&at.span, "only kinds that wait for something outside the graph have one")
         .advise("give it a `rate`, or a `trigger`");
     if let Some(kind) = kind.filter(|kind| kind.get().is_some()) {
         diagnostic.and(&kind.span, "this one reads and writes topics only");

@@ -132,7 +132,7 @@ fn topic(at: Option<&At<TopicName>>, wiring: &Wiring, report: &mut Report) -> Op
     let found = wiring.topic(name).filter(|topic| wiring.writer(*topic).is_some());
     if found.is_none() && !wiring.incomplete {
         report
-            .error(format!("nobody writes topic `{name}`"))
+            .error(format!("topic `{name}` has no writer"))
             .label(&at.span, "not a topic that can be measured")
             .advise(suggest(name, wiring.written(), "the topics of this graph are"));
     }
@@ -206,7 +206,7 @@ fn no_path(
     let cause = causes[writer].and_then(|cause| wiring.of_port(writer, Direction::Input, cause)?.topic);
     let name = drafts[writer].name;
     let diagnostic = report
-        .error(format!("no data goes from `{from}` to `{to}`"))
+        .error(format!("no data flows from `{from}` to `{to}`"))
         .label(budget.to_span, format!("not made from `{from}`"))
         .and(budget.from_span, "the budget starts here");
     let Some(cause) = cause else {
@@ -222,7 +222,7 @@ fn no_path(
     };
     let reason = match timing.activation[writer] {
         Some(Activation::Triggered { .. }) => "its trigger",
-        _ => "which lies on the path of another latency budget",
+        _ => "which is on the path of another latency budget",
     };
     diagnostic.note(format!(
         "`{to}` is written by `{name}` and has the source time of `{}`, {reason}",

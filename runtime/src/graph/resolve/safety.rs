@@ -35,11 +35,11 @@ pub(super) fn resolve(
     let stale_after =
         table.map_or(defaults::STALE_AFTER, |table| good_or(&table.stale_after, defaults::STALE_AFTER));
     let at = table.and_then(|table| table.stale_after.as_ref());
-    bounds::not_zero("stale_after", at, "every command would be stale at once", report);
+    bounds::not_zero("stale_after", at, "every command would be stale immediately", report);
     if let Some(at) = graph.duration.as_ref().filter(|at| at.get() == Some(&TimeSpan { ns: 0 })) {
         report
             .error("`duration` is zero")
-            .label(&at.span, "the run would end at once")
+            .label(&at.span, "the run would end immediately")
             .advise("leave it out to run until stopped");
     }
     for draft in drafts {

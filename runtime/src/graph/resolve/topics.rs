@@ -55,7 +55,7 @@ fn without_writer(topic: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, repor
         };
         let component = drafts[reader.component].name;
         report
-            .error(format!("nobody writes topic `{name}`, which `{component}` reads"))
+            .error(format!("topic `{name}`, which `{component}` reads, has no writer"))
             .label(&reader.span, "a topic without a writer")
             .advise(advice);
     }

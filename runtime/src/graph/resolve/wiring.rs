@@ -251,7 +251,7 @@ fn nothing_to_do(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, repor
         report
             .warning(format!("component `{}` has no ports: the graph cannot see what it does", draft.name))
             .label(&draft.place, "neither reads nor writes")
-            .advise("harmless if it only acts outside of the graph");
+            .advise("harmless if it only acts outside the graph");
     } else if declaration.ports.iter().all(|port| !port.required) {
         // a missing required port has been reported already
         let ports: Vec<String> =

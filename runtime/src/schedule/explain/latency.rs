@@ -22,7 +22,7 @@ pub(in crate::schedule) fn latency(analysis: &Analysis<'_>, budget: &LatencyPlan
     let events = latency::sampled_events(plan, &path);
     let arithmetic = match (&bounded, analysed) {
         (None, true) if !events.is_empty() => {
-            format!("{} when events come, however seldom: no bound", stepping(plan, &events))
+            format!("{} when events come, which may be arbitrarily rare: no bound", stepping(plan, &events))
         }
         (Some(sum), _) => {
             words::comparison(&sum_terms(analysis, &path, sum), words::time(sum.ns), holds, &max)

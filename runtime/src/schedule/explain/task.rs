@@ -93,7 +93,7 @@ fn by_deadline(
         responses.reserved_response[index],
         responses.reserved_finish(index).and_then(|ns| u64::try_from(ns).ok()),
     ) else {
-        found.arithmetic = format!("not in time for certain beside the other deadlines > {deadline}");
+        found.arithmetic = format!("not guaranteed to be in time with the other deadlines > {deadline}");
         return found;
     };
     let holds = finish <= found.deadline_ns;

@@ -119,7 +119,7 @@ fn notes(plan: &Plan, tasks: &StaticPlan, hyperperiod_ns: Option<u64>, length_ns
     let reserved: Vec<usize> = all.clone().filter(|index| tasks.reservation(*index).is_some()).collect();
     if !reserved.is_empty() {
         notes.push(format!(
-            "scheduled by deadlines, on whatever core and before all that is drawn, not drawn: {}",
+            "scheduled by deadline, on any core ahead of all drawn components, not drawn: {}",
             words::names(plan, &reserved)
         ));
     }

@@ -56,7 +56,7 @@ pub(in super::super) fn resolve(
         bounds::not_zero(
             "stale_after",
             table.stale_after.as_ref(),
-            "every command would be stale at once",
+            "every command would be stale immediately",
             report,
         );
         bounds::check_age("stale_after", table.stale_after.as_ref(), 0, report);

@@ -134,7 +134,7 @@ fn given(
     if schedule == Schedule::Deadline {
         report
             .error(format!("component `{}` is scheduled by its deadline and cannot have a core", draft.name))
-            .label(&at.key, "`SCHED_DEADLINE` runs a component on whatever core is free")
+            .label(&at.key, "`SCHED_DEADLINE` runs a component on any free core")
             .advise("leave `core` out, or schedule the component as `fifo`");
         return None;
     }

@@ -24,7 +24,7 @@ pub(super) fn warn(drafts: &[Draft<'_, '_>], schedules: &[Schedule], wiring: &Wi
             None => (
                 &draft.place,
                 "scheduled as `normal`",
-                "write `schedule = \"normal\"` if the graph can bear it",
+                "write `schedule = \"normal\"` if the graph tolerates that",
             ),
         };
         let diagnostic = report
