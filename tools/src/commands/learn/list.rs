@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, anyhow, ensure};
 use motorium_learners::imitation;
 use motorium_learners::learner::Algorithm;
 use motorium_learners::task::Task;
@@ -27,10 +27,13 @@ pub(super) struct List {
 impl List {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let place = self.folder.display().to_string();
-        let entries = std::fs::read_dir(&self.folder).with_context(|| place.clone())?;
+        const HELP: &str = "help: name a folder of task files: `motorium learn list FOLDER`";
+        let entries = std::fs::read_dir(&self.folder)
+            .map_err(|error| anyhow!("{place}: {error}, expected a folder of task files (.toml)\n{HELP}"))?;
         let mut files: Vec<PathBuf> =
             entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
         files.retain(|file| file.extension().is_some_and(|extension| extension == "toml"));
+        ensure!(!files.is_empty(), "{place}: found no task file, expected files that end in .toml\n{HELP}");
         files.sort();
         let mut tasks = Vec::new();
         for file in files {
