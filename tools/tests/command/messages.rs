@@ -215,6 +215,12 @@ fn columns_that_do_not_fit_the_robot_are_named() {
         let error = refused(table, &[]);
         assert!(error.contains(reason), "{error}");
     }
+    let degrees = "; the table seems to be in degrees, and positions of joints that turn are in rad: 90 degrees are 1.5708 rad";
+    let error = refused("time_s,panda_joint1,panda_joint2\n0,0,0\n1,2,1\n2,3,2\n3,90,20\n", &[]);
+    assert!(error.contains(degrees), "{error}");
+    // 300 degrees are out of reach, too
+    let error = refused("time_s,panda_joint1\n0,0\n1,90\n2,300\n", &[]);
+    assert!(error.contains("is at 90 at 1.000 s") && !error.contains("degrees"), "{error}");
     let error = refused("time_s,panda_joint1\n0,0\n1,0\n", &["--speed", "0"]);
     assert!(error.contains("expected a number above 0"), "{error}");
 }
