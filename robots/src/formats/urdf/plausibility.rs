@@ -15,7 +15,7 @@ pub(crate) const LONGEST: f64 = 20.0;
 /// Longest shortest side of a fixed object \[m\]: no wall, table or building is thicker.
 const THICKEST: f64 = 100.0;
 /// Largest radius of gyration \[m\]: a rod of length [`LONGEST`] has it.
-const LARGEST_GYRATION: f64 = LONGEST * 0.288_675_134_594_812_9;
+const LARGEST_GYRATION: f64 = 0.289 * LONGEST;
 /// Density of osmium \[kg/m3\], the largest of a solid.
 const OSMIUM: f64 = 22_590.0;
 /// Fraction of the moment of a ball of osmium below which an inertia is in another unit. Files of real robots
@@ -101,9 +101,6 @@ fn warn_of_followers(model: &Model, warnings: &mut Vec<ModelWarning>) {
     }
 }
 
-/// Length of an inertia.
-const GYRATION: &str = "radius of gyration";
-
 /// Reports links with a part longer than [`LONGEST`]: the inertia, a collision shape of a moving link, or the
 /// distance from the carrying body. The base and the world may be larger.
 fn warn_of_sizes(model: &Model, warnings: &mut Vec<ModelWarning>) {
@@ -120,11 +117,13 @@ fn warn_of_sizes(model: &Model, warnings: &mut Vec<ModelWarning>) {
             true => body.joint.placement.translation.vector.norm(),
             false => frame.placement.translation.vector.norm(),
         };
-        let lengths =
-            [("collision shape", length), (GYRATION, gyration), ("distance from its parent", distance)];
-        let most = |what| if what == GYRATION { LARGEST_GYRATION } else { LONGEST };
-        let found = lengths.into_iter().find(|(what, metres)| *metres > most(what));
-        if let Some((what, metres)) = found {
+        let lengths = [
+            ("collision shape", length, LONGEST),
+            ("radius of gyration", gyration, LARGEST_GYRATION),
+            ("distance from its parent", distance, LONGEST),
+        ];
+        let found = lengths.into_iter().find(|(_, metres, most)| metres > most);
+        if let Some((what, metres, _)) = found {
             warnings.push(ModelWarning::Oversized { link: frame.name.clone(), what, metres });
         }
     }

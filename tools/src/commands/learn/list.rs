@@ -11,6 +11,9 @@ use serde_json::json;
 
 use crate::out::outln;
 
+/// Remedy for a folder without tasks.
+const HELP: &str = "help: name a folder of task files: `motorium learn list FOLDER`";
+
 /// List the tasks of a folder: title, robot, rate and range of the reward.
 ///
 /// Example: motorium learn list
@@ -27,7 +30,6 @@ pub(super) struct List {
 impl List {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let place = self.folder.display().to_string();
-        const HELP: &str = "help: name a folder of task files: `motorium learn list FOLDER`";
         let entries = std::fs::read_dir(&self.folder)
             .map_err(|error| anyhow!("{place}: {error}, expected a folder of task files (.toml)\n{HELP}"))?;
         let mut files: Vec<PathBuf> =
