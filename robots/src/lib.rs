@@ -79,7 +79,7 @@ pub use dynamics::{
 pub use file::read_bounded;
 pub use formats::colours::{Colour, LinkColours};
 pub use formats::format::{FileFormat, is_mjcf};
-pub use formats::lines::Position;
+pub use formats::lines::{FilePosition, Position};
 pub use formats::mjcf;
 pub use formats::mjcf::{MjcfError, MjcfProblem, MjcfRobot, parse_mjcf};
 pub use formats::options::{BaseMode, LoadOptions, MimicMode, ProfileChoice, ShapeSource};
@@ -103,6 +103,7 @@ pub use loading::load::{LoadError, Loaded, load, load_with};
 pub use loading::postures::Posture;
 pub use loading::setting_error::SettingError;
 pub use loading::source::{RobotSource, RobotSourceError};
+pub use math::degrees::suspected_degrees;
 pub use math::twist::{Reference, Twist};
 pub use math::{M3, V3, lie};
 pub use mesh::{MeshError, MeshProblem, TriangleMesh, VolumeProperties};

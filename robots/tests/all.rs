@@ -32,6 +32,7 @@ mod profiles;
 mod properties;
 mod solids;
 mod standing;
+mod units;
 mod urdf_faults;
 mod urdf_reading;
 mod urdf_writing;

@@ -230,7 +230,7 @@ fn faulty_mesh_is_rejected_with_its_line() {
         let error = TriangleMesh::read(&write(folder.path(), name, content)).unwrap_err().to_string();
         error.replace(&format!("{}/", folder.path().display()), "")
     };
-    assert_eq!(refusal("a.obj", b"v 0 0 0\nf 1 2 3\n"), "a.obj:2: names corner 1 of 1");
+    assert_eq!(refusal("a.obj", b"v 0 0 0\nf 1 2 3\n"), "a.obj:2: a face names corner 2, expected 1 to 1");
     assert_eq!(refusal("b.obj", b"v 0 0 zero\n"), "b.obj:1: \"zero\" is not the number expected there");
     assert_eq!(
         refusal("c.stl", &stl_binary(b"")[..200]),

@@ -299,8 +299,8 @@ fn recordings_of_runs() {
         vec![
             reader(&["recover", "FILE", "--output", "out.mcap"], ".mcap", corpus.clone()),
             reader(&["score", "FILE"], ".mcap", corpus.clone()),
-            reader(&["export", "FILE", "--output", "tables"], ".mcap", corpus.clone()),
-            reader(&["report", "FILE", "--output", "out.html"], ".mcap", corpus.clone()),
+            reader(&["export", "FILE", "--output", "tables", "--overwrite"], ".mcap", corpus.clone()),
+            reader(&["report", "FILE", "--output", "out.html", "--overwrite"], ".mcap", corpus.clone()),
             reader(&["animate", "FILE", "--size", "64x48", "--output", "out.png"], ".mcap", corpus.clone()),
             reader(&["replay", "FILE", "--speed", "0"], ".mcap", corpus.clone()),
             reader(&["plot", "FILE", "panda/joint_state.position", "--output", "out.svg"], ".mcap", corpus),

@@ -346,8 +346,8 @@ fn report_page_shows_only_its_own_run() {
     let ended = motorium(&[&["run", text(&graph)], &arguments[..]].concat());
     std::fs::write(&json, &ended.stdout).expect("a file");
     let page = folder.path().join("a.html");
-    let report =
-        |json: &Path| motorium(&["report", text(&file), "--results", text(json), "--output", text(&page)]);
+    let common = ["report", text(&file), "--overwrite", "--output", text(&page)];
+    let report = |json: &Path| motorium(&[&common[..], &["--results", text(json)]].concat());
     let output = report(&json);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let written = std::fs::read_to_string(&page).expect("written");

@@ -12,6 +12,7 @@ mod input;
 mod interrupt;
 mod metrics;
 mod out;
+mod output;
 mod overheads;
 mod printer;
 mod progress;

@@ -64,7 +64,7 @@ fn kinds() -> Vec<Kind> {
 }
 
 fn check_robot(robot: &RobotReference) -> Result<Vec<String>, ConfigError> {
-    let loaded = crate::robots::load(robot).map_err(|error| match *error.source {
+    let loaded = crate::robots::load_in_world(robot).map_err(|error| match *error.source {
         LoadError::Profile { .. } if robot.profile.is_some() => {
             ConfigError::key("profile", error.source.to_string())
                 .advise("`motorium robot profile FILE` writes a valid one")

@@ -10,7 +10,7 @@ use motorium::session;
 use motorium::state::{JointState, Stamp, from_bytes};
 use motorium::testing::machine;
 use motorium_bridges::recording::{
-    Dataset, Recording, Signal, What, recover, replayed, verify, write_lerobot,
+    self, Dataset, Recording, Signal, What, recover, replayed, verify, write_lerobot,
 };
 
 use walk::{GRAPH, recorder, registry, run};
@@ -180,7 +180,8 @@ fn a_truncated_file_is_read_up_to_the_damage_and_repaired() {
         let refused = recover(&file, &nothing).unwrap_err().to_string();
         assert!(refused.contains(expected) && !nothing.exists(), "{length}: {refused}");
         let opened = Recording::open(&file).and_then(|recording| recording.plan()).unwrap_err().to_string();
-        assert!(opened.contains(expected), "{length}: {opened}");
+        assert!(opened.contains(expected) && !opened.contains("motorium recover"), "{length}: {opened}");
+        assert_eq!(recording::open(&file).err().map(|error| error.to_string()), Some(refused), "{length}");
     }
     // a file truncated anywhere is read or rejected without a panic
     for length in (0..4096).chain([bytes.len() / 3, bytes.len() - 1]) {

@@ -38,6 +38,8 @@ pub struct Record(CanDumpRecord);
 pub struct RecordError {
     /// Line.
     pub found: String,
+    /// Column of the mistake, counted from 1.
+    pub column: usize,
     /// Reason.
     pub message: String,
 }
@@ -45,6 +47,8 @@ pub struct RecordError {
 impl RecordError {
     /// Advice on the correct format.
     pub const ADVICE: &'static str = "write `123#0102` (classic), `123##10102` (CAN FD, its data at the higher rate), `00000123#01` (29 bits), or `123#R`";
+    /// Advice on the formats of logs.
+    pub const LOG_ADVICE: &'static str = "a log has lines of `candump -L`, such as `(1735270496.916858) can0 123#0102`, of the screen output of `candump`, or of an ASC file";
 }
 
 impl FromStr for Record {
@@ -52,13 +56,40 @@ impl FromStr for Record {
 
     /// Parses a line of `candump -L`.
     fn from_str(line: &str) -> Result<Self, RecordError> {
-        let refuse = |message: String| RecordError { found: line.to_string(), message };
+        let refuse = |message: String| {
+            let (column, message) = mistake_in_line(line).unwrap_or((1, message));
+            RecordError { found: line.to_string(), column, message }
+        };
         match Reader::from_reader(line.as_bytes()).next_record() {
             Ok(Some(record)) => Ok(Self(record)),
             Ok(None) => Err(refuse("it is empty".into())),
             Err(error) => Err(refuse(error.to_string())),
         }
     }
+}
+
+/// Identifies the mistake in a line of `candump -L`: its column, counted from 1, and the reason.
+fn mistake_in_line(line: &str) -> Option<(usize, String)> {
+    const FRAME: &str = "such as `123#0102`";
+    let column = |part: &str| line[..part.as_ptr() as usize - line.as_ptr() as usize].chars().count() + 1;
+    let end = line.trim_end().chars().count() + 1;
+    let mut fields = line.split_whitespace();
+    let time = fields.next()?;
+    let inside = time.strip_prefix('(').and_then(|time| time.strip_suffix(')'));
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
+    let parts = inside.and_then(|time| time.split_once('.'));
+    if !parts.is_some_and(|(seconds, fraction)| is_number(seconds) && is_number(fraction)) {
+        let expected = "expected a time in s such as `(1735270496.916858)`";
+        return Some((column(time), format!("found `{time}`, {expected}")));
+    }
+    let Some(interface) = fields.next() else {
+        let message = format!("the line ends after its time, expected interface and frame, {FRAME}");
+        return Some((end, message.replace("`123", "`can0 123")));
+    };
+    let Some(frame) = fields.next() else {
+        return Some((end, format!("the line ends after `{interface}`, expected a frame, {FRAME}")));
+    };
+    mistake(frame).map(|message| (column(frame), message))
 }
 
 /// Identifies a common mistake in the text of a frame.
@@ -106,7 +137,7 @@ impl Record {
         let line = format!("(0.000000) {interface} {plain}");
         line.parse().map_err(|error: RecordError| {
             let message = mistake(frame).unwrap_or(error.message);
-            RecordError { found: frame.to_string(), message }
+            RecordError { found: frame.to_string(), column: 1, message }
         })
     }
 
@@ -238,6 +269,38 @@ mod tests {
             let error = Record::of_frame(text, "can0").unwrap_err();
             assert_eq!(error.found, text);
             assert!(error.to_string().contains("is not a frame"), "{error}");
+        }
+    }
+
+    #[test]
+    fn mistakes_in_log_lines_have_column_and_expectation() {
+        for (line, column, words) in [
+            (
+                "(1735270496.916858)",
+                20,
+                "ends after its time, expected interface and frame, such as `can0 123#0102`",
+            ),
+            ("(1735270496.916858) can0", 25, "ends after `can0`, expected a frame, such as `123#0102`"),
+            ("(1735270496.916858 can0 123#01", 1, "found `(1735270496.916858`, expected a time in s"),
+            ("  (now) can0 123#01", 3, "found `(now)`, expected a time in s such as `(1735270496.916858)`"),
+            ("(1735270496.916858) can0 123#0", 26, "half a byte of data at its end"),
+            ("(1735270496.916858) can0 12#01", 26, "an identifier of 2 digits, expected 3 (11 bits)"),
+            ("hello", 1, "found `hello`, expected a time in s"),
+            (
+                "  can0  123   [3]  11 22",
+                15,
+                "found 2 bytes after `[3]`, expected 3 of two hexadecimal digits",
+            ),
+            (
+                "(1.5)  can0  123   [2]  11 2",
+                20,
+                "found 1 bytes after `[2]`, expected 2 of two hexadecimal digits",
+            ),
+            ("0.5 1 123x Rx d 3 11 22", 1, "expected time, channel, identifier"),
+        ] {
+            let error = Record::of_log(line).err().unwrap_or_else(|| panic!("{line} is read"));
+            assert_eq!(error.column, column, "{line}: {error}");
+            assert!(error.to_string().contains(words), "{line}: {error}");
         }
     }
 

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::environment::{End, Environment, EnvironmentError, Scene, SceneError};
 use crate::files::{self, FileError};
-use crate::folder;
+use crate::folder::{self, FolderError};
 use crate::random::{Counter, Purpose};
 use crate::task::{Task, TaskError};
 use crate::trained::{self, TrainedPolicyError};
@@ -48,6 +48,9 @@ pub enum EvaluationError {
     /// A file cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
+    /// The folder holds no policy.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
     /// The task is invalid.
     #[error("{}: {source}", file.display())]
     Task {
@@ -78,6 +81,7 @@ pub fn evaluate(
     episodes: usize,
     seed: u64,
 ) -> Result<Evaluation, EvaluationError> {
+    folder::check_policy(folder)?;
     let invalid = |source| EvaluationError::Task { file: task_file.to_path_buf(), source };
     let task = Task::parse(&files::read_text(task_file)?).map_err(invalid)?;
     let mut network = trained::load(folder, &task)?;

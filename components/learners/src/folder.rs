@@ -10,6 +10,8 @@ use crate::task::{NETWORK, Task, TaskError};
 
 /// File of the task in the folder of a run.
 pub(crate) const TASK: &str = "task.toml";
+/// File of the policy in the folder of a run.
+pub(crate) const POLICY: &str = "policy.toml";
 /// File that describes a run.
 pub(crate) const RUN: &str = "run.json";
 /// File from which a run is continued.
@@ -44,6 +46,23 @@ pub enum FolderError {
         /// True if the run can be continued.
         has_checkpoint: bool,
     },
+    /// The folder of a run or policy is missing, or holds none.
+    #[error(
+        "{}: {}, expected the folder of a {what} with the file {file}\n\
+         help: {help}",
+        folder.display(),
+        if folder.is_dir() { format!("the folder has no {file}") } else { "no such folder".to_owned() }
+    )]
+    Absent {
+        /// The folder.
+        folder: PathBuf,
+        /// `training run` or `trained policy`.
+        what: &'static str,
+        /// File that is missing.
+        file: &'static str,
+        /// The remedy.
+        help: &'static str,
+    },
     /// The path of the task cannot be stored in the description of a run.
     #[error(
         "{}: the path is not UTF-8\n\
@@ -61,6 +80,32 @@ pub(crate) fn read_task(file: &Path) -> Result<(Task, String), FolderError> {
     let text = files::read_text(file)?;
     let task = Task::parse(&text).map_err(|source| FolderError::Task { file: file.to_path_buf(), source })?;
     Ok((task, text))
+}
+
+/// Checks that a folder holds a run.
+pub(crate) fn check_run(folder: &Path) -> Result<(), FolderError> {
+    let help = "name the folder that `motorium learn train` or `motorium learn tune` was given as --output";
+    check_file(folder, ("training run", RUN), help)
+}
+
+/// Checks that a folder holds a policy; the description itself is accepted, too.
+pub(crate) fn check_policy(folder: &Path) -> Result<(), FolderError> {
+    let help = "name the folder that `motorium learn train` was given as --output";
+    match folder.is_file() {
+        true => Ok(()),
+        false => check_file(folder, ("trained policy", POLICY), help),
+    }
+}
+
+fn check_file(
+    folder: &Path,
+    (what, file): (&'static str, &'static str),
+    help: &'static str,
+) -> Result<(), FolderError> {
+    match folder.join(file).is_file() {
+        true => Ok(()),
+        false => Err(FolderError::Absent { folder: folder.to_path_buf(), what, file, help }),
+    }
 }
 
 /// Checks that a folder holds no run.
@@ -106,7 +151,7 @@ pub(crate) fn write_policy(
     let text =
         task.policy_text(robot).map_err(|source| FolderError::Task { file: folder.join(TASK), source })?;
     let metadata = [("task", &task.title[..]), ("algorithm", algorithm)];
-    files::write(&folder.join("policy.toml"), text.as_bytes())?;
+    files::write(&folder.join(POLICY), text.as_bytes())?;
     files::write(&folder.join(NETWORK), &policy.to_onnx(&metadata))?;
     Ok(())
 }

@@ -4,6 +4,7 @@ mod checks;
 mod colours;
 mod connection;
 mod copies;
+mod doubts;
 mod error;
 mod file;
 mod gravity;
@@ -92,7 +93,7 @@ impl Default for World {
 
 impl World {
     /// Resolves relative file paths from a folder, and adds the world of its [`file`](Self::file). Returns
-    /// warnings of skipped elements.
+    /// warnings of skipped elements, and of values that are probably in degrees or millimetres.
     ///
     /// ```
     /// # use motorium_worlds::World;
@@ -114,10 +115,13 @@ impl World {
         for object in &mut self.objects {
             object.shape.locate(folder);
         }
-        match self.file.take() {
-            Some(file) => Ok(self.add_file(&folder.join(file))?),
-            None => Ok(Vec::new()),
+        let mut warnings = Vec::new();
+        self.warn_of_angles(&mut warnings);
+        if let Some(file) = self.file.take() {
+            warnings.extend(self.add_file(&folder.join(file))?);
         }
+        self.warn_of_sizes(&mut warnings);
+        Ok(warnings)
     }
 
     /// Returns the height field of its terrain, if any.

@@ -1,5 +1,8 @@
 //! Lines and columns of positions in a text.
 
+use std::fmt;
+use std::path::PathBuf;
+
 /// A position in a text file; line and column are counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Position {
@@ -7,6 +10,25 @@ pub struct Position {
     pub line: u32,
     /// Column, in characters.
     pub column: u32,
+}
+
+/// A position in a file, written as `FILE:LINE:COLUMN`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FilePosition {
+    /// The file, if the text came from one.
+    pub file: Option<PathBuf>,
+    /// Line and column.
+    pub at: Position,
+}
+
+impl fmt::Display for FilePosition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Position { line, column } = self.at;
+        match &self.file {
+            Some(file) => write!(f, "{}:{line}:{column}", file.display()),
+            None => write!(f, "line {line}, column {column}"),
+        }
+    }
 }
 
 /// Start offsets of the lines of a text, so that positions are found by bisection.

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::file::read_bounded;
 use crate::formats::format::{FileFormat, is_mjcf};
 use crate::loading::installed::{find, installed};
+use crate::loading::mesh_references::MeshReferences;
 use crate::nearest::{nearest, suggestion};
 use crate::{
     BaseKind, BaseMode, Entry, LoadOptions, MimicMode, MjcfError, MjcfRobot, Model, ModelWarning,
@@ -15,6 +16,9 @@ use crate::{
 
 /// Maximum size of a robot or profile file, bytes. A robot with a hundred joints needs a tenth of a megabyte.
 const LONGEST: u64 = 16 * 1024 * 1024;
+
+/// The unit of angles in profiles and graphs.
+pub(crate) const RADIANS: &str = "angles are in radians";
 
 /// A robot ready to use.
 #[derive(Clone, Debug)]
@@ -170,7 +174,11 @@ pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<
     };
     let profile = profile_of(&options.profile, &path.with_extension("toml"))?;
     let options = based(options, profile.as_ref());
-    let Parsed { model, warnings, exclusions, profile: own } = parse(&read(&path)?, &path, &options)?;
+    let text = read(&path)?;
+    let Parsed { model, mut warnings, exclusions, profile: own } = parse(&text, &path, &options)?;
+    if warnings.iter().any(|warning| matches!(warning, ModelWarning::MissingMesh { .. })) {
+        MeshReferences::read(&text, Some(&path), options.shapes).locate(&mut warnings);
+    }
     // poses and gains from the file itself, unless another profile is chosen
     let own = own.filter(|_| options.profile == ProfileChoice::Own).map(|own| (own, path.clone()));
     let profile = profile.or(own);
@@ -187,6 +195,11 @@ fn profiled(
     options: &LoadOptions,
 ) -> Result<Loaded, LoadError> {
     let Some((profile, path)) = profile else { return Ok(loaded) };
+    let mut warnings = loaded.warnings;
+    for (name, pose) in &profile.base_poses {
+        let what = format!("`rpy` of base pose `{name}` in {}", path.display());
+        warnings.extend(ModelWarning::of_angles(&what, &pose.rpy, RADIANS, None));
+    }
     // Independent mimic joints are unknown to the profile.
     let model = match options.mimic {
         MimicMode::Follow => {
@@ -200,7 +213,7 @@ fn profiled(
         }
         MimicMode::Independent => loaded.model,
     };
-    Ok(Loaded { model, profile: Some(profile), ..loaded })
+    Ok(Loaded { model, warnings, profile: Some(profile), ..loaded })
 }
 
 /// A robot parsed from a file.

@@ -7,6 +7,8 @@ pub(crate) mod end_effector;
 pub(crate) mod installed;
 pub(crate) mod joint_subset;
 pub(crate) mod load;
+pub(crate) mod mesh_references;
+pub(crate) mod meshes;
 pub(crate) mod postures;
 pub(crate) mod setting_error;
 pub(crate) mod settings;

@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::loading::load::RADIANS;
 use crate::loading::settings::Settings;
-use crate::{BasePose, FileFormat, LoadError, LoadOptions, Loaded, ProfileChoice, load_with};
+use crate::{BasePose, FileFormat, LoadError, LoadOptions, Loaded, ModelWarning, ProfileChoice, load_with};
 
 /// A robot reference of a graph file.
 ///
@@ -91,6 +92,7 @@ impl RobotSource<'_> {
             applied.map_err(|error| refused(error.into()))?;
         }
         if let Some(pose) = self.pose {
+            loaded.warnings.extend(ModelWarning::of_angles("`rpy` of `base`", &pose.rpy, RADIANS, None));
             loaded.model = loaded.model.placed(&pose.isometry());
         }
         Ok(loaded)

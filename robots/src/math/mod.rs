@@ -3,6 +3,7 @@
 //! into straight-line code.
 
 mod axial;
+pub(crate) mod degrees;
 pub mod lie;
 mod parry;
 mod spatial;

@@ -254,7 +254,7 @@ impl<'a, 'i> Reader<'a, 'i> {
             }
             let corners: Vec<usize> = indices.chunks_exact(stride).map(|corner| corner[offset]).collect();
             if let Some(&index) = corners.iter().find(|&&index| index >= count) {
-                return Err(self.fault(list, MeshProblem::Index { index: index as i64, count }));
+                return Err(self.fault(list, MeshProblem::Index { index: index as i64, first: 0, count }));
             }
             let mut rest = &corners[..];
             let whole = [corners.len()];

@@ -57,16 +57,26 @@ pub enum MeshProblem {
     #[error("\"{0}\" is not the number expected there")]
     Number(String),
     /// The corner does not exist.
-    #[error("names corner {index} of {count}")]
+    #[error("a face names corner {index}, {}", corners(*.first, *.count))]
     Index {
-        /// Index of the corner, counted from 0.
+        /// Index of the corner in the file.
         index: i64,
+        /// Index of the first corner in the file's format: 1 for OBJ, 0 for COLLADA.
+        first: i64,
         /// Number of corners.
         count: usize,
     },
     /// Another violation of the format.
     #[error("{0}")]
     Malformed(String),
+}
+
+/// Formats the expected indices of corners.
+fn corners(first: i64, count: usize) -> String {
+    match count as i64 {
+        0 => "but no corner comes before it".to_owned(),
+        count => format!("expected {first} to {}", first + count - 1),
+    }
 }
 
 /// Parses a number.

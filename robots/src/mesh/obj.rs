@@ -51,10 +51,10 @@ pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
 fn corner(word: &str, count: usize) -> Result<u32, MeshProblem> {
     let first = word.split('/').next().unwrap_or("");
     let index: i64 = first.parse().map_err(|_| MeshProblem::Number(word.to_owned()))?;
-    let index = if index < 0 { count as i64 + index } else { index - 1 };
-    match usize::try_from(index) {
-        Ok(found) if found < count => Ok(found as u32),
-        _ => Err(MeshProblem::Index { index, count }),
+    let from_zero = if index < 0 { index.checked_add(count as i64) } else { index.checked_sub(1) };
+    match from_zero.map(usize::try_from) {
+        Some(Ok(found)) if found < count => Ok(found as u32),
+        _ => Err(MeshProblem::Index { index, first: 1, count }),
     }
 }
 

@@ -57,7 +57,12 @@ enum Format {
 
 impl Check {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
-        let checked = match self.graph.load(&registry::registry(), self.json) {
+        let registry = registry::registry();
+        let loaded = match self.json {
+            true => self.graph.load_silently(&registry),
+            false => self.graph.load(&registry),
+        };
+        let checked = match loaded {
             Ok(checked) => checked,
             Err(code) => return Ok(code),
         };

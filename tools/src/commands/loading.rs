@@ -66,9 +66,19 @@ impl GraphArgs {
         })
     }
 
-    /// Loads and checks the graph. Errors go to standard error, and as JSON to standard output. `Err`
-    /// contains the exit code.
-    pub(crate) fn load(&self, registry: &Registry, json: bool) -> Result<Checked, ExitCode> {
+    /// Loads and checks the graph. Warnings and errors go to standard error, and errors as JSON to standard
+    /// output. `Err` contains the exit code.
+    pub(crate) fn load(&self, registry: &Registry) -> Result<Checked, ExitCode> {
+        let checked = self.load_silently(registry)?;
+        let colour = std::io::stderr().is_terminal();
+        for warning in &checked.warnings {
+            errln!("{}\n", warning.render(colour));
+        }
+        Ok(checked)
+    }
+
+    /// Like [`load`](Self::load), for a command whose answer has the warnings.
+    pub(crate) fn load_silently(&self, registry: &Registry) -> Result<Checked, ExitCode> {
         let colour = std::io::stderr().is_terminal();
         let machine = Machine::detect();
         let loaded = match self.embedded() {
@@ -91,14 +101,7 @@ impl GraphArgs {
             None => graph::load_with(&self.graph, &self.with, &self.set, registry, &machine),
         };
         match loaded {
-            Ok(checked) => {
-                if !json {
-                    for warning in &checked.warnings {
-                        errln!("{}\n", warning.render(colour));
-                    }
-                }
-                Ok(checked)
-            }
+            Ok(checked) => Ok(checked),
             Err(error) => {
                 errln!("{}", error.render(colour));
                 Err(Failure::of_graph(error.reports()).print_json())

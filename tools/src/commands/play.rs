@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use anyhow::{bail, ensure};
 use motorium::nearest::list;
 use motorium_recordings::Recording;
-use motorium_robots::{LoadOptions, Loaded, Model, PackagePath, load_with};
+use motorium_robots::{JointKind, LoadOptions, Loaded, Model, PackagePath, load_with};
 
 use super::recording::Temporary;
 use super::run::{Clock, Generated, Run};
@@ -144,9 +144,10 @@ impl Play {
                 let value = values[(sample, column)];
                 ensure!(
                     (lower..=upper).contains(&value),
-                    "{}: joint `{name}` is at {value} at {:.3} s, expected {lower} to {upper}",
+                    "{}: joint `{name}` is at {value} at {:.3} s, expected {lower} to {upper}{}",
                     self.file.display(),
-                    time - times[0]
+                    time - times[0],
+                    degrees(recording, joints, model).unwrap_or_default()
                 );
             }
             let limit = model.velocity_limit()[*joint];
@@ -194,6 +195,26 @@ impl Play {
             length(duration)
         ))
     }
+}
+
+/// Returns advice if the positions of all joints that turn are within their limits in degrees, and one of them
+/// is out of reach in radians.
+fn degrees(recording: &Recording, joints: &[usize], model: &Model) -> Option<String> {
+    let values = recording.values();
+    let mut advice = None;
+    for (column, joint) in joints.iter().enumerate() {
+        if model.joint(*joint).kind == JointKind::Prismatic {
+            continue;
+        }
+        let farthest = values.column(column).iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()))?;
+        let limits = model.lower()[*joint]..=model.upper()[*joint];
+        let is_within = |value: &f64| limits.contains(&value.to_radians());
+        if !values.column(column).iter().all(is_within) {
+            return None;
+        }
+        advice = advice.or_else(|| model.degrees_advice(*joint, farthest));
+    }
+    advice.map(|advice| format!("; the table seems to be in degrees, and {advice}"))
 }
 
 /// Converts the recording to a table with joint names. Numbers are preserved bit for bit.

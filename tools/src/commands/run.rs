@@ -192,7 +192,7 @@ impl Run {
         let recording = recording.transpose()?;
         self.graph.with.extend(recording.iter().map(|overlay| overlay.path().to_path_buf()));
         let registry = registry::registry();
-        let checked = match self.graph.load(&registry, self.json) {
+        let checked = match self.graph.load(&registry) {
             Ok(checked) => checked,
             Err(code) => return Ok(code),
         };

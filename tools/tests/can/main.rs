@@ -131,5 +131,41 @@ fn log_is_decoded_by_a_database() {
     assert!(code == Some(3) && errors.contains("have the same identifier under the mask 0x1"), "{errors}");
     std::fs::write(&log, "(1735270496.916858) can0 061#4\n").expect("a file");
     let (code, _, errors) = read(&[]);
-    assert!(code == Some(3) && errors.contains("ride.log, line 1"), "{errors}");
+    assert!(code == Some(3) && errors.contains("ride.log, line 1, column 26: "), "{errors}");
+}
+
+#[test]
+fn mistakes_in_a_log_are_named_with_place_and_help() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let read = |content: &str, arguments: &[&str]| {
+        let log = folder.path().join("ride.log");
+        std::fs::write(&log, content).expect("a file");
+        let output = Command::new(env!("CARGO_BIN_EXE_motorium"))
+            .args(["can", "log", "--read", log.to_str().expect("text")])
+            .args(arguments)
+            .output()
+            .expect("the command starts");
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let good = "(1735270496.916858) can0 061#4000000008000000\n";
+    assert_eq!(read(good, &["--count", "1"]), (Some(0), String::new()));
+    let (code, errors) = read(&format!("{good}\n(1735270496.926858) can0\n"), &[]);
+    assert_eq!(code, Some(3), "{errors}");
+    assert!(
+        errors.contains("ride.log, line 3, column 25: ") && !errors.contains("Invalid timestamp"),
+        "{errors}"
+    );
+    assert!(
+        errors.contains("expected a frame, such as `123#0102`; a log has lines of `candump -L`"),
+        "{errors}"
+    );
+    for empty in ["", "\n\n", "base hex  timestamps absolute\n"] {
+        let (code, errors) = read(empty, &[]);
+        assert!(
+            code == Some(1) && errors.contains("ride.log: found no frames, expected at least one"),
+            "{errors}"
+        );
+    }
+    let (code, errors) = read(good, &["--count", "0"]);
+    assert!(code == Some(2) && errors.contains("0 is not in 1.."), "{errors}");
 }

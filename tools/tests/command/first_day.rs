@@ -331,12 +331,117 @@ fn missing_visual_mesh_warns_once() {
         assert_eq!(errors.matches("not found").count(), 2, "{robot}: {errors}");
         assert_eq!(tried(&["robot", "check", robot, "--strict"]).0, Some(3));
     }
+    let facet =
+        "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
     for mesh in ["both.stl", "seen.stl"] {
-        file(folder.path(), mesh, "solid\nendsolid\n");
+        file(folder.path(), mesh, &format!("solid\n{facet}endsolid\n"));
     }
     for robot in robots.iter().map(String::as_str).chain(["panda"]) {
         let (code, errors) = tried(&["robot", "check", robot, "--strict"]);
         assert!(code == Some(0) && errors.is_empty(), "{robot}: {errors}");
+    }
+}
+
+#[test]
+fn unreadable_meshes_are_reported_one_by_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let robots = robots_of_seen_meshes(folder.path());
+    file(folder.path(), "both.stl", "solid\nfacet\n");
+    file(folder.path(), "seen.stl", "PLY");
+    for robot in &robots {
+        let (code, errors) = tried(&["robot", "check", robot]);
+        let message = errors.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(code, Some(0), "{errors}");
+        for (words, line) in [
+            (
+                "warning: link \"arm\": mesh \"both.stl\" (",
+                "cut off; expected a complete .stl, .obj or .dae file",
+            ),
+            ("warning: visual of link \"arm\": mesh \"seen.stl\" (", "ends after 3 bytes"),
+        ] {
+            assert_eq!(message.matches(words).count(), 1, "{robot}: {errors}");
+            assert!(message.contains(line), "{robot}: {errors}");
+        }
+        // the position of the reference
+        assert_eq!(message.matches(&format!("({robot}:")).count(), 2, "{robot}: {errors}");
+        assert_eq!(tried(&["robot", "check", robot, "--strict"]).0, Some(3), "{robot}");
+        let (code, errors) = tried(&["robot", "draw", robot]);
+        assert!(code == Some(0) && errors.contains("mesh \"both.stl\" ("), "{robot}: {errors}");
+        let (code, errors) = tried(&["robot", "draw", robot, "--visual"]);
+        assert!(code == Some(0) && errors.contains("mesh \"seen.stl\" ("), "{robot}: {errors}");
+    }
+}
+
+#[test]
+fn robots_in_degrees_and_millimetres_fail_a_strict_check() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let urdf = |mass: &str, kind: &str, limits: &str, rpy: &str| {
+        format!(
+            r#"<robot name="own"><link name="base"/><link name="arm"><inertial><mass value="1"/>
+        <inertia ixx="{mass}" iyy="{mass}" izz="{mass}" ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry>
+        <sphere radius="0.1"/></geometry></collision></link><joint name="j" type="{kind}"><parent link="base"/>
+        <child link="arm"/><origin xyz="0 0 0.1" rpy="{rpy}"/><axis xyz="0 0 1"/><limit {limits} effort="5"/></joint></robot>"#
+        )
+    };
+    let slide = "lower=\"0\" upper=\"0.3\" velocity=\"0.2\"";
+    for (text, words) in [
+        (urdf("0.01", "prismatic", slide, "0 3.14159 -4.7"), None),
+        (urdf("1e-12", "prismatic", slide, "0 0 0"), Some("expected at least 1.9e-4")),
+        (urdf("0.01", "prismatic", slide, "0 0 90"), Some("if these are degrees, write 1.5708")),
+        (
+            urdf("0.01", "prismatic", "lower=\"0\" upper=\"300\" velocity=\"0.2\"", "0 0 0"),
+            Some("limits 0 to 300 m, expected a range of at most 20 m"),
+        ),
+        (
+            urdf("0.01", "prismatic", "lower=\"0\" upper=\"0.3\" velocity=\"200\"", "0 0 0"),
+            Some("velocity limit of 200 m/s, expected at most 100 m/s"),
+        ),
+    ] {
+        let robot = file(folder.path(), "own.urdf", &text);
+        let (code, errors) = tried(&["robot", "check", &robot, "--strict"]);
+        let message = errors.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(code, Some(if words.is_some() { 3 } else { 0 }), "{errors}");
+        assert!(words.is_none_or(|words| message.contains(words)), "{errors}");
+    }
+}
+
+#[test]
+fn orientations_of_a_graph_in_degrees_are_reported() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let graph = |base: &str, object: &str| {
+        let text = format!(
+            "name = \"turned\"\n[robot.arm]\nurdf = \"panda\"\nbase = {{ rpy = [0.0, 0.0, {base}] }}\n\
+             [[world.objects]]\nname = \"box\"\nshape = {{ box = {{ size = [0.1, 0.1, 0.1] }} }}\n\
+             position = [2.0, 0.0, 0.5]\nrpy = [{object}, 0.0, 0.0]\n\
+             [component.physics]\nkind = \"physics.articulated\"\nrobot = \"arm\"\nrate = \"1 kHz\"\nbudget = \"500 us\"\n\
+             publish = {{ joint_state = \"arm/joint_state\" }}\n"
+        );
+        let (code, errors) = tried(&["check", &file(folder.path(), "turned.toml", &text)]);
+        assert!(code.is_some(), "{errors}");
+        errors.split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    let found = graph("90.0", "45.0");
+    assert!(found.contains("`rpy` of `base` has an angle of 90 rad"), "{found}");
+    assert!(found.contains("`rpy` of object `box` has an angle of 45 rad"), "{found}");
+    assert!(!graph("-4.7", "3.14159").contains("degrees"), "{}", graph("-4.7", "3.14159"));
+}
+
+#[test]
+fn a_run_with_json_prints_warnings_on_standard_error() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let world =
+        "<mujoco><worldbody><geom type=\"plane\" size=\"0 0 1\" priority=\"2\"/></worldbody></mujoco>";
+    let world = format!("world.file={:?}", file(folder.path(), "world.xml", world));
+    let [[_, graph], _] = robots_of_a_missing_mesh(folder.path());
+    let arguments =
+        ["run", &graph, "--clock", "lockstep", "--hosting", "inline", "--for", "10 ms", "--set", &world];
+    for json in [&[][..], &["--json"]] {
+        let output = run(&[&arguments[..], json].concat());
+        let errors = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(errors.contains("priority of <geom> ignored"), "{errors}");
+        let report = String::from_utf8_lossy(&output.stdout);
+        assert!(!report.contains("priority"), "{report}");
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&report).is_ok(), !json.is_empty(), "{report}");
     }
 }
 

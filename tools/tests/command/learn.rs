@@ -210,6 +210,41 @@ fn every_listed_algorithm_trains() {
 }
 
 #[test]
+fn missing_and_empty_folders_are_refused_with_help() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let empty = folder.path().to_str().expect("a path of text").to_string();
+    let missing = folder.path().join("nowhere").to_str().expect("a path of text").to_string();
+    for (command, words) in [
+        (
+            "list",
+            [
+                "No such file or directory (os error 2), expected a folder of task files",
+                "found no task file, expected",
+            ],
+        ),
+        (
+            "resume",
+            ["no such folder, expected the folder of a training run", "the folder has no run.json, expected"],
+        ),
+        (
+            "evaluate",
+            [
+                "no such folder, expected the folder of a trained policy",
+                "the folder has no policy.toml, expected",
+            ],
+        ),
+    ] {
+        for (folder, words) in [&missing, &empty].into_iter().zip(words) {
+            let output = run(&["learn", command, folder]);
+            let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+            assert_eq!(output.status.code(), Some(1), "{command}: {errors}");
+            assert!(errors.contains(words) && errors.contains("help: name "), "{command}: {errors}");
+            assert!(output.stdout.is_empty(), "{command}");
+        }
+    }
+}
+
+#[test]
 fn the_tasks_of_the_project_are_listed_with_their_rewards() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../tasks");
     let listed = json(&["learn", "list", folder, "--json"]);

@@ -15,6 +15,7 @@ mod latent;
 mod learn;
 mod messages;
 mod model;
+mod outputs;
 mod primitive;
 mod program;
 mod qp;

@@ -40,7 +40,7 @@ fn foreign_files_are_plotted_and_reported() {
             assert!((number(1) - 0.01 * (index % 20) as f64).abs() < 1e-9, "{line}");
             assert!((number(2) - position(index % 20, index / 20)).abs() < 1e-12, "{line}");
         }
-        printed(&["report", &file, "--output", text(&page)]);
+        printed(&["report", &file, "--overwrite", "--output", text(&page)]);
         let page = std::fs::read_to_string(&page).expect("the page");
         assert!(page.contains("/joint_states") && page.contains("panda_joint7"), "{file}");
         assert!(page.contains("mcap-python") && page.contains("0.190 s"), "{page}");
@@ -126,7 +126,15 @@ fn foreign_files_and_their_tables_are_learned() {
 
 /// The commanded positions that a recording of `play` has at the times of the samples.
 fn commanded(recording: &Path, folder: &Path) -> Vec<Vec<f64>> {
-    let arguments = ["export", text(recording), "--topic", "robot/joint_command", "--output", text(folder)];
+    let arguments = [
+        "export",
+        text(recording),
+        "--topic",
+        "robot/joint_command",
+        "--overwrite",
+        "--output",
+        text(folder),
+    ];
     printed(&arguments);
     let table = std::fs::read_to_string(folder.join("robot-joint_command.csv")).expect("the table");
     let head: Vec<&str> = table.lines().next().expect("a header").split(',').collect();
@@ -207,6 +215,12 @@ fn columns_that_do_not_fit_the_robot_are_named() {
         let error = refused(table, &[]);
         assert!(error.contains(reason), "{error}");
     }
+    let degrees = "; the table seems to be in degrees, and positions of joints that turn are in rad: 90 degrees are 1.5708 rad";
+    let error = refused("time_s,panda_joint1,panda_joint2\n0,0,0\n1,2,1\n2,3,2\n3,90,20\n", &[]);
+    assert!(error.contains(degrees), "{error}");
+    // 300 degrees are out of reach, too
+    let error = refused("time_s,panda_joint1\n0,0\n1,90\n2,300\n", &[]);
+    assert!(error.contains("is at 90 at 1.000 s") && !error.contains("degrees"), "{error}");
     let error = refused("time_s,panda_joint1\n0,0\n1,0\n", &["--speed", "0"]);
     assert!(error.contains("expected a number above 0"), "{error}");
 }

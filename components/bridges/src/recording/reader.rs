@@ -5,6 +5,7 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
+use mcap::records::Record;
 use mcap::{MAGIC, McapError};
 use memmap2::Mmap;
 use motorium::plan::Plan;
@@ -45,8 +46,18 @@ fn describe(error: &McapError) -> String {
 }
 
 /// Returns the reason for rejecting a file that ends after `bytes`, before its first message.
-pub(super) fn cut_off(bytes: usize) -> String {
+fn cut_off(bytes: usize) -> String {
     format!("it is cut off after {bytes} bytes, before the first message")
+}
+
+/// Refuses a file without a record between its header and its end.
+pub(super) fn check_content(path: &Path, source: &[u8], summary: &Summary) -> Result<(), ReadError> {
+    let mut records = Records::new(source, summary, true);
+    if records.any(|record| !matches!(record, Record::Header(_) | Record::Footer(_))) {
+        return Ok(());
+    }
+    let reason = cut_off(source.len()) + ": nothing can be recovered; record it again";
+    Err(ReadError::Missing { path: path.to_path_buf(), reason })
 }
 
 /// An error of reading a recording. The message includes its cause, which is therefore not exposed as
@@ -229,6 +240,9 @@ pub(super) fn opened(path: &Path) -> Result<Result<Recording, Mmap>, ReadError> 
     let summary = Summary::read(&map);
     let scan = Scan::of_file(&map, &summary)
         .map_err(|reason| ReadError::Foreign { path: path.to_path_buf(), reason })?;
+    if !scan.is_whole {
+        check_content(path, &map, &summary)?;
+    }
     let is_own = scan.profile == PROFILE || !scan.topics.is_empty() || scan.metadata.contains_key(RUN);
     // A motorium file that was cut off early has no channels.
     let is_other = !is_own && (scan.has_channels() || !scan.damage.unreadable.is_empty());

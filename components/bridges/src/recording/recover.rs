@@ -13,7 +13,7 @@ use mcap::records::{Metadata, Record};
 use mcap::{Attachment, McapError, WriteOptions};
 use motorium_recordings::messages::{Records, Summary};
 
-use super::reader::{cut_off, map_file};
+use super::reader::{check_content, map_file};
 use super::scan::Scan;
 use super::{RECOVERED, ReadError};
 
@@ -81,13 +81,9 @@ pub fn recover(torn: &Path, whole: &Path) -> Result<Recovered, ReadError> {
         let path = path.to_path_buf();
         move |reason| ReadError::Io { path, reason }
     };
-    let empty = |reason| ReadError::Missing { path: torn.to_path_buf(), reason };
     let source = map_file(torn)?;
     let summary = Summary::read(&source);
-    let mut records = Records::new(&source, &summary, true);
-    if !records.any(|record| !matches!(record, Record::Header(_) | Record::Footer(_))) {
-        return Err(empty(cut_off(source.len())));
-    }
+    check_content(torn, &source, &summary)?;
     let file = File::create(whole).map_err(io(whole))?;
     let recovered = Copy::new(&source, &summary).write(file).map_err(|error| {
         // A partial copy would look like a complete recording. Devices and other non-files are kept.

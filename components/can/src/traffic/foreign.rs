@@ -1,10 +1,13 @@
 //! Logs in formats other than `candump -L`: the screen output of `candump`, and ASC files of Vector's tools.
 
-use super::{Record, RecordError};
+use super::{Record, RecordError, mistake_in_line};
 
 /// Converts a log line to the format of `candump -L`; `None` for a line without traffic, such as a header.
 pub(super) fn translate(line: &str) -> Result<Option<String>, RecordError> {
-    let refuse = |message: &str| Err(RecordError { found: line.to_string(), message: message.to_string() });
+    let refuse = |message: &str| {
+        let column = line.chars().take_while(|letter| letter.is_whitespace()).count() + 1;
+        Err(RecordError { found: line.to_string(), column, message: message.to_string() })
+    };
     let fields: Vec<&str> = line.split_whitespace().collect();
     match fields[..] {
         [] => Ok(None),
@@ -23,14 +26,34 @@ pub(super) fn translate(line: &str) -> Result<Option<String>, RecordError> {
             else {
                 return Ok(Some(line.to_string()));
             };
-            Ok(Some(screen(&time, rest).unwrap_or_else(|| format!("({time}) {rest}"))))
+            match screen(&time, rest) {
+                Some(record) => Ok(Some(record)),
+                None => short_screen(line).map_or_else(|| Ok(Some(format!("({time}) {rest}"))), Err),
+            }
         }
         [time, ..] if micros(time).is_some() => asc(&fields).map_or_else(
             || refuse("expected time, channel, identifier, direction, `d`, length and bytes of an ASC file"),
             Ok,
         ),
-        _ => Ok(Some(screen("0.000000", line).unwrap_or_else(|| line.to_string()))),
+        _ => match screen("0.000000", line) {
+            Some(record) => Ok(Some(record)),
+            None => short_screen(line).map_or_else(|| Ok(Some(line.to_string())), Err),
+        },
     }
+}
+
+/// Returns the error of a screen line with other bytes than its length states; `None` without a length.
+fn short_screen(line: &str) -> Option<RecordError> {
+    let length = line.split_whitespace().find(|field| field.starts_with('[') && field.ends_with(']'))?;
+    let count: usize = length.strip_prefix('[')?.strip_suffix(']')?.parse().ok()?;
+    let at = line.find(length)?;
+    let is_byte = |text: &&str| text.len() == 2 && text.bytes().all(|digit| digit.is_ascii_hexdigit());
+    let found = line[at + length.len()..].split_whitespace().take_while(is_byte).count();
+    (found < count).then(|| RecordError {
+        found: line.to_string(),
+        column: line[..at].chars().count() + 1,
+        message: format!("found {found} bytes after `{length}`, expected {count} of two hexadecimal digits"),
+    })
 }
 
 /// Formats a time in seconds with six decimals.
@@ -127,7 +150,12 @@ impl Record {
     /// Returns an error if the line is not a record.
     pub fn of_log(line: &str) -> Result<Option<Self>, RecordError> {
         let Some(translated) = translate(line)? else { return Ok(None) };
-        let refuse = |error: RecordError| RecordError { found: line.to_string(), ..error };
+        // A screen line has no `#`: its mistakes are those of its translation.
+        let is_screen = line.contains('[');
+        let refuse = |error: RecordError| match mistake_in_line(line).filter(|_| !is_screen) {
+            Some((column, message)) => RecordError { found: line.to_string(), column, message },
+            None => RecordError { found: line.to_string(), ..error },
+        };
         translated.parse().map(Some).map_err(refuse)
     }
 }

@@ -166,6 +166,7 @@ impl Run {
     ///
     /// [`RunError`].
     pub fn resume(folder: &Path, threads: usize) -> Result<Self, RunError> {
+        folder::check_run(folder)?;
         let file = folder.join(RUN);
         let bytes = files::read(&file)?;
         if !folder.join(CHECKPOINT).exists() {

@@ -18,6 +18,7 @@ use motorium::component::{Checkpoint, Component, ConfigureError, Episode, Setup,
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::{BaseState, JointState};
 use motorium::worker::Kind;
+use motorium_robots::ModelWarning;
 use serde_json::json;
 
 use crate::{Articulated, BuildWarning, Mujoco, Rapier, Simulation, Simulator, StepReport};
@@ -94,6 +95,10 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         let Built { simulation, robots, doubts, .. } = built;
         for doubt in doubts {
             declare.warn(doubt);
+        }
+        let rpy = config.base.map_or([0.0; 3], |base| base.rpy);
+        if let Some(doubt) = ModelWarning::of_angles("`rpy` of `base`", &rpy, "angles are in radians", None) {
+            declare.warn(doubt.to_string()).key("base");
         }
         Pushes::new(&config.pushes, simulation.articulations())?;
         // Links that are always close are part of the robot's design, not a mistake that the user could fix.

@@ -8,6 +8,7 @@ mod shapes;
 mod surface;
 mod values;
 
+use std::cell::RefCell;
 use std::path::Path;
 
 use motorium_robots::{ModelWarning, Position};
@@ -32,7 +33,8 @@ const DEEPEST: usize = 64;
 /// Reads the first `<world>`, else the `<model>`s, of an SDF document.
 pub(super) fn read(path: &Path, document: &Document<'_>) -> Result<Read, WorldFileError> {
     let root = document.root_element();
-    let mut reader = Reader { path, world: World::default(), warnings: Vec::new(), first_bounce: None };
+    let mut reader =
+        Reader { path, world: World::default(), warnings: RefCell::default(), first_bounce: None };
     let minor = reader.minor_version(root)?;
     reader.warn_of_foreign(root);
     reader.refuse_repeated(root)?;
@@ -73,7 +75,11 @@ pub(super) fn read(path: &Path, document: &Document<'_>) -> Result<Read, WorldFi
     reader.warn_of_bounces();
     let Reader { world: mut read, warnings, .. } = reader;
     read.combine_frictions(FrictionCombine::Min);
-    Ok(Read { world: read, states_gravity: states_gravity || world.is_some(), warnings })
+    Ok(Read {
+        world: read,
+        states_gravity: states_gravity || world.is_some(),
+        warnings: warnings.into_inner(),
+    })
 }
 
 impl Reader<'_> {
@@ -265,7 +271,7 @@ impl Reader<'_> {
     }
 
     fn ignore_at(&mut self, at: Position, element: &str, because: &'static str) {
-        for warning in &mut self.warnings {
+        for warning in self.warnings.get_mut() {
             if let ModelWarning::Ignored { what, count, .. } = warning
                 && what == element
             {
@@ -274,7 +280,7 @@ impl Reader<'_> {
             }
         }
         let what = element.to_owned();
-        self.warnings.push(ModelWarning::Ignored { what, at, count: 1, reason: because });
+        self.warnings.get_mut().push(ModelWarning::Ignored { what, at, count: 1, reason: because });
     }
 
     /// Warns if surfaces differ in their restitution: programs combine them by different rules.

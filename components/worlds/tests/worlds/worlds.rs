@@ -1,5 +1,7 @@
 //! Worlds of files that other programs read, and meshes of objects.
 
+use std::path::Path;
+
 use motorium_robots::TriangleMesh;
 use motorium_worlds::{
     MeshShape, Object, ObjectShape, Ray, RayScene, World, WorldError, WorldFileError, parse_mjcf_world,
@@ -149,6 +151,77 @@ fn of_file(name: &str, text: &str) -> Result<World, WorldError> {
     std::fs::write(folder.path().join(name), text).unwrap();
     let mut world: World = toml::from_str(&format!("file = \"{name}\"")).unwrap();
     world.locate(folder.path()).map(|_| world)
+}
+
+/// The warnings of a world in TOML.
+fn doubts(text: &str) -> Vec<String> {
+    let mut world: World = toml::from_str(text).unwrap();
+    let warnings = world.locate(Path::new("")).unwrap();
+    warnings.iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn objects_in_degrees_or_millimetres_are_reported() {
+    let object = |sides: &str, rest: &str| {
+        doubts(&format!(
+            "[[objects]]\nname = \"crate\"\nposition = [0.0, 0.0, 1.0]\nshape = {{ box = {{ size = {sides} }} }}\n{rest}"
+        ))
+    };
+    for good in ["rpy = [3.14159, -6.28, 4.7]", "mass = 2.0", "mass = 2.0\nrpy = [0.0, 7.853981634, 0.0]"] {
+        assert_eq!(object("[3.0, 0.4, 19.0]", good), [""; 0], "{good}");
+    }
+    assert_eq!(
+        object(
+            "[0.4, 0.4, 0.4]",
+            "rpy = [0.0, 0.0, 90.0]\ncopies = { count = [3, 1, 1], spacing = [1.0, 0.0, 0.0] }"
+        ),
+        [
+            "`rpy` of object `crate_0` has an angle of 90 rad; angles are in radians: if these are degrees, write 1.5708"
+        ]
+    );
+    assert_eq!(
+        object("[300.0, 40.0, 40.0]", "mass = 2.0"),
+        [
+            "object \"crate\": longest side of 300.0 m, expected at most 20 m; if lengths are in millimetres, divide them by 1000"
+        ]
+    );
+    // a fixed object may be a building, and its walls are thin
+    assert_eq!(object("[300.0, 40.0, 40.0]", ""), [""; 0]);
+    let table = object("[1500.0, 800.0, 750.0]", "");
+    assert!(matches!(&table[..], [found] if found.contains("shortest side of 750.0 m")), "{table:?}");
+    let parts = "[[objects]]\nname = \"rod\"\nposition = [0.0, 0.0, 1.0]\nmass = 1.0\nshape = { compound = [\
+                 { shape = { sphere = { radius = 0.1 } } }, \
+                 { shape = { sphere = { radius = 0.1 } }, position = [0.0, 0.0, 450.0], rpy = [45.0, 0.0, 0.0] }] }";
+    let found = doubts(parts);
+    assert!(found.len() == 2 && found[0].starts_with("`rpy` of part 1 of object `rod`"), "{found:?}");
+    assert!(found[1].starts_with("object \"rod\": longest side of 450.2 m"), "{found:?}");
+}
+
+#[test]
+fn sdf_in_degrees_or_millimetres_is_reported() {
+    let model = |pose: &str, size: &str| {
+        let text = format!(
+            "<sdf version=\"1.9\"><world name=\"w\"><model name=\"crate\">\n{pose}<link name=\"l\"><inertial auto=\"true\"/>\
+             <collision name=\"c\"><geometry><box><size>{size}</size></box></geometry></collision></link></model></world></sdf>"
+        );
+        super::surfaces::read(&text).unwrap().1
+    };
+    for good in ["0 0 1 0 3.14159 6.28", "0 0 1 0 0 -4.7"] {
+        assert_eq!(model(&format!("<pose>{good}</pose>"), "0.3 0.2 0.1"), [""; 0], "{good}");
+    }
+    assert_eq!(model("<pose degrees=\"true\">0 0 1 0 90 0</pose>", "0.3 0.2 0.1"), [""; 0]);
+    assert_eq!(
+        model("<pose>0 0 1 0 90 0</pose>", "0.3 0.2 0.1"),
+        [
+            "<pose> of <model name=\"crate\"> has an angle of 90 rad (line 2, column 1); SDF has radians without degrees=\"true\": \
+             if these are degrees, write 1.5708"
+        ]
+    );
+    let large = model("", "300 200 100");
+    assert!(
+        matches!(&large[..], [found] if found.contains("longest side of 300.0 m, expected at most 20 m")),
+        "{large:?}"
+    );
 }
 
 #[test]

@@ -171,6 +171,13 @@ impl<'a, 'i> Attributes<'a, 'i> {
         warnings.push(ModelWarning::Ignored { what, at: self.position(node), count: 1, reason });
     }
 
+    /// Adds a warning, once.
+    pub(crate) fn warn(&self, warning: Option<ModelWarning>) {
+        let mut warnings = self.warnings.borrow_mut();
+        let new = warning.filter(|warning| !warnings.contains(warning));
+        warnings.extend(new);
+    }
+
     /// Returns the warnings so far and removes them.
     pub fn warnings(&self) -> Vec<ModelWarning> {
         self.warnings.take()
@@ -191,7 +198,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
         MjcfError { file: None, at: self.position(node), problem: Box::new(problem) }
     }
 
-    fn position(&self, node: Node<'_, '_>) -> Position {
+    pub(crate) fn position(&self, node: Node<'_, '_>) -> Position {
         self.lines.position(node.range().start)
     }
 

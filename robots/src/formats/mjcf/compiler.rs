@@ -16,6 +16,9 @@ pub(crate) enum FromGeoms {
     Always,
 }
 
+/// The unit of angles in files with `angle="radian"`.
+pub(super) const RADIANS: &str = "the file has angle=\"radian\"";
+
 /// Settings of `<compiler>`.
 #[derive(Clone, Debug)]
 pub struct Compiler {

@@ -220,7 +220,8 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
             let Geometry::Mesh { uri, path: None, inline: None, .. } = geometry else { continue };
             let asset = self.meshes.values().find(|asset| asset.uri == *uri);
             let tried = asset.map(|asset| asset.folder.clone()).into_iter().collect();
-            let warning = ModelWarning::MissingMesh { link: link.clone(), uri: uri.clone(), tried };
+            let (link, uri) = (link.clone(), uri.clone());
+            let warning = ModelWarning::MissingMesh { link, uri, tried, at: None };
             if !warnings.contains(&warning) {
                 warnings.push(warning);
             }

@@ -6,7 +6,7 @@ use super::document::parse_document;
 use super::error::{MjcfError, MjcfProblem};
 use crate::file::read_bounded;
 use crate::formats::lines::Lines;
-use crate::{ModelWarning, Position};
+use crate::{FilePosition, ModelWarning, Position};
 
 /// Maximum size of an included file, bytes.
 const LONGEST: u64 = 16 * 1024 * 1024;
@@ -116,11 +116,27 @@ impl Expanded {
 
     /// Returns the warning with its position in its file, which is named unless it is the main file.
     pub fn located_warning(&self, warning: ModelWarning) -> ModelWarning {
-        let ModelWarning::Ignored { what, at, count, reason } = warning else { return warning };
+        let name = |file: Option<&Path>, what: String| {
+            let included = file.filter(|file| Some(*file) != self.files[0].0.as_deref());
+            let name = included.and_then(Path::file_name).map(|name| name.to_string_lossy());
+            name.map_or(what.clone(), |name| format!("{name}: {what}"))
+        };
+        match warning {
+            ModelWarning::Ignored { what, at, count, reason } => {
+                let (file, at) = self.origin(at);
+                ModelWarning::Ignored { what: name(file, what), at, count, reason }
+            }
+            ModelWarning::Degrees { what, format, angle, at: Some(at) } => {
+                let (file, at) = self.origin(at);
+                ModelWarning::Degrees { what: name(file, what), format, angle, at: Some(at) }
+            }
+            other => other,
+        }
+    }
+
+    /// Returns a position of the expanded text in its file.
+    pub(crate) fn file_position(&self, at: Position) -> FilePosition {
         let (file, at) = self.origin(at);
-        let included = file.filter(|file| Some(*file) != self.files[0].0.as_deref());
-        let name = included.and_then(Path::file_name).map(|name| name.to_string_lossy());
-        let what = name.map_or(what.clone(), |name| format!("{name}: {what}"));
-        ModelWarning::Ignored { what, at, count, reason }
+        FilePosition { file: file.map(Path::to_owned), at }
     }
 }

@@ -5,10 +5,12 @@ use roxmltree::Node;
 
 use super::attributes::{Element, MAIN};
 use super::bodies::{SpringDamper, Tree};
+use super::compiler::RADIANS;
 use super::error::MjcfError;
 use super::pose::pose;
 use super::schema::{INERTIAL, is_off};
-use crate::{Coordinate, Drive, Inertia, Joint, JointDynamics, JointKind, Limits};
+use crate::formats::urdf::has_many_turns;
+use crate::{Coordinate, Drive, Inertia, Joint, JointDynamics, JointKind, Limits, ModelWarning};
 
 const SPRINGS: &str = "springs of a free base are not supported";
 
@@ -76,6 +78,14 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
             (false, Some(_)) => JointKind::Revolute,
             (false, None) => JointKind::Continuous,
         };
+        if kind == JointKind::Revolute
+            && self.geoms.compiler.angle == 1.0
+            && has_many_turns([limits.lower, limits.upper])
+        {
+            let Limits { lower, upper, .. } = limits;
+            let warning = ModelWarning::ManyTurns { joint: name.clone(), format: RADIANS, lower, upper };
+            self.attributes().warn(Some(warning));
+        }
         let friction = joint.number("frictionloss", 0.0)?;
         let mut built = Joint {
             name,

@@ -2,9 +2,10 @@
 
 use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 
-use super::attributes::Element;
-use super::compiler::Compiler;
+use super::attributes::{Element, named};
+use super::compiler::{Compiler, RADIANS};
 use super::error::{MjcfError, MjcfProblem};
+use crate::ModelWarning;
 use crate::math::lie::so3;
 
 /// Returns the pose of an element in the surrounding frame.
@@ -26,6 +27,15 @@ fn rotation(element: &Element<'_, '_, '_>, compiler: &Compiler) -> Result<UnitQu
         _ => 3,
     };
     let n = element.attributes.parse(node, way, value, count..=count)?;
+    if compiler.angle == 1.0 {
+        let angles = match way {
+            "axisangle" => &n[3..],
+            "euler" => &n[..],
+            _ => &[],
+        };
+        let (what, at) = (format!("{way} of <{}>", named(node)), element.attributes.position(node));
+        element.attributes.warn(ModelWarning::of_angles(&what, angles, RADIANS, Some(at)));
+    }
     let zero = || {
         let problem = format!("{way}=\"{value}\" has no direction");
         element.attributes.error(node, MjcfProblem::Other(problem))

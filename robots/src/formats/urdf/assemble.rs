@@ -268,7 +268,7 @@ impl Assembly<'_> {
                         let inline = catalogue::shell(filename);
                         if inline.is_none() {
                             let (link, uri) = (link.to_owned(), filename.clone());
-                            self.warnings.push(ModelWarning::MissingMesh { link, uri, tried });
+                            self.warnings.push(ModelWarning::MissingMesh { link, uri, tried, at: None });
                         }
                         (None, inline)
                     }

@@ -1,8 +1,6 @@
 //! Suspicious parts of a well-formed file: misspelt names, which would be ignored, angles in degrees, and
 //! shapes without a size.
 
-use core::f64::consts::TAU;
-
 use roxmltree::Node;
 
 use super::named::named;
@@ -10,6 +8,9 @@ use super::warning::ModelWarning;
 use crate::Position;
 use crate::formats::lines::Lines;
 use crate::nearest::nearest;
+
+/// The unit of angles in URDF.
+pub(super) const RADIANS: &str = "URDF has radians";
 
 /// Optional attributes of each element. A misspelt one would silently keep its default.
 const OPTIONAL: &[(&str, &[&str])] = &[
@@ -101,10 +102,9 @@ fn numbers<'n>(node: Node<'n, '_>, attribute: &str) -> impl Iterator<Item = f64>
 }
 
 fn degrees(node: Node<'_, '_>, at: Position, warnings: &mut Vec<ModelWarning>) {
-    let is_more_than_a_turn = |angle: &f64| angle.abs() > 1.001 * TAU;
-    let angle = numbers(node, "rpy").find(is_more_than_a_turn);
-    if let Some(angle) = angle.filter(|_| node.has_tag_name("origin")) {
-        warnings.push(ModelWarning::Degrees { element: named(node), angle, at });
+    if node.has_tag_name("origin") {
+        let (what, angles) = (format!("rpy of <{}>", named(node)), numbers(node, "rpy").collect::<Vec<_>>());
+        warnings.extend(ModelWarning::of_angles(&what, &angles, RADIANS, Some(at)));
     }
 }
 

@@ -5,6 +5,7 @@ use core::f64::consts::TAU;
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use urdf_rs::JointType;
 
+use super::doubts::RADIANS;
 use super::error::{UrdfError, UrdfProblem};
 use super::source::JointSource;
 use super::warning::ModelWarning;
@@ -96,14 +97,18 @@ pub(crate) fn limits(
         if lower == upper {
             warnings.push(ModelWarning::EmptyRange { joint: name(), value: lower });
         }
-        // More than three turns exceed any cable; from two turns in degrees on, no limit may be intended.
-        let is_wide = upper - lower > 3.0 * TAU && lower.abs().max(upper.abs()) <= 720.0;
-        if kind == JointKind::Revolute && is_wide {
-            warnings.push(ModelWarning::ManyTurns { joint: name(), lower, upper });
+        if kind == JointKind::Revolute && has_many_turns([lower, upper]) {
+            warnings.push(ModelWarning::ManyTurns { joint: name(), format: RADIANS, lower, upper });
         }
         (limits.lower, limits.upper) = (lower, upper);
     }
     Ok(limits)
+}
+
+/// Returns `true` for a range of a revolute joint \[rad\] that was probably written in degrees.
+pub(crate) fn has_many_turns([lower, upper]: [f64; 2]) -> bool {
+    // More than three turns exceed any cable; from two turns in degrees on, no limit may be intended.
+    upper - lower > 3.0 * TAU && lower.abs().max(upper.abs()) <= 720.0
 }
 
 /// Returns damping and friction, zero if missing from the file.

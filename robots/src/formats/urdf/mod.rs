@@ -23,7 +23,8 @@ use std::path::Path;
 
 pub(crate) use hold::hold_joints;
 pub(crate) use inertia::{check_inertia, warn_of_massless_ends};
-pub(crate) use plausibility::warn_of_model;
+pub(crate) use joints::has_many_turns;
+pub(crate) use plausibility::{LONGEST, extent, warn_of_model};
 
 pub use error::{UrdfError, UrdfProblem};
 pub use pinocchio::pinocchio_joint_order;

@@ -1,6 +1,6 @@
 //! Defects of real robots' files that do not prevent loading.
 
-use crate::Position;
+use crate::{FilePosition, MeshError, MeshProblem, Position};
 
 /// A defect of a loaded model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -51,12 +51,14 @@ pub enum ModelWarning {
     },
     /// The range of a revolute joint spans several turns, as if given in degrees.
     #[error(
-        "joint \"{joint}\": limits {lower} to {upper} rad are {:.0} turns; URDF has radians: if these are degrees, write {:.4} \
+        "joint \"{joint}\": limits {lower} to {upper} rad are {:.0} turns; {format}: if these are degrees, write {:.4} \
          to {:.4}", (.upper - .lower) / core::f64::consts::TAU, .lower.to_radians(), .upper.to_radians()
     )]
     ManyTurns {
         /// Joint at fault.
         joint: String,
+        /// The rule of the file, such as `URDF has radians`.
+        format: &'static str,
         /// Lower limit \[rad\].
         lower: f64,
         /// Upper limit \[rad\].
@@ -191,6 +193,64 @@ pub enum ModelWarning {
         /// The length \[m\].
         metres: f64,
     },
+    /// An object has an implausible size, as if lengths were in millimetres.
+    #[error(
+        "object \"{object}\": {what} of {metres:.1} m, expected at most {most} m; if lengths are in millimetres, divide \
+         them by 1000"
+    )]
+    OversizedObject {
+        /// Object at fault.
+        object: String,
+        /// `longest side` of an object that moves, or `shortest side` of a fixed one.
+        what: &'static str,
+        /// The length \[m\].
+        metres: f64,
+        /// Largest plausible length \[m\].
+        most: f64,
+    },
+    /// The rotational inertia of a link is too small for its mass.
+    #[error(
+        "link \"{link}\": largest principal moment of {} kg m2 for {mass} kg, expected at least {least:.1e}, a ball of \
+         osmium's; give the <inertia> in kg m2", moment(*.largest)
+    )]
+    TinyInertia {
+        /// Link at fault.
+        link: String,
+        /// Its largest principal moment \[kg m2\].
+        largest: f64,
+        /// Its mass \[kg\].
+        mass: f64,
+        /// Moment of the smallest ball of this mass \[kg m2\].
+        least: f64,
+    },
+    /// The range of a prismatic joint is implausibly long, as if in millimetres.
+    #[error(
+        "joint \"{joint}\": limits {lower} to {upper} m, expected a range of at most {most} m; if these are millimetres, \
+         divide them by 1000"
+    )]
+    LongSlide {
+        /// Joint at fault.
+        joint: String,
+        /// Lower limit \[m\].
+        lower: f64,
+        /// Upper limit \[m\].
+        upper: f64,
+        /// Longest plausible range \[m\].
+        most: f64,
+    },
+    /// The velocity limit of a prismatic joint is implausibly high, as if in millimetres per second.
+    #[error(
+        "joint \"{joint}\": velocity limit of {velocity} m/s, expected at most {most} m/s; if it is in mm/s, divide it by \
+         1000"
+    )]
+    FastSlide {
+        /// Joint at fault.
+        joint: String,
+        /// Velocity limit \[m/s\].
+        velocity: f64,
+        /// Highest plausible velocity \[m/s\].
+        most: f64,
+    },
     /// An unknown name is similar to a known one, whose default is used.
     #[error(
         "\"{found}\" of <{element}> is unknown and has no effect (line {}, column {}); did you mean \"{expected}\"?",
@@ -208,16 +268,18 @@ pub enum ModelWarning {
     },
     /// An angle exceeds a turn, as if given in degrees.
     #[error(
-        "rpy of <{element}> has an angle of {angle} rad (line {}, column {}); URDF has radians: if these are degrees, write \
-         {:.4}", .at.line, .at.column, .angle.to_radians()
+        "{what} has an angle of {angle} rad{}; {format}: if these are degrees, write {:.4}",
+        line(*.at), .angle.to_radians()
     )]
     Degrees {
-        /// The element, and the link or joint it belongs to.
-        element: String,
+        /// The value, and the element, object or robot it belongs to.
+        what: String,
+        /// The rule of the file, such as `URDF has radians`.
+        format: &'static str,
         /// The angle \[rad\].
         angle: f64,
-        /// Position of the element.
-        at: Position,
+        /// Position of the element, if known.
+        at: Option<Position>,
     },
     /// The size of a collision shape is not positive.
     #[error(
@@ -235,14 +297,28 @@ pub enum ModelWarning {
         at: Position,
     },
     /// A mesh file was not found.
-    #[error("link \"{link}\": mesh \"{uri}\" not found{}", searched(.uri, .tried))]
+    #[error("link \"{link}\": mesh \"{uri}\" not found{}", searched(.uri, .tried, .at))]
     MissingMesh {
         /// Link at fault.
         link: String,
-        /// File name in the URDF.
+        /// File name in the robot's file.
         uri: String,
         /// Folders searched.
         tried: Vec<std::path::PathBuf>,
+        /// Position of the reference.
+        at: Option<FilePosition>,
+    },
+    /// A mesh file cannot be read.
+    #[error("link \"{link}\": mesh \"{uri}\"{}: {error}{}", reference(.at), advice(.error))]
+    UnreadableMesh {
+        /// Link at fault.
+        link: String,
+        /// File name in the robot's file.
+        uri: String,
+        /// Position of the reference.
+        at: Option<FilePosition>,
+        /// The fault of the mesh file.
+        error: MeshError,
     },
 }
 
@@ -304,6 +380,7 @@ impl ModelWarning {
             | Self::TriangleInequality { link, .. }
             | Self::InertiaWithoutMass { link }
             | Self::Oversized { link, .. }
+            | Self::TinyInertia { link, .. }
             | Self::MissingMesh { link, .. } => ("link", link),
             Self::NoInertia { joint, .. }
             | Self::EmptyRange { joint, .. }
@@ -312,6 +389,8 @@ impl ModelWarning {
             | Self::FollowerOutside { joint, .. }
             | Self::ManyTurns { joint, .. }
             | Self::ContinuousRange { joint, .. }
+            | Self::LongSlide { joint, .. }
+            | Self::FastSlide { joint, .. }
             | Self::ZeroLimit { joint, .. }
             | Self::NoEffortLimit { joint }
             | Self::AxisLength { joint, .. } => ("joint", joint),
@@ -320,11 +399,13 @@ impl ModelWarning {
             | Self::Misspelt { .. }
             | Self::Degrees { .. }
             | Self::NoSize { .. }
+            | Self::OversizedObject { .. }
+            | Self::UnreadableMesh { .. }
             | Self::Ignored { .. } => return None,
         };
         let (defect, of_several) = match self {
-            Self::MissingMesh { uri, tried, .. } => {
-                let several = format!("meshes not found, the first, \"{uri}\",{}", searched(uri, tried));
+            Self::MissingMesh { uri, tried, at, .. } => {
+                let several = format!("meshes not found, the first, \"{uri}\",{}", searched(uri, tried, at));
                 ("meshes not found".to_owned(), several)
             }
             Self::NoInertia { .. } => {
@@ -335,6 +416,11 @@ impl ModelWarning {
             Self::Oversized { .. } => {
                 let several = "lengths of more than 20 m; if those in the file are millimetres, divide them by 1000 and \
                               inertias by 1e6";
+                (several.to_owned(), several.to_owned())
+            }
+            Self::TinyInertia { .. } => {
+                let several = "rotational inertias are too small for their masses, even for balls of osmium; give each \
+                              <inertia> in kg m2";
                 (several.to_owned(), several.to_owned())
             }
             Self::NotPositiveDefinite { .. } => {
@@ -361,13 +447,32 @@ fn moment(value: f64) -> String {
     if readable { value.to_string() } else { format!("{value:.1e}") }
 }
 
+/// Formats the position of an element in the file at hand.
+fn line(at: Option<Position>) -> String {
+    at.map_or_else(String::new, |at| format!(" (line {}, column {})", at.line, at.column))
+}
+
+/// Formats the position of a reference.
+fn reference(at: &Option<FilePosition>) -> String {
+    at.as_ref().map_or_else(String::new, |at| format!(" ({at})"))
+}
+
+/// Returns the remedy for a mesh file that cannot be read; empty if the fault itself has it.
+fn advice(error: &MeshError) -> &'static str {
+    match error.problem {
+        MeshProblem::Format => "",
+        _ => "; expected a complete .stl, .obj or .dae file: export it again",
+    }
+}
+
 fn in_all(count: usize) -> String {
     if count == 1 { String::new() } else { format!(", {count} in all") }
 }
 
-fn searched(uri: &str, tried: &[std::path::PathBuf]) -> String {
+fn searched(uri: &str, tried: &[std::path::PathBuf], at: &Option<FilePosition>) -> String {
+    let at = reference(at);
     if tried.is_empty() {
-        return String::new();
+        return at;
     }
     // without a name, a path means the working directory
     let shown = |path: &std::path::PathBuf| match path.display().to_string() {
@@ -376,10 +481,10 @@ fn searched(uri: &str, tried: &[std::path::PathBuf]) -> String {
     };
     let folders = tried.iter().map(shown).collect::<Vec<_>>().join(", ");
     if !["package://", "model://"].iter().any(|package| uri.starts_with(package)) {
-        return format!(" in {folders}");
+        return format!(" in {folders}{at}");
     }
     format!(
-        " in {folders}; name the folder of its package by `package_path` of the robot in a graph, --package-path of `motorium \
+        " in {folders}{at}; name the folder of its package by `package_path` of the robot in a graph, --package-path of `motorium \
          robot`, or ROS_PACKAGE_PATH"
     )
 }

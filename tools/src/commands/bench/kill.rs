@@ -57,7 +57,7 @@ pub(crate) struct Kill {
 impl Kill {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
         let graph = GraphArgs { graph: self.graph.clone(), ..GraphArgs::default() };
-        let checked = match graph.load(&registry::registry(), self.json) {
+        let checked = match graph.load(&registry::registry()) {
             Ok(checked) => checked,
             Err(code) => return Ok(code),
         };

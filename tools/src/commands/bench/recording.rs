@@ -109,7 +109,7 @@ impl Recording {
         let mut plans = Vec::new();
         for with in [Vec::new(), vec![overlay.path().to_path_buf()]] {
             let graph = GraphArgs { graph: self.graph.clone(), with, ..GraphArgs::default() };
-            match graph.load(&registry::registry(), self.json) {
+            match graph.load(&registry::registry()) {
                 Ok(checked) => plans.push(checked.plan),
                 Err(code) => return Ok(Err(code)),
             }

@@ -71,7 +71,7 @@ impl Calibrate {
             self.graph.set.push(Override { path: path.to_string(), value: format!("{value:?}") });
         }
         let registry = registry::registry();
-        let checked = match self.graph.load(&registry, self.json) {
+        let checked = match self.graph.load(&registry) {
             Ok(checked) => checked,
             Err(code) => return Ok(code),
         };

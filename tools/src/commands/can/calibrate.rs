@@ -41,7 +41,7 @@ pub(super) struct Calibrate {
 impl Calibrate {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         anyhow::ensure!(self.time.ns > 0, "`--for` is 0 s, expected a positive time");
-        let checked = match self.graph.load(&registry::registry(), self.json) {
+        let checked = match self.graph.load(&registry::registry()) {
             Ok(checked) => checked,
             Err(code) => return Ok(code),
         };

@@ -37,7 +37,7 @@ pub(super) struct Found {
 
 impl Check {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        let checked = match self.graph.load(&registry::registry(), self.json) {
+        let checked = match self.graph.load(&registry::registry()) {
             Ok(checked) => checked,
             Err(code) => return Ok(code),
         };

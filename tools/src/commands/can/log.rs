@@ -9,11 +9,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use motorium::units::TimeSpan;
-use motorium_can::{Listener, Record};
+use motorium_can::{Listener, Record, RecordError};
 
 use super::interface::refused;
 use super::words::{Interpreter, Words};
-use crate::exit;
+use crate::failure::{Failure, Kind};
 use crate::interrupt::interrupted;
 use crate::out::{errln, outln};
 
@@ -36,7 +36,7 @@ pub(super) struct Log {
     #[arg(long = "for", value_name = "TIME", allow_hyphen_values = true)]
     time: Option<TimeSpan>,
     /// End after this number of frames
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
     /// File to write to [default: standard output]
     #[arg(long, short, value_name = "FILE")]
@@ -80,7 +80,13 @@ impl Log {
             file.flush().context("writing the log")?;
             errln!("{count} frames");
         }
-        Ok(if count == 0 { exit::FAILED } else { ExitCode::SUCCESS })
+        if count == 0 {
+            let advice = "`motorium can monitor` shows the state of an interface";
+            let words =
+                format!("received no frames on {}, expected at least one", self.interfaces.join(", "));
+            return Ok(Failure::new(Kind::Failed, format!("{words}; {advice}")).help(advice).report());
+        }
+        Ok(ExitCode::SUCCESS)
     }
 
     /// Prints an existing log.
@@ -111,14 +117,20 @@ impl Log {
                 Ok(Some(record)) => print(&record, interpreter),
                 Ok(None) => continue,
                 Err(error) => {
-                    let place = format!("{}, line {}", path.display(), index + 1);
-                    errln!("{} {place}: {error}", crate::style::error("error:"));
-                    return Ok(exit::invalid());
+                    let place = format!("{}, line {}, column {}", path.display(), index + 1, error.column);
+                    let advice = RecordError::LOG_ADVICE;
+                    let failure = Failure::new(Kind::Invalid, format!("{place}: {error}; {advice}"));
+                    return Ok(failure.help(advice).report());
                 }
             }
             count += 1;
         }
-        Ok(if count == 0 { exit::FAILED } else { ExitCode::SUCCESS })
+        if count == 0 {
+            let advice = RecordError::LOG_ADVICE;
+            let words = format!("{}: found no frames, expected at least one; {advice}", path.display());
+            return Ok(Failure::new(Kind::Failed, words).help(advice).report());
+        }
+        Ok(ExitCode::SUCCESS)
     }
 }
 

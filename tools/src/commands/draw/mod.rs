@@ -52,7 +52,7 @@ impl Draw {
         // A running graph is drawn as it runs, even if the file has changed since.
         let plan = match source.as_ref().and_then(|source| source.plan.clone()) {
             Some(plan) => plan,
-            None => match self.graph.load(&registry::registry(), self.json) {
+            None => match self.graph.load(&registry::registry()) {
                 Ok(checked) => checked.plan,
                 Err(code) => return Ok(code),
             },

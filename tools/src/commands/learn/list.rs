@@ -3,13 +3,16 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, anyhow, ensure};
 use motorium_learners::imitation;
 use motorium_learners::learner::Algorithm;
 use motorium_learners::task::Task;
 use serde_json::json;
 
 use crate::out::outln;
+
+/// Remedy for a folder without tasks.
+const HELP: &str = "help: name a folder of task files: `motorium learn list FOLDER`";
 
 /// List the tasks of a folder: title, robot, rate and range of the reward.
 ///
@@ -27,10 +30,12 @@ pub(super) struct List {
 impl List {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let place = self.folder.display().to_string();
-        let entries = std::fs::read_dir(&self.folder).with_context(|| place.clone())?;
+        let entries = std::fs::read_dir(&self.folder)
+            .map_err(|error| anyhow!("{place}: {error}, expected a folder of task files (.toml)\n{HELP}"))?;
         let mut files: Vec<PathBuf> =
             entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
         files.retain(|file| file.extension().is_some_and(|extension| extension == "toml"));
+        ensure!(!files.is_empty(), "{place}: found no task file, expected files that end in .toml\n{HELP}");
         files.sort();
         let mut tasks = Vec::new();
         for file in files {

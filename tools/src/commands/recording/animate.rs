@@ -10,11 +10,12 @@ use motorium_bridges::recording::film;
 
 use crate::commands::robot::{OBLIQUE, Pictures, View, size};
 use crate::out::errln;
+use crate::output::format;
 
 /// Most dots of all pictures, in millions: they are in memory together, since they share their colours.
 const MOST: f64 = 200.0;
 
-/// Write a moving picture of a recording: the robots and their world, as an animated PNG file.
+/// Write a moving picture of a recording: the robots and their world, as an animated PNG file (.png).
 ///
 /// The camera sees the whole motion of robots with a fixed base, and follows those with floating bases. The
 /// same recording gives the same file.
@@ -56,6 +57,8 @@ impl Animate {
             self.speed
         );
         anyhow::ensure!((1.0..=50.0).contains(&self.fps), "`--fps` is {}, expected 1 to 50", self.fps);
+        let output = self.output.unwrap_or_else(|| self.file.with_extension("png"));
+        format(&output, &["png"]).context("moving pictures are animated PNG files")?;
         let recording = super::opened(&self.file)?;
         let plan = recording.plan()?;
         let (begin_ns, end_ns) = recording.times().with_context(|| {
@@ -90,7 +93,6 @@ impl Animate {
         let [width, height] = pictures.dots();
         let painted: Vec<Vec<u8>> = (0..count).map(|index| pictures.paint(index)).collect();
         let file = animation::encode(width, height, delay_ms as u16, &painted);
-        let output = self.output.unwrap_or_else(|| self.file.with_extension("png"));
         if let Some(folder) = output.parent() {
             std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         }

@@ -15,7 +15,11 @@ use motorium_bridges::recording::{
 };
 
 use crate::out::{errln, outln};
+use crate::output::refuse_existing;
 use crate::style;
+
+/// Description of a dataset of LeRobot in its folder.
+const DESCRIPTION: &str = "meta/info.json";
 
 /// Write a recording as tables, one for each topic, or as a dataset of LeRobot.
 ///
@@ -40,6 +44,9 @@ pub(crate) struct Export {
     /// The folder of the tables [default: FILE without `.mcap`]
     #[arg(long, short, value_name = "FOLDER")]
     output: Option<PathBuf>,
+    /// Replace existing tables, or an existing dataset
+    #[arg(long)]
+    overwrite: bool,
     /// LeRobot: frames a second [default: 50]
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     fps: Option<u32>,
@@ -170,10 +177,13 @@ impl Export {
         let extension = if self.format == Format::Parquet { "parquet" } else { "csv" };
         let chosen = names.iter().enumerate().filter(|(_, name)| chosen.includes(name));
         let file = |name: &str| format!("{}.{extension}", name.trim_start_matches('/').replace('/', "-"));
-        Ok(chosen.map(|(index, name)| (index, folder.join(file(name)))).collect())
+        let files: Vec<_> = chosen.map(|(index, name)| (index, folder.join(file(name)))).collect();
+        files.iter().try_for_each(|(_, path)| refuse_existing(path, self.overwrite))?;
+        Ok(files)
     }
 
     fn dataset(self, recording: &Recording, folder: &Path) -> anyhow::Result<ExitCode> {
+        refuse_existing(&folder.join(DESCRIPTION), self.overwrite)?;
         let plan = recording.plan()?;
         let (mut state, mut action) = (self.state, self.action);
         if state.is_empty() || action.is_empty() {

@@ -28,6 +28,7 @@ pub(super) use replay::Replay;
 pub(super) use score::Score;
 
 use crate::out::errln;
+use crate::output::{format, refuse_existing};
 use crate::{overheads, style};
 
 /// Opens a recording, and warns of what is missing or damaged.
@@ -98,11 +99,8 @@ impl Overlay {
             "{} is a folder, expected the file of a recording",
             output.display()
         );
-        anyhow::ensure!(
-            overwrite || output.symlink_metadata().is_err(),
-            "{} exists: name another file, or replace it with `--overwrite`",
-            output.display()
-        );
+        format(output, &["mcap"]).context("recordings are MCAP files")?;
+        refuse_existing(output, overwrite)?;
         let absolute = |path: &Path| -> anyhow::Result<toml::Value> {
             let path = std::path::absolute(path).with_context(|| format!("finding {}", path.display()))?;
             Ok(path.to_str().context("the name of the recording is not UTF-8")?.into())

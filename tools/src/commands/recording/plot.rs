@@ -10,9 +10,13 @@ use motorium_bridges::recording::{Curve, Opened, Recording, Signal, curves};
 
 use crate::chart::{Chart, Series, braille};
 use crate::out::{errln, out};
+use crate::output::format;
 
 /// Most points of a curve in a picture: more than it has columns.
 const POINTS: usize = 2000;
+
+/// The formats of a file: pictures, and a table.
+const FORMATS: [&str; 3] = ["svg", "png", "csv"];
 
 /// Draw numbers of a recording over time: in the terminal, or as a picture.
 ///
@@ -41,6 +45,9 @@ pub(crate) struct Plot {
 
 impl Plot {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        if let Some(output) = &self.output {
+            format(output, &FORMATS)?;
+        }
         let opened = super::opened_any(&self.file)?;
         let end = self.to.unwrap_or(f64::INFINITY);
         let (recording, mut curves) = match &opened {
@@ -76,14 +83,10 @@ impl Plot {
             out!("{}", braille(&chart, size(), std::io::stdout().is_terminal()));
             return Ok(ExitCode::SUCCESS);
         };
-        let content = match output.extension().and_then(|extension| extension.to_str()) {
-            Some("svg") => chart.svg().into_bytes(),
-            Some("png") => chart.png(),
-            Some("csv") => chart.csv().into_bytes(),
-            _ => anyhow::bail!(
-                "{}: the name of a picture ends in .svg or .png, the name of a table in .csv",
-                output.display()
-            ),
+        let content = match format(output, &FORMATS)? {
+            "svg" => chart.svg().into_bytes(),
+            "png" => chart.png(),
+            _ => chart.csv().into_bytes(),
         };
         if let Some(folder) = output.parent() {
             std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;

@@ -13,7 +13,8 @@ use crate::{exit, style};
 /// Check a robot's URDF or MJCF: every defect, named with its link or joint.
 ///
 /// A fault that prevents loading is reported with line and column, and exit code 3. Common defects of real
-/// robot files are warnings; with --strict they cause exit code 3, too.
+/// robot files are warnings, and so are values that are probably in degrees or millimetres, and meshes that
+/// cannot be read; with --strict they cause exit code 3, too.
 ///
 /// Example: motorium robot check arm.urdf --package-path ~/ros/src
 #[derive(Debug, clap::Args)]
@@ -50,9 +51,11 @@ impl Check {
     fn of_visuals(&self, robot: &Loaded) -> Vec<String> {
         match self.robot.load_with(MimicMode::Follow, ProfileChoice::Without, ShapeSource::Visual) {
             Ok(seen) => {
-                let (known, mut missing) = (missing_meshes(robot), missing_meshes(&seen));
-                missing.retain(|warning| !known.contains(warning));
-                ModelWarning::summarise(&missing).iter().map(|mesh| format!("visual of {mesh}")).collect()
+                let known = unusable_meshes(robot, ShapeSource::Collision);
+                let known: Vec<_> = known.iter().map(mesh).collect();
+                let mut unusable = unusable_meshes(&seen, ShapeSource::Visual);
+                unusable.retain(|warning| !known.contains(&mesh(warning)));
+                ModelWarning::summarise(&unusable).iter().map(|mesh| format!("visual of {mesh}")).collect()
             }
             Err(error) => vec![format!("its visuals cannot be read: {error}")],
         }
@@ -61,7 +64,7 @@ impl Check {
 
 /// Returns the defects of its file, and a warning for a robot without collision shapes.
 fn warnings(robot: &Loaded) -> Vec<String> {
-    let defects = [&robot.warnings[..], &ModelWarning::of_meshes(&robot.model)].concat();
+    let defects = [&robot.warnings[..], &robot.mesh_warnings(ShapeSource::Collision)].concat();
     let mut warnings = ModelWarning::summarise(&defects);
     if !robot.model.has_shapes() {
         let warning = "no link has a collision shape: in physics the robot passes through the ground and all objects; \
@@ -71,19 +74,32 @@ fn warnings(robot: &Loaded) -> Vec<String> {
     warnings
 }
 
-/// Returns the missing meshes, without duplicates.
-fn missing_meshes(robot: &Loaded) -> Vec<ModelWarning> {
-    let mut missing: Vec<ModelWarning> = Vec::new();
-    for warning in robot.warnings.iter().filter(|warning| is_missing_mesh(warning)) {
-        if !missing.contains(warning) {
-            missing.push(warning.clone());
-        }
+/// Prints warnings of the meshes of a robot that are missing or cannot be read.
+pub(super) fn warn_of_meshes(robot: &Loaded, shapes: ShapeSource) {
+    for warning in ModelWarning::summarise(&unusable_meshes(robot, shapes)) {
+        errln!("{}: {warning}", style::warning("warning"));
     }
-    missing
 }
 
-fn is_missing_mesh(warning: &ModelWarning) -> bool {
-    matches!(warning, ModelWarning::MissingMesh { .. })
+/// Returns the warnings of meshes that are missing or cannot be read, without duplicates.
+fn unusable_meshes(robot: &Loaded, shapes: ShapeSource) -> Vec<ModelWarning> {
+    let mut unusable: Vec<ModelWarning> = Vec::new();
+    for warning in robot.warnings.iter().chain(&robot.mesh_warnings(shapes)) {
+        if mesh(warning).is_some() && !unusable.contains(warning) {
+            unusable.push(warning.clone());
+        }
+    }
+    unusable
+}
+
+/// Returns link and file name of a mesh that is missing or cannot be read.
+fn mesh(warning: &ModelWarning) -> Option<(&str, &str)> {
+    match warning {
+        ModelWarning::MissingMesh { link, uri, .. } | ModelWarning::UnreadableMesh { link, uri, .. } => {
+            Some((link, uri))
+        }
+        _ => None,
+    }
 }
 
 fn report(robot: &Loaded, warnings: &[String]) -> serde_json::Value {

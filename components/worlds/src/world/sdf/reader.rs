@@ -1,5 +1,6 @@
 //! The state of a reader of SDF.
 
+use std::cell::RefCell;
 use std::path::Path;
 
 use motorium_robots::{ModelWarning, Position};
@@ -10,7 +11,7 @@ use crate::World;
 pub(super) struct Reader<'p> {
     pub(super) path: &'p Path,
     pub(super) world: World,
-    pub(super) warnings: Vec<ModelWarning>,
+    pub(super) warnings: RefCell<Vec<ModelWarning>>,
     /// The first collision that rebounds.
     pub(super) first_bounce: Option<Position>,
 }

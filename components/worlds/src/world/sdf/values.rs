@@ -1,12 +1,15 @@
 //! Elements of SDF and their values: numbers, booleans, poses.
 
+use motorium_robots::ModelWarning;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use roxmltree::Node;
 
 use super::super::WorldFileError;
-use super::super::reading::problem;
+use super::super::reading::{position, problem};
 use super::reader::Reader;
 
+/// The unit of angles in SDF.
+const RADIANS: &str = "SDF has radians without degrees=\"true\"";
 /// Shortest quaternion that has a direction.
 const SHORTEST: f64 = 1e-9;
 
@@ -139,6 +142,16 @@ impl Reader<'_> {
         let [x, y, z, mut roll, mut pitch, mut yaw] = self.numbers(pose)?;
         if degrees {
             [roll, pitch, yaw] = [roll, pitch, yaw].map(f64::to_radians);
+        } else {
+            let owner = match node.attribute("name") {
+                Some(name) => format!("{} name=\"{name}\"", node.tag_name().name()),
+                None => node.tag_name().name().to_owned(),
+            };
+            let (what, at) = (format!("<pose> of <{owner}>"), position(pose));
+            let doubt = ModelWarning::of_angles(&what, &[roll, pitch, yaw], RADIANS, Some(at));
+            let mut warnings = self.warnings.borrow_mut();
+            let doubt = doubt.filter(|doubt| !warnings.contains(doubt));
+            warnings.extend(doubt);
         }
         Ok(Isometry3::from_parts(
             Translation3::new(x, y, z),

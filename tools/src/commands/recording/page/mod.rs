@@ -17,6 +17,7 @@ use motorium_bridges::recording::{Analysis, Opened, Recording, Tolerance, TopicA
 
 use crate::draw::{self, Measured};
 use crate::out::errln;
+use crate::output::refuse_existing;
 use crate::report::microseconds;
 use crate::{html, input};
 use topics::is_timed;
@@ -36,6 +37,9 @@ pub(crate) struct Report {
     /// The page [default: FILE with `.html` in place of `.mcap`]
     #[arg(long, short, value_name = "FILE.html")]
     output: Option<PathBuf>,
+    /// Replace the page if it exists
+    #[arg(long)]
+    overwrite: bool,
     /// Add the results of all components, from the report that `motorium run --json` printed
     #[arg(long, value_name = "FILE.json")]
     results: Option<PathBuf>,
@@ -43,6 +47,8 @@ pub(crate) struct Report {
 
 impl Report {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        let output = self.output.unwrap_or_else(|| self.file.with_extension("html"));
+        refuse_existing(&output, self.overwrite)?;
         let (page, topics, duration) = match super::opened_any(&self.file)? {
             Opened::Run(recording) => {
                 let plan = recording.plan()?;
@@ -61,7 +67,6 @@ impl Report {
                 (super::log::page(&log), log.channels().len(), duration)
             }
         };
-        let output = self.output.unwrap_or_else(|| self.file.with_extension("html"));
         if let Some(folder) = output.parent() {
             std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         }

@@ -17,8 +17,10 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use motorium_robots::{Kinematics, MimicMode, ShapeSource};
 
+use super::check::warn_of_meshes;
 use super::source::ProfiledArgs;
 use crate::out::out;
+use crate::output::format;
 use camera::Camera;
 pub(in crate::commands) use camera::{OBLIQUE, View};
 pub(in crate::commands) use film::Pictures;
@@ -29,7 +31,8 @@ use solid::Detail;
 
 /// Draw a robot in a pose as an SVG picture: its shapes (meshes as hulls, bare links as sticks).
 ///
-/// A file `.png` is a shaded picture with shadows, without frames, names and centre of mass.
+/// A file `.png` is a shaded picture with shadows, without frames, names and centre of mass. Meshes that are
+/// missing or cannot be read are left out with a warning.
 ///
 /// Example: motorium robot draw panda --view 30,20 --output out/panda.svg
 #[derive(Debug, clap::Args)]
@@ -73,6 +76,7 @@ pub(in crate::commands) fn size(text: &str) -> Result<(f64, f64), String> {
 
 impl Draw {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let kind = self.output.as_ref().map(|output| format(output, &["svg", "png"])).transpose()?;
         let opened = match self.visual {
             true => self.robot.open_visual(MimicMode::Follow),
             false => self.robot.open(MimicMode::Follow),
@@ -86,7 +90,8 @@ impl Draw {
         let mut kinematics = Kinematics::new(model);
         kinematics.update(model, &q);
         let shapes = if self.visual { ShapeSource::Visual } else { ShapeSource::Collision };
-        let png = self.output.as_ref().is_some_and(|path| path.extension().is_some_and(|kind| kind == "png"));
+        warn_of_meshes(&robot, shapes);
+        let png = kind == Some("png");
         let detail = match (self.visual, png) {
             (false, _) => Detail::Hull,
             (true, false) => Detail::Coarse,

@@ -1,0 +1,24 @@
+//! Angles in radians that were probably written in degrees.
+
+use core::f64::consts::{FRAC_PI_4, TAU};
+
+/// Largest difference from a multiple of 45 degrees that rounding explains \[rad\].
+const ROUNDING: f64 = 1e-3;
+
+/// Returns the angle in radians that was probably meant if `angle` \[rad\] was written in degrees; `None` for a
+/// plausible angle.
+///
+/// An angle of more than a turn is suspicious, except for a fraction that is a multiple of 45 degrees.
+///
+/// ```
+/// use motorium_robots::suspected_degrees;
+///
+/// assert_eq!(suspected_degrees(90.0), Some(90_f64.to_radians()));
+/// assert_eq!(suspected_degrees(-4.7), None);
+/// assert_eq!(suspected_degrees(2.5 * std::f64::consts::PI), None);
+/// ```
+pub fn suspected_degrees(angle: f64) -> Option<f64> {
+    let is_multiple =
+        angle.fract() != 0.0 && (angle - FRAC_PI_4 * (angle / FRAC_PI_4).round()).abs() < ROUNDING;
+    (angle.is_finite() && angle.abs() > 1.001 * TAU && !is_multiple).then(|| angle.to_radians())
+}
