@@ -86,7 +86,7 @@ fn recording_without_content_is_not_said_to_be_recoverable() {
     ] {
         let (code, errors) = tried(arguments);
         assert_eq!(code, Some(1), "{arguments:?}: {errors}");
-        assert!(errors.contains("cut off after 8 bytes, before anything was recorded"), "{errors}");
+        assert!(errors.contains("cut off after 8 bytes, before the first message"), "{errors}");
         assert!(
             errors.contains("nothing can be recovered") && !errors.contains("motorium recover"),
             "{errors}"
