@@ -36,6 +36,6 @@ pub(crate) fn run(robot: &str) -> Result<(), Box<dyn Error>> {
         pose.translation
     );
     println!("turned by {:.4} rad", pose.rotation.angle());
-    println!("Jacobian, linear rows [m/rad] first, one column a joint:{jacobian:.3}");
+    println!("Jacobian, linear rows [m/rad] first, one column per joint:{jacobian:.3}");
     Ok(())
 }

@@ -31,7 +31,7 @@ pub(crate) fn run(robot: &str) -> Result<(), Box<dyn Error>> {
     let mut found = vec![0.0; model.nv()];
     dynamics.forward(model, &q, &v, &tau, gravity, &mut found)?;
     let error = wanted.iter().zip(&found).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-    println!("these efforts accelerate the robot as wanted, to {error:.1e} rad/s2");
+    println!("these efforts produce the desired acceleration to within {error:.1e} rad/s2");
     if error > 1e-8 {
         return Err("inverse and forward dynamics disagree".into());
     }

@@ -1,11 +1,11 @@
-"""Writes the robots of the catalogue whose parts repeat: URDF, profile, and the shells of those that are modelled.
+"""Writes the generated robots of the catalogue: URDF, profile, and modelled shells.
 
-    python3 robots/generate              # all of them
-    python3 robots/generate biped ur5e   # these
-    python3 robots/generate --check      # writes nothing; fails if a committed file is not what this writes
+    python3 robots/generate              # all robots
+    python3 robots/generate biped ur5e   # only these robots
+    python3 robots/generate --check      # writes nothing; fails if a committed file differs from the output
 
-Masses and lengths stand in the modules beside this one; inertias are those of the primitives, standing heights and damping
-follow. The pendulum, the planar arm and the Panda were written by hand, but for the shells of the Panda.
+Masses and lengths are defined in the modules next to this one. Inertias, standing heights and damping are computed from
+them. The pendulum, the planar arm and the Panda are handwritten, except for the shells of the Panda.
 """
 
 import pathlib
@@ -22,12 +22,12 @@ CATALOGUE = pathlib.Path(__file__).resolve().parents[1] / "catalogue"
 
 
 def shells(parts):
-    """{path in the robot's folder: text} of the shells of {link: parts}."""
+    """Returns {path in the robot's folder: text} for the shells in {link: parts}."""
     return {f"shells/{part.name}.obj": part.shell.obj() for of_link in parts.values() for part in of_link}
 
 
 def files(make):
-    """The name of a robot, {path in its folder: text}, and a line about it."""
+    """Returns the name of a robot, {path in its folder: text}, and a one-line description."""
     robot, profile = make()
     own = {link.name: link.parts for link in robot.links if link.package == robot.name}
     texts = {f"{robot.name}.urdf": robot.urdf(), f"{robot.name}.toml": profile.toml(robot)} | shells(own)
@@ -35,7 +35,7 @@ def files(make):
 
 
 def panda_files():
-    """The shells of the Panda, and its URDF with the visuals that name them."""
+    """Returns the shells of the Panda, and its URDF with the visuals that refer to them."""
     parts = panda.parts()
     link, lines = None, []
     for line in (CATALOGUE / "panda" / "panda.urdf").read_text().splitlines():

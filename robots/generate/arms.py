@@ -16,13 +16,13 @@ KUKA LBR iiwa 14 R820. Each joint turns about the z axis of its link.
 
 Lengths (0.36, 0.42, 0.40, 0.126 m), joint ranges, speeds and torques: KUKA, "LBR iiwa 7 R800, LBR iiwa 14 R820,
   Specification".
-Masses, centres of mass and moments of inertia: the values that iiwa_stack (V. Tkachev and others, TU Munich) and Drake's
-  model of the arm publish.
-Geometry: cylinders that cover the arm roughly; visual and collision are the same.
+Masses, centres of mass and moments of inertia: iiwa_stack (V. Tkachev and others, TU Munich) and Drake's model of the
+  arm.
+Geometry: cylinders that approximate the arm; visual and collision are the same.
 """,
     )
     quarter = pi / 2
-    # above: where the joint stands in the link before it; inertia: mass, centre of mass, principal moments
+    # above: position of the joint in its parent link; inertia: mass, centre of mass, principal moments
     rows = [
         ((0, 0, 0.1575), (0, 0, 0), 170, 85, 320, (5.76, (0, -0.03, 0.12), (0.033, 0.0333, 0.0123))),
         ((0, 0, 0.2025), (quarter, 0, pi), 120, 85, 320, (6.35, (0.0003, 0.059, 0.042), (0.0305, 0.0304, 0.011))),
@@ -82,10 +82,10 @@ UR5E_JOINTS = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "
 
 
 def add_ur5e(robot, base, prefix=""):
-    """The arm on the link `base`; the names of its joints."""
+    """Adds the arm to the link `base`; returns the names of its joints."""
     quarter = pi / 2
     d1, a2, a3, d4, d5, d6 = 0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996
-    # link, mass, centre of mass in its DH frame, that frame in the link, the bar its inertia is taken of (radius, length, rpy)
+    # link, mass, centre of mass in its DH frame, DH frame in the link, bar that determines its inertia (radius, length, rpy)
     links = [
         ("shoulder_link", 3.761, (0, -0.02561, 0.00193), (0, 0, 0), quarter, (0.06, 0.15, (0, 0, 0))),
         ("upper_arm_link", 8.058, (0.2125, 0, 0.11336), (a2, 0, 0), 0, (0.054, 0.425, ALONG_X)),
@@ -154,9 +154,9 @@ UR5E_SOURCES = [
 UR5E_COMMENT = """
 DH parameters, masses and centres of mass: Universal Robots, "DH Parameters for calculations of kinematics and dynamics".
 Ranges, speeds and torques: the technical specifications of the arm. Universal Robots publishes no inertias of the links:
-  they are those of solid cylinders of the link's mass and size.
-Names, and base_link turned half a turn from the controller's base frame: as in Universal Robots' ROS description.
-Geometry: cylinders that cover the arm roughly, and shells of our own to look at.
+  they are computed for solid cylinders with the link's mass and size.
+Names, and base_link rotated by half a turn relative to the controller's base frame: as in Universal Robots' ROS description.
+Geometry: cylinders that approximate the arm, and original shells for display.
 """
 UR5E_READY = [0.0, -pi / 2, pi / 2, -pi / 2, -pi / 2, 0.0]
 UR5E_STIFFNESS = [800, 1000, 600, 150, 100, 50]
@@ -184,11 +184,11 @@ def mobile_manipulator():
     robot = Robot(
         "mobile-manipulator",
         f"""
-A UR5e on an omnidirectional base of the size and mass of Clearpath's Ridgeback. The base's motion is three joints: two
-slides in the world's axes and a turn, so base_x, base_y and base_yaw are its pose in the world.
+A UR5e on an omnidirectional base of the size and mass of Clearpath's Ridgeback. The base has three joints: two
+slides along the world's axes and a rotation, so base_x, base_y and base_yaw are its pose in the world.
 
-The base: Clearpath Robotics, Ridgeback data sheet (0.96 x 0.793 x 0.296 m, 135 kg, 1.1 m/s); taken as two boxes of
-  even density.
+The base: Clearpath Robotics, Ridgeback data sheet (0.96 x 0.793 x 0.296 m, 135 kg, 1.1 m/s); modelled as two boxes
+  of uniform density.
 {UR5E_COMMENT.strip()}
 """,
     )
@@ -229,7 +229,7 @@ The base: Clearpath Robotics, Ridgeback data sheet (0.96 x 0.793 x 0.296 m, 135 
     )
 
 
-# Joint: place and axes in the link before it, range. Link: mass, centre of mass, inertia (xx, yy, zz, xy, xz, yz), its shape.
+# Joint: position and axes in its parent link, range. Link: mass, centre of mass, inertia (xx, yy, zz, xy, xz, yz), its shape.
 SO101 = [
     (
         "shoulder_pan",
@@ -283,13 +283,13 @@ def so101():
     robot = Robot(
         "so101",
         """
-SO-101, the arm of six serial servos that hobbyists print.
+SO-101, an open-source arm with six serial servos and printed parts.
 
-Places of the joints, ranges, masses, centres of mass and moments of inertia: The Robot Studio, SO-ARM100, Simulation/SO101,
-  so101_new_calib.urdf. Zero is the middle of the range that a servo is calibrated to.
-Torque and speed: Feetech, STS3215 of 7.4 V with a gear of 1:345 (19.5 kg cm, 0.222 s for 60 degrees).
+Positions of the joints, ranges, masses, centres of mass and moments of inertia: The Robot Studio, SO-ARM100, Simulation/SO101,
+  so101_new_calib.urdf. Zero is the middle of a servo's calibrated range.
+Torque and speed: Feetech, STS3215 at 7.4 V with a 1:345 gear (19.5 kg cm, 0.222 s for 60 degrees).
 Damping of the joints, and the stiffness of the servos in the profile: joints_properties.xml of the same folder.
-Geometry: boxes that cover the arm roughly; visual and collision are the same.
+Geometry: boxes that approximate the arm; visual and collision are the same.
 """,
     )
 

@@ -1,4 +1,4 @@
-"""Links and joints of a robot under construction, its URDF text, and the kinematics its profile needs."""
+"""Links and joints of a robot under construction, its URDF text, and the kinematics for its profile."""
 
 from dataclasses import dataclass, field
 from math import pi, sqrt
@@ -18,7 +18,7 @@ COLOURS = {
 
 @dataclass
 class Solid:
-    """A primitive of even density. A massless one is shape only."""
+    """A primitive with uniform density. A massless primitive is only a shape."""
 
     kind: str
     size: tuple
@@ -30,7 +30,7 @@ class Solid:
     crowned: bool = False
 
     def inertia(self):
-        """About its centre, its own axes."""
+        """Returns the inertia about its centre, in its own axes."""
         mass = self.mass
         if self.kind == "box":
             x, y, z = self.size
@@ -74,9 +74,9 @@ def diagonal(x, y, z):
 class Link:
     name: str
     solids: list = field(default_factory=list)
-    # mass, centre of mass, inertia about it in the link's axes, where they are published; else those of the solids
+    # published mass, centre of mass and inertia about it in the link's axes; None computes them from the solids
     published: tuple = None
-    # what it looks like, if not like its solids; and the robot whose files these shells are
+    # visible parts if they differ from the solids, and the robot whose folder contains these shells
     parts: list = field(default_factory=list)
     package: str = ""
 
@@ -125,16 +125,16 @@ class Robot:
         self.joints.append(Joint(name, kind, parent, child, **rest))
 
     def frame(self, name, parent, at=(0, 0, 0), rpy=(0, 0, 0)):
-        """A link without mass or shape, fixed to another."""
+        """Adds a link without mass or shape, fixed to another link."""
         self.joint(f"{name}_joint", "fixed", parent, name, at=at, rpy=rpy)
         self.link(name)
 
     def dress(self, parts, package=None, prefix=""):
-        """Gives the links their parts, {link without prefix: parts}, which are files of this robot or of `package`."""
+        """Sets the parts of the links, {link without prefix: parts}, which are files of this robot or of `package`."""
         for link in self.links:
             link.parts = parts.get(link.name.removeprefix(prefix), link.parts)
             link.package = package or self.name
-            # Cameras see a collision shape in the colour of the visual at its place.
+            # Cameras show a collision shape in the colour of the visual at the same index.
             places = zip(link.solids, link.parts)
             assert all(solid.colour == part.colour for solid, part in places), f"{link.name}: colours of its parts"
             assert not link.parts or len(link.parts) >= len(link.solids), f"{link.name}: fewer parts than solids"
@@ -143,7 +143,7 @@ class Robot:
         return [joint for joint in self.joints if joint.kind != "fixed" and joint.mimic is None]
 
     def positions(self, pose):
-        """The position of every moving joint at a pose {independent joint: position}."""
+        """Returns the position of every moving joint at a pose {independent joint: position}."""
         found = {}
         for joint in self.joints:
             if joint.mimic:
@@ -154,7 +154,7 @@ class Robot:
         return found
 
     def place(self, pose):
-        """{link: (rotation, position)} in the frame of the root link."""
+        """Returns {link: (rotation, position)} in the frame of the root link."""
         positions = self.positions(pose)
         places = {self.links[0].name: (m.IDENTITY, [0.0, 0.0, 0.0])}
         for joint in self.joints:
@@ -170,7 +170,7 @@ class Robot:
         return places
 
     def inertia_about(self, joint, pose):
-        """What the joint has to move, all others locked: the diagonal entry of the mass matrix."""
+        """Returns the inertia at the joint with all others locked: the diagonal entry of the mass matrix."""
         places = self.place(pose)
         moved = {}
         for other in self.joints:
@@ -197,7 +197,7 @@ class Robot:
         return total
 
     def damping(self, joint, kp, pose):
-        """Critical damping at a pose, two digits."""
+        """Returns the critical damping at a pose, rounded to two digits."""
         return float(f"{2 * sqrt(kp * self.inertia_about(joint, pose)):.2g}")
 
     def mass(self):
@@ -265,7 +265,7 @@ def origin(at, rpy):
 
 def number(x):
     x = 0.0 if abs(x) < 1e-15 else x
-    # Angles in full, so that right angles are right; everything else as it was meant.
+    # Angles with all digits, for exact right angles; everything else rounded.
     for fraction in (pi / 4, pi / 3, pi / 6):
         if x and abs(x / fraction - round(x / fraction)) < 1e-12:
             return repr(float(x))

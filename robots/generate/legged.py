@@ -17,11 +17,11 @@ def quadruped():
         """
 A torque-controlled quadruped of the size and mass of Solo12: twelve joints, ball feet, 2.5 kg.
 
-Lengths, places of the joints and masses: those of solo12.urdf, the robot's description in the PyPI package
-  example-robot-data 6.0.0, a foot's with its shank.
+Lengths, positions of the joints and masses: solo12.urdf, the robot's description in the PyPI package
+  example-robot-data 6.0.0; the mass of a foot is included in its shank.
 Torque: F. Grimminger and others, "An Open Torque-Controlled Modular Robot Architecture for Legged Locomotion Research",
-  IEEE Robotics and Automation Letters 5(2), 2020, 2.7 N m at 12 A. Ranges and speeds are ours.
-Bodies of even density, and shells of our own to look at. All joints at zero: legs straight down. Roll about x, pitch about y.
+  IEEE Robotics and Automation Letters 5(2), 2020, 2.7 N m at 12 A. Ranges and speeds are assumptions.
+Bodies of uniform density, and original shells for display. All joints at zero: legs straight down. Roll about x, pitch about y.
 """,
     )
     robot.link("base", box((0.38, 0.13, 0.06), mass=1.161, colour="white"))
@@ -83,8 +83,8 @@ outward; its coxa turns about z, femur and tibia about y, downward for positive 
 out.
 
 Lengths (coxa 52 mm, femur 66 mm, tibia 133 mm): Trossen Robotics, PhantomX AX hexapod Mark II.
-Servos (54.6 g, 1.5 N m, 59 rpm, 300 degrees): ROBOTIS e-Manual, AX-12A. They work at 100 degrees to either side here.
-Bodies of even density.
+Servos (54.6 g, 1.5 N m, 59 rpm, 300 degrees): ROBOTIS e-Manual, AX-12A. The range is limited to 100 degrees to either side.
+Bodies of uniform density.
 """,
     )
     servo = 0.0546
@@ -133,16 +133,16 @@ def centaur():
     robot = Robot(
         "centaur",
         """
-A centaur of the class of IIT's CENTAURO: four legs of five joints and a wheel each, a torso with two arms of seven
-joints and a gripper, a head; 44 joints, 93 kg. Roll about x, pitch about y, yaw about z. All joints at zero: legs and
+A centaur similar to IIT's CENTAURO: four legs with five joints and a wheel each, a torso with two arms of seven
+joints and a gripper each, and a head; 44 joints, 93 kg. Roll about x, pitch about y, yaw about z. All joints at zero: legs and
 arms straight down.
 
 Mass and arrangement: N. Kashiri and others, "CENTAURO: A Hybrid Locomotion and High Power Resilient Manipulation Platform",
-  IEEE Robotics and Automation Letters 4(2), 2019. Places, torques and speeds of the legs' joints, rounded, and torques of
-  torso and arms: the description centauro.urdf that the PyPI package example-robot-data 6.0.0 carries.
-Ours: the seventh joint of each arm, the torso's pitch, the grippers and the head, which complete it to 44 joints; arms'
-  lengths, ranges and speeds; how the mass spreads over the links.
-Bodies of even density.
+  IEEE Robotics and Automation Letters 4(2), 2019. Positions, torques and speeds of the legs' joints, rounded, and torques of
+  torso and arms: centauro.urdf in the PyPI package example-robot-data 6.0.0.
+Assumptions: the seventh joint of each arm, the torso's pitch, the grippers and the head, for a total of 44 joints; the
+  lengths of the arms, ranges and speeds; the distribution of the mass over the links.
+Bodies of uniform density.
 """,
     )
     robot.link(
@@ -187,7 +187,7 @@ Bodies of even density.
             joints = [f"{leg}_{part[0]}" for part in parts]
             feet[leg] = {"frame": f"{leg}_wheel_link", "joints": joints, "radius": radius}
             for pose, bend in (("standing", 0.8), ("low", 1.25), ("tall", 0.35)):
-                # Thighs spread outward, shanks come back in, ankles keep the wheels' forks upright.
+                # Thighs spread outward, shanks lean inward, ankles keep the wheels' forks upright.
                 poses[pose] |= {joints[1]: -fore * bend, joints[2]: fore * 1.6 * bend, joints[3]: -fore * 0.6 * bend}
     robot.joint("torso_yaw", "revolute", "base", "waist", at=(0, 0, 0.13), lower=-2.6, upper=2.6, velocity=5.7, effort=147)
     robot.link("waist", cylinder(0.09, 0.1, at=(0, 0, 0.05), mass=2.6, colour="black"))

@@ -1,4 +1,4 @@
-"""Rotations and poses as plain lists: enough for a URDF tree, with nothing to install."""
+"""Rotations and poses as plain lists: sufficient for a URDF tree, without dependencies."""
 
 from math import cos, sin
 
@@ -34,7 +34,7 @@ def cross(a, b):
 
 
 def from_rpy(rpy):
-    """Fixed-axis roll, pitch, yaw, as in a URDF."""
+    """Returns the rotation by fixed-axis roll, pitch, yaw, as in a URDF."""
     roll, pitch, yaw = rpy
     x = [[1, 0, 0], [0, cos(roll), -sin(roll)], [0, sin(roll), cos(roll)]]
     y = [[cos(pitch), 0, sin(pitch)], [0, 1, 0], [-sin(pitch), 0, cos(pitch)]]
@@ -54,7 +54,7 @@ def about(axis, angle):
 
 
 def steiner(mass, r):
-    """Inertia about the origin of a point mass at r."""
+    """Returns the inertia of a point mass at r about the origin."""
     square = dot(r, r)
     return [[mass * ((square if i == j else 0.0) - r[i] * r[j]) for j in range(3)] for i in range(3)]
 

@@ -1,4 +1,4 @@
-"""Small mechanisms of the textbooks."""
+"""Small textbook mechanisms."""
 
 from math import pi
 
@@ -10,7 +10,7 @@ def double_pendulum():
     robot = Robot(
         "double-pendulum",
         """
-Two equal rods that hang along -z at q = 0 and turn about y without end: each a uniform cylinder of 1 kg, 0.5 m and
+Two equal rods that hang along -z at q = 0 and rotate about y without limits: each a uniform cylinder of 1 kg, 0.5 m and
 radius 0.02 m.
 """,
     )
@@ -36,8 +36,8 @@ def acrobot():
     robot = Robot(
         "acrobot",
         """
-The acrobot: a double pendulum driven at the elbow alone. It hangs along -z at q = 0. Uniform rods: 1 kg and 1 m above,
-1 kg and 2 m below, so that m l^2 / 12 is 0.083 and 0.333 kg m2 but for the thickness.
+The acrobot: a double pendulum driven only at the elbow. It hangs along -z at q = 0. Uniform rods: 1 kg and 1 m above,
+1 kg and 2 m below, so that m l^2 / 12 is 0.083 and 0.333 kg m2 apart from the thickness.
 Masses, lengths and damping: R. Tedrake, "Underactuated Robotics", the acrobot's swing-up.
 """,
     )
@@ -99,8 +99,8 @@ def rrbot():
     robot = Robot(
         "rrbot",
         """
-RRBot, the two-joint arm of the Gazebo and ros2_control tutorials: a post of 2 m, two arms of 1 m that turn about y
-beside it. Square bars of 0.1 m and 1 kg each, axles 0.05 m from the ends. Upright at q = 0.
+RRBot, the two-joint arm of the Gazebo and ros2_control tutorials: a post of 2 m, two arms of 1 m that rotate about y
+next to it. Square bars of 0.1 m and 1 kg each, axles 0.05 m from the ends. Upright at q = 0.
 """,
     )
     width, tall, arm, axle, mass = 0.1, 2.0, 1.0, 0.05, 1.0

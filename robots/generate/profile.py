@@ -1,4 +1,4 @@
-"""The profile of a robot: what its URDF does not say."""
+"""Profile of a robot: the data that its URDF lacks."""
 
 from dataclasses import dataclass, field
 
@@ -9,9 +9,9 @@ class Profile:
     title: str
     sources: list
     home: str
-    # {name: {joint: position}}; joints left out stand at zero
+    # {name: {joint: position}}; omitted joints are at zero
     poses: dict
-    # stiffness of position-controlled joints, {joint: kp}; damping follows from the inertia at home
+    # stiffness of position-controlled joints, {joint: kp}; damping is computed from the inertia at home
     stiffness: dict = field(default_factory=dict)
     # damping of speed-controlled joints, {joint: kd}
     speed_gains: dict = field(default_factory=dict)
@@ -22,7 +22,7 @@ class Profile:
     feet: dict = field(default_factory=dict)
     mobile_base: dict = None
     rotors: dict = field(default_factory=dict)
-    # height of the base by pose, where it does not follow from what stands on the ground
+    # height of the base by pose, if it is not determined by the contacts with the ground
     heights: dict = field(default_factory=dict)
 
     def whole(self, robot, name):
@@ -32,7 +32,7 @@ class Profile:
         return pose | self.poses[name]
 
     def supports(self, robot):
-        """(frame, depth below its origin at which it touches flat ground)."""
+        """Returns (frame, depth below its origin at which it touches flat ground) for each support."""
         found = [(foot["frame"], foot.get("radius", 0.0)) for foot in self.feet.values()]
         if self.mobile_base and "wheel_radius" in self.mobile_base:
             children = {joint.name: joint.child for joint in robot.joints}
@@ -41,7 +41,7 @@ class Profile:
         return found
 
     def height(self, robot, name):
-        """Height of a floating base at which the lowest support touches the ground."""
+        """Returns the height of a floating base at which the lowest support touches the ground."""
         if name in self.heights:
             return self.heights[name]
         places = robot.place(self.whole(robot, name))
@@ -61,7 +61,7 @@ class Profile:
             pose = self.whole(robot, name)
             lines += array(name, [pose[joint] for joint in joints], joints, value)
         if self.floating:
-            lines += ["", "# Of the base, in the world; whatever stands touches the plane z = 0.", "[base_poses]"]
+            lines += ["", "# Pose of the base in the world, with its supports on the plane z = 0.", "[base_poses]"]
             for name in self.poses:
                 lines.append(f"{name} = {{ position = [0.0, 0.0, {value(self.height(robot, name))}] }}")
         for name, end in self.end_effectors.items():
@@ -88,7 +88,7 @@ class Profile:
             lines += ["", f"[rotors.{name}]", f"frame = {text(rotor['frame'])}", f"spin = {text(rotor['spin'])}"]
             lines += [f"{key} = {value(rotor[key])}" for key in ("max_thrust", "torque_per_thrust")]
         if joints:
-            lines += ["", "# Critically damped at home, each joint by itself.", "[gains]"]
+            lines += ["", "# Every joint is critically damped at home with the other joints locked.", "[gains]"]
             kp, kd = self.gains(robot)
             lines += array("kp", [kp[joint] for joint in joints], joints, value)
             lines += array("kd", [kd[joint] for joint in joints], joints, value)
@@ -108,7 +108,7 @@ class Profile:
 
 
 def limb(joint):
-    """What its row is grouped by: `left_arm_3` -> `left_arm`, `front_left_knee` -> `front_left`."""
+    """Returns the group of a joint in lists: `left_arm_3` -> `left_arm`, `front_left_knee` -> `front_left`."""
     words = joint.split("_")
     sides = [index for index, word in enumerate(words) if word in ("left", "right")]
     return "_".join(words[: sides[0] + 1]) if sides else ""

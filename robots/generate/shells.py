@@ -1,6 +1,6 @@
 """Surfaces of machines: revolved profiles, lofts of superellipses along a curve, rounded boxes; written as Wavefront OBJ.
 
-A shell is closed and its faces look outward. Lengths are metres.
+Shells are closed, with faces oriented outward. Lengths are in metres.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class Shell:
         return Shell(self.points + other.points, self.faces + [tuple(corner + shift for corner in face) for face in other.faces])
 
     def moved(self, at=(0, 0, 0), rpy=(0, 0, 0)):
-        """Turned by fixed-axis roll, pitch and yaw, then moved."""
+        """Returns the surface rotated by fixed-axis roll, pitch and yaw, then translated."""
         rotation = m.from_rpy(rpy)
         return Shell([m.add(m.apply(rotation, point), at) for point in self.points], self.faces)
 
@@ -32,7 +32,7 @@ class Shell:
         return Shell([(p[0] * x, p[1] * y, p[2] * z) for p in self.points], faces)
 
     def mirrored(self, out=-1):
-        """Its image in the x-z plane if `out` is -1."""
+        """Returns the surface, mirrored in the x-z plane if `out` is -1."""
         return self.scaled(1, out, 1)
 
     def volume(self):
@@ -44,7 +44,7 @@ class Shell:
         return total
 
     def obj(self):
-        """Corners in hundredths of a millimetre; equal ones are shared."""
+        """Returns the OBJ text: corners in hundredths of a millimetre, equal corners shared."""
         known, lines, renumbered = {}, [], []
         for point in self.points:
             text = " ".join(coordinate(x) for x in point)
@@ -62,7 +62,7 @@ class Shell:
 
 @dataclass
 class Part:
-    """A visible part of a link: the name of its file, its colour, its surface, and the scale that mirrors it."""
+    """A visible part of a link: file name, colour, surface, and mirroring scale."""
 
     name: str
     colour: str
@@ -70,20 +70,20 @@ class Part:
     scale: tuple = (1, 1, 1)
 
     def visual(self, robot):
-        """Its line in the URDF. Its file is one of `robot`."""
+        """Returns its line in the URDF; its file is in the folder of `robot`."""
         scale = "" if self.scale == (1, 1, 1) else f' scale="{" ".join(map(str, self.scale))}"'
         mesh = f'<mesh filename="package://{robot}/shells/{self.name}.obj"{scale}/>'
         return f'    <visual><geometry>{mesh}</geometry><material name="{self.colour}"/></visual>'
 
 
 def coordinate(x):
-    """In hundredths of a millimetre, without the zero before the point."""
+    """Formats a length to hundredths of a millimetre, without the zero before the point."""
     text = f"{x:.5f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text.replace("0.", ".", 1)
 
 
 def skin(rings):
-    """The surface through rings of equally many points, closed at both ends around their means, facing outward."""
+    """Returns the surface through rings with equal numbers of points, closed at both ends around their means, facing outward."""
     count = len(rings[0])
     middle = [[sum(p[i] for p in ring) / count for i in range(3)] for ring in (rings[0], rings[-1])]
     rings = [[middle[0]] * count, *rings, [middle[1]] * count]
@@ -98,7 +98,7 @@ def skin(rings):
 
 
 def rounded(corners, steps=4):
-    """A polyline (x, y, radius) with its corners rounded, as points (x, y); one without a radius stays sharp."""
+    """Returns a polyline (x, y, radius) with rounded corners, as points (x, y); corners without a radius stay sharp."""
     found = []
     for index, (x, y, *radius) in enumerate(corners):
         radius = radius[0] if radius else 0.0
@@ -111,7 +111,7 @@ def rounded(corners, steps=4):
         a, b = (a[0] / la, a[1] / la), (b[0] / lb, b[1] / lb)
         cosine = max(-1.0, min(1.0, a[0] * b[0] + a[1] * b[1]))
         half = ((1 + cosine) / (1 - cosine)) ** 0.5 if cosine < 1 else 0.0
-        # Distance from the corner to where the arc starts: radius / tan(angle / 2).
+        # Distance from the corner to the start of the arc: radius / tan(angle / 2).
         reach = min(radius * half, 0.499 * la, 0.499 * lb)
         start, end = (x + a[0] * reach, y + a[1] * reach), (x + b[0] * reach, y + b[1] * reach)
         for step in range(steps + 1):
@@ -125,39 +125,39 @@ def rounded(corners, steps=4):
 
 
 def revolved(corners, around=AROUND, steps=3):
-    """A profile (radius, height, fillet) from bottom to top, turned about z."""
+    """Returns a profile (radius, height, fillet), from bottom to top, revolved about z."""
     profile = rounded(corners, steps)
     turns = [2 * pi * step / around for step in range(around)]
     return skin([[(r * cos(t), r * sin(t), z) for t in turns] for r, z in profile])
 
 
 def drum(radius, low, high, fillet=0.006, around=AROUND, steps=2):
-    """A cylinder about z with rounded edges."""
+    """Returns a cylinder about z with rounded edges."""
     return revolved([(0, low), (radius, low, fillet), (radius, high, fillet), (0, high)], around, steps)
 
 
 def ring(radius, low, high, around=AROUND):
-    """A band about z with sharp edges: a seam between two shells."""
+    """Returns a band about z with sharp edges: a seam between two shells."""
     return revolved([(0, low), (radius, low), (radius, high), (0, high)], around)
 
 
 def superellipse(a, b, power, around):
-    """Points (x, y) with |x / a|^power + |y / b|^power = 1."""
+    """Returns points (x, y) with |x / a|^power + |y / b|^power = 1."""
     found = []
     for step in range(around):
         t = 2 * pi * step / around
         c, s = cos(t), sin(t)
-        # Along rays rather than by powers of cosine and sine, which crowd points at the corners.
+        # Along rays, because powers of cosine and sine would crowd points at the corners.
         r = (abs(c) ** power + abs(s) ** power) ** (-1 / power)
         found.append((a * r * c, b * r * s))
     return found
 
 
 def loft(stations, u, v, around=AROUND, steps=4, start=(0.0, 1.0), end=(0.0, 1.0)):
-    """A surface through superellipses (centre, half width along u, half width along v, power) in planes along u and v.
+    """Returns a surface through superellipses (centre, half width along u, half width along v, power) in planes along u and v.
 
-    The stations are joined by a Catmull-Rom spline. u and v are two vectors, or two of each for the first and the last
-    station, between which the planes turn. An end is domed by a height, down to a share of its width that is flat.
+    The stations are joined by a Catmull-Rom spline. u and v are two vectors, or two pairs for the first and the last
+    station, between which the planes rotate. An end is domed by a height, except for a flat fraction of its width.
     """
     turning = isinstance(u[0], (tuple, list))
     (u0, u1), (v0, v1) = (u, v) if turning else ((u, u), (v, v))
@@ -199,7 +199,7 @@ def unit(vector):
 
 
 def spline(keys, steps):
-    """A uniform Catmull-Rom spline through rows of numbers, the ends repeated."""
+    """Returns a uniform Catmull-Rom spline through rows of numbers, with repeated ends."""
     found = []
     for index in range(len(keys) - 1):
         p0, p1 = keys[max(index - 1, 0)], keys[index]
@@ -214,7 +214,7 @@ def spline(keys, steps):
 
 
 def block(size, radius, at=(0, 0, 0), power=5.0, around=AROUND):
-    """A box with rounded edges, along z."""
+    """Returns a box with rounded edges, along z."""
     x, y, z = (0.5 * side for side in size)
     flat = 1 - radius / min(x, y)
     stations = [((*at[:2], at[2] - z + radius), x, y, power), ((*at[:2], at[2] + z - radius), x, y, power)]

@@ -12,9 +12,9 @@ WINTER = (
 
 
 def add_leg(robot, side, out, base, at, thigh, shank, ankle, foot, masses, efforts, speed, thick):
-    """A leg of six joints: yaw, roll and pitch of the hip, knee, pitch and roll of the ankle. The names of its joints.
+    """Adds a leg with six joints: yaw, roll and pitch of the hip, knee, pitch and roll of the ankle. Returns their names.
 
-    `masses` of thigh, shank and foot; `foot` its length and width; the sole lies `ankle` below the ankle.
+    `masses`: thigh, shank and foot. `foot`: its length and width. The sole is `ankle` below the ankle.
     """
     length, width = foot
     hip = 0.12 * masses[0]
@@ -35,7 +35,7 @@ def add_leg(robot, side, out, base, at, thigh, shank, ankle, foot, masses, effor
     ]  # fmt: skip
     parent = None
     for (part, axis, first, child, place, (lower, upper), solids), effort in zip(parts, efforts):
-        # Roll and yaw mirror, pitch does not.
+        # Roll and yaw are mirrored, pitch is not.
         if axis[1] == 0 and out < 0:
             lower, upper = -upper, -lower
         child = f"{side}_{child}"
@@ -49,7 +49,7 @@ def add_leg(robot, side, out, base, at, thigh, shank, ankle, foot, masses, effor
 
 
 def add_arm(robot, side, out, base, at, upper, lower, hand, masses, efforts, thick, speed=5.0):
-    """An arm of seven joints: pitch, roll and yaw of the shoulder, elbow, yaw, pitch and roll of the wrist."""
+    """Adds an arm with seven joints: pitch, roll and yaw of the shoulder, elbow, yaw, pitch and roll of the wrist."""
     ball = thick * 1.1
     parts = [
         ("shoulder_pitch", (0, 1, 0), "shoulder", at, (-3.0, 1.2), [
@@ -81,7 +81,7 @@ def add_arm(robot, side, out, base, at, upper, lower, hand, masses, efforts, thi
 
 
 def bent(side, angle):
-    """A leg that carries the hip above the ankle, thigh and shank being of equal length."""
+    """Returns the posture of a leg with the hip above the ankle; thigh and shank have equal lengths."""
     return {f"{side}_hip_pitch": -angle, f"{side}_knee": 2 * angle, f"{side}_ankle_pitch": -angle}
 
 
@@ -89,11 +89,11 @@ def planar_biped():
     robot = Robot(
         "planar-biped",
         """
-A biped of five links that moves in the x-z plane: point feet, torques at hips and knees. Its place in the plane is
+A five-link biped that moves in the x-z plane, with point feet and torques at hips and knees. Its pose in the plane is
 three joints without drives: base_x, base_z and base_pitch of the hip.
 
 Masses and lengths: RABBIT; C. Chevallereau and others, "RABBIT: A Testbed for Advanced Control Theory", IEEE Control
-  Systems Magazine 23(5), 2003 (32 kg; thighs and shanks of 0.4 m). Bodies of even density.
+  Systems Magazine 23(5), 2003 (32 kg; thighs and shanks of 0.4 m). Bodies of uniform density.
 """,
     )
     robot.link("world")
@@ -125,7 +125,7 @@ Masses and lengths: RABBIT; C. Chevallereau and others, "RABBIT: A Testbed for A
         )
         robot.frame(f"{side}_foot", f"{side}_shank", at=(0, 0, -0.4))
         feet[side] = {"frame": f"{side}_foot", "joints": [f"{side}_hip", f"{side}_knee"], "radius": 0.03}
-    # One foot before the hip, one behind it, at the same height: the angle of each leg from hip to foot is -hip - knee / 2.
+    # One foot in front of the hip, one behind it, at the same height: the angle of each leg from hip to foot is -hip - knee / 2.
     stride, bend = 0.25, 0.3
     standing = {}
     for side, way in (("left", 1), ("right", -1)):
@@ -150,11 +150,11 @@ def biped():
     robot = Robot(
         "biped",
         f"""
-A biped of twelve joints: a torso on two legs, each with yaw, roll and pitch of the hip, a knee, pitch and roll of the
+A biped with twelve joints: a torso on two legs, each with yaw, roll and pitch of the hip, a knee, pitch and roll of the
 ankle. Flat feet. Roll about x, pitch about y, yaw about z. All joints at zero: legs straight.
 
 Lengths and masses: {WINTER};
-  a person of {height} m and {mass:.0f} kg without head and arms. Bodies of even density.
+  a person of {height} m and {mass:.0f} kg without head and arms. Bodies of uniform density.
 """,
     )
     robot.link(
@@ -197,9 +197,9 @@ Roll about x, pitch about y, yaw about z. All joints at zero: legs straight, arm
 
 Height, mass, largest torque: N. G. Tsagarakis and others, "COMpliant huMANoid COMAN: Optimal Joint Stiffness Tuning for
   Modal Frequency Control", IEEE ICRA 2013 (945 mm, 31 kg, 55 N m).
-Ours: ranges, speeds and the torques of the weaker joints; three joints more in each arm than COMAN has, and a neck.
+Assumptions: ranges, speeds and the torques of the weaker joints; three more joints in each arm than COMAN, and a neck.
 Lengths and masses of the segments in proportion: {WINTER}.
-Bodies of even density, and shells of our own to look at.
+Bodies of uniform density, and original shells for display.
 """,
     )
     robot.link("pelvis", box((0.1, 0.16, 0.08), at=(0, 0, 0.02), mass=0.142 * mass - 0.6, colour="black"))

@@ -1,4 +1,4 @@
-"""Robots on wheels, and one on rotors."""
+"""Wheeled robots, and one with rotors."""
 
 from math import atan2, sqrt
 
@@ -12,12 +12,12 @@ def differential_drive():
     robot = Robot(
         "differential-drive",
         """
-A small robot on two driven wheels and a ball, of the size and mass of the TurtleBot3 Burger. The base frame lies between
+A small robot with two driven wheels and a caster ball, of the size and mass of the TurtleBot3 Burger. The base frame is between
 the wheels' centres, x ahead.
 
 Size (138 x 178 x 192 mm), mass (1 kg), wheels (radius 33 mm, 160 mm apart), speed (0.22 m/s): ROBOTIS e-Manual,
   TurtleBot3 Burger. Torque of the wheels (1.4 N m): ROBOTIS e-Manual, XL430-W250.
-Bodies of even density. The tyres have a crown: each touches the ground in its middle.
+Bodies of uniform density. The tyres have a crown: each touches the ground at its middle.
 """,
     )
     radius, track, caster = 0.033, 0.16, 0.0075
@@ -53,20 +53,20 @@ def ackermann():
     robot = Robot(
         "ackermann",
         """
-A car at a tenth of the size, as raced in F1TENTH: two steered wheels in front, all four driven. The base frame lies
+A 1:10 car as raced in F1TENTH: two steered front wheels, and all four wheels driven. The base frame is
 between the rear wheels' centres, x ahead.
 
 Mass (3.74 kg), wheelbase (0.159 + 0.171 m), width (0.31 m), length (0.58 m), height of the centre of mass (0.074 m),
   steering (0.4189 rad, 3.2 rad/s), speed (20 m/s): M. O'Kelly and others, "F1TENTH: An Open-source Evaluation Environment
   for Continuous Control and Reinforcement Learning", PMLR 123, 2020, and the simulator published with it.
-Wheels (radius 0.05 m, 0.1 kg) and how the mass spreads are estimates.
+Wheels (radius 0.05 m, 0.1 kg) and the mass distribution are estimates.
 """,
     )
     front, rear, radius, track = 0.15875, 0.17145, 0.05, 0.26
     base = front + rear
     wheel, knuckle = 0.1, 0.03
     chassis = 3.74 - 4 * wheel - 2 * knuckle
-    # The whole car's centre of mass lies `rear` ahead of the rear axle, 0.074 m above the ground.
+    # The whole car's centre of mass is `rear` ahead of the rear axle, 0.074 m above the ground.
     com_x = (3.74 * rear - 2 * (wheel + knuckle) * base) / chassis
     com_z = (3.74 * (0.074 - radius)) / chassis
     robot.link(
@@ -90,7 +90,7 @@ Wheels (radius 0.05 m, 0.1 kg) and how the mass spreads are estimates.
             robot.joint(f"{name}_wheel", "continuous", parent, f"{name}_wheel_link", at=at, axis=(0, 1, 0), velocity=400, effort=2.0)
             robot.link(f"{name}_wheel_link", cylinder(radius, 0.045, rpy=ALONG_Y, mass=wheel, colour="black"))
             wheels.append(f"{name}_wheel")
-    # Both front wheels aim at one centre, 0.9 m to the left of the rear axle's middle.
+    # The axes of both front wheels intersect 0.9 m to the left of the rear axle's middle.
     turn = {joint: round(atan2(base, 0.9 - out * track / 2), 6) for joint, (_, out) in zip(steering, SIDES)}
     return robot, Profile(
         title="Ackermann-steered car of the F1TENTH class",

@@ -14,7 +14,8 @@ pub struct Entry {
     pub urdf: &'static str,
     /// Poses, end effectors and gains.
     pub profile: Profile,
-    /// Its shells: names as in its URDF, `package://ROBOT/shells/PART.obj`, and Wavefront OBJ texts.
+    /// Shells of its links: the name in the URDF, `package://ROBOT/shells/PART.obj`, and the Wavefront OBJ
+    /// text.
     pub shells: &'static [(&'static str, &'static str)],
 }
 

@@ -59,7 +59,7 @@ fn input_order_swaps_errors_and_velocities() {
     }
 }
 
-/// A file with tensors of zeros.
+/// Returns a file of zero tensors.
 fn file(tensors: &[(&str, &str, &[usize])]) -> Vec<u8> {
     let mut header = serde_json::Map::new();
     let mut size = 0;

@@ -20,8 +20,8 @@ thread_local! {
 
 struct Counting;
 
-// SAFETY: every call goes to the system allocator unchanged; counting touches a thread-local that needs no
-// allocation.
+// SAFETY: every call goes to the system allocator unchanged; counting uses a thread-local that does not
+// allocate.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         COUNT.with(|count| count.set(count.get() + 1));

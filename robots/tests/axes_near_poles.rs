@@ -141,7 +141,7 @@ struct Placed {
     rotation: Matrix3<f64>,
     position: Vector3<f64>,
     axis: Vector3<f64>,
-    /// Links that move with the joint of this one: itself and all that hang on it.
+    /// Links from the root to this link, including itself; their joints move it.
     ancestors: Vec<usize>,
 }
 

@@ -1,4 +1,4 @@
-//! All robots of the catalogue are plausible, and the known ones match their publications.
+//! All robots of the catalogue are plausible, and known robots match their publications.
 
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;

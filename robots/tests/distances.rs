@@ -143,9 +143,9 @@ fn separating_planes_prove_every_distance() {
                 let [p, q] = found.points;
                 assert_relative_eq!(normal.norm(), 1.0, epsilon = 1e-9);
                 assert_relative_eq!((q - p).dot(&normal), found.distance, epsilon = 1e-9);
-                // No point of the first lies farther along the normal than p, none of the second less far
-                // than q. The slab in between is empty (or shared), so no other distance along the normal is
-                // possible ...
+                // No point of the first solid is beyond p along the normal, and no point of the second is
+                // before q. The slab in between is empty (or shared), so no other distance along the normal
+                // is possible ...
                 let far = support(first, &Isometry3::identity(), &normal);
                 let near = support(second, &placement, &-normal);
                 assert_relative_eq!((near - far).dot(&normal), found.distance, epsilon = 1e-6);

@@ -17,7 +17,8 @@ impl Pair {
         Self { actuator, inertia, joint }
     }
 
-    /// A step in which the joint ends with `inertia (x - v) / h = effort(x) + torque`. Returns the effort.
+    /// Performs a step after which the joint velocity `x` satisfies
+    /// `inertia (x - v) / h = effort(x) + torque`. Returns the effort.
     fn step(&mut self, command: &DriveCommand, torque: f64, h: f64) -> f64 {
         let law = self.actuator.joint_law(command, self.joint, h).unwrap();
         let rate = self.inertia / h;
@@ -53,7 +54,7 @@ fn two_inertias_on_a_spring_oscillate_as_predicted() {
     for step in 1..=30_000 {
         let effort = pair.step(&idle, 0.0, h);
         let time = h * f64::from(step);
-        // the mean moves uniformly and the twist oscillates: 0.3 s are one and three quarters of a period
+        // the mean moves uniformly and the twist oscillates: 0.3 s is one and three quarters of a period
         let twist = -(omega * time).sin() / omega;
         assert!(
             (pair.motor().position - pair.joint.position - twist).abs() < 2e-3 / omega + 5e-5,

@@ -1,4 +1,4 @@
-//! Robots of which a graph moves only some joints, and robots in MJCF files.
+//! Robots with a subset of their joints moved by a graph, and robots in MJCF files.
 
 use std::path::Path;
 
@@ -123,7 +123,7 @@ fn unknown_joints_are_refused_with_a_suggestion() {
     let message = refused("panda", json!({ "joints": ["panda_joint1"], "fixed": { "panda_joint1": 0.0 } }));
     assert!(message.contains("either moves or is held"), "{message}");
     let message = refused("panda", json!({ "joints": [] }));
-    assert!(message.contains("no joint is left"), "{message}");
+    assert!(message.contains("no joint remains"), "{message}");
 }
 
 const SWING: &str = r#"<mujoco model="swing"><worldbody><body name="rod" pos="0 0 1">
@@ -153,7 +153,7 @@ fn mjcf_file_is_preferred_if_the_graph_requests_it() {
     assert_eq!(motorium_robots::load(".", folder.path()).unwrap().model.name(), "bar");
     for text in ["bar.urdf", "panda"] {
         let message = load(text).unwrap_err().to_string();
-        assert!(message.contains("is no MJCF file") && message.contains("`urdf`"), "{message}");
+        assert!(message.contains("is not an MJCF file") && message.contains("`urdf`"), "{message}");
     }
 }
 

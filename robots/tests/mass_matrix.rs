@@ -1,5 +1,5 @@
 //! The mass matrix in frames on the joint axes, compared with the independent inverse dynamics; its factor,
-//! compared with a dense one.
+//! compared with a dense factor.
 
 use std::path::Path;
 

@@ -212,7 +212,7 @@ fn collada_nodes_place_the_mesh_outermost_first() {
          <node><rotate>0 0 1 90</rotate><translate>500 0 0</translate>{cube}</node></node>"
     );
     assert_relative_eq!(centre(unit, &nested, ""), Vector3::new(3.0, 5.0, 0.0), epsilon = 1e-12);
-    // translations of nodes have the unit of the file, and small ones are applied too
+    // translations of nodes have the unit of the file, and small translations are applied too
     let moved = format!("<node><translate>0.9 0 0</translate>{cube}</node>");
     assert_relative_eq!(centre(unit, &moved, ""), Vector3::new(0.009, 0.0, 0.0), epsilon = 1e-12);
     let matrix = format!("<node><matrix>0 -1 0 100 1 0 0 200 0 0 1 300 0 0 0 1</matrix>{cube}</node>");
@@ -248,7 +248,7 @@ fn faulty_mesh_is_rejected_with_its_line() {
     let lost = dae().replace("#scene\"/>", "#nothing\"/>");
     assert!(
         refusal("g.dae", lost.as_bytes())
-            .ends_with("url=\"#nothing\" of <instance_visual_scene> names nothing in this file")
+            .ends_with("url=\"#nothing\" of <instance_visual_scene> refers to no element of this file")
     );
     let unturned = dae().replace("0 0 1 90", "0 0 0 90");
     assert!(

@@ -232,7 +232,7 @@ fn unsupported_content_is_rejected_with_its_position() {
         world("<joint name=\"j\" axis=\"0 0\"/>")
             .contains("axis=\"0 0\" of <joint name=\"j\">: expected 3 numbers")
     );
-    assert!(world("<geom type=\"ellipsoid\" size=\"1 1 1\"/>").contains("write a sphere"));
+    assert!(world("<geom type=\"ellipsoid\" size=\"1 1 1\"/>").contains("use a sphere"));
     assert!(world("<geom size=\"-1\"/>").contains("expected 1 numbers above 0 for a sphere"));
     assert!(world("<geom siez=\"1\"/>").contains("siez=\"1\" of <geom>"));
     assert!(world("<geom class=\"x\" size=\"1\"/>").contains("names the class \"x\", which does not exist"));
@@ -242,7 +242,7 @@ fn unsupported_content_is_rejected_with_its_position() {
         world("<body name=\"c\"><freejoint/></body>").contains("a free joint belongs to a body of the world")
     );
     let two = "<worldbody><body><freejoint/><geom size=\"1\"/></body>\n<body><joint/><geom size=\"1\"/></body></worldbody>";
-    assert!(refusal(two).starts_with("MJCF:3:1: beside a body with a free joint nothing else may move"));
+    assert!(refusal(two).starts_with("MJCF:3:1: next to a body with a free joint, no other body may move"));
     assert!(refusal("<worldbody><body><joint/></worldbody>").contains("MJCF:2:"));
     assert!(
         refusal("<equality><weld body1=\"a\"/></equality>").contains("<weld> of <equality> is not supported")

@@ -49,7 +49,7 @@ fn texts() -> Vec<String> {
         include_str!("fixtures/branching.urdf"),
         include_str!("../catalogue/rrbot/rrbot.urdf"),
     ] {
-        // as often as all the small ones together
+        // as often as all small files together
         texts.extend(std::iter::repeat_n(text.to_owned(), 60));
     }
     texts

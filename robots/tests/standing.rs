@@ -1,4 +1,5 @@
-//! Legged robots of the catalogue stand, held by their drives; flying ones can hover; left mirrors right.
+//! Legged robots of the catalogue stand, held by their drives; flying robots can hover; left and right mirror
+//! each other.
 
 use std::path::Path;
 

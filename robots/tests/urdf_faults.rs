@@ -107,7 +107,7 @@ fn invalid_joints_are_rejected() {
     assert_eq!(
         joint_fault("spherical", ""),
         "robot.urdf:5:1: joint \"ab\" is spherical; only revolute, continuous, prismatic, planar and fixed joints are \
-         supported, and one floating joint that carries all the rest (model it as a chain of these, with massless links \
+         supported, and one floating joint that carries the rest of the robot (model it as a chain of these, with massless links \
          between)"
     );
     let twice = joints(
@@ -118,7 +118,7 @@ fn invalid_joints_are_rejected() {
     assert_eq!(
         joint_fault("revolute", ""),
         "robot.urdf:5:1: joint \"ab\" has no <limit>; a revolute or prismatic joint needs one \
-         (an endless one is \"continuous\")"
+         (an unlimited joint is \"continuous\")"
     );
     assert_eq!(
         joint_fault("revolute", r#"<limit lower="1" upper="-1" velocity="1" effort="1"/>"#),
@@ -244,7 +244,7 @@ fn xacro_is_recognised_in_every_form() {
     let link = "<link name=\"a\"/>";
     for (text, line) in [
         ("<robot name=\"r\" xmlns:xacro=\"http://ros.org/wiki/xacro\">\n<xacro:arm/></robot>".to_owned(), 2),
-        // The prefix is declared nowhere.
+        // The prefix is not declared.
         ("<robot name=\"r\">\n<xacro:arm/></robot>".to_owned(), 2),
         // expressions and substitutions without a xacro element
         (

@@ -208,7 +208,8 @@ fn follower_narrows_the_limits_of_its_leader() {
     let UrdfRobot { model, warnings } = read(&mirrored);
     assert_relative_eq!(model.upper()[0], 0.3, epsilon = 1e-12);
     assert!(matches!(&warnings[..], [ModelWarning::FollowerRange { .. }]), "{warnings:?}");
-    // equal limits narrow nothing although 0.36 / 0.9 is not exactly 0.4, nor does an unknown velocity
+    // equal limits do not narrow the range although 0.36 / 0.9 is not exactly 0.4, nor does an unknown
+    // velocity
     let equal = lift(r#"lower="0" upper="0.36" velocity="0""#, r#"multiplier="0.9""#);
     let UrdfRobot { model, warnings } = read(&equal);
     assert_eq!((model.upper()[0], model.velocity_limit()[0]), (0.4, 0.5));

@@ -1,4 +1,5 @@
-//! A graph built in code and hosted in this process: a velocity step, a low-pass filter and a probe after it.
+//! A graph built in code and hosted in this process: a velocity step, a low-pass filter and a probe of its
+//! output.
 //!
 //! ```console
 //! $ cargo run --release --example hosted_graph --features testing
@@ -12,7 +13,7 @@ use low_pass::LowPass;
 use motorium::prelude::*;
 use motorium::testing::{Graph, Instance, Probe, RunError, Sample, Source};
 
-/// Runs the filter on a step of 1 rad/s for 50 ms of simulated time, with a time constant of 10 ms.
+/// Simulates 50 ms of the filter's response to a step of 1 rad/s, with a time constant of 10 ms.
 pub(crate) fn step_response() -> Result<Vec<Sample<JointState>>, RunError> {
     let filtered = Probe::<JointState>::for_topic("filtered");
     Graph::new("low-pass")

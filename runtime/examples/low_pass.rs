@@ -1,10 +1,10 @@
-//! A component as a program of its own: a first-order low-pass filter of joint velocities.
+//! A component as a separate program: a first-order low-pass filter of joint velocities.
 //!
 //! ```console
 //! $ cargo build --release --example low_pass
 //! ```
 //!
-//! A graph names it with `exec = "target/release/examples/low_pass"`; `motorium check` asks it for its ports.
+//! A graph names it with `exec = "target/release/examples/low_pass"`. `motorium check` queries its ports.
 
 use motorium::prelude::*;
 
@@ -18,7 +18,7 @@ pub(crate) struct LowPassConfig {
     joints: usize,
 }
 
-/// Passes joint states on, velocities filtered by `y += dt / (tau + dt) (v - y)`.
+/// Republishes joint states with velocities filtered by `y += dt / (tau + dt) (v - y)`.
 pub(crate) struct LowPass {
     state: Input<JointState>,
     filtered: Output<JointState>,

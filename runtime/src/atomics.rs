@@ -1,9 +1,9 @@
 //! The atomic operations of the protocols in shared memory, so that each protocol is written once.
 //!
-//! [`Native`] operations are the processor's own. The models in `runtime/src/model` run the same protocol
-//! code with loom's atomics, which try every interleaving and every value that a weakly ordered processor may
-//! show. Each place where a protocol relies on an ordering is named by a [`Site`]: a model can weaken one of
-//! them at a time and must then find a fault.
+//! [`Native`] uses the processor's atomics. The models in `runtime/src/model` run the same protocol code with
+//! loom's atomics, which try every interleaving and every value that a weakly ordered processor may return. A
+//! [`Site`] names each point at which a protocol relies on an ordering. A model can weaken one site at a time
+//! and must then find a fault.
 
 use core::fmt::Debug;
 use std::sync::atomic::Ordering::{self, Relaxed, Release, SeqCst};
@@ -17,29 +17,29 @@ pub(crate) enum Site {
     Mark,
     /// A writer has cleared the mark of a slot and is about to check the pins.
     Claim,
-    /// A writer reads which slots are pinned.
+    /// A writer reads the pins.
     Scan,
     /// A reader pins a slot, which releases its previous one.
     Pin,
     /// A reader has pinned a slot and is about to check that the slot is still the desired one.
     Pinned,
-    /// A reader looks for the newest value.
+    /// A reader checks for the newest value.
     Look,
     /// A writer has published and is about to check for sleepers.
     Notify,
-    /// A waiter has registered as sleeping and is about to look for a publication again.
+    /// A waiter has registered as sleeping and is about to check for a publication again.
     Sleep,
-    /// A writer leaves the time of a publication.
+    /// A writer stores the time of a publication.
     Time,
     /// A waiter has read a time and is about to check that it belongs to the newest publication.
     TimeRead,
     /// A component completes a checkpoint.
     Save,
-    /// A restarted component reads which checkpoint is complete.
+    /// A restarted component looks for the complete checkpoint.
     Load,
     /// A writer has entered a slot of a ring and is about to change the record.
     Enter,
-    /// A writer leaves a slot of a ring with its record whole.
+    /// A writer leaves a slot of a ring with a complete record.
     Leave,
     /// A reader checks whether a slot of a ring contains a complete record.
     Begin,
@@ -58,35 +58,35 @@ pub(crate) trait Word<V: Copy>: Debug {
     fn store(&self, value: V, ordering: Ordering);
     /// Atomically replaces the word and returns the previous value.
     fn swap(&self, value: V, ordering: Ordering) -> V;
-    /// Adds, wrapping; returns the value before.
+    /// Adds, wrapping; returns the previous value.
     fn fetch_add(&self, value: V, ordering: Ordering) -> V;
-    /// Subtracts, wrapping; returns the value before.
+    /// Subtracts, wrapping; returns the previous value.
     fn fetch_sub(&self, value: V, ordering: Ordering) -> V;
-    /// Writes `new` if the word equals `current`; returns whether it did.
+    /// Writes `new` if the word equals `current`; returns `true` if it did.
     fn replace(&self, current: V, new: V) -> bool;
 }
 
-/// One family of atomic types and their fences.
+/// A family of atomic types and their fences.
 pub(crate) trait Atomics: Debug + 'static {
     /// A word of 32 bits.
     type U32: Word<u32>;
     /// A word of 64 bits.
     type U64: Word<u64>;
 
-    /// Memory ordering at a site; `strong` unless a model weakens it.
+    /// Returns the memory ordering at a site: `strong` unless a model weakens it.
     fn ordering(site: Site, strong: Ordering) -> Ordering;
 
-    /// A sequentially consistent fence.
+    /// Issues a sequentially consistent fence.
     fn fence(site: Site);
 
-    /// A sequentially consistent fence after a [`swap`](Word::swap) or addition of the same thread, which
-    /// alone may be sufficient.
+    /// Issues a sequentially consistent fence after a [`swap`](Word::swap) or addition of the same thread,
+    /// which alone may be sufficient.
     #[inline(always)]
     fn fence_after_exchange(site: Site) {
         Self::fence(site);
     }
 
-    /// A fence that orders earlier reads before later reads.
+    /// Issues a fence that orders earlier reads before later reads.
     fn read_fence(site: Site);
 
     /// Stores with release ordering at `site`, followed by the fence at `fence`.
@@ -97,7 +97,7 @@ pub(crate) trait Atomics: Debug + 'static {
     }
 }
 
-/// The processor's own atomics.
+/// The processor's atomics.
 #[derive(Debug)]
 pub(crate) enum Native {}
 
@@ -162,7 +162,7 @@ impl Atomics for Native {
         core::sync::atomic::fence(Ordering::Acquire);
     }
 
-    // An exchange is a full barrier on x86, and costs half of a store and a fence.
+    // An exchange is a full barrier on x86, at half the cost of a store and a fence.
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[inline(always)]
     fn fence_after_exchange(_: Site) {

@@ -1,25 +1,25 @@
-//! The motorium runtime: a graph of components, each a real-time process, that share state buffers in memory.
+//! The motorium runtime: graphs of components, each a real-time process, that share state in memory.
 //!
-//! Start reading at [`component`], which defines the trait to implement; [`prelude`] imports everything for
-//! authors of components. [`graph`] converts a graph file to a checked [`plan`], and [`schedule`] analyses
-//! whether its timing is feasible. [`launcher`] starts the processes of a plan, and [`worker`] is the loop in
-//! each of them. [`state`] defines the exchanged types, [`transport`] the shared memory between them.
+//! Start reading at [`component`], which defines the trait to implement; [`prelude`] imports everything that
+//! component authors need. [`graph`] converts a graph file to a checked [`plan`], and [`schedule`] checks
+//! that its timing is feasible. [`launcher`] starts the processes of a plan, and [`worker`] is the loop in
+//! each of them. [`state`] defines the exchanged types, [`transport`] the shared memory that carries them.
 //!
-//! The modules form layers. Each uses only modules above it in this list, which a test checks:
+//! The modules form layers. Each module only uses modules above it in this list; a test checks this.
 //!
 //! | modules | contents |
 //! |---|---|
 //! | `atomics` | the atomic operations of the protocols in shared memory, native or model-checked |
-//! | [`units`], [`severity`], [`nearest`], [`state`], [`telemetry`] | plain types: time spans, state buffers, histograms |
-//! | [`declare`], [`plan`] | the declaration of a component; the checked plan that all processes of a run read |
+//! | [`units`], [`severity`], [`nearest`], [`state`], [`telemetry`] | times, messages, histograms |
+//! | [`declare`], [`plan`] | declarations of components; the checked plan of a run |
 //! | [`os`], [`region`] | system calls; the control block of a run |
-//! | `context`, `domain` | the clock, causality and deferred work of a component; the iceoryx2 domain of a run |
+//! | `context`, `domain` | clock, causality and deferred work of a component; the iceoryx2 domain of a run |
 //! | `parameter`, [`transport`], [`run_folder`] | parameters; topics; the folder of a run in shared memory |
-//! | [`component`] | the trait `Component` and its configuration |
-//! | [`safety`] | the check of every command before it is applied |
+//! | [`component`] | the trait `Component` and the set-up of components |
+//! | [`safety`] | checks of every command before it is applied |
 //! | [`worker`] | the loop of a component |
 //! | [`schedule`], [`graph`] | the timing analysis of a plan; conversion of a graph file to a plan |
-//! | [`launcher`], [`session`] | starting, supervising and ending a run; a run driven by a program |
+//! | [`launcher`], [`session`] | starting, supervising and ending runs; runs driven by a program |
 //! | [`program`] | the main function of a component's program |
 //! | `testing` | graphs in tests and benches (feature `testing`) |
 //!

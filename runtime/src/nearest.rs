@@ -1,6 +1,6 @@
 //! Suggests the known name nearest to a misspelt one: "did you mean ...?".
 
-/// Maximum length of a compared word, in bytes: a longer one is not a typing error and is expensive to
+/// Maximum length of a compared word, in bytes: longer words are not typing errors and are expensive to
 /// compare.
 const LONGEST: usize = 256;
 
@@ -12,7 +12,7 @@ pub fn nearest<'a>(written: &str, known: impl IntoIterator<Item = &'a str>) -> O
     let plain = |name: &str| name.to_lowercase().replace(['-', ' '], "_");
     let wanted = plain(written);
     let count = wanted.chars().count();
-    // names without a common character are not similar, however short
+    // names without a common character are not similar, even if short
     let slight = |distance: usize, other: &str| {
         distance <= (count / 3).max(1) && distance < count.max(other.chars().count())
     };
@@ -40,12 +40,12 @@ pub fn nearest<'a>(written: &str, known: impl IntoIterator<Item = &'a str>) -> O
         .map(|(_, name)| name)
 }
 
-/// Names in backticks, separated by commas.
+/// Formats names in backticks, separated by commas.
 pub fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     names.into_iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
 }
 
-/// "did you mean" if a name is near; else all known names after `otherwise`.
+/// Returns "did you mean" with the nearest name, or else all known names after `otherwise`.
 pub fn suggest<'a>(
     written: &str,
     known: impl IntoIterator<Item = &'a str> + Clone,

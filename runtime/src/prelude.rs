@@ -1,4 +1,4 @@
-//! The names that an author of a component needs: `use motorium::prelude::*;`.
+//! The names that component authors need: `use motorium::prelude::*;`.
 
 pub use crate::component::{Checkpoint, Component, ConfigureError, Episode, EpisodeEnd, Setup, Tick};
 pub use crate::declare::{ConfigError, Declare, RobotReference, StepError};

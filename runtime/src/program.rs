@@ -12,7 +12,7 @@ use crate::worker::{
     KindsAnswer, Outcome, WORKER, Worker, declare_dynamic, run_dynamic,
 };
 
-/// The request of motorium to a program, from its arguments.
+/// A request of motorium to a program, parsed from its arguments.
 #[derive(Debug)]
 pub enum Program {
     /// Describe its component.
@@ -21,7 +21,7 @@ pub enum Program {
     Kinds,
     /// Guard a run.
     Guard(RunFolder),
-    /// Free the places of the dead processes of a run.
+    /// Release the resources of a run's dead processes.
     Cleaner(RunFolder),
     /// Run a component of a run.
     Worker {
@@ -61,10 +61,10 @@ pub fn main(kind: &Kind) -> ExitCode {
     }
 }
 
-/// The `main` of a program with one component whose kind, ports and configuration are known at run time only.
+/// The `main` of a program with one component whose kind, ports and configuration are only known at run time.
 ///
-/// The program answers `motorium check` and runs as a process of a graph that names it by `exec`, as one made
-/// by [`main!`](crate::main) does. Its allocations are not counted unless its global allocator is
+/// Like a program made with [`main!`](crate::main), it describes itself to `motorium check` and runs as a
+/// process of a graph that names it by `exec`. Its allocations are not counted unless its global allocator is
 /// [`CountingAllocator`](crate::telemetry::CountingAllocator).
 pub fn main_of(component: impl DynamicComponent) -> ExitCode {
     let arguments: Vec<String> = std::env::args().collect();
@@ -90,7 +90,7 @@ pub fn main_of(component: impl DynamicComponent) -> ExitCode {
     }
 }
 
-/// Says how a program with one component is used.
+/// Prints how to use a program with one component.
 fn introduce(arguments: &[String], kind: &str, summary: &str) -> ExitCode {
     eprintln!(
         "{} is a motorium component ({kind}: {summary}).\nName it in a graph file, `exec = \"PATH\"`, and start that \
@@ -150,14 +150,14 @@ fn guard(folder: &RunFolder) -> ExitCode {
     crate::launcher::guard::main(folder)
 }
 
-/// Refuses to guard a run, which only programs with a launcher can do.
+/// Fails, because only programs with a launcher can guard a run.
 #[cfg(not(feature = "launcher"))]
 fn guard(folder: &RunFolder) -> ExitCode {
     eprintln!("this program has no launcher, and guards no run ({})", folder.id());
     ExitCode::from(2)
 }
 
-/// Frees the places of the dead processes of a run.
+/// Releases the resources of a run's dead processes.
 pub fn clean(folder: &RunFolder) -> ExitCode {
     crate::domain::quieten();
     match folder.domain() {
@@ -182,7 +182,7 @@ pub fn describe(kinds: &[Kind]) -> ExitCode {
     })
 }
 
-/// The declaration to be filled for a request.
+/// Returns the empty declaration for a request.
 fn declare_of(request: &DescribeRequest) -> Declare {
     let declare = match request.robots.is_empty() {
         true => Declare::new(request.robot.clone()),
@@ -248,8 +248,8 @@ fn work(folder: &RunFolder, component: &str, run: impl FnOnce(Worker) -> Option<
 
 /// Turns a component type into a program: `motorium::main!(MyController);`.
 ///
-/// The program describes itself to `motorium check`, and runs as a process of a graph that contains `exec =
-/// "PATH"`. It counts its heap allocations.
+/// The program describes itself to `motorium check` and runs as a process of a graph that names it by
+/// `exec = "PATH"`. It counts its heap allocations.
 #[macro_export]
 macro_rules! main {
     ($component:ty) => {
@@ -265,8 +265,8 @@ macro_rules! main {
 /// Turns component types into a program that hosts their kinds for `motorium`: `motorium::host!(Web,
 /// Recorder);`.
 ///
-/// If it is installed next to `motorium` or on `PATH`, under the name registered for the family of its kinds,
-/// every graph that uses one of them as `kind` finds it. It counts its heap allocations.
+/// Installed next to `motorium` or on `PATH` under the name registered for the family of its kinds, it is
+/// found by every graph with one of these kinds. It counts its heap allocations.
 #[macro_export]
 macro_rules! host {
     ($($component:ty),+ $(,)?) => {

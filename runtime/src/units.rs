@@ -6,7 +6,7 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// A length of time, whole nanoseconds. Written with its unit wherever a user writes it.
+/// A time span in whole nanoseconds. Users write it with a unit.
 ///
 /// ```
 /// use motorium::units::TimeSpan;
@@ -27,7 +27,7 @@ pub struct TimeSpan {
 }
 
 impl TimeSpan {
-    /// Seconds.
+    /// Returns the time in seconds.
     pub fn as_secs_f64(self) -> f64 {
         std::time::Duration::from(self).as_secs_f64()
     }
@@ -46,13 +46,13 @@ pub struct Rate {
     pub period_ns: u64,
 }
 
-/// The error of a time or rate.
+/// Error of parsing a time or rate.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{found}; {expected}")]
 pub struct UnitError {
-    /// The value found, as the end of the sentence "`rate` ...".
+    /// Found value, as the end of the sentence "`rate` ...".
     pub found: String,
-    /// The values expected, with advice.
+    /// Expected values, with advice.
     pub expected: String,
 }
 
@@ -67,7 +67,7 @@ const TIME_UNITS: [(&str, u64); 7] = [
 ];
 const RATE_UNITS: [(&str, u64); 2] = [("Hz", 1), ("kHz", 1_000)];
 
-/// The fastest rate, Hz: at 100 kHz a step and its wake-up no longer fit into a period.
+/// Fastest rate, Hz: above 100 kHz, a step and its wake-up do not fit into a period.
 const FASTEST_HZ: u128 = 100_000;
 /// The slowest rate, mHz.
 const SLOWEST_MHZ: u128 = 1;
@@ -94,7 +94,7 @@ impl core::str::FromStr for TimeSpan {
             });
         }
         let ns = u64::try_from(scaled / power).map_err(|_| too_long(text))?;
-        // times are added to one another, so keep them well below the end of the range
+        // times are added up, so keep them well below the end of the range
         if ns > u64::MAX / 1_000 { Err(too_long(text)) } else { Ok(Self { ns }) }
     }
 }
@@ -207,7 +207,7 @@ fn impossible(text: &str) -> UnitError {
 }
 
 impl core::fmt::Display for TimeSpan {
-    /// The largest unit in which at most three decimals are needed: `1.5 ms`, `200 us`.
+    /// Formats in the largest unit that needs at most three decimals: `1.5 ms`, `200 us`.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let units = [("s", 1_000_000_000u64), ("ms", 1_000_000), ("us", 1_000), ("ns", 1)];
         let fits = |scale: &u64| self.ns >= *scale && ((self.ns % scale) * 1_000).is_multiple_of(*scale);
@@ -222,7 +222,7 @@ impl core::fmt::Display for TimeSpan {
 }
 
 impl core::fmt::Display for Rate {
-    /// In Hz or kHz with at most three decimals: `1 kHz`, `62.5 Hz`.
+    /// Formats in Hz or kHz with at most three decimals: `1 kHz`, `62.5 Hz`.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let hz = 1e9 / self.period_ns as f64;
         let (value, unit) = if hz >= 999.999_5 { (hz / 1e3, "kHz") } else { (hz, "Hz") };

@@ -41,7 +41,7 @@ fn stop_now_works_while_the_launcher_is_stopped() {
     assert_eq!(code, Some(0), "{text}");
     let ended = run.finish();
     assert_eq!(ended.report().exit, Exit::Interrupted);
-    assert_stop_and_resume_reported(&ended, "by `motorium stop --now`; to go on: `motorium resume`");
+    assert_stop_and_resume_reported(&ended, "by `motorium stop --now`; to continue: `motorium resume`");
 }
 
 /// Asserts that the launcher reported the stop and its end with these words.
@@ -170,6 +170,6 @@ fn a_pressed_emergency_stop_cannot_be_resumed() {
     await_gate(&run, "it follows again", |gate| gate.state == GateState::Following);
     let (code, _) = motorium(&run, &["stop"]);
     assert_eq!(code, Some(0));
-    let words = "by the emergency stop of `rogue` on `stop`; to go on: release the emergency stop, then";
+    let words = "by the emergency stop of `rogue` on `stop`; to continue: release the emergency stop, then";
     assert_stop_and_resume_reported(&run.finish(), words);
 }

@@ -92,8 +92,8 @@ pub fn count_wanted(values: &[f64], energy: f64, wanted: Wanted) -> usize {
     }
 }
 
-/// Processes one scale of singular values: those of `basis^T matrix`, where `basis` spans the complement of
-/// the previous scales.
+/// Processes one scale of singular values, the singular values of `basis^T matrix`. `basis` spans the
+/// complement of the previous scales.
 fn descend(matrix: &DMatrix<f64>, basis: Option<&DMatrix<f64>>, found: &mut LeftSingular, wanted: Wanted) {
     let projected = basis.map(|basis| basis.transpose() * matrix);
     let here = projected.as_ref().unwrap_or(matrix);

@@ -24,7 +24,7 @@
 
 use nalgebra::DMatrix;
 
-/// The equation is invalid or has no stabilising solution.
+/// Error of an equation that is invalid or has no stabilising solution.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RiccatiError {
     /// A matrix has the wrong size.

@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use super::Simd;
 
-/// `A = H T H^T` with `H` a product of reflections and `T` tridiagonal.
+/// Decomposition `A = H T H^T`, with `H` a product of reflections and `T` tridiagonal.
 pub(super) struct Tridiagonal {
     /// The diagonal of `T`.
     pub(super) diagonal: Vec<f64>,

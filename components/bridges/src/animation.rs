@@ -1,18 +1,18 @@
-//! Pictures of at most 255 colours, and animations of them, as PNG files. <https://www.w3.org/TR/png-3/>
+//! PNG encoder for images and animations with at most 255 colours. <https://www.w3.org/TR/png-3/>
 
 use miniz_oxide::deflate::compress_to_vec_zlib;
 
 use crate::png::{SIGNATURE, chunk};
 
-/// Level of the deflate, the slowest: a file is written once.
+/// Compression level from 0 to 10. The slowest level is used, because a file is written once.
 const LEVEL: u8 = 10;
-/// Colours of a file. Index 0 is transparent: the pixel of the picture before it stays.
+/// Number of colours in a file. Index 0 is transparent: the pixel of the previous frame remains visible.
 const COLOURS: usize = 255;
-/// Bits of each channel that colours are counted by.
+/// Bits per channel in the colour histogram.
 const BITS: u32 = 6;
 
-/// Encodes pictures of rows of red, green and blue as one file: a picture, or an endless animation of
-/// pictures of `delay_ms` each. Colours are replaced by the nearest of 255.
+/// Encodes row-major RGB images as one file: a single image, or an endlessly looping animation that shows
+/// each frame for `delay_ms`. Each colour is replaced by the nearest of 255 palette colours.
 ///
 /// ```
 /// let (red, blue) = ([255, 0, 0], [0, 0, 255]);
@@ -22,16 +22,16 @@ const BITS: u32 = 6;
 ///
 /// # Panics
 ///
-/// A picture has another size, or there is none.
+/// Panics if the images differ in size, or if there are none.
 pub fn encode(width: usize, height: usize, delay_ms: u16, pictures: &[Vec<u8>]) -> Vec<u8> {
     assert!(!pictures.is_empty() && pictures.iter().all(|picture| picture.len() == 3 * width * height));
     let palette = Palette::new(pictures);
     let mut file = SIGNATURE.to_vec();
     let size = |value: usize| (value as u32).to_be_bytes();
-    // 8 bits per pixel, an index of the palette, and the only methods defined by the standard.
+    // 8 bits per pixel, palette indices, and the only methods defined by the standard.
     chunk(b"IHDR", &[&size(width)[..], &size(height), &[8, 3, 0, 0, 0]].concat(), &mut file);
     if pictures.len() > 1 {
-        // Played without end.
+        // 0 plays: loops endlessly.
         chunk(b"acTL", &[size(pictures.len()), size(0)].concat(), &mut file);
     }
     chunk(b"PLTE", &palette.colours.concat(), &mut file);
@@ -44,7 +44,7 @@ pub fn encode(width: usize, height: usize, delay_ms: u16, pictures: &[Vec<u8>]) 
         if pictures.len() > 1 {
             let place = [number, right - left, bottom - top, left, top].map(size).concat();
             let delay = [delay_ms, 1000].map(u16::to_be_bytes).concat();
-            // The picture stays, and the next one is laid over it.
+            // The frame is kept, and the next one is blended over it.
             chunk(b"fcTL", &[&place[..], &delay, &[0, 1]].concat(), &mut file);
             number += 1;
         }
@@ -69,7 +69,7 @@ pub fn encode(width: usize, height: usize, delay_ms: u16, pictures: &[Vec<u8>]) 
     file
 }
 
-/// Number of pictures of a PNG file; `None` if it is not one.
+/// Number of frames in a PNG file; `None` if the bytes are not a PNG file.
 pub fn frames(file: &[u8]) -> Option<usize> {
     let chunks = crate::png::chunks(file)?;
     let control = chunks.iter().find(|(at, _)| &file[at + 4..at + 8] == b"acTL");
@@ -77,7 +77,7 @@ pub fn frames(file: &[u8]) -> Option<usize> {
     Some(u32::from_be_bytes(data.get(..4)?.try_into().ok()?) as usize)
 }
 
-/// The rectangle (left, top, right, bottom) of the pixels that differ; a pixel if none does.
+/// Bounding rectangle (left, top, right, bottom) of the pixels that differ; a single pixel if all are equal.
 fn changed(before: &[u8], now: &[u8], width: usize) -> [usize; 4] {
     let height = now.len() / width.max(1);
     if before.is_empty() {
@@ -91,7 +91,7 @@ fn changed(before: &[u8], now: &[u8], width: usize) -> [usize; 4] {
     if found[0] < found[2] { found } else { [0, 0, 1, 1] }
 }
 
-/// The colours of a file, and the index of the nearest one of every colour in it.
+/// Palette of a file, and the index of the nearest palette colour for each colour of the images.
 struct Palette {
     colours: Vec<[u8; 3]>,
     nearest: Vec<u8>,
@@ -111,14 +111,14 @@ impl Bin {
     }
 }
 
-/// The bin of a colour.
+/// Bin of a colour.
 fn bin(pixel: &[u8]) -> usize {
     pixel.iter().fold(0, |bin, channel| bin << BITS | usize::from(channel >> (8 - BITS)))
 }
 
 impl Palette {
-    /// Divides the colours of the pictures into boxes, the one with the largest error first, at its mean
-    /// (median cut: Heckbert, "Color Image Quantization for Frame Buffer Display", SIGGRAPH 1982).
+    /// Splits the colours of the images into boxes: the box with the largest error is split first, at its
+    /// mean (median cut: Heckbert, "Color Image Quantization for Frame Buffer Display", SIGGRAPH 1982).
     fn new(pictures: &[Vec<u8>]) -> Self {
         let mut bins = vec![Bin::default(); 1 << (3 * BITS)];
         for pixel in pictures.iter().flat_map(|picture| picture.chunks_exact(3)) {
@@ -161,7 +161,8 @@ impl Palette {
     }
 }
 
-/// The largest squared error of a channel of a box whose pixels all get its mean, the channel, and its mean.
+/// Largest squared error over the channels of a box when its pixels are replaced by the box mean, with the
+/// channel and its mean.
 fn error(bins: &[Bin]) -> (f64, usize, f64) {
     let count: f64 = bins.iter().map(|bin| bin.count).sum();
     let of = |channel: usize| {
@@ -180,7 +181,7 @@ mod tests {
     use super::*;
     use crate::png::chunks;
 
-    /// Plays a file according to the standard: its pictures as indices laid over each other.
+    /// Plays a file according to the standard: returns the composited frames as palette indices.
     fn played(file: &[u8], width: usize, height: usize) -> Vec<Vec<[u8; 3]>> {
         let chunks = chunks(file).unwrap();
         let kind = |at: usize| &file[at + 4..at + 8];

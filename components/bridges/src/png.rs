@@ -8,7 +8,7 @@ const LEVEL: u8 = 4;
 /// First bytes of every file.
 pub(crate) const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 
-/// Encodes rows of red, green and blue pixels as a file.
+/// Encodes row-major RGB pixels as a file.
 ///
 /// ```
 /// let red_and_blue = [255, 0, 0, 0, 0, 255];
@@ -26,7 +26,7 @@ pub fn encode(width: usize, height: usize, pixels: &[u8]) -> Vec<u8> {
     file
 }
 
-/// Adds a text to a PNG file under a keyword of Latin letters. `None` if the file is not PNG.
+/// Adds a text with an ASCII keyword to a PNG file. Returns `None` if the bytes are not a PNG file.
 ///
 /// ```
 /// use motorium_bridges::png::{encode, text, with_text};
@@ -51,7 +51,7 @@ pub fn text(file: &[u8], keyword: &str) -> Option<String> {
     })
 }
 
-/// Positions of the chunks of a complete file, and their data.
+/// Offsets and data of the chunks of a complete file.
 pub(crate) fn chunks(file: &[u8]) -> Option<Vec<(usize, &[u8])>> {
     let (mut at, mut found) = (SIGNATURE.len(), Vec::new());
     if !file.starts_with(SIGNATURE) {
@@ -76,8 +76,7 @@ pub(crate) fn chunk(kind: &[u8; 4], data: &[u8], file: &mut Vec<u8>) {
     file.extend(sum.to_be_bytes());
 }
 
-/// Filters rows by their neighbours; each row is preceded by the number of the filter with the smallest
-/// residual.
+/// Filters each row with the filter that has the smallest residual, and prepends the filter's number.
 fn filtered(bytes_per_row: usize, pixels: &[u8]) -> Vec<u8> {
     let bytes_per_row = bytes_per_row.max(1);
     let mut above = vec![0; bytes_per_row];
@@ -114,7 +113,7 @@ const FILTERS: [Filter; 3] = [
     Filter { number: 4, expected: paeth },
 ];
 
-/// The neighbour that is nearest to left + above - corner.
+/// Paeth predictor: the neighbour nearest to left + above - corner.
 fn paeth(left: u8, above: u8, corner: u8) -> u8 {
     let [a, b, c] = [left, above, corner].map(i16::from);
     let distance = |neighbour: i16| (a + b - c - neighbour).abs();

@@ -4,7 +4,7 @@ use motorium::plan::Plan;
 
 use crate::foxglove::joints_of_topic;
 
-/// The quantity of a field.
+/// Quantity of a field.
 ///
 /// ```
 /// use motorium_bridges::quantities::quantity;
@@ -27,7 +27,7 @@ const XYZW: &[&str] = &["x", "y", "z", "w"];
 const EAST: &[&str] = &["east", "north", "up"];
 const NONE: &[&str] = &[];
 
-/// A field, its unit, the names of its entries.
+/// Name of a field, its unit, and the names of its entries.
 type Row = (&'static str, &'static str, &'static [&'static str]);
 
 /// Floating-point fields of each type.
@@ -189,8 +189,8 @@ pub fn quantity(type_name: &str, field: &str) -> Option<Quantity> {
     Some(Quantity { unit, axes })
 }
 
-/// Returns the names of the entries of a field: joints of the topic's robot, or axes. Empty if the entries
-/// have no names.
+/// Returns the names of the entries of a field: joints of the topic's robot, or axes. Returns an empty list
+/// if the entries have no names.
 ///
 /// ```
 /// # fn of(plan: &motorium::plan::Plan) {

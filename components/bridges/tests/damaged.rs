@@ -1,4 +1,4 @@
-//! Recordings whose bytes have changed: read around the damage, repaired, reported.
+//! Damaged recordings: reading around the damage, repair, and reports.
 
 mod walk;
 
@@ -7,7 +7,7 @@ use motorium_bridges::recording::{self, Recording, recover, verify};
 
 use walk::{GRAPH, recorder, registry, run};
 
-/// Starts of the records in the chunks of a file, in the order of the file.
+/// Offsets of the records in the chunks of a file, in file order.
 fn records_in_chunks(bytes: &[u8]) -> Vec<usize> {
     let length = |place: usize| u64::from_le_bytes(bytes[place + 1..place + 9].try_into().unwrap()) as usize;
     let (mut place, mut records) = (8, Vec::new());
@@ -64,7 +64,7 @@ fn damage_gets_no_fresh_checksum() {
     run(&format!("{GRAPH}{}", recorder(&file)), &Options::inline());
     let mut bytes = std::fs::read(&file).unwrap();
     let records = records_in_chunks(&bytes);
-    // a byte of the content of a message
+    // a content byte of a message
     bytes[records[records.len() / 2] - 3] ^= 0x10;
     std::fs::write(&file, &bytes).unwrap();
     let recovered = recover(&file, &whole).unwrap();

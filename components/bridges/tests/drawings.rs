@@ -1,4 +1,4 @@
-//! Drawings of viewers, against the models of robots.
+//! Drawn channels, compared with the robot models.
 
 use foxglove::Decode as _;
 use foxglove::messages::{FrameTransforms, JointStates};

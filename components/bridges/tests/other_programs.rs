@@ -1,4 +1,4 @@
-//! MCAP files of other programs as curves and tables. Those in `fixtures/mcap` were written by Foxglove's
+//! MCAP files of other programs as curves and tables. The files in `fixtures/mcap` were written by Foxglove's
 //! Python libraries.
 
 #[path = "../../../fixtures/mcap/joints.rs"]
@@ -104,7 +104,7 @@ fn channels_of_other_programs_become_tables() {
     let mut parquet = Vec::new();
     assert_eq!(log.write_parquet(channel("/tf"), &mut parquet).unwrap(), 4);
     assert!(parquet.starts_with(b"PAR1") && parquet.ends_with(b"PAR1"));
-    // the table is a recording again, with the names of the joints
+    // the table is read back with the names of the joints
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("states.csv");
     std::fs::write(&file, states).unwrap();

@@ -1,4 +1,4 @@
-//! Recordings of graphs in the process of the test: written, read, torn, repaired, run again.
+//! Recordings of graphs that run in the process of the test: writing, reading, truncation, repair and replay.
 
 mod walk;
 
@@ -57,11 +57,11 @@ fn verification_is_bitwise_and_finds_one_damaged_value() {
     };
     let verified = check(&file, &[]);
     assert_eq!((verified.samples, verified.difference), (2000, None));
-    // the recording replaces the source: its numbers come from the file
+    // the recording replaces the source, so its numbers come from the file
     let verified = check(&file, &["walk".to_string()]);
     assert_eq!((verified.samples, verified.difference), (2000, None));
 
-    // The lowest bit of one number of one sample of the sum.
+    // Flips the lowest bit of one number in one sample of the sum.
     let recording = Recording::open(&file).unwrap();
     let topic = recording.topic("sum").unwrap();
     let sample =
@@ -92,7 +92,7 @@ fn find(bytes: &[u8], part: &[u8]) -> usize {
 fn episodes_are_recorded_to_their_ends_and_verified() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
-    // 155 ms: the recorder steps every 100 ms, so the end of an episode is between steps
+    // the recorder steps every 100 ms, so an episode of 155 ms ends between two steps
     let text = GRAPH.replace("\"1 s\"", "\"155 ms\"") + &recorder(&file);
     run(&format!("episodes = {{ count = 3, vary_seed = true }}\n{text}"), &Options::inline());
     let recording = Recording::open(&file).unwrap();
@@ -105,12 +105,12 @@ fn episodes_are_recorded_to_their_ends_and_verified() {
 }
 
 #[test]
-fn episodes_of_real_time_are_exported_one_by_one() {
+fn real_time_episodes_are_exported_one_by_one() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
-    // Two rates: after the fast component has entered an episode, the slow one still publishes in the one
-    // before.
+    // Two rates: after the fast component has entered an episode, the slow one still publishes in the
+    // previous episode.
     let slow = "[component.slow]\nkind = \"test.walk\"\nrate = \"50 Hz\"\nschedule = \"normal\"\npublish = { wrench = \"slow\" }\n";
     let text = GRAPH
         .replace("lockstep", "realtime")
@@ -133,7 +133,7 @@ fn episodes_of_real_time_are_exported_one_by_one() {
     let counts = write_lerobot(&recording, &dataset, &folder.path().join("three")).unwrap();
     assert_eq!(counts.episodes, 3);
     assert!(counts.frames >= 3, "each has a frame: {counts:?}");
-    // Without a reset a replay repeats all of it as one stretch of time, or one episode alone.
+    // Without resets, a replay repeats the whole recording as one span, or a single episode.
     let whole = replayed(&recording, &[], None).unwrap();
     let last = replayed(&recording, &[], Some(2)).unwrap();
     assert!(whole.episodes.is_none() && last.episodes.is_none());
@@ -143,7 +143,7 @@ fn episodes_of_real_time_are_exported_one_by_one() {
 }
 
 #[test]
-fn a_torn_file_is_read_up_to_the_damage_and_repaired() {
+fn a_truncated_file_is_read_up_to_the_damage_and_repaired() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     let text = GRAPH.replace("\"1 s\"", "\"30 s\"") + &recorder(&file);

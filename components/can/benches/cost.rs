@@ -1,5 +1,5 @@
-//! The processor time of frames and of cycles: one command encoded and one answer decoded, and the cycle of
-//! an adapter of twelve joints without the bus: `cargo bench -p motorium-can --bench cost`.
+//! Processor time of the codec (encoding one command and decoding one answer), and of an adapter cycle with
+//! twelve joints, without the bus: `cargo bench -p motorium-can --bench cost`.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -13,8 +13,8 @@ use motorium_drive::JointSetpoint;
 const JOINTS: u8 = 12;
 const CYCLES: usize = 100_000;
 
-/// Nanoseconds of one command encoded and one answer decoded, and of the copy of a frame beside it: the least
-/// of many batches of each, in turns.
+/// Time to encode one command and decode one answer, and time to copy a frame, ns: the minimum over many
+/// alternating batches.
 fn codec() -> [f64; 2] {
     const BATCH: u32 = 10_000;
     let mut least = [f64::INFINITY; 2];
@@ -67,8 +67,8 @@ fn table() -> Table {
     Table::parse(&text).expect("a drive table")
 }
 
-/// Nanoseconds of each cycle of an adapter of twelve joints: commands encoded, answers sorted and decoded.
-/// The drives answer in between, uncounted.
+/// Duration of each cycle of an adapter with twelve joints, ns: encoding commands, and sorting and decoding
+/// answers. The drives answer in between, which is not counted.
 fn cycles() -> Vec<u64> {
     let table = table();
     let order: Vec<usize> = (0..JOINTS.into()).collect();

@@ -7,27 +7,27 @@ use crate::bus::{Bus, Received};
 use crate::frame::Frame;
 use crate::table::{Table, TableError};
 
-/// Drive of a joint that was held in a known pose.
+/// Calibrated offset of the drive of a joint that was held in a known pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibrated {
     /// Joint.
     pub joint: String,
-    /// Mean position with the offset of the table, rad or m.
+    /// Mean position with the table's offset, rad or m.
     pub position: f64,
-    /// Offset with which the joint reads its position in the pose, rad or m.
+    /// Offset with which the joint reads the position of the pose, rad or m.
     pub offset: f64,
     /// Offset of the table, rad or m.
     pub before: f64,
     /// Difference between the largest and smallest position, rad or m.
     pub spread: f64,
-    /// Number of answers used.
+    /// Number of averaged answers.
     pub answers: u64,
 }
 
-/// Reason why offsets were not measured.
+/// Error of measuring offsets.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
-    /// Robot and table do not match.
+    /// The robot and the table do not match.
     #[error(transparent)]
     Table(#[from] TableError),
     /// Another program commands a drive.
@@ -71,13 +71,12 @@ const ANSWER_TIMEOUT: u32 = 300;
 /// Largest position difference of a joint at rest, rad or m.
 const STILL: f64 = 0.05;
 
-/// Measures the offsets of all drives for `time` while the robot is held at `pose` \[rad or m\], with one
-/// position for each of `joints`. Homed drives are left out, and no drive is enabled. `pass` lets time pass
-/// on `buses`, the buses of the table in their order, and returns the time, ns.
+/// Measures the offsets of all drives for `time` while the robot is held at `pose` \[rad or m\], which has
+/// one position per joint in `joints`. Homed drives are skipped, and no drive is enabled. `pass` advances
+/// time on `buses`, the buses in the order of the table, and returns the current time, ns.
 ///
-/// # Errors
-/// Returns an error if a drive is commanded by another program, has a setting that differs from the table,
-/// does not answer, or moves.
+/// # Errors Returns an error if another program commands a drive, or if a drive has a setting that differs
+/// from the table, does not answer, or moves.
 ///
 /// # Panics
 /// Panics if `pose` and `joints` differ in length, or if there are fewer buses than in the table.
@@ -143,7 +142,7 @@ pub fn calibrate<B: Bus>(
             }
         }
     }
-    // the offset of a homed joint belongs to its mark, and its encoder has an arbitrary zero
+    // the offset of a homed joint refers to its mark, and its encoder has an arbitrary zero
     let is_measured = |(index, _): &(usize, &Taken)| !table.drives[order[*index]].is_homed();
     let result = taken.iter().enumerate().filter(is_measured).map(|(index, taken)| {
         let (joint, before) = (joints[index].clone(), table.transmission(order[index]).offset);
@@ -184,7 +183,7 @@ impl Taken {
     }
 }
 
-/// Joint of the drive on this bus that a frame of another program commands.
+/// Returns the joint of the drive on this bus that another program's frame commands.
 fn commanded(table: &Table, bus: usize, frame: &Frame) -> Option<String> {
     let mut drives = table.drives.iter().enumerate().filter(|(_, drive)| table.bus_of(drive) == Some(bus));
     let found =

@@ -1,4 +1,4 @@
-//! Message databases (DBC files): names, units and values of the signals in frames.
+//! Message databases (DBC files): names, units and scaling of the signals in frames.
 
 use core::ops::RangeInclusive;
 use std::collections::BTreeMap;
@@ -8,7 +8,7 @@ use can_dbc::{ByteOrder, Dbc, MessageId, MultiplexIndicator, SignalExtendedValue
 use crate::decimal::Decimal;
 use crate::{Frame, Id};
 
-/// Database of the messages on a bus, read from a DBC file.
+/// Database of a bus's messages, read from a DBC file.
 ///
 /// ```
 /// use motorium_can::{Database, Frame, Id};
@@ -86,7 +86,7 @@ struct Signal {
     factor: f64,
     offset: f64,
     labels: Vec<(i64, String)>,
-    /// The signal is present while this multiplexer has one of these values.
+    /// The signal is present if this multiplexer has one of these values.
     switch: Option<(usize, Vec<RangeInclusive<u64>>)>,
 }
 
@@ -105,7 +105,7 @@ pub struct Decoded<'a> {
     /// Name of the message.
     pub name: &'a str,
     /// Signals, in the order of the database. Signals beyond the end of the frame and inactive multiplexed
-    /// signals are left out.
+    /// signals are omitted.
     pub signals: Vec<SignalValue<'a>>,
 }
 
@@ -116,7 +116,7 @@ pub struct SignalValue<'a> {
     pub name: &'a str,
     /// Scaled value.
     pub value: f64,
-    /// Exact value if it is an integer; 64 bits exceed the resolution of `value`.
+    /// Exact value if it is an integer, because `value` does not resolve 64 bits.
     pub whole: Option<i128>,
     /// Scaled value with all digits, unless the signal is a floating-point number.
     exact: Option<Decimal>,
@@ -128,7 +128,7 @@ pub struct SignalValue<'a> {
     pub label: Option<&'a str>,
 }
 
-/// True for an integer that a floating-point number holds exactly.
+/// Returns `true` for an integer that a floating-point number represents exactly.
 fn is_whole(number: f64) -> bool {
     number.fract() == 0.0 && number.abs() < 1e15
 }
@@ -173,7 +173,7 @@ impl Database {
         let file = Dbc::try_from(text).map_err(|error| DatabaseError::Syntax(error.to_string()))?;
         let mut read = Self { messages: BTreeMap::new(), mask: ALL };
         for message in &file.messages {
-            // placeholder message in which tools keep signals without a message
+            // placeholder message in which tools store signals without a message
             if message.name == "VECTOR__INDEPENDENT_SIG_MSG" {
                 continue;
             }
@@ -195,11 +195,10 @@ impl Database {
         }
     }
 
-    /// Restricts the significant bits of the identifiers to `mask`, so that a database of node 0 describes
-    /// all nodes.
+    /// Restricts the significant bits of the identifiers to `mask`, for example to apply the database of node
+    /// 0 to all nodes.
     ///
-    /// # Errors
-    /// Returns an error if two messages differ only in the other bits.
+    /// # Errors Returns an error if the identifiers of two messages differ only in the other bits.
     pub fn with_mask(self, mask: u32) -> Result<Self, DatabaseError> {
         let mut masked = Self { messages: BTreeMap::new(), mask };
         for ((extended, id), message) in self.messages {
@@ -274,7 +273,7 @@ fn signals(file: &Dbc, message: &can_dbc::Message) -> Result<Vec<Signal>, (Strin
             let ranges = entry.mappings.iter().map(|values| values.min_value..=values.max_value);
             match &mut switch {
                 Some((known, all)) if *known == at => all.extend(ranges),
-                Some(_) => return refuse("two signals switch it".into()),
+                Some(_) => return refuse("it has two multiplexers".into()),
                 None => switch = Some((at, ranges.collect())),
             }
         }
@@ -284,7 +283,7 @@ fn signals(file: &Dbc, message: &can_dbc::Message) -> Result<Vec<Signal>, (Strin
             | MultiplexIndicator::MultiplexorAndMultiplexedSignal(value),
         ) = (&switch, found.multiplexer_indicator)
         {
-            let Some(at) = main else { return refuse("no signal switches it".into()) };
+            let Some(at) = main else { return refuse("its multiplexer is missing".into()) };
             switch = Some((at, vec![value..=value]));
         }
         let labels = file.value_descriptions_for_signal(message.id, &found.name).unwrap_or_default();
@@ -310,10 +309,11 @@ fn signals(file: &Dbc, message: &can_dbc::Message) -> Result<Vec<Signal>, (Strin
 }
 
 impl Message {
-    /// True if the data has a signal: its multiplexor has one of its values, and is there itself.
+    /// Returns `true` if the data contains a signal: its multiplexer is present and has one of its values.
     fn has(&self, signal: &Signal, data: &[u8]) -> bool {
         let mut signal = signal;
-        // Each multiplexor is visited once: a database in which they switch one another has none of them.
+        // Each multiplexer is visited at most once. Multiplexers that depend on each other in a cycle are
+        // never present.
         for _ in 0..=self.signals.len() {
             let Some((at, values)) = &signal.switch else { return true };
             signal = &self.signals[*at];
@@ -327,11 +327,11 @@ impl Message {
 }
 
 impl Signal {
-    /// Number of bits from the beginning of the data to the end of the signal, in transmission order.
+    /// Number of bits from the start of the data to the end of the signal, in transmission order.
     fn end(&self) -> usize {
         match self.order {
             ByteOrder::LittleEndian => self.start.saturating_add(self.bits),
-            // a big-endian signal begins with its most significant bit and continues downwards in each byte
+            // a big-endian signal starts with its most significant bit and continues downwards in each byte
             ByteOrder::BigEndian => (self.start / 8 * 8 + 7 - self.start % 8).saturating_add(self.bits),
         }
     }
@@ -373,7 +373,7 @@ impl Signal {
             value: number * self.factor + self.offset,
             whole: scaled.map(|number| number * self.factor as i128 + self.offset as i128),
             exact: exact.and_then(|number| Decimal::scaled(number, self.factor, self.offset)),
-            // 32-bit floating-point numbers resolve eight digits, 64-bit ones fifteen
+            // number of significant digits: 8 for 32-bit floating-point numbers, 15 otherwise
             digits: if self.form == Form::Single { 8 } else { 15 },
             unit: &self.unit,
             label: label.map(|(_, label)| label.as_str()),

@@ -1,4 +1,4 @@
-//! Exact decimal numbers: a scaled signal of 64 bits has more digits than a floating-point number.
+//! Exact decimal numbers: a scaled 64-bit signal has more digits than a floating-point number can represent.
 
 use core::fmt;
 
@@ -10,7 +10,7 @@ pub(crate) struct Decimal {
 }
 
 impl Decimal {
-    /// Converts the shortest decimal number that is read as `number`.
+    /// Converts the shortest decimal representation of `number`.
     fn from_f64(number: f64) -> Option<Self> {
         let text = format!("{number:e}");
         let (mantissa, exponent) = text.split_once('e')?;
@@ -19,7 +19,7 @@ impl Decimal {
         Some(Self { digits, exponent: exponent.parse::<i32>().ok()? - i32::try_from(fraction.len()).ok()? })
     }
 
-    /// Digits for another exponent that is no greater; `None` if there are too many.
+    /// Digits for an exponent that is not larger; `None` if there are too many.
     fn digits_at(self, exponent: i32) -> Option<i128> {
         10_i128.checked_pow(u32::try_from(self.exponent - exponent).ok()?)?.checked_mul(self.digits)
     }
@@ -58,7 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn scaled_numbers_have_all_their_digits() {
+    fn scaled_numbers_keep_all_digits() {
         let text = |raw, factor, offset| Decimal::scaled(raw, factor, offset).map(|x| x.to_string());
         for (raw, factor, offset, expected) in [
             (1_735_270_496_916_858, 1e-6, 0.0, "1735270496.916858"),

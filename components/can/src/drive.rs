@@ -1,4 +1,5 @@
-//! Vocabulary of all drives: commands, feedback, states, faults and ranges, in units of the output shaft.
+//! Common vocabulary of all drives: commands, feedback, states, faults and ranges, in units of the output
+//! shaft.
 
 use crate::range::Range;
 
@@ -18,8 +19,7 @@ pub struct Command {
 }
 
 impl Command {
-    /// Torque that a drive applies for this command at this position \[rad\] and velocity \[rad/s\], without
-    /// limits, N m.
+    /// Unlimited torque for this command at this position \[rad\] and velocity \[rad/s\], N m.
     ///
     /// ```
     /// use motorium_can::drive::Command;
@@ -77,7 +77,7 @@ pub enum Fault {
     HotMotor,
     /// No command arrived within the watchdog time.
     CommunicationLost,
-    /// The motor could not deliver the torque for too long.
+    /// The torque demand exceeded the motor's capability for too long.
     Overload,
     /// The encoder failed.
     Encoder,
@@ -94,14 +94,14 @@ impl Fault {
             Self::OverCurrent => "current too high",
             Self::HotTransistors => "transistors too hot",
             Self::HotMotor => "motor too hot",
-            Self::CommunicationLost => "no command for the time of its watchdog",
+            Self::CommunicationLost => "no command within the watchdog time",
             Self::Overload => "overload",
             Self::Encoder => "encoder failed",
-            Self::Other(_) => "a fault that the drive has a code for",
+            Self::Other(_) => "drive-specific fault",
         }
     }
 
-    /// Drive-specific code of a fault that has no name here.
+    /// Drive-specific code of a fault without a variant here.
     pub fn code(self) -> Option<u32> {
         match self {
             Self::Other(code) => Some(code),
@@ -155,7 +155,7 @@ impl Ranges {
         }
     }
 
-    /// Replaces the largest gains.
+    /// Sets the largest gains.
     #[must_use]
     pub const fn with_gains(self, kp: f64, kd: f64) -> Self {
         Self { kp: Range::from_zero(kp), kd: Range::from_zero(kd), ..self }
@@ -168,8 +168,7 @@ impl Ranges {
 pub enum PositionReference {
     /// Position at power-up.
     Relative = 0,
-    /// Zero of the rotor encoder: with a gearbox, there is one such position for each rotor turn per output
-    /// turn.
+    /// Zero of the rotor encoder. With a gearbox, each output turn has one such position per rotor turn.
     Rotor = 1,
     /// Zero of the output, from an output encoder or because the position has been set.
     Output = 2,

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-/// Identifier of a frame: the lower of two identifiers wins arbitration.
+/// Identifier of a frame. The lower identifier wins arbitration.
 ///
 /// ```
 /// use motorium_can::Id;
@@ -30,9 +30,9 @@ impl Id {
         (id < 1 << 29).then_some(Self::Extended(id))
     }
 
-    /// Bits of the arbitration field in transmission order, without the remote bit. Of two frames that begin
-    /// together, the one with the smaller number is sent. A standard identifier wins over an extended one
-    /// with the same first 11 bits.
+    /// Bits of the arbitration field in transmission order, without the remote bit. If two frames start
+    /// simultaneously, the one with the smaller number is sent. A standard identifier wins over an extended
+    /// one with the same first 11 bits.
     pub fn arbitration(self) -> u32 {
         match self {
             Self::Standard(id) => u32::from(id) << 21,
@@ -149,7 +149,7 @@ impl Frame {
 }
 
 impl Default for Frame {
-    /// Empty frame with the identifier of the lowest priority among all 11-bit identifiers.
+    /// Empty frame with the 11-bit identifier of the lowest priority.
     fn default() -> Self {
         Self { id: Id::Standard(0x7ff), form: Form::Classic, length: 0, data: [0; 64] }
     }
@@ -206,7 +206,7 @@ pub enum DecodeError {
         expected: usize,
     },
     /// A field has a value that the protocol does not define, or a reserved bit is set.
-    #[error("{field} is 0x{found:X}, which the protocol does not know")]
+    #[error("{field} is 0x{found:X}, which the protocol does not define")]
     Field {
         /// Field.
         field: &'static str,
@@ -219,8 +219,8 @@ pub enum DecodeError {
         /// Field.
         field: &'static str,
     },
-    /// A number is beyond anything that the device can have measured.
-    #[error("{field} cannot be: it is beyond what the device can have reached")]
+    /// A number is beyond the measuring range of the device.
+    #[error("{field} is implausible: the device cannot have reached it")]
     Implausible {
         /// Field.
         field: &'static str,
@@ -241,7 +241,7 @@ pub enum DecodeError {
     },
 }
 
-/// Data of a frame with exactly `N` bytes and this identifier.
+/// Returns the data of a frame with exactly `N` bytes and this identifier.
 #[inline]
 pub(crate) fn exactly<const N: usize>(frame: &Frame, expected: Id) -> Result<&[u8; N], DecodeError> {
     if frame.id != expected {

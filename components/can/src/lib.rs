@@ -1,14 +1,13 @@
 //! Drives on CAN buses.
 //!
 //! Each protocol has a pure codec, such as [`mit`], [`cia402`] and [`dynamixel`]; [`drive`] is their common
-//! vocabulary. [`bus`] holds the buses: the bits and durations of frames, a simulated bus with arbitration
-//! and error states, kernel interfaces ([`SocketBus`]), serial adapters ([`SlcanBus`]), and lines of serial
-//! servos ([`ServoBus`]). A [`Table`] assigns drives to joints.
-//! [`Adapter`] is the logic that commands the drives, and [`AnySimulatedDrive`] is its counterpart. All of
-//! this is a plain library, usable without the runtime.
+//! vocabulary. [`bus`] contains the bits and durations of frames, a simulated bus with arbitration and error
+//! states, kernel interfaces ([`SocketBus`]), serial adapters ([`SlcanBus`]), and lines of serial servos
+//! ([`ServoBus`]). A [`Table`] assigns drives to joints. [`Adapter`] implements the logic that commands the
+//! drives, and [`AnySimulatedDrive`] is its counterpart. All of these can be used without the runtime.
 //!
-//! [`CanAdapter`] (`can.adapter`) and [`DriveSimulation`] (`can.drive_sim`) are graph components; only they
-//! depend on the runtime.
+//! Only the graph components [`CanAdapter`] (`can.adapter`) and [`DriveSimulation`] (`can.drive_sim`) depend
+//! on the runtime.
 
 pub mod adapter;
 pub mod bus;

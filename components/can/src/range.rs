@@ -1,9 +1,9 @@
-//! Numbers as unsigned integers of a few bits, spaced evenly over a range.
+//! Encoding of numbers as unsigned integers of a few bits, evenly spaced over a range.
 
 /// Range of numbers represented by a field of a frame.
 ///
-/// A field of `n` bits holds `(x - min) (2^n - 1) / (max - min)`, rounded to the nearest integer; zero in the
-/// middle of a range is rounded down. Numbers outside the range are clamped.
+/// A field of `n` bits contains `(x - min) (2^n - 1) / (max - min)`, rounded to the nearest integer. Zero in
+/// the middle of a range is rounded down. Numbers outside the range are clamped.
 ///
 /// ```
 /// use motorium_can::Range;
@@ -32,7 +32,7 @@ impl Range {
         Self { min: 0.0, max }
     }
 
-    /// Number in the range that is nearest to `x`, or nearest to zero for NaN.
+    /// Returns the number in the range that is nearest to `x`, or nearest to zero for NaN.
     pub fn nearest(&self, x: f64) -> f64 {
         let x = if x.is_nan() { 0.0 } else { x };
         x.clamp(self.min, self.max)
@@ -54,12 +54,12 @@ impl Range {
         self.field(bits).decode::<0>(value)
     }
 
-    /// Distance between two adjacent numbers of `bits` bits.
+    /// Distance between adjacent numbers of `bits` bits.
     pub const fn resolution(&self, bits: u32) -> f64 {
         (self.max - self.min) / largest(bits) as f64
     }
 
-    /// Returns `true` if the range is finite with its ends in order.
+    /// Returns `true` if the limits of the range are finite and in ascending order.
     pub fn is_valid(&self) -> bool {
         self.min.is_finite() && self.max.is_finite() && self.min < self.max
     }
@@ -73,9 +73,9 @@ const fn largest(bits: u32) -> u32 {
 
 /// Fields of a frame: ranges and numbers of bits, with the factors that convert numbers to integers and back.
 ///
-/// The factors are computed once, so encoding and decoding need no divisions, and no branch except for NaN.
-/// Steps are counted from the upper end of the range and rounded to the nearest even one, which rounds zero
-/// in the middle of a symmetric range down.
+/// The factors are computed once, so encoding and decoding need no divisions, and no branches except for NaN.
+/// Steps are counted from the upper end of the range and rounded half to even, which rounds zero in the
+/// middle of a symmetric range down.
 ///
 /// ```
 /// use motorium_can::Range;
@@ -86,11 +86,11 @@ const fn largest(bits: u32) -> u32 {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fields<const N: usize> {
-    /// Steps from the lower end to the upper end.
+    /// Number of steps from the lower end to the upper end.
     largest: [f64; N],
     /// Steps per unit.
     per_unit: [f64; N],
-    /// Steps from zero to the upper end.
+    /// Number of steps from zero to the upper end.
     to_end: [f64; N],
     /// Number nearest to zero.
     nothing: [f64; N],
@@ -99,8 +99,8 @@ pub struct Fields<const N: usize> {
     min: [f64; N],
 }
 
-/// Number whose last bit has the value one. Adding it to a smaller number rounds that number to the nearest
-/// integer, in the last bits of the sum.
+/// Number whose last mantissa bit has the value one. Adding it to a smaller number leaves that number,
+/// rounded to the nearest integer, in the last bits of the sum.
 const ROUNDING: f64 = 4_503_599_627_370_496.0;
 
 impl<const N: usize> Fields<N> {
@@ -115,7 +115,8 @@ impl<const N: usize> Fields<N> {
             let (steps, span) = (largest(bits[i]) as f64, max - min);
             fields.largest[i] = steps;
             fields.per_unit[i] = steps / span;
-            // half of the steps for a symmetric range; the rounded quotient is wrong for one in seven of them
+            // exactly half of the steps for a symmetric range: rounding makes the quotient wrong for one in
+            // seven ranges
             fields.to_end[i] = if max == -min { steps / 2.0 } else { max * steps / span };
             fields.nothing[i] = match () {
                 () if min > 0.0 => min,
@@ -140,7 +141,7 @@ impl<const N: usize> Fields<N> {
     /// Encodes `x` as integers counted from the upper end, with all bits inverted.
     #[inline(always)]
     pub(crate) fn encode_from_end(&self, x: [f64; N]) -> [u64; N] {
-        // one number is NaN, or two are infinite
+        // the sum is NaN if a number is NaN, or if two are infinite with opposite signs
         if x.iter().sum::<f64>().is_nan() { self.encode_doubtful(x) } else { self.encode_numbers(x) }
     }
 

@@ -1,4 +1,4 @@
-//! Scan of the devices on a bus: IDs, protocols and settings.
+//! Scan for devices on a bus: IDs, protocols and settings.
 
 use core::time::Duration;
 
@@ -8,12 +8,12 @@ use crate::protocols::definitions;
 pub use crate::protocols::device::{Device, DeviceKind};
 use crate::protocols::spec::DriveProtocol;
 
-/// Drives found on a bus.
+/// Devices found on a bus.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Found {
     /// Devices, by ID.
     pub devices: Vec<Device>,
-    /// Identifiers and counts of frames that belong to none of the devices.
+    /// Identifiers and counts of frames that do not belong to any of the devices.
     pub others: Vec<(Id, u64)>,
     /// Search for CAN FD drives.
     pub fd: FdSearch,
@@ -29,7 +29,8 @@ pub enum FdSearch {
     NotWanted,
     /// Every ID was queried.
     Complete,
-    /// No CAN FD frame was sent: a device on the bus sends classic frames and may not support CAN FD.
+    /// The search was skipped or stopped, because a device on the bus sends classic frames and may not
+    /// support CAN FD.
     Classic,
     /// The search stopped because the bus reported an error.
     Disturbed {
@@ -38,14 +39,14 @@ pub enum FdSearch {
     },
 }
 
-/// Finds the devices on a bus. Reads the registers of Damiao drives, which changes nothing, and listens for
-/// the heartbeats of ODrives and CANopen nodes. `pass` lets time pass.
+/// Finds the devices on a bus. Reads the registers of Damiao drives, which has no side effects, and listens
+/// for the heartbeats of ODrives and CANopen nodes. `pass` advances time.
 ///
-/// With `has_errors`, which returns `true` if the bus has reported an error since it was opened, the
-/// registers of moteus drives are then read with CAN FD frames. A classic-only node disturbs such frames, and
-/// the controller repeats them until it is bus-off. So none is sent after a classic frame or an error has
-/// been received, and the search stops at the first error. A silent classic node remains undetected: request
-/// this only if every node supports CAN FD.
+/// With `has_errors`, the registers of moteus drives are then read with CAN FD frames. `has_errors` returns
+/// `true` if the bus has reported an error since it was opened. A classic-only node disturbs such frames, and
+/// the controller repeats them until it is bus-off. The search therefore stops at the first classic frame or
+/// error, even before its first request. A silent classic node remains undetected, so request this only if
+/// every node supports CAN FD.
 ///
 /// ```no_run
 /// use std::time::Duration;
@@ -155,7 +156,7 @@ impl Found {
         }
     }
 
-    /// Returns `true` if frames with this identifier have been anything but heartbeats.
+    /// Returns `true` if some frames with this identifier were not heartbeats.
     fn is_other(&self, id: Id) -> bool {
         self.others.iter().any(|(other, _)| *other == id)
     }
@@ -173,7 +174,7 @@ mod tests {
         bus: SimulatedBus,
         drive: SimulatedDrive,
         moteus: AnySimulatedDrive,
-        /// All devices that send classic frames are present: all but the moteus.
+        /// The devices that send classic frames are present: all except the moteus.
         has_classic: bool,
         /// Number of CAN FD frames sent.
         fd_frames: u32,
@@ -221,7 +222,7 @@ mod tests {
     fn foreign_commands_are_not_odrive_heartbeats() {
         let (drive, mut found) =
             (mit::Drive::damiao(1, 0x11, Ranges::new(12.5, 30.0, 10.0)), Found::default());
-        // the low byte of the gain covers all states of an axis, and the torque's covers all flags
+        // the low byte of the gain covers all axis states, and the low byte of the torque covers all flags
         for step in 0..20_000_u32 {
             let kp = f64::from(step % 500);
             let (velocity, torque) = (f64::from(step % 60) - 30.0, f64::from(step % 19) - 9.0);
@@ -263,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn devices_are_found_with_what_they_tell_of_themselves() {
+    fn devices_are_found_with_their_reported_settings() {
         let mut desk = desk(true);
         let found = scanned(&mut desk, false);
         let kinds: Vec<_> = found.devices.iter().map(|device| (device.node, device.kind.clone())).collect();
@@ -303,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn no_frame_of_can_fd_follows_an_error_of_the_bus() {
+    fn no_can_fd_frame_follows_a_bus_error() {
         for errors_from in [0, 1, 5] {
             let mut desk = Desk { errors_from, ..desk(false) };
             let found = scanned(&mut desk, true);

@@ -1,4 +1,4 @@
-//! Scan of the servos on a serial line: numbers, speeds and protocols.
+//! Scan for servos on a serial line: numbers, speeds and protocols.
 
 use core::time::Duration;
 
@@ -13,7 +13,7 @@ pub struct ServoFound {
     pub number: u8,
     /// Protocol of the servo.
     pub protocol: Protocol,
-    /// Model number and firmware version, which protocol 2.0 servos report.
+    /// Model number and firmware version, if reported (protocol 2.0).
     pub model: Option<(u16, u8)>,
     /// Error flags.
     pub error: u8,
@@ -27,8 +27,8 @@ const ALL: Duration = Duration::from_millis(300);
 /// Time for the answer of one servo.
 const ONE: Duration = Duration::from_millis(3);
 
-/// Finds the servos on a line at the speed with which it was opened, by pinging each number up to `last`,
-/// which changes nothing. `pass` lets time pass.
+/// Finds the servos on a line, at the speed with which it was opened, by pinging each number up to `last`.
+/// Pinging has no side effects. `pass` advances time.
 ///
 /// ```no_run
 /// use motorium_can::{SERVO_SPEEDS, ServoBus, scan_servos};
@@ -70,7 +70,7 @@ fn take(line: &mut impl Bus, found: &mut Vec<ServoFound>) {
         let count = line.receive(&mut inbox);
         for received in &inbox[..count] {
             let mut packet = Packet::default();
-            // lines with an echo return the requests, which are not answers
+            // lines with an echo return the requests, which are skipped
             if let Ok(status) = packet.status(received.frame.data()) {
                 let model = match (status.protocol, status.data) {
                     (Protocol::Two, [low, high, firmware]) => {
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn servos_of_both_protocols_are_found_and_none_is_moved() {
+    fn servos_of_both_protocols_are_found_without_motion() {
         let rates = Rates { nominal: 1_000_000, fast: 1_000_000 };
         let servos = vec![servo("dynamixel", 12), servo("feetech", 3), servo("dynamixel", 200)];
         let mut line = Line { bus: SimulatedBus::new(rates, 5, 64), servos, now_ns: 0 };

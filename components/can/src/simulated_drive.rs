@@ -1,4 +1,4 @@
-//! Simulated drives: the other end of the wire, each with an inner loop, a watchdog and a temperature.
+//! Simulated drives at the other end of the wire, each with an inner loop, a watchdog and a temperature.
 
 use crate::SimulatedDrive;
 use crate::frame::{Frame, Id};
@@ -43,7 +43,7 @@ impl AnySimulatedDrive {
         Self(drive)
     }
 
-    /// Sets the condition of the mark that the drive searches when it is homed.
+    /// Sets the condition of the mark that the drive searches for when it is homed.
     pub fn set_mark(&mut self, mark: Mark) {
         self.0.motor_mut().mark = mark;
     }
@@ -58,25 +58,25 @@ impl AnySimulatedDrive {
         self.0.receive(frame, now_ns, answer);
     }
 
-    /// Observes a frame of another drive, and passes a frame triggered by it to `answer`: servos that answer
+    /// Observes a frame of another drive, and passes a frame triggered by it to `answer`. Servos that answer
     /// together send one after the other.
     pub fn observe(&mut self, frame: &Frame, answer: &mut dyn FnMut(Frame)) {
         self.0.observe(frame, answer);
     }
 
-    /// Passes the unsolicited frames until `now_ns` to `send`, each with its time.
+    /// Passes the unsolicited frames that are due by `now_ns` to `send`, each with its time.
     pub fn report(&mut self, now_ns: u64, send: &mut dyn FnMut(Frame, u64)) {
         self.0.report(now_ns, send);
     }
 
-    /// Runs one step of the inner loop with the shaft at this position \[rad\] and velocity \[rad/s\].
-    /// Returns the torque from now on, N m.
+    /// Runs one step of the inner loop at this shaft position \[rad\] and velocity \[rad/s\]. Returns the
+    /// torque until the next step, N m.
     pub fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
         let position = self.0.motor_mut().encoder(position);
         self.0.step(position, velocity, now_ns)
     }
 
-    /// Cuts the power: the drive is disabled when it returns.
+    /// Cuts the power. The drive is disabled when power returns.
     pub fn cut_power(&mut self) {
         self.0.motor_mut().cut_power();
         self.0.cut_power();
@@ -92,7 +92,7 @@ impl AnySimulatedDrive {
         self.0.has_torque()
     }
 
-    /// Function that makes the device, state or number in a frame of the drive invalid.
+    /// Returns a function that invalidates the device, state or a number in a frame of the drive.
     pub(crate) fn corruption(&self) -> fn(&mut Frame) {
         self.0.corruption()
     }

@@ -1,4 +1,4 @@
-//! Bus traffic in a readable form: lines in the format of `candump -L`.
+//! Bus traffic as text: lines in the format of `candump -L`.
 
 mod foreign;
 mod listener;
@@ -14,7 +14,7 @@ use crate::bus::time::monotonic_ns;
 use crate::{Form, Frame, Id, Received, Report};
 pub use listener::{Listener, Sender};
 
-/// One line of traffic: time, interface, and frame.
+/// One line of traffic: time, interface and frame.
 ///
 /// ```
 /// use motorium_can::{Id, Record};
@@ -84,7 +84,7 @@ fn mistake(frame: &str) -> Option<String> {
     if let Some(letter) = no_digit(bytes).filter(|letter| !matches!(letter, 'R' | 'r' | '.')) {
         return Some(format!("`{letter}` in the data is not a hexadecimal digit"));
     }
-    // dots may separate bytes
+    // bytes may be separated by dots
     let digits = bytes.chars().filter(|letter| *letter != '.').count();
     if digits > 2 * most {
         let count = digits.div_ceil(2);
@@ -129,7 +129,7 @@ impl Record {
         Some(record)
     }
 
-    /// Converts a report of a simulated bus's controller, with the present time.
+    /// Converts a report of a simulated bus's controller, stamped with the current time.
     fn of_report(name: &str, report: &Report) -> Option<Self> {
         let (classes, data) = report.encode();
         let mut text = format!("{:08X}#", libc::CAN_ERR_FLAG | classes & libc::CAN_ERR_MASK);
@@ -149,7 +149,7 @@ impl Record {
         &self.0.device
     }
 
-    /// Data frame, if the record holds one.
+    /// Data frame, if the record contains one.
     pub fn frame(&self) -> Option<Frame> {
         let form = match &self.0.frame {
             CanAnyFrame::Normal(_) => Form::Classic,
@@ -163,7 +163,7 @@ impl Record {
         Frame::new(id, form, self.0.frame.data())
     }
 
-    /// Controller report, if the record holds one.
+    /// Controller report, if the record contains one.
     pub fn report(&self) -> Option<Report> {
         match &self.0.frame {
             CanAnyFrame::Error(error) => {
@@ -176,7 +176,7 @@ impl Record {
         }
     }
 
-    /// Description of the controller report, if the record holds one.
+    /// Description of the controller report, if the record contains one.
     pub fn error(&self) -> Option<String> {
         match &self.0.frame {
             CanAnyFrame::Error(error) => Some(error.into_error().to_string().to_lowercase()),
@@ -206,7 +206,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_of_each_kind_is_written_as_it_was_read() {
+    fn lines_of_every_kind_round_trip() {
         for line in [
             "(1735270496.916858) can0 110#00112233",
             "(1735270588.936508) can0 120##500112233445566778899AABB",
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_have_their_identifier_form_and_data() {
+    fn parsed_frames_have_identifier_form_and_data() {
         let frame = |text: &str| Record::of_frame(text, "can0").unwrap().frame();
         assert_eq!(frame("123#0102"), Some(Frame::classic(Id::Standard(0x123), &[1, 2])));
         assert_eq!(frame("00000123#01"), Some(Frame::classic(Id::Extended(0x123), &[1])));
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_frame_is_refused_with_what_was_found() {
+    fn an_invalid_frame_is_refused_with_its_text() {
         for text in ["", "123", "123#0", "123#GG", "800#00", "123#112233445566778899", "12#00"] {
             let error = Record::of_frame(text, "can0").unwrap_err();
             assert_eq!(error.found, text);
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_interface_is_named_with_its_alternatives() {
+    fn a_missing_interface_is_reported_with_alternatives() {
         let error = Listener::open(["no-such-bus"]).err().unwrap();
         assert!(error.to_string().contains("no CAN interface `no-such-bus`"), "{error}");
         assert!(error.advice().contains("ip -details link show type can"));
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mistake_in_a_frame_is_named() {
+    fn mistakes_in_a_frame_are_named() {
         for (frame, words) in [
             ("123", "there is no `#` between identifier and data"),
             ("12G#01", "`G` in the identifier is not a hexadecimal digit"),

@@ -1,7 +1,7 @@
 //! Measures the time of one control tick of a Panda: `cargo run --release -p motorium-control --example
 //! tick_cost`.
 //!
-//! The hand follows a target that jumps between poses. Some poses are out of reach, so that bounds become
+//! The hand follows a target that steps between poses. Some poses are out of reach, so that bounds become
 //! active.
 
 use std::time::Instant;

@@ -48,16 +48,16 @@ pub(crate) fn per_joint(key: &str, given: &PerJoint, model: &Model) -> Result<DV
     Ok(DVector::from_vec(values))
 }
 
-/// True if `name` can be the name of a task or an input: a lower-case letter, then lower-case letters, digits
-/// and underscores.
+/// Returns `true` if `name` is a valid name of a task or an input: a lower-case letter, then lower-case
+/// letters, digits and underscores.
 pub(crate) fn is_name(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_lowercase())
         && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
 }
 
-/// Converts a position \[m\] and a quaternion (x, y, z, w) to a pose. `None` if a number is not finite, or if
-/// the length of the quaternion is below 0.5 or at least 2; rounding errors do not change a unit quaternion
-/// that far.
+/// Converts a position \[m\] and a quaternion (x, y, z, w) to a pose. Returns `None` if a number is not
+/// finite, or if the length of the quaternion is below 0.5 or at least 2. Rounding errors never change a unit
+/// quaternion by that much.
 pub(crate) fn pose_of(position: [f64; 3], orientation: [f64; 4]) -> Option<Isometry3<f64>> {
     let [x, y, z, w] = orientation;
     let rotation = Quaternion::new(w, x, y, z);

@@ -27,7 +27,7 @@ pub enum ConstraintName {
     Torque {
         /// Index of the joint among the independent joints.
         joint: usize,
-        /// Which limit.
+        /// Lower or upper limit.
         side: Side,
     },
     /// Friction cone of a contact point, or a face of its pyramid.
@@ -55,7 +55,7 @@ pub enum ConstraintName {
     Limit {
         /// Index among the rows of all limits.
         row: usize,
-        /// Which side.
+        /// Lower or upper side.
         side: Side,
     },
     /// Row of a task that is a constraint.
@@ -67,14 +67,14 @@ pub enum ConstraintName {
     Velocity {
         /// Index of the velocity.
         velocity: usize,
-        /// Which limit.
+        /// Lower or upper limit.
         side: Side,
     },
     /// Position, velocity or acceleration limit of a joint.
     Acceleration {
         /// Index of the joint among the independent joints.
         joint: usize,
-        /// Which limit.
+        /// Lower or upper limit.
         side: Side,
     },
 }
@@ -110,7 +110,7 @@ impl fmt::Display for Described<'_> {
                 write!(f, "friction of contact `{}` at point {point}", contact(index))
             }
             ConstraintName::Force { contact: index, point, side: Side::Lower } => {
-                write!(f, "pull of contact `{}` at point {point}", contact(index))
+                write!(f, "unilateral force of contact `{}` at point {point}", contact(index))
             }
             ConstraintName::Force { contact: index, point, side: Side::Upper } => {
                 write!(f, "largest force of contact `{}` at point {point}", contact(index))

@@ -49,8 +49,8 @@ impl FeedForward {
     }
 
     /// Adds the effort that accelerates the robot like the setpoint and balances centrifugal and Coriolis
-    /// forces: `effort = M(q) a + C(q, v) v + g(q)`. Here `v` is the velocity setpoint, and `a` its
-    /// derivative, smoothed with the time constant `smoothing` \[s\] to attenuate the noise of setpoints
+    /// forces: `effort = M(q) a + C(q, v) v + g(q)`. Here `v` is the velocity setpoint and `a` its
+    /// derivative. The time constant `smoothing` \[s\] filters `a`, to attenuate the noise of setpoints
     /// derived from measurements.
     #[must_use]
     pub fn with_inertia(mut self, smoothing: f64) -> Self {

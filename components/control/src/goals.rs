@@ -45,7 +45,7 @@ with_defaults! {
 }
 
 impl GoalTolerance {
-    /// True if an error is within the tolerance.
+    /// Returns `true` if an error is within the tolerance.
     pub fn allows(&self, error: GoalError) -> bool {
         error.position <= self.position && error.orientation.is_none_or(|angle| angle <= self.orientation)
     }
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn goal_error_is_taken_at_the_last_tick_of_rest() {
+    fn goal_error_is_sampled_at_the_last_tick_of_rest() {
         let mut record = record();
         observe(&mut record, 1, false, &[0.5, 0.4]);
         observe(&mut record, 1, true, &[0.3, 0.1, 0.01]);

@@ -41,7 +41,7 @@ impl SetpointIntegrator {
     }
 
     /// Resets to rest at `q`. A joint measured outside its limits by up to a millionth of a rad or m is set
-    /// to the limit, since nothing else would correct such a small violation.
+    /// to the limit. Nothing else would correct such a small violation.
     ///
     /// # Panics
     /// If the length of `q` differs from the number of independent joints.

@@ -62,8 +62,7 @@ pub(super) fn forces_of(
     (forces, frames)
 }
 
-/// Returns the errors of a basis on recordings: the errors of their forces and of the paths with which the
-/// spring follows them.
+/// Returns the errors of a basis on recordings: the errors of the forces and of the resulting spring paths.
 pub fn evaluate(basis: &Basis, recordings: &Recordings, spring: &SampledSpring) -> Evaluation {
     let (forces, _) = forces_of(recordings, spring);
     let left = &forces - basis.approximate(&forces);

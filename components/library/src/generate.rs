@@ -65,7 +65,7 @@ impl Superposition {
     }
 }
 
-/// The movement cannot be started. The current one continues unchanged.
+/// Error of a movement that cannot be started. The current movement continues unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum GenerateError {
     /// There are more weights than eigenforces.

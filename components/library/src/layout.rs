@@ -17,7 +17,7 @@ pub struct Part {
     pub dofs: Vec<usize>,
 }
 
-/// The DoFs are invalid.
+/// Error of invalid DoFs.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LayoutError {
     /// There are no DoFs.

@@ -6,7 +6,7 @@ use motorium_algebra::{LeftSingular, left_singular};
 
 use crate::{BuildError, Entry, Frame, Layout, LayoutError, LibraryParts, Metric, MotionLibrary, Truncation};
 
-/// The libraries cannot be merged.
+/// Error of libraries that cannot be merged.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MergeError {
     /// There are fewer than two libraries.

@@ -1,4 +1,4 @@
-//! The library itself.
+//! A motion library: eigenforces, their singular values, and movements as weights.
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -91,7 +91,7 @@ pub struct MotionLibrary {
     analysis: DMatrix<f64>,
 }
 
-/// An error in building a library.
+/// Error of building a library.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BuildError {
     /// There are no recordings.

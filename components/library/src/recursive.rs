@@ -18,7 +18,7 @@ use motorium_algebra::{Simd, Wanted, eigen_of_rank_one_update, left_singular};
 /// squares.
 ///
 /// Source: Brand, *Fast low-rank modifications of the thin singular value decomposition*, Linear Algebra and
-/// its Applications 415, 2006. Appendix A of the thesis has the covariance form:
+/// its Applications 415, 2006. Appendix A of Delhaisse (2019) has the covariance form:
 /// [`RecursiveScatter`](super::RecursiveScatter).
 #[derive(Clone, Debug)]
 pub struct RecursiveLibrary {

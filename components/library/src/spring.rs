@@ -35,7 +35,7 @@ pub enum Interpolation {
     /// A natural cubic spline. Default: its second derivative, and with it the force, is continuous.
     #[default]
     Spline,
-    /// Straight lines, with a kink, which is a spike of force, at every sample.
+    /// Straight lines. Every sample is a kink, which causes a spike of force.
     Linear,
 }
 
@@ -49,7 +49,7 @@ impl Interpolation {
 /// Default damping: `D = 25`, `K = 156.25`.
 pub const DAMPING: f64 = 25.0;
 
-/// The steps are too wide for a stable spring.
+/// Error of steps that are too wide for a stable spring.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
     "{samples} samples with a damping of {damping}: expected a positive damping and more than {least} samples, for stable steps"

@@ -54,7 +54,7 @@ pub enum Data {
     Much,
 }
 
-/// The properties of a kind of model: a row of table 2.4 of Delhaisse's thesis (2019).
+/// Properties of a kind of model: a row of table 2.4 of Delhaisse's thesis (2019).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Class {
     /// Name.
@@ -63,15 +63,15 @@ pub struct Class {
     pub path: &'static str,
     /// Form of its parameters.
     pub parameters: Parameters,
-    /// True if the model predicts distributions.
+    /// `true` if the model predicts distributions.
     pub probabilistic: bool,
-    /// True if it models the data jointly, so that new data can be sampled.
+    /// `true` if it models the joint distribution of the data, from which new data can be sampled.
     pub generative: bool,
     /// Scope of a prediction.
     pub scope: Scope,
-    /// True if its parameters have a meaning to a person.
+    /// `true` if its parameters are interpretable by humans.
     pub interpretable: bool,
-    /// True if it approximates any continuous function.
+    /// `true` if it can approximate any continuous function.
     pub universal: bool,
     /// Required amount of data.
     pub data: Data,

@@ -2,7 +2,7 @@
 //!
 //! - [`approximator`]: the common interface of models, and the properties of each kind.
 //! - [`networks`]: neural networks with seeded training on the CPU.
-//! - [`inference`], [`arithmetic`]: networks as lists of operations that run without allocation.
+//! - [`inference`], [`arithmetic`]: networks as lists of operations, which run without allocation.
 //! - [`onnx`]: reads and writes networks as ONNX files.
 //! - [`policy`]: the folder of a trained policy.
 //! - [`safetensors`]: reads and writes named tensors.

@@ -8,13 +8,13 @@ use std::collections::VecDeque;
 /// Options of [`minimise`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Largest number of iterations. Default: 100.
+    /// Maximum number of iterations. Default: 100.
     pub iterations: usize,
     /// Number of stored steps. Default: 10.
     pub memory: usize,
     /// Stops when no entry of the gradient is larger than this. Default: 1e-6.
     pub gradient: f64,
-    /// Stops when a step lowers the value by less than this fraction of it. Default: 1e-10.
+    /// Stops when a step decreases the value by less than this fraction of the value. Default: 1e-10.
     pub improvement: f64,
     /// Largest change of one variable in one step. Default: 2.
     pub step: f64,
@@ -39,19 +39,19 @@ pub struct Minimum {
 
 const SUFFICIENT: f64 = 1e-4;
 const CURVATURE: f64 = 0.9;
-/// A line search ends when what it can still gain is below this fraction of the improvement that stops the
-/// minimisation: near the minimum, rounding of the value would otherwise make it bisect to the end.
+/// A line search ends when its remaining gain is below this fraction of the improvement that stops the
+/// minimisation. Near the minimum, rounding of the value would otherwise make it bisect to the end.
 const RESOLUTION: f64 = 0.1;
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Minimises `function` from `x`, and leaves the best point found in `x`.
+/// Minimises `function` starting at `x`, and stores the best point found in `x`.
 ///
-/// `function` writes the gradient at its first argument to its second and returns the value. A value that is
-/// not finite marks a point outside the domain: the line search backtracks from it. If the value at the start
-/// is not finite, `x` stays unchanged.
+/// `function` writes the gradient at its first argument to its second and returns the value. A non-finite
+/// value marks a point outside the domain, from which the line search backtracks. If the initial value is not
+/// finite, `x` is unchanged.
 pub fn minimise(
     x: &mut [f64],
     options: &Options,
@@ -85,7 +85,7 @@ pub fn minimise(
             if steps.is_empty() {
                 break;
             }
-            // the stored curvature no longer holds
+            // the stored curvature is no longer valid
             steps.clear();
             continue;
         };
@@ -111,7 +111,7 @@ pub fn minimise(
     result
 }
 
-/// `-H g` by the two-loop recursion.
+/// Returns `-H g`, computed by the two-loop recursion.
 fn descent(gradient: &[f64], steps: &VecDeque<(Vec<f64>, Vec<f64>, f64)>) -> Vec<f64> {
     let mut q: Vec<f64> = gradient.iter().map(|g| -g).collect();
     let mut weights = vec![0.0; steps.len()];
@@ -134,7 +134,7 @@ struct Search<'a, F> {
     x: &'a [f64],
     direction: &'a [f64],
     function: &'a mut F,
-    /// Smallest gain of interest.
+    /// Smallest relevant gain.
     resolution: f64,
     evaluations: usize,
 }
@@ -157,7 +157,7 @@ impl<F: FnMut(&[f64], &mut [f64]) -> f64> Search<'_, F> {
         Point { length, value, slope, gradient }
     }
 
-    /// Returns a step length that satisfies the strong Wolfe conditions, or at least lowers the value.
+    /// Returns a step length that satisfies the strong Wolfe conditions, or at least decreases the value.
     fn run(&mut self, value: f64, slope: f64, first: f64, limit: f64) -> Option<(f64, f64, Vec<f64>)> {
         let mut low = Point { length: 0.0, value, slope, gradient: vec![] };
         let mut high: Option<Point> = None;
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn points_outside_of_the_domain_are_left() {
+    fn line_search_leaves_infeasible_points() {
         let mut x = [4.0];
         let found = minimise(&mut x, &Options { step: 100.0, ..Options::default() }, |x, g| {
             g[0] = 1.0 - 1.0 / x[0];
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn a_start_outside_of_the_domain_stays() {
+    fn infeasible_start_is_unchanged() {
         let mut x = [-1.0];
         let found = minimise(&mut x, &Options::default(), |_, _| f64::INFINITY);
         assert_eq!((x, found.iterations), ([-1.0], 0));

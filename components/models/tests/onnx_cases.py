@@ -1,11 +1,11 @@
-"""Makes the fixtures of the ONNX tests: models, inputs, and the outputs of onnxruntime.
+"""Generates the fixtures of the ONNX tests: models, inputs, and the outputs of onnxruntime.
 
     pip install onnx onnxruntime numpy
     python components/models/tests/onnx_cases.py operators components/models/tests/all/operators.json
     python components/models/tests/onnx_cases.py networks components/models/tests/all/networks.json.zlib 200
 
-Numbers of networks have 8 bits of precision, so that 200 of them are a small file. A network for which onnxruntime
-itself is further than 1e-6 from an evaluation in double precision is left out: it amplifies rounding errors.
+Numbers of networks have 8 bits of precision, to keep the file of 200 networks small. Networks for which onnxruntime
+differs by more than 1e-6 from an evaluation in double precision are omitted: they amplify rounding errors.
 """
 
 import json
@@ -26,13 +26,13 @@ def real(*shape, scale=1.0):
 
 
 def short(*shape, scale=1.0):
-    """Random numbers that are exact with 8 bits of precision."""
+    """Returns random numbers that are exact with 8 bits of precision."""
     numbers = real(*shape, scale=scale).view(np.uint32)
     return ((numbers + 0x8000) & 0xFFFF0000).astype(np.uint32).view(np.float32)
 
 
 def case(name, nodes, inputs, constants=(), outputs=("y",), opset=17):
-    """A model of these nodes, run by onnxruntime. Inputs and constants: pairs of a name and an array."""
+    """Creates a model from these nodes and runs it with onnxruntime. Inputs and constants: pairs of a name and an array."""
     graph = helper.make_graph(
         nodes,
         name,
@@ -191,7 +191,7 @@ def operators():
 
 
 def network(index):
-    """A random network of the operators, from a row of observations to actions."""
+    """Returns a random network of the operators, from a row of observations to actions."""
     nodes, constants = [], []
     rows, width = int(random.integers(1, 4)), int(random.integers(2, 9))
     x, name = short(rows, width), "x"
@@ -289,7 +289,7 @@ def network(index):
 
 
 def exact(case):
-    """The outputs of a case in double precision."""
+    """Returns the outputs of a case in double precision."""
     model = onnx.load_from_string(bytes.fromhex(case["model"]))
     wide = lambda tensor: tensor.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(tensor).astype(np.float64), tensor.name))
     for tensor in model.graph.initializer:

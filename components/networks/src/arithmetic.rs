@@ -162,9 +162,9 @@ pub trait Lanes: Real + Send + Sync + 'static {
     type Vector<S: Simd>: Copy;
     /// Numbers in a cache line of 64 bytes.
     const LINE: usize = 64 / size_of::<Self>();
-    /// Returns the numbers as vectors; the numbers behind the last whole vector are left out.
+    /// Returns the numbers as vectors, without a remainder shorter than a vector.
     fn vectors<S: Simd>(numbers: &[Self]) -> &[Self::Vector<S>];
-    /// Returns the numbers as writable vectors; the numbers behind the last whole vector are left out.
+    /// Returns the numbers as writable vectors, without a remainder shorter than a vector.
     fn vectors_mut<S: Simd>(numbers: &mut [Self]) -> &mut [Self::Vector<S>];
     /// Number of lanes of a vector.
     fn lanes<S: Simd>() -> usize;

@@ -1,4 +1,4 @@
-//! Evaluation of neural networks, for robots and models alike.
+//! Evaluation of neural networks for robots and models.
 //!
 //! - [`inference`]: networks as lists of operations that run without allocation.
 //! - [`arithmetic`]: the scalar types of networks, `f32` and `f64`.

@@ -24,7 +24,7 @@ pub struct Tensors<T = f32> {
     pub metadata: BTreeMap<String, String>,
 }
 
-/// The file is not a valid safetensors file.
+/// Error of an invalid safetensors file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SafetensorsError {
     /// The file ends within its header.

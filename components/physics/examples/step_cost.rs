@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ..Object::default()
     };
     let with_cube = World { objects: vec![cube.clone()], ..ground.clone() };
-    // Under the hand, so that the contact solver is always active.
+    // Under the hand, to keep the contact solver active in every step.
     cube.position = [0.55, 0.0, 0.0];
     let block = with_block()?;
     let worlds = [("empty world", &empty, 0.0), ("ground", &ground, 0.0), ("ground, cube", &with_cube, 0.0)];

@@ -18,12 +18,12 @@ impl Air {
         Self { wind: world.wind.into(), density: world.air_density }
     }
 
-    /// Returns the velocity \[m/s\] after `h` \[s\] of a body with this drag area \[m2\] and mass \[kg\] that
-    /// starts with `velocity` \[m/s\].
+    /// Returns the velocity \[m/s\] after `h` \[s\] of a body that starts with `velocity` \[m/s\]. `drag` is
+    /// its drag area \[m2\], `mass` its mass \[kg\].
     ///
-    /// The drag is evaluated at the end of the step: the speed `s` relative to the air obeys `s + h k s^2 =
-    /// s_0` with `k = density drag / (2 mass)`. This equation has one solution for any `h`, and its limit
-    /// under gravity is exactly the terminal velocity.
+    /// The drag is evaluated at the end of the step: the speed `s` relative to the air obeys
+    /// `s + h k s^2 = s_0` with `k = density drag / (2 mass)`. This equation has one solution for any `h`, and
+    /// its limit under gravity is exactly the terminal velocity.
     pub(crate) fn slowed(&self, (drag, mass): (f64, f64), velocity: Vector3<f64>, h: f64) -> Vector3<f64> {
         if drag == 0.0 {
             return velocity;
@@ -33,7 +33,7 @@ impl Air {
         self.wind + relative * (2.0 / (1.0 + (1.0 + 4.0 * h * k * relative.norm()).sqrt()))
     }
 
-    /// Returns the mean force of the air \[N\] on the same body during a step of `h` \[s\] under `gravity`
+    /// Returns the mean drag force \[N\] on the same body during a step of `h` \[s\] under `gravity`
     /// \[m/s2\].
     pub(crate) fn force(
         &self,
@@ -52,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_coasting_body_slows_as_in_closed_form() {
+    fn coasting_body_matches_the_closed_form() {
         let air = Air::new(&World::default());
         // v' = -k v^2 from v0: v = v0 / (1 + k v0 t).
         let (drag, mass, start) = (0.02, 0.5, 30.0);
@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn no_step_is_too_long_for_the_drag() {
+    fn drag_is_stable_for_any_step_length() {
         let air = Air::new(&World { wind: [8.0, 0.0, 0.0], ..World::default() });
         let velocity = air.slowed((1e3, 1e-3), Vector3::new(-50.0, 3.0, 0.0), 0.1);
         assert!((velocity - Vector3::new(8.0, 0.0, 0.0)).norm() < 0.1, "{velocity}");

@@ -25,7 +25,7 @@ pub enum BuildError {
     },
     /// The simulation has no robot.
     #[error(
-        "a simulation needs a robot; for objects alone take one that hangs out of their way, such as `pendulum`"
+        "a simulation needs a robot; for objects alone, use a robot out of their way, such as `pendulum`"
     )]
     NoRobot,
     /// Two links or two joints of the robots have the same name.
@@ -65,7 +65,9 @@ pub enum BuildError {
     #[error(transparent)]
     Library(#[from] LibraryError),
     /// MuJoCo rejects this robot or world.
-    #[error("MuJoCo refuses the model: {reason}; `physics.articulated` (`ArticulatedSimulator`) may take it")]
+    #[error(
+        "MuJoCo rejects the model: {reason}; `physics.articulated` (`ArticulatedSimulator`) may accept it"
+    )]
     Refused {
         /// The message from MuJoCo.
         reason: String,
@@ -134,7 +136,7 @@ pub enum BuildWarning {
         /// Name of the robot.
         robot: String,
     },
-    /// Two links start too close to each other ever to count as touching.
+    /// Two links start so close to each other that they never count as touching.
     #[error(
         "links \"{first}\" and \"{second}\" start {apart:.1} mm apart and will never collide with one another; \
          start more than 1 cm apart if they should",
@@ -173,7 +175,7 @@ pub enum BuildWarning {
     },
     /// A joint starts beyond its limits.
     #[error(
-        "joint \"{joint}\" starts at {position}, outside its limits {lower} to {upper}, and will be drawn back in"
+        "joint \"{joint}\" starts at {position}, outside its limits {lower} to {upper}, and will be moved back into them"
     )]
     StartsBeyondLimit {
         /// Name of the joint.
@@ -196,8 +198,8 @@ pub enum BuildWarning {
 }
 
 impl BuildWarning {
-    /// Formats the warnings as texts, with one text for all ignored shapes, one for all overlapping objects
-    /// and one for all pairs of links that start too close.
+    /// Formats the warnings as texts. Ignored shapes, overlapping objects and pairs of links that start too
+    /// close have one text each.
     ///
     /// ```
     /// use motorium_physics::BuildWarning;

@@ -8,13 +8,13 @@ pub struct Capabilities {
     /// Robots with a floating base, and several of them in one world.
     pub floating_bases: bool,
     /// Several [articulations](crate::Simulator::articulations). Without it,
-    /// [`Simulator::place_at`](crate::Simulator::place_at) places all robots at once.
+    /// [`Simulator::place_at`](crate::Simulator::place_at) places all robots together.
     pub several_articulations: bool,
     /// Steps after the first do not allocate.
     pub allocation_free: bool,
     /// Torsional and rolling friction.
     pub rolling_friction: bool,
-    /// Surfaces of conveyors, which move along themselves.
+    /// Conveyors: surfaces that move tangentially.
     pub conveyors: bool,
     /// Compliant surfaces and direction-dependent friction.
     pub textures: bool,

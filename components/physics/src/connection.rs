@@ -7,7 +7,7 @@ pub use motorium_worlds::{Connection, ConnectionKind};
 pub enum ConnectError {
     /// The engine does not support connections.
     #[error(
-        "the {engine} engine connects nothing besides the joints of robots; use `physics.articulated` (`ArticulatedSimulator`)"
+        "the {engine} engine supports no connections besides the joints of robots; use `physics.articulated` (`ArticulatedSimulator`)"
     )]
     Unable {
         /// Name of the engine.

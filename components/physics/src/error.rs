@@ -9,13 +9,13 @@ use crate::{JointSetpoint, WorldError};
 /// Linear \[m/s\] and angular \[rad/s\] speed of a base beyond which the simulation is no longer meaningful.
 pub(crate) const BASE_BOUND: (f64, f64) = (200.0, 1000.0);
 
-/// An error of a step. The state is the one before the step.
+/// An error of a step. The simulator keeps its state from before the step.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StepError {
     /// A command contains a field that is not finite, or a negative gain.
     #[error(
         "the command of joint {joint} (\"{name}\") is {command:?}: every field must be finite and no gain negative; \
-         check what the controller publishes"
+         check the controller's commands"
     )]
     InvalidCommand {
         /// Index of the joint in `q`.
@@ -30,7 +30,7 @@ pub enum StepError {
     InvalidStep(f64),
     /// The mass matrix could not be factorised.
     #[error(
-        "the mass matrix is singular at joint {joint} (\"{name}\"): what hangs on it has no inertia; \
+        "the mass matrix is singular at joint {joint} (\"{name}\"): the bodies that it moves have no inertia; \
          give its links a mass and a rotational inertia, or the joint an armature"
     )]
     SingularMassMatrix {

@@ -21,7 +21,7 @@ pub enum LibraryError {
     Missing,
     /// The variable does not name the library.
     #[error(
-        "{} is `{}`, where there is no `{}`; `pip install mujoco==3.17.0` brings it",
+        "{} is `{}`, where there is no `{}`; `pip install mujoco==3.17.0` installs it",
         VARIABLE, path.display(), FILE
     )]
     Elsewhere {
@@ -39,7 +39,7 @@ pub enum LibraryError {
     /// The library has an unsupported version.
     #[error(
         "MuJoCo's library `{}` is of version {found}, expected 3.17.0, whose memory layout motorium knows; \
-         `pip install mujoco==3.17.0` brings it",
+         `pip install mujoco==3.17.0` installs it",
         path.display()
     )]
     Version {

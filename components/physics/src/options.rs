@@ -28,8 +28,8 @@ pub struct Options {
     #[schemars(range(min = 1, max = 100))]
     pub substeps: usize,
     /// Integration steps per step for a robot within a centimetre of a movable object or another robot, and
-    /// for everything that touches the robot then, 1 to 100, default 2. Two hold a grasp. More follow fast
-    /// impacts better, and each adds a solution of the contact problem.
+    /// for everything that touches such a robot, 1 to 100, default 2. Two are enough to hold a grasp. More
+    /// resolve fast impacts better, and each adds a solution of the contact problem.
     #[schemars(range(min = 1, max = 100))]
     pub contact_iterations: usize,
     /// Contacts between links of the robot, default true. Links that share a joint or a parent, and links
@@ -43,13 +43,13 @@ pub struct Options {
     /// surfaces, unless one of them has a friction of 0 or a `friction_combine`.
     #[schemars(range(min = 0.0))]
     pub friction: f64,
-    /// Restitution of the robot's surface: the share of the approach speed kept after an impact, 0 to 1,
+    /// Restitution of the robot's surface: the fraction of the approach speed kept after an impact, 0 to 1,
     /// default 0. A contact uses the mean of both surfaces.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
-    /// Objects that have been still for half a second sleep with everything they touch, default true: their
-    /// forces stay, and they cost next to nothing until something touches or moves them. Objects in rapier
-    /// and MuJoCo never sleep.
+    /// Objects at rest for half a second sleep with everything they touch, default true. Their forces
+    /// persist, and they cost next to nothing until something touches or moves them. Objects in rapier and
+    /// MuJoCo never sleep.
     pub sleeping: bool,
     /// Integration method of robots and objects that touch nothing: `euler`, first order, the default, or
     /// `midpoint`, second order. Only `physics.articulated` supports `midpoint`.

@@ -1,9 +1,11 @@
 //! Articulations that are moved from outside instead of by forces and drives.
 //!
-//! Every step of a placed articulation ends in its placed state to the bit. During the step its links move to
-//! the placed configuration: from the end of the last step, so contacts see the same motion as if its drives
-//! had moved it there. If the placed velocity does not lead from there, as after a jump or if a state is
-//! placed again, the links approach the configuration along the placed velocity instead.
+//! Every step of a placed articulation ends in exactly its placed state. During the step its links move from
+//! the end of the last step to the placed configuration. Contacts therefore see the same motion as if its
+//! drives had moved it there.
+//!
+//! The placed velocity may not match this motion, as after a discontinuity or if a state is placed again. The
+//! links then approach the configuration along the placed velocity instead.
 
 use crate::robot::{Articulation, Robot};
 use crate::{JointSetpoint, ResetError};
@@ -43,8 +45,9 @@ impl Robot {
     }
 
     /// Sets the next state of placed articulations to the start of a step of `dt` \[s\], with the velocity
-    /// that brings them from there to their placed configuration: the end of the last step with the mean
-    /// velocity if the placed one agrees with it, and otherwise the placed velocity.
+    /// that moves them from there to their placed configuration. If the placed velocity agrees with the mean
+    /// velocity of this motion, they start at the end of the last step with the mean velocity. Otherwise they
+    /// start where the placed velocity leads to the placed configuration.
     pub(crate) fn step_back(&mut self, dt: f64) {
         let Self { articulations, state, .. } = self;
         for own in articulations.iter().filter(|own| own.placed) {
@@ -73,8 +76,8 @@ impl Robot {
     }
 }
 
-/// Largest difference of the mean velocity of a continuous motion from the velocity at its end, as a share of
-/// the latter.
+/// Largest difference of the mean velocity of a continuous motion from the velocity at its end, as a fraction
+/// of the latter.
 const CONTINUOUS: f64 = 0.5;
 
 /// Returns `true` if a motion of mean velocity `mean` may end with velocity `v`.

@@ -57,8 +57,8 @@ impl<E: Engine> Simulation<E> {
         }
     }
 
-    /// [Resets](crate::Simulator::reset) the simulation with these properties, which stay until the next
-    /// call. Nothing is rebuilt: the shapes and pairs of the contact detection stay.
+    /// [Resets](crate::Simulator::reset) the simulation with these properties, which persist until the next
+    /// call. Nothing is rebuilt: the shapes and pairs of the contact detection are kept.
     ///
     /// A [saved state](crate::Simulator::save) contains gravity and the objects' masses, but not the robot's
     /// properties. Restore it under the properties it was saved with.
@@ -79,7 +79,7 @@ impl<E: Engine> Simulation<E> {
     }
 
     /// Changes properties during motion: gravity and the properties of robots, surfaces and actuators.
-    /// Objects and terrain keep theirs. May allocate.
+    /// Objects and terrain keep their properties. May allocate.
     ///
     /// # Errors
     ///
@@ -87,7 +87,7 @@ impl<E: Engine> Simulation<E> {
     /// has changed then.
     pub fn change(&mut self, properties: &Properties) -> Result<(), ResetError> {
         if !E::CAPABILITIES.changes {
-            let reason = format!("the {} engine takes other properties at resets alone", E::NAME);
+            let reason = format!("the {} engine changes properties only at resets", E::NAME);
             return Err(ResetError::Refused { reason });
         }
         let (objects, connections, appearance) = (Vec::new(), Vec::new(), Appearance::default());

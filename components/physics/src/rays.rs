@@ -20,8 +20,8 @@ impl Rays {
         Self(shapes.chain(colliders.terrain.clone().map(RayShape::of_terrain)).collect())
     }
 
-    /// Returns the first surface that a ray meets within `range` \[m\], with the robot in its current pose
-    /// and each object, by its index in the world, at `object_pose`.
+    /// Returns the first surface that a ray hits within `range` \[m\]. The robot is in its current pose, and
+    /// `object_pose` returns the pose of each object by its index in the world.
     pub(crate) fn cast<'a>(
         &self,
         colliders: &'a Colliders,

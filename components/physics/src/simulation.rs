@@ -80,7 +80,7 @@ pub trait Engine: Sized {
         wrench: [Vector3<f64>; 2],
     );
 
-    /// Follows the first placement of an articulation, which its drives moved before: from now on no force
+    /// Called after the first placement of an articulation that its drives moved before: from now on no force
     /// moves it. The robot is already in its placed state.
     fn begin_placement(&mut self, robot: &Robot, articulation: usize);
 
@@ -156,9 +156,10 @@ pub trait Engine: Sized {
     /// Passes every contact point of the last step to `visit`.
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>));
 
-    /// Calls `visit` for each collider that a contact touched during the last step, of `dt` \[s\], with its
-    /// name, the contacts' impulse \[N s\] and its moment about the world origin \[N m s\], friction
-    /// included. A collider, or several colliders with one name, may be passed more than once.
+    /// Calls `visit` for each collider that a contact touched during the last step, of `dt` \[s\]. The
+    /// arguments are the collider's name, the contacts' impulse \[N s\] and its moment about the world origin
+    /// \[N m s\], friction included. A collider, or several colliders with one name, may be passed more than
+    /// once.
     ///
     /// By default the forces that [`visit_contacts`](Self::visit_contacts) passes act during the whole step.
     /// An engine with several integration steps per step sums its impulses instead.

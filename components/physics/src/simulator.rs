@@ -40,7 +40,7 @@ pub struct Contact<'a> {
     pub friction: Vector3<f64>,
 }
 
-/// The first point that a ray meets.
+/// The first point hit by a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayHit<'a> {
     /// Robot link, object, `"ground"` or `"terrain"`.
@@ -154,7 +154,7 @@ pub trait Simulator {
     /// substep.
     fn efforts(&self) -> &[f64];
 
-    /// Returns the commands, one per drive; they stay until changed.
+    /// Returns the commands, one per drive; they persist until changed.
     fn commands_mut(&mut self) -> &mut [JointSetpoint];
 
     /// Advances robot and objects by `dt` \[s\].
@@ -172,15 +172,17 @@ pub trait Simulator {
     /// [`ResetError`]; nothing has changed then.
     fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<(), ResetError>;
 
-    /// Places one articulation at `q` and `v` (its nq and nv). Objects and other articulations continue, and
-    /// meet it as a body that moves with `v` and that nothing deflects.
+    /// Places one articulation at `q` and `v` (its nq and nv). Objects and other articulations continue their
+    /// motion. To them it is a body that moves with `v` and that nothing deflects.
     ///
     /// The articulation stays placed until [`release`](Self::release) or a [reset](Self::reset): forces,
     /// commands, limits and contacts do not move it. During each step its links move to `q` from the end of
-    /// the last step, and after the step its state is `q` and `v` to the bit. To move it, place it before
-    /// every step. If `v` differs from the mean velocity of the step by more than half of its norm, as after
-    /// a jump or in a step without another placement, the links arrive at `q` along `v` instead: a jump
-    /// throws nothing away. Place a robot that stops with a velocity of zero. Its drives have no effort.
+    /// the last step, and after the step its state is exactly `q` and `v`. To move it, place it before every
+    /// step. Place a robot that stops with a velocity of zero. Its drives have no effort.
+    ///
+    /// After a discontinuity, or in a step without another placement, `v` may differ from the mean velocity
+    /// of the step. If it differs by more than half of its norm, the links arrive at `q` along `v` instead, so
+    /// that a discontinuity does not throw objects away.
     ///
     /// # Errors
     ///
@@ -192,7 +194,7 @@ pub trait Simulator {
     ///
     /// # Example
     ///
-    /// A rod sweeps a ball away at 1 rad/s and loses no speed by it:
+    /// A rod sweeps a ball away at 1 rad/s without losing speed:
     ///
     /// ```
     /// use motorium_physics::{ArticulatedSimulator, Object, ObjectShape, Options, Simulator, World};
@@ -301,7 +303,7 @@ pub trait Simulator {
     /// world axes. A fixed object stays at rest.
     fn set_object_velocity(&mut self, object: ObjectId, linear: Vector3<f64>, angular: Vector3<f64>);
 
-    /// Connects two parts in their current poses by a ball joint or rigidly. The connection stays until
+    /// Connects two parts in their current poses by a ball joint or rigidly. The connection persists until
     /// [`detach`](Self::detach), also across resets. Connected parts do not collide with each other. Memory
     /// is allocated here, not in a step.
     ///

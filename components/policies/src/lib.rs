@@ -3,9 +3,9 @@
 //!
 //! | module | component | moves |
 //! |---|---|---|
-//! | [`dmp`] | `policy.dmp`, [`DmpPolicy`] | an end effector through a sequence of poses, by dynamic movement primitives |
-//! | [`latent`] | `policy.latent`, [`LatentPolicy`] | joints of several robots, imitating a human, by a shared latent space |
-//! | [`library`] | `policy.library`, [`LibraryPolicy`] | an end effector in a plane, or joints, by a motion library |
+//! | [`dmp`] | `policy.dmp`, [`DmpPolicy`] | an end effector through poses, by dynamic movement primitives |
+//! | [`latent`] | `policy.latent`, [`LatentPolicy`] | joints of several robots that imitate a human |
+//! | [`library`] | `policy.library`, [`LibraryPolicy`] | an end effector in a plane or joints, by a library |
 //! | [`promp`] | `policy.promp`, [`ProMpPolicy`] | joints, by a probabilistic movement primitive |
 //! | [`cpg`] | `policy.cpg`, [`CpgPolicy`] | joints of legs in a gait, by a central pattern generator |
 //! | [`trajectory`] | `policy.trajectory`, [`TrajectoryPolicy`] | joints through waypoints, within limits |

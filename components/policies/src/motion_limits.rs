@@ -6,9 +6,9 @@ use motorium_robots::{Model, PerJoint, Profile};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Time in which the velocity limit is reached if no acceleration limit is specified, s.
+/// Time to reach the velocity limit if no acceleration limit is specified, s.
 const TO_SPEED: f64 = 0.5;
-/// Time in which the acceleration limit is reached if no jerk limit is specified, s.
+/// Time to reach the acceleration limit if no jerk limit is specified, s.
 const TO_ACCELERATION: f64 = 0.05;
 
 /// Limits of a motion: one number for all joints, or one for each.

@@ -41,8 +41,8 @@ pub struct ProMpPolicyConfig {
     /// fit`, recordings (`.csv`, `.jsonl`, `.mcap`) or tables. Files are relative to the graph file.
     /// Recordings are followed exactly.
     pub primitives: Vec<ProMpSource>,
-    /// The moved joints, in the order of the primitive's dimensions. Default: the joints after which the
-    /// columns of a recording are named, else all joints in order.
+    /// The moved joints, in the order of the primitive's dimensions. Default: the joints named by the columns
+    /// of a recording, else all joints in order.
     #[serde(default)]
     pub joints: Option<Vec<String>>,
     /// Via points.
@@ -102,8 +102,8 @@ fn precise() -> f64 {
 /// Moves joints along the mean of a probabilistic, kernelised or polynomial primitive, or along a recording.
 /// Probabilistic and kernelised primitives are conditioned on the via points.
 ///
-/// A movement starts with the first joint state, at the robot's current position; the difference to the
-/// primitive fades along the movement. The parameter `primitive` changes the primitive with the next
+/// A movement starts with the first joint state, at the robot's current position; the initial offset from the
+/// primitive fades out along the movement. The parameter `primitive` changes the primitive with the next
 /// movement, without a discontinuity; `speed` scales time.
 #[derive(Debug)]
 pub struct ProMpPolicy {

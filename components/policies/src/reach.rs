@@ -46,7 +46,7 @@ impl Reach {
     }
 }
 
-/// Returns, for each joint of `model`, whether it is an independent joint that moves a frame.
+/// Returns one entry per joint of `model`: `true` for an independent joint that moves the frame.
 pub(crate) fn moving_joints(model: &Model, frame: FrameId) -> Vec<bool> {
     let mut moving = vec![false; model.joint_count()];
     let mut body = model.frames()[frame.index()].body;

@@ -96,7 +96,7 @@ pub enum PrimitiveFileError {
         /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Another kind of file.
+    /// The file is not a movement primitive.
     #[error("{}: the file is not a movement primitive; `motorium primitive fit` makes one from recordings", path.display())]
     Foreign {
         /// The file.
@@ -110,7 +110,7 @@ pub enum PrimitiveFileError {
         /// Syntax error with its position.
         source: serde_json::Error,
     },
-    /// Another version.
+    /// The file has another version.
     #[error("{}: version {found}, but this program reads version {}: fit it again", path.display(), PrimitiveFile::VERSION)]
     Version {
         /// The file.

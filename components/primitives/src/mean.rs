@@ -32,7 +32,7 @@ impl<M: MeanMovement + ?Sized> MeanMovement for Box<M> {
     }
 }
 
-/// A follower of a mean in time. Only [`new`](Self::new) allocates.
+/// Follower of a mean over time. Only [`new`](Self::new) allocates.
 ///
 /// The initial difference in position and velocity decays on a quintic over the first part of the movement,
 /// so the transition to the mean has no jump. To pass a given position later, condition the movement.

@@ -32,7 +32,7 @@ use crate::mean::MeanMovement;
 use crate::promp::{ProMp, ProMpError, ProMpMean};
 use crate::regression::PolynomialMovement;
 
-/// Values that replace those of the demonstration; `None` keeps the demonstrated value.
+/// Values that replace the demonstrated ones; `None` keeps the demonstrated value.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Override {
     /// Start, one entry per dimension.

@@ -120,7 +120,7 @@ pub enum UpdateError {
     },
 }
 
-/// Reasons why no solution was found.
+/// Error of a solve that found no solution.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SolveError {
     /// No `x` satisfies the constraints.

@@ -35,8 +35,8 @@ const LARGEST_STEP: f64 = 0.25;
 impl Recording {
     /// Returns the movement with continuous angles and quaternions.
     ///
-    /// A channel is an angle if all its values are within one turn, from -pi to pi or from 0 to 2 pi (or the
-    /// same in degrees), and it changes by almost a turn between two samples.
+    /// A channel is an angle if all its values are within one turn and it changes by almost a turn between
+    /// two samples. One turn is from -pi to pi or from 0 to 2 pi, or the same in degrees.
     ///
     /// Four channels are a quaternion if all samples have the norm 1 and the channels have matching names.
     /// They are named `qx`, `qy`, `qz` and `qw`, in any order and with other prefixes or suffixes such as
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn channels_with_long_steps_or_beyond_a_turn_are_unchanged() {
+    fn channels_with_long_steps_or_large_range_are_unchanged() {
         let stairs: Vec<Vec<f64>> = (0..50).map(|k| vec![if k < 25 { 0.0 } else { 3.0 }]).collect();
         let far: Vec<Vec<f64>> = (0..50).map(|k| vec![if k < 25 { 0.0 } else { 7.0 }]).collect();
         for rows in [stairs, far] {

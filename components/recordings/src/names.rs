@@ -118,7 +118,7 @@ impl Columns {
             return Err(RecordingError::Malformed {
                 place: Box::new(place.clone()),
                 found: "no channel".into(),
-                expected: "columns or fields of numbers beside the time".into(),
+                expected: "columns or fields of numbers besides the time".into(),
                 advice: None,
             });
         }

@@ -1,4 +1,4 @@
-//! Retargeting: finds joint positions with which a robot's limbs point in the same directions as a human's.
+//! Retargeting: finds joint positions at which a robot's limbs point in the same directions as a human's.
 //!
 //! Each sample is a damped least-squares problem on the directions of the limbs, within the position limits.
 //! It starts from the previous sample and stays close to it:

@@ -112,8 +112,8 @@ impl Blob {
         Some(Self { pixels, direction: Unit::new_normalize(sum), solid_angle, on_edge })
     }
 
-    /// Distance \[m\] of the centre of a sphere of `radius` \[m\] that fills the solid angle: `radius / sin
-    /// a` with `solid_angle = 2 pi (1 - cos a)`.
+    /// Returns the distance \[m\] of the centre of a sphere of `radius` \[m\] that fills the solid angle:
+    /// `radius / sin a` with `solid_angle = 2 pi (1 - cos a)`.
     pub fn distance_of_sphere(&self, radius: f64) -> f64 {
         let cos = (1.0 - self.solid_angle / TAU).max(0.0);
         radius / (1.0 - cos * cos).sqrt()
@@ -123,7 +123,7 @@ impl Blob {
 /// A fixed-gain filter for the position and velocity of a point with constant velocity (alpha-beta filter,
 /// critically damped).
 ///
-/// With the smoothing `s` and the error `r` of the predicted position, a measurement after a time `dt` adds
+/// `s` is the smoothing and `r` the error of the predicted position. A measurement after a time `dt` adds
 /// `(1 - s^2) r` to the position and `(1 - s)^2 r / dt` to the velocity.
 ///
 /// ```
@@ -173,7 +173,7 @@ impl PointFilter {
         Some((position + velocity * dt, velocity))
     }
 
-    /// Time of the last measurement \[ns\].
+    /// Returns the time of the last measurement \[ns\].
     pub fn last_ns(&self) -> Option<u64> {
         self.state.map(|(last, ..)| last)
     }

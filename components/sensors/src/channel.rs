@@ -213,7 +213,7 @@ impl Channel {
         }
     }
 
-    /// Current bias of each axis.
+    /// Returns the current bias of each axis.
     pub fn bias(&self) -> &[f64] {
         &self.bias
     }

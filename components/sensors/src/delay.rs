@@ -39,12 +39,13 @@ impl DelayLine {
         }
     }
 
-    /// Number of frames that fit.
+    /// Returns the number of frames that fit.
     pub fn capacity(&self) -> usize {
         self.times.len()
     }
 
-    /// Number of frames discarded before they were due, because frames arrived faster than announced.
+    /// Returns the number of frames discarded before they were due, because frames arrived faster than
+    /// announced.
     pub fn lost(&self) -> u64 {
         self.lost
     }

@@ -40,8 +40,8 @@ impl Geodetic {
     }
 
     /// Returns the geodetic coordinates of a position in earth-fixed axes \[m\], by Bowring's method (*Survey
-    /// Review* 23, 1976). It is exact to micrometres from sea level to satellites, and after two rounds to
-    /// rounding.
+    /// Review* 23, 1976). One iteration is exact to micrometres from sea level to satellites. The two
+    /// iterations used here are exact up to rounding.
     pub fn of_earth_fixed(place: &Vector3<f64>) -> Self {
         let minor = MAJOR * (1.0 - FLATTENING);
         let second = ECCENTRICITY / (1.0 - ECCENTRICITY);

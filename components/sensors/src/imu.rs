@@ -95,7 +95,7 @@ impl ImuModel {
         Some(ImuReading { specific_force: force, angular_velocity: rate })
     }
 
-    /// Current biases of gyroscope and accelerometer.
+    /// Returns the current biases of gyroscope and accelerometer.
     pub fn biases(&self) -> (Vector3<f64>, Vector3<f64>) {
         let bias = |channel: &Channel| Vector3::from_column_slice(channel.bias());
         (bias(&self.gyroscope), bias(&self.accelerometer))

@@ -164,7 +164,7 @@ impl Loads {
         true
     }
 
-    /// Time of the last sample \[ns\].
+    /// Returns the time of the last sample \[ns\].
     pub fn last(&self) -> Option<u64> {
         self.last
     }

@@ -17,9 +17,9 @@ use crate::noise::Noise;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SensorRanges {
-    /// Factor of the noises and of the walks of the biases, from 0 to 100. Default: 1.
+    /// Factor of noises and bias walks, from 0 to 100. Default: 1.
     pub noise: Option<[f64; 2]>,
-    /// Factor of the deviations of biases and of errors of scale, from 0 to 100. Default: 1.
+    /// Factor of the deviations of biases and scale errors, from 0 to 100. Default: 1.
     pub bias: Option<[f64; 2]>,
     /// Latency, replacing the sensor's latency. Default: the sensor's latency.
     pub latency: Option<[TimeSpan; 2]>,
@@ -80,7 +80,7 @@ impl SensorRanges {
         }
     }
 
-    /// Longest latency that can be sampled, where `own` is the sensor's latency.
+    /// Returns the longest latency that can be sampled, where `own` is the sensor's latency.
     pub fn longest(&self, own: TimeSpan) -> TimeSpan {
         self.latency.map_or(own, |[_, longest]| longest)
     }

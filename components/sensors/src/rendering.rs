@@ -115,7 +115,7 @@ impl Renderer {
         &self.pinhole
     }
 
-    /// Number of pixels of an image.
+    /// Returns the number of pixels of an image.
     pub fn pixels(&self) -> usize {
         self.directions.len()
     }
@@ -194,8 +194,8 @@ pub struct PixelNoise {
 }
 
 impl PixelNoise {
-    /// Returns the noise with all deviations multiplied by `factor`; shot noise grows as the root of fewer
-    /// electrons.
+    /// Returns the noise with all deviations multiplied by `factor`. For shot noise this divides the number
+    /// of electrons by the square of `factor`.
     pub(crate) fn scaled(&self, factor: f64) -> Self {
         let electrons = |well: f64| (well / (factor * factor)).max(1.0);
         Self {

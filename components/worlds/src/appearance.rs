@@ -27,15 +27,15 @@ const EARTH: Colour = [0.8, 0.82, 0.84];
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Appearance {
-    /// Colours of objects by their names, of the plane by `ground`, of the terrain by `terrain`: red, green
-    /// and blue, 0 to 1. Default: fixed objects grey, free ones orange, the ground light grey. Links have the
+    /// Colours by object name, with `ground` for the plane and `terrain` for the terrain: red, green and
+    /// blue, 0 to 1. Default: fixed objects grey, free objects orange, the ground light grey. Links have the
     /// colours of their visuals.
     pub colours: BTreeMap<String, Colour>,
     /// Squares of a second colour on the ground. Default: none.
     pub checker: Option<Checker>,
-    /// Colour where there is nothing.
+    /// Colour of the background.
     pub sky: Colour,
-    /// The light.
+    /// Lighting.
     pub light: Light,
 }
 
@@ -49,10 +49,11 @@ pub struct Checker {
     pub colour: Colour,
 }
 
-/// Light from far away, as the sun's, and from all sides.
+/// Directional light, such as sunlight, and ambient light.
 ///
-/// A matt surface of colour `c` with the outward normal `n` is seen as `c (ambient + (1 - ambient) max(0, -n
-/// d))`, `d` the direction of the light (Lambert's law); in a shadow as `c ambient`.
+/// A matt surface of colour `c` with outward normal `n` has the colour
+/// `c (ambient + (1 - ambient) max(0, -n d))` for a light direction `d` (Lambert's law), and `c ambient` in a
+/// shadow.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Light {
@@ -77,7 +78,7 @@ impl Default for Light {
 }
 
 impl Appearance {
-    /// The colour of the ground, plane or terrain.
+    /// Returns the colour of the ground (plane or terrain).
     pub fn ground(&self) -> Colour {
         let stated = self.colours.get("ground").or_else(|| self.colours.get("terrain"));
         stated.copied().unwrap_or(EARTH)

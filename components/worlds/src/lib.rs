@@ -24,7 +24,7 @@
 //!
 //! # Modules
 //!
-//! Each uses only modules above it:
+//! Each module uses only modules above it:
 //!
 //! | module | contents |
 //! |---|---|

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 /// Rule for combining the friction coefficients of two surfaces in contact.
 ///
-/// For surfaces with different rules, the later one in the order `mean`, `min`, `multiply`, `max` applies.
-/// A stated `min` or `max` also applies to torsional and rolling friction, whose mean counts otherwise.
+/// For surfaces with different rules, the later rule in the order `mean`, `min`, `multiply`, `max` applies.
+/// An explicit `min` or `max` also applies to torsional and rolling friction, which otherwise use the mean.
 ///
 /// ```
 /// use motorium_worlds::FrictionCombine;
@@ -21,24 +21,25 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FrictionCombine {
-    /// The mean of both coefficients: the default of surfaces with friction.
+    /// The mean of both coefficients: the default for surfaces with friction.
     Mean,
     /// The smaller coefficient.
     Min,
-    /// The product of both. With a friction of 0, the default rule; the surface then slides on any other.
+    /// The product of both coefficients: the default for surfaces with a friction of 0, which then slide on
+    /// any other surface.
     Multiply,
     /// The larger coefficient.
     Max,
 }
 
 impl FrictionCombine {
-    /// The rule of a surface with this coefficient of friction: `stated`, or its default.
+    /// Returns the rule of a surface with this coefficient of friction: `stated`, or the default.
     pub fn of_surface(friction: f64, stated: Option<Self>) -> Self {
         stated.unwrap_or(if friction > 0.0 { Self::Mean } else { Self::Multiply })
     }
 
-    /// Coefficient of friction of a contact between two surfaces, each with its coefficient and its stated
-    /// rule.
+    /// Returns the coefficient of friction of a contact between two surfaces, each with its coefficient and
+    /// its explicit rule.
     pub fn combined((a, rule_a): (f64, Option<Self>), (b, rule_b): (f64, Option<Self>)) -> f64 {
         match Self::of_surface(a, rule_a).max(Self::of_surface(b, rule_b)) {
             Self::Mean => 0.5 * (a + b),
@@ -48,8 +49,9 @@ impl FrictionCombine {
         }
     }
 
-    /// Torsional or rolling friction of a contact \[m\] between two surfaces, each with its coefficient and
-    /// its stated rule: under `min` the smaller and under `max` the larger one, otherwise the mean.
+    /// Returns the torsional or rolling friction of a contact \[m\] between two surfaces, each with its
+    /// coefficient and its explicit rule: the smaller value under `min`, the larger under `max`, otherwise
+    /// the mean.
     ///
     /// ```
     /// use motorium_worlds::FrictionCombine;
@@ -104,8 +106,8 @@ impl Softness {
     }
 }
 
-/// Direction-dependent friction, as of a skate, a ski or corduroy: the grain's coefficient along `direction`,
-/// the surface's across it.
+/// Direction-dependent friction, for example of a skate, a ski or corduroy: the grain's coefficient along
+/// `direction`, the surface's across it.
 ///
 /// In other directions the maximum friction forces form an ellipse, and sliding dissipates maximum energy.
 ///
@@ -126,16 +128,16 @@ impl Softness {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Grain {
-    /// Direction of the grain in the axes of the object, of the link, or, for the ground, of the world; of
-    /// any length but 0.
+    /// Direction of the grain, of any nonzero length, in the axes of the object or link; for the ground, in
+    /// world axes.
     pub direction: [f64; 3],
-    /// Coefficient of friction along it, at least 0. A contact uses the mean of both surfaces.
+    /// Coefficient of friction along `direction`, at least 0. A contact uses the mean of both surfaces.
     #[schemars(range(min = 0.0))]
     pub friction: f64,
 }
 
 impl Grain {
-    /// The direction as a unit vector.
+    /// Returns the direction as a unit vector.
     pub fn unit(&self) -> Vector3<f64> {
         Vector3::from(self.direction).normalize()
     }

@@ -1,4 +1,4 @@
-//! The world around the robot, as described by a file.
+//! The surroundings of robots, as described in a file.
 
 mod checks;
 mod colours;
@@ -33,8 +33,8 @@ pub use mjcf::{MjcfWorld, parse_mjcf_world};
 pub use shape::{CompoundPart, ObjectMass, ObjectShape};
 pub use things::{Conveyor, Copies, Ground, Object};
 
-/// Gravity, air, a ground, simple objects and their looks. Lengths in metres, angles in radians, masses in
-/// kilograms; poses in the world, which is the base frame of the robot, z up.
+/// Gravity, air, ground, simple objects and their appearance. Units are metres, radians and kilograms; poses
+/// are in the world frame, which is the base frame of the robot, z up.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct World {
@@ -44,7 +44,7 @@ pub struct World {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("format" = "path"))]
     pub file: Option<PathBuf>,
-    /// Acceleration of free fall (m/s2).
+    /// Gravitational acceleration (m/s2).
     pub gravity: [f64; 3],
     /// `true` if `gravity` was written explicitly: it overrides the gravity of a `file` even if it equals
     /// Earth's.
@@ -52,24 +52,24 @@ pub struct World {
     pub states_gravity: bool,
     /// Velocity of the air (m/s), which pushes objects with a `drag`. Default: still air.
     pub wind: [f64; 3],
-    /// Density of the air (kg/m3). Default 1.225, that at sea level and 15 degrees Celsius.
+    /// Density of the air (kg/m3). Default 1.225, as at sea level and 15 degrees Celsius.
     #[schemars(range(min = 0.0))]
     pub air_density: f64,
     /// A horizontal plane. Default: no ground.
     pub ground: Option<Ground>,
-    /// An uneven ground, instead of the plane.
+    /// Uneven ground instead of a plane.
     pub terrain: Option<Terrain>,
     /// Objects, fixed or free to move. Names must differ.
     #[serde(deserialize_with = "copies::expanded")]
     pub objects: Vec<Object>,
-    /// Connections between objects, or of objects with the `world`, in their initial poses. Links are
-    /// connected by `connections` of the physics component.
+    /// Connections between objects, or between an object and the `world`, in their initial poses. To connect
+    /// links, use `connections` of the physics component.
     pub connections: Vec<Connection>,
     /// Appearance for cameras.
     pub appearance: Appearance,
 }
 
-/// Acceleration of free fall on Earth \[m/s2\].
+/// Gravitational acceleration on Earth \[m/s2\].
 const EARTH: [f64; 3] = [0.0, 0.0, -9.81];
 
 impl Default for World {

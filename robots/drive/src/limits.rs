@@ -1,8 +1,10 @@
 //! Bounds of a setpoint's value and of its rate of change.
 
-/// Fraction of a joint's range by which a position setpoint may exceed it: sensor noise at a stop.
+/// Fraction of a joint's range by which a position setpoint may exceed the range, to tolerate sensor noise at
+/// a stop.
 pub const RANGE_TOLERANCE: f64 = 1e-3;
-/// Fraction by which a rate may exceed its limit: rounding of a setpoint that was integrated at the limit.
+/// Fraction by which a rate may exceed its limit, to tolerate the rounding of a setpoint integrated at the
+/// limit.
 pub const ROUNDING: f64 = 1e-6;
 
 /// Returns the end of the range that replaces a position setpoint \[rad or m\], or `None` if the setpoint
@@ -27,8 +29,8 @@ pub fn within_range(position: f64, lower: f64, upper: f64) -> Option<f64> {
     ((position - end).abs() > tolerance).then_some(end)
 }
 
-/// Returns the value that replaces a setpoint that differs from the one `before` by more than `largest`, or
-/// `None` if it may stay as it is, to the last bit.
+/// Returns the value that replaces a setpoint that differs from its predecessor `before` by more than
+/// `largest`, or `None` if the setpoint may be forwarded bit for bit.
 ///
 /// ```
 /// use motorium_drive::within_rate;

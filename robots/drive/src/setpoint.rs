@@ -35,11 +35,11 @@ pub struct JointSetpoint {
     pub kp: f64,
     /// Velocity gain \[N m s/rad or N s/m\], not negative.
     pub kd: f64,
-    /// Velocity limit backwards beyond which the drive brakes \[rad/s or m/s\], negative; minus infinity for
-    /// no limit. Drives on CAN have limits of their own and ignore it.
+    /// Backward velocity limit beyond which the drive brakes \[rad/s or m/s\], negative; minus infinity for
+    /// no limit. CAN drives apply their own limits and ignore this one.
     pub min_velocity: f64,
-    /// Velocity limit forwards beyond which the drive brakes \[rad/s or m/s\], positive; infinity for no
-    /// limit. Drives on CAN have limits of their own and ignore it.
+    /// Forward velocity limit beyond which the drive brakes \[rad/s or m/s\], positive; infinity for no
+    /// limit. CAN drives apply their own limits and ignore this one.
     pub max_velocity: f64,
 }
 
@@ -56,7 +56,7 @@ impl Default for JointSetpoint {
 }
 
 impl JointSetpoint {
-    /// Creates a setpoint of pure effort \[N m or N\].
+    /// Creates a pure effort setpoint \[N m or N\].
     pub fn effort(effort: f64) -> Self {
         Self { effort, ..Self::default() }
     }
@@ -77,7 +77,7 @@ impl JointSetpoint {
             && self.max_velocity > 0.0
     }
 
-    /// Effort at position `q` and velocity `v` of a drive with this effort limit \[N m or N\].
+    /// Effort of a drive with this effort limit \[N m or N\] at position `q` and velocity `v`.
     ///
     /// ```
     /// use motorium_drive::JointSetpoint;
@@ -111,8 +111,8 @@ impl JointSetpoint {
         BRAKING_BAND * self.max_velocity.max(-self.min_velocity)
     }
 
-    /// Effort per velocity beyond a velocity limit by which a drive with this effort limit brakes; zero
-    /// without limits.
+    /// Slope of the braking effort beyond a velocity limit, for a drive with this effort limit \[N m s/rad or
+    /// N s/m\]; zero without limits.
     #[inline]
     pub fn braking_slope(&self, limit: f64) -> f64 {
         let band = self.braking_band();
@@ -120,7 +120,7 @@ impl JointSetpoint {
     }
 
     /// Largest effort that the law `at_rest - slope v` requests up to twice the velocity limits: the braking
-    /// effort of a drive without an effort limit. Up to its velocity limit it leaves the setpoint alone.
+    /// effort of a drive without an effort limit. Up to the velocity limits it does not affect the setpoint.
     #[inline]
     pub fn braking_effort(&self, at_rest: f64, slope: f64) -> f64 {
         let requested = |v: f64| (at_rest - 2.0 * slope * v).abs();

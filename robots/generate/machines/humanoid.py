@@ -1,4 +1,4 @@
-"""Shells of the humanoid, in the axes of its links: those of the left side, mirrored for the right."""
+"""Shells of the humanoid, in the axes of its links: the left side, mirrored for the right side."""
 
 from math import pi
 

@@ -1,20 +1,20 @@
-"""Shells of the Panda, in the axes of its links. Its URDF is written by hand and names them.
+"""Shells of the Panda, in the axes of its links. Its handwritten URDF refers to them.
 
-Lengths from joint to joint are those of the URDF; the shapes between them are ours.
+Lengths from joint to joint are from the URDF; the shapes between them are original.
 """
 
 from bodies import ALONG_Y
 from shells import Part, block, drum, loft, revolved, ring
 
 X, Y, Z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
-# Radius of shoulder and elbow, half the width of what turns in them, radius of the seams.
+# Radius of shoulder and elbow, half the width of the parts that rotate in them, radius of the seams.
 LARGE, HALF, SEAM = 0.0605, 0.062, 0.056
 # Radius of the wrist.
 SMALL = 0.0465
 
 
 def cap(radius, low, high, swell=0.012):
-    """A drum about z from a sharp edge to a domed end."""
+    """Returns a drum about z from a sharp edge to a domed end."""
     return revolved([(0, low), (radius, low), (radius, high - swell, 1.4 * swell), (0.72 * radius, high, 0.03), (0, high)])
 
 

@@ -1,4 +1,4 @@
-"""Shells of the quadruped, in the axes of its links: those of the front left leg, mirrored for the others."""
+"""Shells of the quadruped, in the axes of its links: the front left leg, mirrored for the other legs."""
 
 from math import pi
 

@@ -1,6 +1,6 @@
 """Shells of the UR5e, in the axes of its links.
 
-Lengths from joint to joint are those of its DH parameters; the shapes between them are ours.
+Lengths from joint to joint are from its DH parameters; the shapes between them are original.
 """
 
 from math import pi
@@ -8,19 +8,19 @@ from math import pi
 from shells import Part, drum, loft, revolved, ring
 
 X, Y, Z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
-# Turns that take the z axis to y and to -y.
+# Rotations of the z axis to y and to -y.
 TO_Y, FROM_Y = (-pi / 2, 0, 0), (pi / 2, 0, 0)
 LARGE, MIDDLE, SMALL = 0.06, 0.052, 0.0415
 UPPER, FORE = 0.425, 0.3922
 
 
 def lid(radius, low, high):
-    """The cap at the end of a joint: a disc with a rounded edge."""
+    """Returns the cap at the end of a joint: a disc with a rounded edge."""
     return revolved([(0, low), (radius, low), (radius, 0.4 * low + 0.6 * high, 0.009), (0.8 * radius, high, 0.02), (0, high)])
 
 
 def tube(length, height, ends, middle):
-    """Along -x, wider where it meets the joints."""
+    """Returns a tube along -x that widens towards the joints."""
     stations = [
         ((-0.02, 0, height), ends, ends, 2.2),
         ((-0.085, 0, height), middle + 0.002, middle + 0.002, 2.0),
@@ -75,7 +75,7 @@ def forearm():
 
 
 def wrist(number, turn):
-    """A joint about z whose output leaves along y, or -y, by the turn that takes z there."""
+    """Returns a joint about z with its output along y or -y; `turn` rotates z to that axis."""
     body = drum(SMALL, -0.0555, 0.043, 0.003) + drum(SMALL - 0.001, 0, 0.044, 0.002).moved(rpy=turn)
     return {
         f"wrist_{number}": ("grey", body),

@@ -26,7 +26,7 @@ pub struct Delay<T> {
 }
 
 impl<T: Copy> Clone for Delay<T> {
-    /// The copy has the same capacity, so it allocates as rarely.
+    /// Keeps the capacity, so the copy does not allocate more often.
     fn clone(&self) -> Self {
         let mut queue = VecDeque::with_capacity(self.queue.capacity());
         queue.extend(&self.queue);
@@ -35,8 +35,8 @@ impl<T: Copy> Clone for Delay<T> {
 }
 
 impl<T: Copy> Delay<T> {
-    /// Creates a delay \[s\]; `idle` applies until the first command arrives. The capacity suffices for steps
-    /// of at least 0.1 ms.
+    /// Creates a delay \[s\]; `idle` is active until the first command takes effect. Steps of at least 0.1 ms
+    /// never exceed the initial capacity.
     pub fn new(delay: f64, idle: T) -> Self {
         let delay_ns = nanoseconds(delay);
         let queue = VecDeque::with_capacity((delay_ns / 100_000) as usize + 3);
@@ -66,7 +66,7 @@ impl<T: Copy> Delay<T> {
             return;
         }
         let due = self.now_ns + self.delay_ns;
-        // After a longer delay, commands that would arrive later are overtaken.
+        // After the delay has been shortened, drop earlier commands that would arrive later.
         while self.queue.back().is_some_and(|(other, _)| *other > due) {
             self.queue.pop_back();
         }

@@ -48,7 +48,7 @@ pub struct DriveCommand {
     pub kd: f64,
     /// Minimum and maximum velocity without braking \[rad/s or m/s\].
     pub velocity_limits: [f64; 2],
-    /// Slope of the effort beyond them \[Nms/rad or Ns/m\]; 0 for none.
+    /// Slope of the effort beyond `velocity_limits` \[Nms/rad or Ns/m\]; 0 for no braking.
     pub braking: f64,
 }
 
@@ -137,8 +137,8 @@ impl MotorStep {
     }
 
     /// Returns the velocity at the end of the step under a load `constant + slope * w`, and the active line
-    /// of the effort. The effort is a monotone function of the velocity, composed of lines by minima and
-    /// maxima, and so is the solution.
+    /// of the effort. The effort is a monotone function of the velocity, built from lines by minima and
+    /// maxima; the solution has the same structure.
     fn solve(&self, (constant, slope): (f64, f64)) -> (f64, Line) {
         let root = |line: Line| {
             let push = self.inertia * self.velocity + line.constant - constant;
@@ -164,7 +164,8 @@ impl Actuator {
         self.motor
     }
 
-    /// Places the motor of a drivetrain that has not moved yet at the joint, without tension.
+    /// Starts the motor of a drivetrain at the joint's state, without tension; no effect after the first
+    /// step.
     pub fn begin(&mut self, joint: Motor) {
         if self.drivetrain.is_some() && self.motor.is_none() {
             self.motor = Some(joint);
@@ -199,7 +200,7 @@ impl Actuator {
         let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
         let mut twist = motor.position - joint.position;
         if backlash > 0.0 {
-            // The sides meet if the gap would close without contact.
+            // The sides of the gap touch if the free motion would close it.
             let (free, _) = step.solve((0.0, 0.0));
             let end = twist + h * (free - joint.velocity);
             if end > half {

@@ -17,8 +17,8 @@
 //! A network may replace the law of the drive: [`ActuatorNetwork`].
 //!
 //! Lag and rate limit are discretised implicitly (backward Euler). Steps of any length are stable, and a
-//! simulator can solve for an effort that depends on the state at the end of the step: [`Actuator::law`]. The
-//! same holds for the drivetrain, whose motor has its own coordinate: [`Actuator::joint_law`].
+//! simulator can solve for an effort that depends on the state at the end of the step: [`Actuator::law`].
+//! This also applies to the drivetrain, whose motor has its own coordinate: [`Actuator::joint_law`].
 
 mod delay;
 mod drivetrain;
@@ -52,7 +52,7 @@ pub struct Thermal {
     pub time_constant: f64,
 }
 
-/// The settings of an actuator. The default is an ideal one.
+/// Settings of an actuator. The default is an ideal actuator.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ActuatorSettings {
     /// Delay of commands \[s\].
@@ -75,7 +75,7 @@ pub struct ActuatorSettings {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{setting} = {value}: expected {expected}")]
 pub struct ActuatorError {
-    /// The setting.
+    /// Name of the setting.
     pub setting: &'static str,
     /// The value found.
     pub value: f64,

@@ -161,7 +161,7 @@ pub struct NetworkSettings {
 /// A learned actuator network (Hwangbo et al. 2019): computes the effort of a motor from current and past
 /// position errors and velocities of its joint.
 ///
-/// Until a measurement of an age exists, the first one is used.
+/// Times before the first measurement use the first measurement.
 #[derive(Clone, Debug)]
 pub struct ActuatorNetwork {
     settings: Arc<NetworkSettings>,

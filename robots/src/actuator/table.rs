@@ -37,12 +37,12 @@ pub struct ActuatorTable<T: Default> {
     pub delay: T,
     /// Torque-speed envelope. Default: the effort limit at every speed.
     pub envelope: Option<EnvelopeTable>,
-    /// Warming up of the winding. Default: the effort limit can be given for ever.
+    /// Heating of the winding. Default: the effort limit can be sustained indefinitely.
     pub thermal: Option<ThermalTable<T>>,
     /// Time constant of the first-order lag of the effort. Default 0.
     #[serde(default)]
     pub lag: T,
-    /// Largest rate of the effort, N m/s or N/s. Default: no end.
+    /// Largest rate of the effort, N m/s or N/s. Default: unlimited.
     pub rate_limit: Option<f64>,
     /// Series elasticity and backlash between motor and joint. Default: a rigid drivetrain.
     pub drivetrain: Option<DrivetrainTable>,
@@ -50,8 +50,8 @@ pub struct ActuatorTable<T: Default> {
     pub network: Option<NetworkTable<T>>,
 }
 
-/// Efforts of a motor at a limited voltage: from `stall_effort` at standstill they fall to zero at
-/// `no_load_velocity`.
+/// Torque-speed envelope of a motor at a limited voltage: the available effort falls from `stall_effort` at
+/// standstill to zero at `no_load_velocity`.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "EnvelopeConfig")]
@@ -62,7 +62,7 @@ pub struct EnvelopeTable {
     pub no_load_velocity: f64,
 }
 
-/// The warming up of a winding: as it gets hot the effort limit falls to the continuous effort.
+/// Heating of a winding: as it warms up, the effort limit falls to the continuous effort.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, bound(deserialize = "T: Deserialize<'de>"))]
 #[schemars(rename = "ThermalConfig")]
@@ -73,38 +73,38 @@ pub struct ThermalTable<T> {
     pub time_constant: T,
 }
 
-/// A motor with its own inertia, and the spring, damper and gap between it and the joint, all values at the
-/// joint. The drive closes its loops on the motor.
+/// A motor with its own inertia, and the spring, damper and gap between motor and joint. All values are at
+/// the joint. The drive closes its loops on the motor.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "DrivetrainConfig")]
 pub struct DrivetrainTable {
-    /// Inertia of the motor behind its gear, kg m2 or kg.
+    /// Inertia of the motor reflected to the joint, kg m2 or kg.
     pub motor_inertia: f64,
     /// Stiffness of the spring, N m/rad or N/m.
     pub stiffness: f64,
     /// Damping parallel to the spring, N m s/rad or N s/m. Default 0.
     #[serde(default)]
     pub damping: f64,
-    /// Width of the gap of the gear, rad or m. Default 0: a series-elastic actuator.
+    /// Width of the gap in the gear, rad or m. Default 0: a series-elastic actuator.
     #[serde(default)]
     pub backlash: f64,
 }
 
-/// A multilayer perceptron in a safetensors file, from position errors and velocities, now and before, to the
-/// effort.
+/// A multilayer perceptron in a safetensors file that computes the effort from current and past position
+/// errors and velocities.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, bound(deserialize = "T: Deserialize<'de>"))]
 #[schemars(rename = "NetworkConfig")]
 pub struct NetworkTable<T> {
     /// Path of the file, relative to the graph's folder. Its tensors `0.weight`, `0.bias`, `2.weight` and so
-    /// on are from a `torch.nn.Sequential`.
+    /// on are named as in a `torch.nn.Sequential`.
     #[schemars(extend("format" = "path"))]
     pub file: String,
     /// Function between the layers. Default `softsign`.
     #[serde(default)]
     pub activation: Activation,
-    /// Ages of the measurements that go in, in the order of the inputs. Default `["0 ms", "10 ms", "20 ms"]`.
+    /// Ages of the input measurements, in the order of the inputs. Default `["0 ms", "10 ms", "20 ms"]`.
     #[serde(default)]
     pub times: Option<Vec<T>>,
     /// Order of the inputs. Default: all position errors first.
@@ -116,7 +116,7 @@ pub struct NetworkTable<T> {
     /// Scale of velocities at the input. Default 1.
     #[serde(default = "one")]
     pub velocity_scale: f64,
-    /// Effort of an output of one, N m or N. Default 1.
+    /// Effort that corresponds to an output of one, N m or N. Default 1.
     #[serde(default = "one")]
     pub effort_scale: f64,
 }
@@ -250,12 +250,12 @@ impl<T: Copy> NetworkTable<T> {
         let path = folder.join(&self.file);
         let bytes = crate::file::read_bounded(&path, LONGEST_NETWORK).map_err(|error| {
             ActuatorTableError::new(key("file"), format!("{}: {error}", path.display()))
-                .advise("a relative path begins at the folder of the graph")
+                .advise("relative paths start at the folder of the graph")
         })?;
         let weights = NetworkWeights::read(&bytes, 2 * times.len(), self.activation).map_err(|error| {
             let message = format!("{}: {error}", path.display());
             ActuatorTableError::new(key("file"), message)
-                .advise("save it with `safetensors.torch.save_file(net.state_dict(), ...)`, and give as many `times` as it has inputs of a kind")
+                .advise("save it with `safetensors.torch.save_file(net.state_dict(), ...)`, and list one of `times` for each pair of inputs (position error and velocity)")
         })?;
         Ok(NetworkSettings {
             weights,

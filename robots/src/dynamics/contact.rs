@@ -11,9 +11,9 @@ pub enum ConstrainedError {
     /// The mass matrix is singular.
     #[error(transparent)]
     Mass(#[from] SingularMassMatrix),
-    /// A constraint depends on previous ones.
+    /// A constraint depends linearly on previous ones.
     #[error(
-        "row {row} of the constraint follows from the rows before it; leave it out, or regularise with a damping above 0"
+        "row {row} of the constraint depends on the rows before it; remove it, or regularise with a damping above 0"
     )]
     Redundant {
         /// Row of the constraint's Jacobian.
@@ -21,8 +21,8 @@ pub enum ConstrainedError {
     },
 }
 
-/// Workspace for the forward dynamics of one [`Model`] under up to a fixed number of constraints. Nothing
-/// allocates after [`new`](Self::new).
+/// Workspace for the forward dynamics of one [`Model`] under a fixed number of constraints. Nothing allocates
+/// after [`new`](Self::new).
 ///
 /// By Gauss's principle, the acceleration is the one with `J a + drift = 0` that is nearest to the free
 /// acceleration in the metric of M:

@@ -1,5 +1,5 @@
 //! Composite rigid body algorithm (Walker and Orin 1982; Featherstone 2008, table 6.2). Uses frames on the
-//! joint axes if bodies are ordered depth first without mimic joints, else base coordinates.
+//! joint axes if bodies are ordered depth first without mimic joints, otherwise base coordinates.
 
 use nalgebra::DMatrix;
 

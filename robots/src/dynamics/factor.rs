@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use crate::Model;
 use crate::math::{Work, fused, widest};
 
-/// The mass matrix is not positive definite: a joint moves nothing with inertia.
+/// The mass matrix is not positive definite: a joint moves no inertia.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the mass matrix is not positive definite at entry {index} of v: the links beyond that joint have no inertia; \
@@ -34,7 +34,7 @@ impl MassFactor {
         Self { above: model.flat().above.clone(), factor: DMatrix::identity(n, n), scales: vec![1.0; n] }
     }
 
-    /// Factorises `mass`, of which the upper triangle is read.
+    /// Factorises `mass`. Only its upper triangle is read.
     ///
     /// # Errors
     ///

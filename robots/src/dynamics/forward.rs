@@ -27,7 +27,7 @@ impl Dynamics {
     }
 
     /// Like [`forward`](Self::forward), with external wrenches: `a_out = M^-1 (tau - C v - g + sum J' f)`.
-    /// Each acts at the origin of its frame and is given in its axes.
+    /// Each wrench acts at the origin of its frame and is expressed in its axes.
     ///
     /// # Errors
     ///

@@ -89,8 +89,8 @@ impl Dynamics {
     }
 }
 
-/// Returns the wrench per unit of each parameter, for a body whose origin has the (classical) acceleration
-/// and that rotates with `w`, in its axes.
+/// Returns the wrench per unit of each parameter, for a body with this (classical) acceleration of its
+/// origin, angular velocity `w` and angular acceleration `dw`, all in its axes.
 fn wrenches((acceleration, w, dw): (V3, V3, V3)) -> [Spatial; PARAMETERS] {
     let unit = [M3::IDENTITY.x, M3::IDENTITY.y, M3::IDENTITY.z];
     let moment = |h: V3| Spatial::new(dw.cross(h) + w.cross(w.cross(h)), h.cross(acceleration));

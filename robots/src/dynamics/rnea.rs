@@ -48,7 +48,7 @@ impl Dynamics {
 
     /// Like [`rnea`](Self::rnea), with external wrenches: `tau_out = M a + C v + g - sum J' f`.
     ///
-    /// Each wrench acts at the origin of its frame and is given in its axes.
+    /// Each wrench acts at the origin of its frame and is expressed in its axes.
     pub fn rnea_external(
         &mut self,
         model: &Model,
@@ -75,7 +75,7 @@ impl Dynamics {
         turn_rotors(flat, a, tau_out);
     }
 
-    /// Computes the motions of all bodies and leaves them in their slots.
+    /// Computes the motions of all bodies and stores them in their slots.
     pub(super) fn motions(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64], gravity: Vector3<f64>) {
         assert!(v.len() == model.nv() && a.len() == model.nv(), "length of v and a");
         self.set_positions(model, q);
@@ -84,8 +84,8 @@ impl Dynamics {
         self.outward::<true>(flat, v, a);
     }
 
-    /// Leaves in slot 0 the wrench that moves the whole robot, without gravity, about the base's origin in
-    /// its axes.
+    /// Computes the wrench that moves the whole robot, without gravity, and stores it in slot 0: about the
+    /// base's origin, in its axes.
     pub(super) fn base_wrench(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64]) {
         let mut tau = std::mem::take(&mut self.scratch);
         tau.resize(model.nv(), 0.0);
@@ -248,7 +248,7 @@ fn turn_rotors(flat: &FlatModel, a: &[f64], tau: &mut [f64]) {
     }
 }
 
-/// Returns the component of a wrench borne by the joint's drive.
+/// Returns the component of a wrench carried by the joint's drive.
 #[inline(always)]
 fn along(node: &Node, wrench: Spatial) -> f64 {
     if node.prismatic { wrench.linear.z } else { wrench.angular.z }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 /// Red, green and blue, 0 to 1 each.
 pub type Colour = [f64; 3];
 
-/// Colours of links without a stated colour: the base, then alternating links.
+/// Colours of links without a colour in the file: the base, then alternating links.
 const PLAIN: [Colour; 3] = [[0.55, 0.57, 0.6], [0.93, 0.93, 0.93], [0.72, 0.77, 0.84]];
 
 /// Colours of the links of a robot, from the visuals of its URDF or the geoms of its MJCF.
@@ -26,7 +26,7 @@ const PLAIN: [Colour; 3] = [[0.55, 0.57, 0.6], [0.93, 0.93, 0.93], [0.72, 0.77, 
 pub struct LinkColours(BTreeMap<String, Vec<Option<Colour>>>);
 
 impl LinkColours {
-    /// The colours of the shapes of each link, in their order.
+    /// Creates the set from the colours of each link's shapes, in order.
     pub(crate) fn of_shapes(links: BTreeMap<String, Vec<Option<Colour>>>) -> Self {
         Self(links)
     }
@@ -43,13 +43,14 @@ impl LinkColours {
         self
     }
 
-    /// Returns the colour of a shape of a link: the visual at index `place` of the link, else its last
-    /// visual, else a default by the moving `body` of the link; `None` is the base.
+    /// Returns the colour of a shape of a link: the visual at index `place` of the link, otherwise its last
+    /// visual, otherwise a default chosen by the moving `body` of the link (`None` for the base).
     pub fn of_shape(&self, link: &str, place: usize, body: Option<usize>) -> Colour {
         self.stated(link, place).unwrap_or(PLAIN[body.map_or(0, |body| 1 + body % 2)])
     }
 
-    /// Returns the colour of the visual at index `place` of a link, else of its last visual, if stated.
+    /// Returns the colour of the visual at index `place` of a link, otherwise of its last visual, if the file
+    /// specifies one.
     pub fn stated(&self, link: &str, place: usize) -> Option<Colour> {
         self.0.get(link).and_then(|colours| colours.get(place).or(colours.last())).copied().flatten()
     }

@@ -34,7 +34,7 @@ pub struct LoadOptions {
     pub format: FileFormat,
 }
 
-/// The shapes of a file that are used in its [`Model`](crate::Model).
+/// Shapes of a file that are used in its [`Model`](crate::Model).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ShapeSource {
     /// Collision shapes.
@@ -59,9 +59,9 @@ pub enum ProfileChoice {
 /// Treatment of mimic joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MimicMode {
-    /// Each follows its master, as in the file.
+    /// Every mimic joint follows its master, as in the file.
     #[default]
     Follow,
-    /// Each is an independent joint with its own coordinate.
+    /// Every mimic joint is independent, with its own coordinate.
     Independent,
 }

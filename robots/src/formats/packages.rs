@@ -25,13 +25,13 @@ impl PackagePath {
     }
 
     /// Resolves `uri`: `package://NAME/PATH`, `model://NAME/PATH`, `file://PATH` or a path relative to
-    /// `file`, the URDF that names it. Packages are searched in the folders, the prefixes and the ancestors
-    /// of `file`. For a robot that was copied out of its package, the folder above `file` that has the name
-    /// of a folder in `PATH` is used.
+    /// `file`, the URDF that refers to it. Packages are searched in the folders, the prefixes and the
+    /// ancestors of `file`. For a robot copied out of its package, an ancestor of `file` with the name of a
+    /// folder in `PATH` is used.
     ///
     /// # Errors
     ///
-    /// The folders that were searched without success.
+    /// The folders searched without success.
     pub fn resolve(&self, uri: &str, file: Option<&Path>) -> Result<PathBuf, Vec<PathBuf>> {
         let package = uri.strip_prefix("package://").or_else(|| uri.strip_prefix("model://"));
         let Some((name, path)) = package.map(|rest| rest.split_once('/').unwrap_or((rest, ""))) else {
@@ -68,13 +68,13 @@ impl PackagePath {
 
 /// Returns the folders above a file, the nearest first.
 fn above(file: Option<&Path>) -> Vec<PathBuf> {
-    // A relative path does not name the folders above the current one.
+    // A relative path does not contain the folders above the current one.
     let file = file.map(|file| std::path::absolute(file).unwrap_or_else(|_| file.to_owned()));
     file.iter().flat_map(|file| file.ancestors().skip(1)).map(Path::to_owned).collect()
 }
 
-/// Returns the file of a robot that was copied out of its package: in a folder above `file` that has the name
-/// of a folder in `path`.
+/// Returns the file of a robot copied out of its package: in an ancestor of `file` with the name of a folder
+/// in `path`.
 fn copied(path: &str, file: Option<&Path>) -> Option<PathBuf> {
     let above = above(file);
     let parts: Vec<&str> = path.split('/').collect();

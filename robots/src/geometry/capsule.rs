@@ -15,7 +15,7 @@ const MOST_STEPS: usize = 60;
 /// [`Geometry::Capsule`].
 ///
 /// The axis minimises the volume, found by a local search from each principal axis of the points. The radius
-/// is the smallest circle's around the points projected along the axis. `None` without points.
+/// is the radius of the smallest circle around the points projected along the axis. `None` without points.
 pub fn fit_capsule(points: &[Vector3<f64>]) -> Option<(Isometry3<f64>, Geometry)> {
     if points.is_empty() {
         return None;
@@ -77,7 +77,7 @@ impl Fit {
     }
 }
 
-/// Tilts the axis as long as that reduces the volume.
+/// Tilts the axis until the volume no longer decreases.
 fn improve(points: &[Vector3<f64>], axis: Unit<Vector3<f64>>) -> Fit {
     let mut best = Fit::along(points, axis);
     let mut step = WIDEST;

@@ -48,7 +48,7 @@ struct Face {
     corners: [usize; 3],
     /// Neighbours across the edges that start at the corners.
     neighbours: [usize; 3],
-    /// Whether the face is part of the surface; otherwise its slot is free.
+    /// `true` if the face is part of the surface; otherwise its slot is free.
     alive: bool,
     normal: V3,
     /// Distance of the face's plane from the origin, along the normal.
@@ -74,8 +74,8 @@ impl Polytope {
         }
     }
 
-    /// For two overlapping cores, returns the deepest point of each in the other, and the direction from the
-    /// first to the second along which they separate soonest. `None` if all differences are collinear.
+    /// For two overlapping cores, returns the deepest point of each in the other, and the direction of the
+    /// shortest separation from the first to the second. `None` if all differences are collinear.
     pub(super) fn search(&mut self, pair: &[Placed<'_>; 2]) -> Option<(V3, V3, V3)> {
         self.begin(pair)?;
         // the separation is at most the best one proven so far
@@ -185,7 +185,7 @@ impl Polytope {
             self.find_horizon(corner.at, face, edge);
         }
         let count = self.horizon.len();
-        // From corner to corner around the region; slots of covered faces are free.
+        // Traverse the horizon from corner to corner; slots of covered faces are free.
         let edge = |index: usize| {
             let (face, edge) = self.horizon[index % count];
             let corners = self.faces[face].corners;
@@ -218,7 +218,8 @@ impl Polytope {
         true
     }
 
-    /// Crosses an edge of a visible face: continues over visible faces, records the edge of an invisible one.
+    /// Crosses an edge of a visible face: continues across visible faces, and records the edge of an
+    /// invisible one.
     fn find_horizon(&mut self, from: V3, face: usize, edge: usize) {
         let Face { corners, neighbours, .. } = self.faces[face];
         let (place, begin) = (neighbours[edge], corners[(edge + 1) % 3]);

@@ -61,7 +61,7 @@ impl Collisions {
     }
 
     /// Places the robot's solids according to `kinematics`, whose last update must have covered all bodies.
-    /// With several robots it places the first.
+    /// With several robots, only the first is placed.
     pub fn update(&mut self, model: &CollisionModel, kinematics: &Kinematics) {
         self.update_robot(model, 0, kinematics);
     }
@@ -71,8 +71,8 @@ impl Collisions {
     /// Panics if `index` is not an obstacle.
     pub fn move_obstacle(&mut self, model: &CollisionModel, index: usize, pose: &Isometry3<f64>) {
         assert!(model.is_obstacle(index), "solid {index} belongs to the robot");
-        // A hull is centred on itself, and so is a fitted capsule; their offset from the file's frame is
-        // kept.
+        // The frames of hulls and fitted capsules are at their own centre; their offset from the file's frame
+        // is kept.
         let solid = &model.solids[index];
         let original = &model.obstacle_frames[index - model.robot_solids];
         let (r, p) = (nalgebra::Matrix3::from(solid.rotation), Vector3::from(solid.position));
@@ -82,8 +82,8 @@ impl Collisions {
         self.positions[index] = (pose * inverse * Point3::from(p)).coords.into();
     }
 
-    /// Places solid `index`, of the robot or an obstacle, instead of [`update`](Self::update). `pose` is the
-    /// pose of its [placement](CollisionModel::placement) in the world.
+    /// Places solid `index`, of the robot or an obstacle, as an alternative to [`update`](Self::update).
+    /// `pose` is the pose of its [placement](CollisionModel::placement) in the world.
     pub fn set_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
         self.rotations[index] = pose.rotation.to_rotation_matrix().into_inner().into();
         self.positions[index] = pose.translation.vector.into();
@@ -106,8 +106,8 @@ impl Collisions {
         self.last = 0;
     }
 
-    /// Search directions of the last distances, one per pair. Together with the poses they determine the next
-    /// distances.
+    /// Returns the search directions of the last distances, one per pair. Together with the poses they
+    /// determine the next distances.
     pub fn hints(&self) -> Vec<[f64; 3]> {
         self.hints.iter().map(|hint| hint.array()).collect()
     }
@@ -144,7 +144,7 @@ impl Collisions {
         &self.near
     }
 
-    /// The result of the last [`within`](Self::within).
+    /// Returns the result of the last [`within`](Self::within).
     pub fn found(&self) -> &[Proximity] {
         &self.near
     }

@@ -31,8 +31,8 @@ impl CollisionModel {
         }
     }
 
-    /// Like [`distance_jacobian`](Self::distance_jacobian), for several distances with one row each. Further
-    /// rows of `out` are unchanged.
+    /// Like [`distance_jacobian`](Self::distance_jacobian), for several distances with one row each.
+    /// Additional rows of `out` are unchanged.
     ///
     /// Panics if `out` has too few rows, or not nv columns.
     pub fn distance_jacobians(

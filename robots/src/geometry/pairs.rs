@@ -17,17 +17,17 @@ use crate::{Geometry, Model, Shape};
 pub struct CollisionOptions {
     /// The collision shape that replaces meshes.
     pub meshes: MeshMode,
-    /// Whether links connected by a joint are checked against each other. Their shapes overlap at the joint
-    /// in nearly all files. Default false.
+    /// `true` to check links connected by a joint against each other. Their shapes overlap at the joint in
+    /// nearly all files. Default false.
     pub adjacent: bool,
-    /// Whether links attached to the same link by one joint each, such as two fingers, are checked against
-    /// each other. Default true.
+    /// `true` to check links against each other that are attached to the same link by one joint each, such as
+    /// two fingers. Default true.
     pub siblings: bool,
-    /// Whether links of the robot are checked against each other at all. Default true.
+    /// `false` to disable all checks between links of the robot. Default true.
     pub self_collision: bool,
     /// Rules of an SRDF file.
     pub srdf: Srdf,
-    /// Whether unusable shapes, such as missing meshes, and rules for unknown links are skipped instead of
+    /// `true` to skip unusable shapes, such as missing meshes, and rules for unknown links instead of
     /// rejecting the robot. [`CollisionModel::left_out`] lists them. Default false.
     pub leave_out_defects: bool,
 }
@@ -95,7 +95,7 @@ pub struct CollisionModel {
     pub(super) robot_solids: usize,
     /// Initial placement of each obstacle.
     pub(super) obstacle_frames: Vec<Isometry3<f64>>,
-    /// For each obstacle, whether it moves freely.
+    /// For each obstacle, `true` if it moves freely.
     free: Vec<bool>,
     pub(super) left_out: Vec<CollisionError>,
 }
@@ -313,7 +313,7 @@ impl CollisionModel {
         self.solids[index].kind
     }
 
-    /// Frame to which solid `index` is fixed, of its [robot](Self::robot). A base fixed in the world is also
+    /// Frame of its [robot](Self::robot) to which solid `index` is fixed. A base fixed in the world is also
     /// [`Attachment::Base`].
     pub fn attachment(&self, index: usize) -> Attachment {
         match self.slots[index] {

@@ -44,7 +44,8 @@ pub fn convex_corners<P: Copy>(points: &mut [P], at: impl Fn(&P) -> Vector2<f64>
     }
 }
 
-/// Clips the part right of the edge from `a` to `b` from a convex polygon (Sutherland and Hodgman 1974).
+/// Removes the part of a convex polygon to the right of the edge from `a` to `b` (Sutherland and Hodgman
+/// 1974).
 pub(super) fn clip(
     corners: &[Vector2<f64>],
     [a, b]: [Vector2<f64>; 2],

@@ -8,9 +8,9 @@ use crate::model::flat::FlatModel;
 use crate::{Kinematics, Model};
 
 impl CollisionModel {
-    /// Adds another robot with its own base and returns its index. `options` and their rules apply to its own
-    /// links. Each link is also checked against every link of the previous robots, unless both are fixed in
-    /// the world next to floating bases.
+    /// Adds another robot with its own base and returns its index. `options` and their rules apply to the
+    /// links of this robot. Each link is also checked against every link of the previous robots, unless both
+    /// are fixed in the world next to floating bases.
     ///
     /// ```
     /// use motorium_robots::{CollisionModel, CollisionOptions, load};
@@ -63,7 +63,7 @@ impl CollisionModel {
 }
 
 impl Collisions {
-    /// Places the solids of one of several robots according to its `kinematics`.
+    /// Places the solids of robot `robot` according to its `kinematics`.
     pub fn update_robot(&mut self, model: &CollisionModel, robot: usize, kinematics: &Kinematics) {
         for index in model.solids_of(robot) {
             let (rotation, position) = kinematics.slot_pose(model.slots[index]);

@@ -23,7 +23,7 @@ pub enum MeshMode {
     /// A capsule around the mesh: the cheapest option, and smooth.
     Capsule,
     /// The convex hull of the 26 outermost points, towards the faces, edges and corners of a cube: coarse,
-    /// and slightly smaller than the mesh. Suitable for contact points, of which a robot needs few.
+    /// and slightly smaller than the mesh. Suitable for contact points, because a robot needs only a few.
     Outermost,
     /// Unmodified triangles: exact and slow. Surfaces have no interior; if they intersect, the distance is
     /// the negative depth of the deepest triangle.
@@ -62,7 +62,7 @@ pub enum SolidKind {
 pub enum SolidProblem {
     /// The mesh file was not found when the robot was loaded.
     #[error(
-        "its mesh \"{uri}\" was not found; name the folder of its package by --package-path or ROS_PACKAGE_PATH, or leave the \
+        "its mesh \"{uri}\" was not found; pass the folder of its package with --package-path or ROS_PACKAGE_PATH, or leave the \
          link out of the collision model"
     )]
     MissingMesh {

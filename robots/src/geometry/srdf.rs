@@ -96,7 +96,7 @@ impl Srdf {
     }
 }
 
-/// Parses the group states in the text of an SRDF file, in their order.
+/// Parses the group states in the text of an SRDF file, in order.
 pub(crate) fn group_states(text: &str) -> Result<Vec<GroupState>, SrdfError> {
     let document = read(text)?;
     let states = document.root_element().children().filter(|node| node.has_tag_name("group_state"));
@@ -120,7 +120,7 @@ pub(crate) fn group_states(text: &str) -> Result<Vec<GroupState>, SrdfError> {
         .collect())
 }
 
-/// Parses the end effectors in the text of an SRDF file, in their order, without those that name no link.
+/// Parses the end effectors in the text of an SRDF file, in order, skipping end effectors without a link.
 pub(crate) fn group_ends(text: &str) -> Result<Vec<GroupEnd>, SrdfError> {
     let document = read(text)?;
     let ends = document.root_element().children().filter(|node| node.has_tag_name("end_effector"));

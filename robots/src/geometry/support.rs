@@ -101,7 +101,7 @@ pub(super) struct Cloud {
     count: usize,
 }
 
-/// Number of points compared at once.
+/// Number of points compared simultaneously.
 const WIDE: usize = 8;
 
 impl Cloud {

@@ -5,7 +5,7 @@ use crate::math::V3;
 /// Maximum number of boxes of a leaf.
 const LEAF: usize = 4;
 
-/// Maximum depth of a tree, which is halved at every node.
+/// Maximum depth of a tree; the number of boxes is halved at every node.
 const DEEPEST: usize = 64;
 
 /// An axis-aligned box: its lowest and its highest corner.
@@ -24,7 +24,7 @@ struct Node {
     bounds: Bounds,
     /// Position of the first box in the order.
     first: u32,
-    /// Number of boxes of a leaf; 0 for a node, whose halves are the next node and `second`.
+    /// Number of boxes of a leaf; 0 for an inner node, whose halves are the next node and `second`.
     count: u32,
     second: u32,
 }

@@ -15,8 +15,8 @@ pub struct SurfaceTriangle {
     pub corners: [Point3<f64>; 3],
     /// Outward unit normal.
     pub normal: Vector3<f64>,
-    /// For each side, starting with the side from the first to the second corner: height by which the
-    /// neighbour rises above this plane \[m\]; 0 otherwise.
+    /// Height by which the neighbour across each side rises above this triangle's plane \[m\], 0 if it does
+    /// not; the first side runs from the first to the second corner.
     pub valley: [f64; 3],
 }
 
@@ -102,7 +102,7 @@ impl TriangleSurface {
                     let apex = triangles[two].corners[(other + 2) % 3];
                     let rise = normals[0].dot(&(apex - ends[0]));
                     let bend = normals[0].cross(&normals[1]).norm();
-                    // Folded back onto itself, a plate without thickness.
+                    // A surface folded back onto itself: a plate without thickness.
                     let folded = normals[0].dot(&normals[1]) < 0.0 && bend < FLAT;
                     if bend < FLAT && !folded {
                         continue;
@@ -253,7 +253,7 @@ impl SurfaceEdge {
         }
         let across = across / length;
         let least = self.normals[0].dot(&self.normals[1]) - 1e-6;
-        // between both by angle: closer to each of them than they are to each other
+        // between both normals by angle: closer to each normal than the normals are to each other
         across.dot(&self.normals[0]) >= least && across.dot(&self.normals[1]) >= least
     }
 }

@@ -6,7 +6,7 @@ use nalgebra::Vector2;
 
 use crate::math::V3;
 
-/// Directions of turns.
+/// Directions of small rotations.
 pub(super) const TURNS: [(f64, f64); 8] = [
     (1.0, 0.0),
     (FRAC_1_SQRT_2, FRAC_1_SQRT_2),

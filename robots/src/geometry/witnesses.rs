@@ -87,7 +87,7 @@ impl Collisions {
     /// solids rotate, and the [gradient](CollisionModel::distance_jacobian) at one does not cover the others.
     /// The witnesses are the corners of the overlap region: points farthest along the normal, or along a
     /// normal tilted by 0.05 rad. Spheres, and [surfaces](super::MeshMode::Surface), have none, nor does a
-    /// pair with only a known [bound](Proximity::is_bound). If there are more than `most`, those that
+    /// pair with only a known [bound](Proximity::is_bound). If there are more than `most`, the witnesses that
     /// contribute most to the region are kept.
     ///
     /// ```
@@ -205,8 +205,8 @@ fn intersect(
     }
 }
 
-/// Keeps the corners away from the nearest point; if there are too many, those that contribute most to the
-/// region.
+/// Keeps the corners away from the nearest point; if there are too many, the corners that contribute most to
+/// the region.
 fn keep_corners(overlap: &mut Vec<Vector2<f64>>, most: usize) {
     let mut kept = 0;
     for index in 0..overlap.len() {

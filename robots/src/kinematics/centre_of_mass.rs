@@ -19,8 +19,8 @@ pub struct CentreOfMass {
 }
 
 impl Kinematics {
-    /// Returns the centre of mass with the motion of the last update. Links fixed to the world are ignored.
-    /// NaN for a robot without mass.
+    /// Returns the position, velocity and acceleration of the centre of mass for the last update. Links fixed
+    /// to the world are ignored. NaN for a robot without mass.
     pub fn centre_of_mass(&self, model: &Model) -> CentreOfMass {
         let flat = model.flat();
         let (mut mass, mut position, mut velocity, mut acceleration) = (0.0, V3::ZERO, V3::ZERO, V3::ZERO);

@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector, Isometry3, Vector3, Vector6};
 
 use crate::{FrameId, Kinematics, Model, Reference};
 
-/// Their square roots are linearly independent over the rationals.
+/// Primes, whose square roots are linearly independent over the rationals.
 const PRIMES: [f64; 16] =
     [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0, 41.0, 43.0, 47.0, 53.0];
 
@@ -67,7 +67,7 @@ pub enum IkProgress {
 /// The search failed. The best configuration found is in `q`.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "no configuration puts \"{frame}\" there within tolerance after {seeds} starting points; the best is \
+    "no configuration moves \"{frame}\" to the target within tolerance after {seeds} starting points; the best is \
      {position_error:.1e} m and {rotation_error:.1e} rad away{}",
     explanation(.at_limits, *.singular)
 )]
@@ -82,7 +82,7 @@ pub struct IkFailure {
     pub rotation_error: f64,
     /// Joints at a limit.
     pub at_limits: Vec<String>,
-    /// Whether the configuration is singular, with the arm stretched or folded: no joint motion reduces the
+    /// `true` if the configuration is singular, with the arm stretched or folded: no joint motion reduces the
     /// error further.
     pub singular: bool,
 }
@@ -169,9 +169,9 @@ impl InverseKinematics {
         self.progress = Search::default();
     }
 
-    /// Continues a search for at most `steps` iterations, for loops that must not wait for a solution: the
-    /// calls together return what [`solve`](Self::solve) returns. The arguments must not change between them.
-    /// Does not allocate.
+    /// Continues a search for at most `steps` iterations, for loops that must not wait for a solution.
+    /// Repeated calls produce the same result as [`solve`](Self::solve). The arguments must not change
+    /// between calls. Does not allocate.
     ///
     /// ```
     /// # use motorium_robots::{IkOptions, IkProgress, InverseKinematics, Kinematics, load};

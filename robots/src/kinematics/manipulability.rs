@@ -24,7 +24,7 @@ impl TaskRows {
 impl Kinematics {
     /// Returns the manipulability of `frame` by the joints: `sqrt(det(J J'))` of the selected rows. It is
     /// zero in a singular configuration, and always if fewer joints move the frame than there are rows. A
-    /// floating base is excluded, because it could reach everything.
+    /// floating base is excluded, because it can move in every direction.
     pub fn manipulability(&self, model: &Model, frame: FrameId, rows: TaskRows) -> f64 {
         // The square root of rounding noise is only accurate to half the digits.
         self.gram(model, frame, rows).determinant().max(0.0).sqrt()

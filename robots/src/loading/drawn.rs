@@ -1,4 +1,4 @@
-//! Robots for viewers: as URDF text, with the colours of their links.
+//! Robots for viewers: URDF text and the colours of the links.
 
 use std::io;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use crate::{
 impl Loaded {
     /// Returns the robot as URDF for viewers: the text of its URDF file with [held](Self::held) joints fixed,
     /// or its model with visual shapes, [written](draw_as_urdf) as URDF. `None` if it was not loaded from a
-    /// file. Shells of the catalogue are among its meshes.
+    /// file. The meshes include shells of the catalogue.
     ///
     /// # Errors
     ///
@@ -39,7 +39,7 @@ impl Loaded {
         }))
     }
 
-    /// The shells of the catalogue in the text of its URDF that are not files of their own.
+    /// Returns the shells of the catalogue that the URDF text refers to and that are not separate files.
     fn shells(&self, text: &str) -> Vec<(String, Arc<TriangleMesh>)> {
         let packages = PackagePath::from_env();
         let included = shells_in(text).filter(|uri| packages.resolve(uri, self.path.as_deref()).is_err());

@@ -141,8 +141,8 @@ impl Loaded {
     }
 }
 
-/// Returns `true` if a joint opens and closes a gripper, by its name. The wrist of a gripper has an axis in
-/// its name.
+/// Returns `true` if a joint's name indicates that it opens and closes a gripper. Names with an axis belong
+/// to the wrist of a gripper.
 fn moves_finger(joint: &str) -> bool {
     let joint = joint.to_ascii_lowercase();
     let parts = ["finger", "gripper", "jaw", "claw", "thumb"];

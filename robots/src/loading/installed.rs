@@ -1,5 +1,5 @@
-//! Installed robots, unpacked on this machine: `$MOTORIUM_ROBOTS`, else `motorium/robots` in the user's data
-//! folder. Each folder there is a collection; every `.urdf` file in it is a robot.
+//! Installed robots: in `$MOTORIUM_ROBOTS`, otherwise in `motorium/robots` in the user's data folder. Each
+//! folder there is a collection; every `.urdf` file in it is a robot.
 
 use std::path::{Path, PathBuf};
 

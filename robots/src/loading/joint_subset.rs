@@ -1,5 +1,5 @@
-//! Robots of which a graph moves only some joints; the others are held at given positions and their bodies
-//! welded.
+//! Robots with a subset of their joints moved by a graph. The other joints are held at given positions and
+//! their bodies welded.
 
 use std::collections::BTreeMap;
 
@@ -27,7 +27,7 @@ impl JointSubset {
         let moved = self.moved(model, profile)?;
         let names = model.joint_names();
         if !moved.contains(&true) {
-            return Err(SettingError::new("joints", "no joint is left to move"));
+            return Err(SettingError::new("joints", "no joint remains to move"));
         }
         // the key that requests the pose
         let asks = match (pose, &self.joints) {
@@ -95,7 +95,7 @@ impl JointSubset {
         for name in self.fixed.keys() {
             let index = joint("fixed", name, model, None)?;
             if self.joints.is_some() && moved[index] {
-                let message = format!("joint `{name}` is one of `joints`, too: it either moves or is held");
+                let message = format!("joint `{name}` is also in `joints`: it either moves or is held");
                 return Err(SettingError::new("fixed", message));
             }
             moved[index] = false;

@@ -21,7 +21,7 @@ const LONGEST: u64 = 16 * 1024 * 1024;
 pub struct Loaded {
     /// The robot.
     pub model: Model,
-    /// Defects of its file, each naming the link or joint, to be shown to the user.
+    /// Defects of its file, with the link or joint, to be shown to the user.
     pub warnings: Vec<ModelWarning>,
     /// Poses, end effectors and gains: from the catalogue, or from the `.toml` of the same name next to the
     /// file.
@@ -40,7 +40,7 @@ pub struct Loaded {
 }
 
 impl Loaded {
-    /// Returns the text of its URDF or MJCF file; `None` if it was not loaded from one.
+    /// Returns the text of the URDF or MJCF file; `None` if the robot was not loaded from a file.
     ///
     /// ```
     /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?;
@@ -73,7 +73,7 @@ pub enum LoadError {
         reference: String,
         /// The path to which it would refer.
         path: PathBuf,
-        /// The robot of the catalogue or the installed one most likely meant.
+        /// The catalogue or installed robot most likely meant.
         nearest: Option<String>,
     },
     /// The folder contains no robot.
@@ -88,7 +88,7 @@ pub enum LoadError {
         names: Vec<String>,
     },
     /// The file is not MJCF, although it was specified as such.
-    #[error("{} is no MJCF file: its root element is not <mujoco>; name it by `urdf`", .0.display())]
+    #[error("{} is not an MJCF file: its root element is not <mujoco>; use the key `urdf` for it", .0.display())]
     NotMjcf(PathBuf),
     /// The file cannot be read.
     #[error("cannot read {}: {source}", .path.display())]
@@ -130,8 +130,8 @@ pub enum LoadError {
 /// Loads a robot: a catalogue name (`panda`), a folder or file relative to `base`, or the name of an
 /// [installed](crate::installed) robot. A file is URDF, or MJCF when its root element is `<mujoco>`.
 ///
-/// A catalogue name wins over a folder of the same name (write `./panda` for the folder), a folder over an
-/// installed robot.
+/// A catalogue name takes precedence over a folder of the same name (write `./panda` for the folder), and a
+/// folder over an installed robot.
 ///
 /// # Errors
 ///
@@ -211,7 +211,7 @@ struct Parsed {
     profile: Option<Profile>,
 }
 
-/// Parses a file's text as MJCF if its root element is `<mujoco>`, else as URDF.
+/// Parses a file's text as MJCF if its root element is `<mujoco>`, otherwise as URDF.
 fn parse(text: &str, path: &Path, options: &LoadOptions) -> Result<Parsed, LoadError> {
     if !is_mjcf(text) && options.format == FileFormat::Mjcf {
         return Err(LoadError::NotMjcf(path.to_owned()));
@@ -261,8 +261,8 @@ fn read(path: &Path) -> Result<String, LoadError> {
     })
 }
 
-/// Returns the robot file in a folder: its only URDF, the one named like the folder, or the one in its `urdf`
-/// folder; otherwise an MJCF file in the same way.
+/// Returns the robot file in a folder: its only URDF, the URDF with the name of the folder, or the URDF in
+/// its `urdf` folder; otherwise an MJCF file by the same rules.
 fn robot_in(folder: &Path, format: FileFormat) -> Result<PathBuf, LoadError> {
     let places = [(folder.to_owned(), "urdf"), (folder.join("urdf"), "urdf"), (folder.to_owned(), "xml")];
     for (place, extension) in places {

@@ -37,7 +37,8 @@ impl Posture {
         q
     }
 
-    /// Reads the states of a robot's SRDF. Empty if it is missing or malformed, since nothing depends on it.
+    /// Reads the states of a robot's SRDF. Empty if it is missing or malformed, because the states are
+    /// optional.
     pub(crate) fn beside(file: &Path, model: &Model) -> Vec<Self> {
         srdf_beside(file, model).map(|text| Self::parse(&text, model)).unwrap_or_default()
     }
@@ -62,7 +63,7 @@ impl Posture {
         postures
     }
 
-    /// Sets one joint of a state; returns `false` if the model does not have it.
+    /// Sets one joint of a state; returns `false` if the model does not have the joint.
     fn set_joint(&mut self, model: &Model, name: &str, numbers: &[f64]) -> bool {
         match (model.joint_index(name), numbers) {
             (Some(index), [position]) => self.joints[index] = *position,

@@ -27,12 +27,12 @@ pub struct RobotSource<'a> {
     pub base: &'a Path,
     /// Pose of the base in the world, if given in the graph.
     pub pose: Option<BasePose>,
-    /// Profile named by the graph, if any; otherwise the robot's own is used.
+    /// Profile specified by the graph, if any; otherwise the robot's own profile is used.
     pub profile: Option<&'a Path>,
     /// Folders searched for packages before all others.
     pub packages: &'a [PathBuf],
-    /// Table with the keys `mjcf` (true if the graph uses this key for the file), `joints`, `fixed`, `frame`,
-    /// `start` and `gains` of the graph. The last three override the profile.
+    /// Table with the graph's keys `mjcf` (true if the graph uses this key for the file), `joints`, `fixed`,
+    /// `frame`, `start` and `gains`. The last three override the profile.
     pub settings: Option<&'a serde_json::Value>,
 }
 

@@ -1,5 +1,5 @@
-//! Inertias rotated about and translated along one coordinate axis: a quarter of the arithmetic of a general
-//! transform.
+//! Inertias rotated about and translated along one coordinate axis, with a quarter of the arithmetic of a
+//! general transform.
 
 use super::{RigidInertia, S3, V3, fused};
 

@@ -103,7 +103,7 @@ impl Mul<f64> for Spatial {
     }
 }
 
-/// Inertia of a rigid body about the origin: ten numbers.
+/// Inertia of a rigid body about the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RigidInertia {
     pub(crate) mass: f64,

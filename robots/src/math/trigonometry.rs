@@ -1,8 +1,8 @@
 //! Sine and cosine of many angles simultaneously.
 //!
 //! Straight-line code without branches or tables, which the compiler vectorises. The angle is reduced by
-//! three parts of pi/2 (Cody and Waite 1980). Then Taylor polynomials on [-pi/4, pi/4] are used whose
-//! remainder is below half a unit in the last place.
+//! three parts of pi/2 (Cody and Waite 1980). On [-pi/4, pi/4], Taylor polynomials are used; their remainder
+//! is below half a unit in the last place.
 
 use super::fused;
 

@@ -14,7 +14,7 @@ const DEEPEST: usize = 64;
 /// Maximum number of nodes and geometries of a scene, counting every instance: nodes that instance one
 /// another twice double at each level.
 const MOST_INSTANCES: usize = 100_000;
-/// Maximum offset of an input within a corner. Files need one for each of a handful of inputs.
+/// Maximum offset of an input within a corner. Files need one offset for each of a few inputs.
 const LARGEST_OFFSET: usize = 255;
 /// Maximum number of triangles and points of a scene before its last instance.
 const MOST_TRIANGLES: usize = 4_000_000;
@@ -96,7 +96,10 @@ impl<'a, 'i> Reader<'a, 'i> {
         name.and_then(|name| self.ids.get(name).copied()).ok_or_else(|| {
             let element = node.tag_name().name();
             let value = node.attribute(attribute).unwrap_or("");
-            self.malformed(node, format!("{attribute}=\"{value}\" of <{element}> names nothing in this file"))
+            self.malformed(
+                node,
+                format!("{attribute}=\"{value}\" of <{element}> refers to no element of this file"),
+            )
         })
     }
 
@@ -113,7 +116,7 @@ impl<'a, 'i> Reader<'a, 'i> {
 
     fn node(&mut self, node: Node<'a, 'i>, parent: &Matrix4<f64>, depth: usize) -> Result<(), Fault> {
         if depth > DEEPEST {
-            return Err(self.malformed(node, "nodes instance each other without end"));
+            return Err(self.malformed(node, "nodes instance each other in a cycle"));
         }
         self.count(node)?;
         let mut pose = *parent;
@@ -175,7 +178,7 @@ impl<'a, 'i> Reader<'a, 'i> {
                 Ok(Rotation3::from_axis_angle(&axis, degrees.to_radians()).to_homogeneous())
             }
             (name, values) => Err(self
-                .malformed(element, format!("<{name}> has {} numbers, which is not its kind", values.len()))),
+                .malformed(element, format!("<{name}> has an invalid number of values: {}", values.len()))),
         }
     }
 
@@ -263,7 +266,7 @@ impl<'a, 'i> Reader<'a, 'i> {
             let triangles = sizes.is_empty().then_some(3).into_iter().cycle().take(corners.len() / 3);
             for size in sizes.iter().copied().chain(triangles) {
                 let Some((face, after)) = rest.split_at_checked(size) else {
-                    return Err(self.malformed(list, "fewer corners than its faces need"));
+                    return Err(self.malformed(list, "fewer corners than its faces require"));
                 };
                 rest = after;
                 let face: Vec<u32> = face.iter().map(|corner| (first + corner) as u32).collect();
@@ -376,7 +379,7 @@ mod tests {
     const INSTANCE: &str = "<instance_geometry url=\"#g\"/>";
 
     #[test]
-    fn accessors_state_the_layout_of_positions() {
+    fn accessors_define_the_layout_of_positions() {
         let plain = tetrahedron(PLAIN, ACCESSOR, FACES, INSTANCE).unwrap();
         assert_eq!((plain.points.len(), plain.triangles.len()), (4, 4));
         assert!((plain.volume() - 1.0 / 6.0).abs() < 1e-15);

@@ -3,8 +3,8 @@
 use nalgebra::{Vector2, Vector3};
 
 /// Writes the triangles of the polygon with these corners and keeps its orientation. A convex polygon becomes
-/// a fan from its first corner. A self-intersecting polygon has no inside: once no ear remains, the rest
-/// becomes a fan.
+/// a fan from its first corner. A self-intersecting polygon has no well-defined interior: once no ear
+/// remains, the rest becomes a fan.
 pub(super) fn triangulate(points: &[Vector3<f64>], corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
     let fan = |corners: &[u32], triangles: &mut Vec<[u32; 3]>| {
         if let [first, others @ ..] = corners {

@@ -94,9 +94,9 @@ impl TriangleMesh {
         self
     }
 
-    /// Returns the ends \[m\] of an edge between two triangles with inconsistent orientation, which both run
-    /// along it in the same direction. `None` if the orientation is consistent. Coincident corners must be
-    /// merged first: see [`welded`](Self::welded).
+    /// Returns the ends \[m\] of an edge between two triangles with inconsistent orientation: both traverse
+    /// it in the same direction. `None` if the orientation is consistent. Coincident corners must be merged
+    /// first: see [`welded`](Self::welded).
     pub fn twisted_edge(&self) -> Option<[Vector3<f64>; 2]> {
         let edges = self.directed_edges();
         let twisted = |(from, to): &(u32, u32), count: i32| count == 2 && !edges.contains_key(&(*to, *from));
@@ -139,7 +139,7 @@ impl TriangleMesh {
     ///
     /// `None` if the volume is not positive.
     pub fn volume_properties(&self) -> Option<VolumeProperties> {
-        // Relative to a corner of the mesh, because digits would be lost far from the origin.
+        // Relative to a corner of the mesh, to avoid losing digits far from the origin.
         let origin = self.points[self.triangles.first()?[0] as usize];
         let (mut volume, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
         for triangle in &self.triangles {

@@ -17,10 +17,11 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Fault> {
     let expected = count.map(|count| HEADER + FACET * count as usize);
     let text = bytes.trim_ascii_start().starts_with(b"solid");
     match expected {
-        // The header states fewer triangles than there are: it was not completed, or belongs to another file.
+        // The header states fewer triangles than the file contains: it was not updated, or belongs to another
+        // file.
         Some(expected) if !text && expected + FACET <= bytes.len() => {
             let (found, promised) = ((bytes.len() - HEADER) / FACET, (expected - HEADER) / FACET);
-            let message = format!("its header states {promised} triangles, and there is room for {found}");
+            let message = format!("its header states {promised} triangles, but there is room for {found}");
             Err((0, MeshProblem::Malformed(message)))
         }
         Some(expected) if expected == bytes.len() || !text && expected < bytes.len() => {

@@ -40,8 +40,8 @@ pub enum AttachError {
 
 impl Model {
     /// Returns the robot with `tool` (a gripper, another arm) fixed to `frame`. `placement` is the pose of
-    /// the tool's root frame in that frame. The tool's links and joints get the `prefix`; its joints come
-    /// last in `q` and `v`.
+    /// the tool's root frame in that frame. Names of the tool's links and joints get the `prefix`; its joints
+    /// are last in `q` and `v`.
     ///
     /// # Errors
     ///
@@ -103,8 +103,8 @@ impl Model {
         Ok(Self::new(self.name.clone(), base, bodies, frames))
     }
 
-    /// Returns the robot with `prefix` before the names of all links and joints, such as `left/`, to
-    /// distinguish several robots of one kind.
+    /// Returns the robot with `prefix`, such as `left/`, before the names of all links and joints, to
+    /// distinguish several robots of one type.
     ///
     /// ```
     /// let robot = motorium_robots::load("pendulum", std::path::Path::new("."))?.model;

@@ -19,10 +19,10 @@ pub struct Body {
     pub shapes: Vec<Shape>,
 }
 
-/// The root of the tree: every link fixed to the root link, merged.
+/// Root of the tree: the root link merged with all links fixed to it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Base {
-    /// `true` for a floating base: six entries of `v` and seven of `q`, before the joints.
+    /// `true` for a floating base, which has six entries of `v` and seven of `q`, before the joints.
     pub floating: bool,
     /// World pose in the neutral configuration, if given in the file.
     pub neutral: Isometry3<f64>,

@@ -3,7 +3,7 @@
 //!
 //! On a floating base `q` starts with the base's position in the world and its orientation as a quaternion x
 //! y z w, and `v` with the velocity of the base's origin and its angular velocity, both in the base's axes.
-//! Everything else is one number per joint in both; a continuous joint is one unbounded angle.
+//! All other entries are one number per joint; a continuous joint is one unbounded angle.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3, Vector6};
 

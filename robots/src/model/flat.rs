@@ -29,9 +29,9 @@ pub(crate) struct FlatModel {
     /// Inertia of the floating base about its origin; zero on a fixed base.
     pub(crate) base: RigidInertia,
     pub(crate) floating: bool,
-    /// Whether a joint has an armature.
+    /// `true` if any joint has an armature.
     pub(crate) geared: bool,
-    /// Whether a joint follows another, so that columns of `v` belong to several joints.
+    /// `true` if any joint follows another: columns of `v` then belong to several joints.
     pub(crate) coupled: bool,
     /// `true` if bodies are ordered depth first and each has its own column of `v`.
     pub(crate) orderly: bool,
@@ -159,7 +159,7 @@ impl Positions {
         sin_cos(&self.x, &mut self.sin, &mut self.cos);
     }
 
-    /// Updates only the joints of `chain`, at its indices instead of the nodes'.
+    /// Updates only the joints of `chain`, at their indices in `chain` instead of their node indices.
     #[inline(always)]
     pub(crate) fn update_chain(&mut self, nodes: &[Node], chain: &[usize], q: &[f64]) {
         for (x, &slot) in self.x.iter_mut().zip(chain) {

@@ -7,8 +7,8 @@ use super::{Body, Coordinate, Joint, Limits};
 const SAME: f64 = 1e-9;
 
 impl Joint {
-    /// Returns the positions of the leader at which this joint is within its own limits: lower and upper
-    /// \[rad or m\]. `None` for an independent joint and for one that its leader does not move.
+    /// Returns the lowest and highest position of the leader at which this joint is within its own limits
+    /// \[rad or m\]. `None` for an independent joint and for a joint that its leader does not move.
     pub(crate) fn range_of_leader(&self) -> Option<[f64; 2]> {
         let Coordinate::Mimic { multiplier, offset, .. } = self.coordinate else { return None };
         if multiplier == 0.0 {
@@ -19,17 +19,18 @@ impl Joint {
     }
 
     /// Returns the velocity of the leader at which this joint moves at its own limit \[rad/s or m/s\]. `None`
-    /// as for the range, and if the limit is 0, which files use for unknown limits of followers.
+    /// as for the range, and for a limit of 0, which files use for unknown limits of followers.
     pub(crate) fn velocity_of_leader(&self) -> Option<f64> {
         let Coordinate::Mimic { multiplier, .. } = self.coordinate else { return None };
         (multiplier != 0.0 && self.limits.velocity > 0.0).then(|| self.limits.velocity / multiplier.abs())
     }
 }
 
-/// Returns the limits of every independent joint, narrowed such that its followers are within theirs.
+/// Returns the limits of every independent joint, narrowed such that its followers stay within their own
+/// limits.
 ///
-/// A follower without a common position with its leader does not narrow the limits, because some files limit
-/// a follower to a point.
+/// A follower whose range has no common position with its leader's does not narrow the limits: some files
+/// limit a follower to a point.
 pub(super) fn common_limits(bodies: &[Body], joint_bodies: &[usize]) -> Vec<Limits> {
     let mut common: Vec<Limits> = joint_bodies.iter().map(|&body| bodies[body].joint.limits).collect();
     for joint in bodies.iter().map(|body| &body.joint) {

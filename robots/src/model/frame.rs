@@ -23,7 +23,8 @@ pub struct Frame {
     pub name: String,
     /// Body to which it is fixed; `None` for the base.
     pub body: Option<usize>,
-    /// Whether the frame is fixed to the world next to a floating base, as a link above a `floating` joint.
+    /// `true` if the frame is fixed to the world next to a floating base, such as a link above a `floating`
+    /// joint.
     pub in_world: bool,
     /// Pose in the frame of the body, the base or the world.
     pub placement: Isometry3<f64>,

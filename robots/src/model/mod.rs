@@ -161,7 +161,7 @@ impl Model {
         &self.joint_names
     }
 
-    /// Returns the index of an independent joint among them; on a fixed base, this is its index in `q`.
+    /// Returns the index of a joint among the independent joints; on a fixed base, this is its index in `q`.
     pub fn joint_index(&self, name: &str) -> Option<usize> {
         self.joint_names.iter().position(|joint| joint == name)
     }
@@ -223,7 +223,7 @@ impl Model {
     }
 
     /// Lower position limits \[rad or m\], one per independent joint, -inf without a limit. The limits of
-    /// followers narrow this limit, the upper one and the velocity limit.
+    /// followers narrow the lower, upper and velocity limits.
     pub fn lower(&self) -> &DVector<f64> {
         &self.lower
     }
@@ -243,7 +243,7 @@ impl Model {
         &self.effort_limit
     }
 
-    /// Collision geometry of the base: of links fixed to the world, unless the base floats.
+    /// Collision geometry of the base; unless the base floats, these are the links fixed to the world.
     pub fn base_shapes(&self) -> &[Shape] {
         &self.base.shapes
     }
@@ -253,7 +253,7 @@ impl Model {
     }
 }
 
-/// Welds a rigid part, given in the frame of `carrier` (or of the base), to it.
+/// Welds a rigid part to `carrier` (or the base); the part is expressed in the carrier's frame.
 fn weld(
     base: &mut Base,
     bodies: &mut [Body],

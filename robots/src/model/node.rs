@@ -12,7 +12,7 @@ pub(crate) struct Node {
     pub(crate) inertia: RigidInertia,
     /// Index of the parent in a workspace: 0 is the base, body `i` is `i + 1`.
     pub(crate) parent: usize,
-    /// Whether the joint translates along z instead of rotating about it.
+    /// `true` if the joint translates along z instead of rotating about it.
     pub(crate) prismatic: bool,
     /// Column of `v`.
     pub(crate) column: usize,

@@ -160,8 +160,8 @@ impl Model {
         Ok(Self::new(self.name.clone(), base, bodies, frames))
     }
 
-    /// Returns the robot with its velocity limits lowered to `limits` \[rad/s or m/s\], one for each
-    /// independent joint, where these are lower.
+    /// Returns the robot with its velocity limits reduced to at most `limits` \[rad/s or m/s\], one for each
+    /// independent joint.
     ///
     /// ```
     /// let arm = motorium_robots::load("planar-3r", std::path::Path::new("."))?.model;

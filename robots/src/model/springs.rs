@@ -29,7 +29,7 @@ pub enum SpringError {
 }
 
 impl Model {
-    /// Returns the robot with springs in these joints, replacing existing ones. A spring is given by the
+    /// Returns the robot with springs in these joints, replacing existing ones. Each spring consists of the
     /// joint's name, the stiffness \[Nm/rad or N/m\], and the rest position \[rad or m\].
     ///
     /// ```

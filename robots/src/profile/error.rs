@@ -39,7 +39,7 @@ pub enum ProfileError {
         /// The names of all end effectors.
         known: Vec<String>,
     },
-    /// The model has a joint the profile does not list.
+    /// The model has a joint that the profile does not list.
     #[error("the profile does not list joint \"{joint}\" of robot \"{robot}\"")]
     MissingJoint {
         /// The joint.
@@ -47,7 +47,7 @@ pub enum ProfileError {
         /// The robot.
         robot: String,
     },
-    /// The profile lists a joint the model does not have.
+    /// The profile lists a joint that the model does not have.
     #[error("{what} names joint \"{joint}\", which is not an independent joint of robot \"{robot}\"")]
     UnknownJoint {
         /// The key that names the joint.

@@ -1,4 +1,4 @@
-//! Robot profiles: poses, end effectors, feet and gains, which a URDF lacks, in a TOML file next to it.
+//! Robot profiles: TOML files next to a URDF with the data it lacks: poses, end effectors, feet and gains.
 
 mod check;
 mod error;
@@ -54,7 +54,7 @@ pub struct Profile {
     /// Default gains of a joint impedance loop.
     #[serde(default)]
     pub(crate) gains: Option<GainArrays>,
-    /// Limits that a URDF lacks.
+    /// Limits not contained in a URDF.
     #[serde(default)]
     limits: LimitArrays,
 }
@@ -136,7 +136,7 @@ impl Profile {
         }
     }
 
-    /// Calls `change` with each list that has one number per joint.
+    /// Calls `change` for each list with one number per joint.
     pub(crate) fn arrays(&mut self, change: &mut dyn FnMut(&mut Vec<f64>)) {
         self.spread();
         let LimitArrays { velocity, acceleration, effort_rate } = &mut self.limits;

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use serde::Deserialize;
 
-/// Kind of base: fixed to the world, or free.
+/// Kind of base: fixed to the world, or floating.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum BaseKind {
@@ -56,7 +56,7 @@ pub struct EndEffector {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Foot {
-    /// Link whose frame touches the ground, at its origin unless a radius is given.
+    /// Link whose frame touches the ground, at its origin unless `radius` is set.
     pub frame: String,
     /// Joints that move the foot.
     #[serde(default)]
@@ -77,7 +77,7 @@ pub struct Foot {
 pub enum Steering {
     /// Two wheels, or two rows of wheels, with independent speeds.
     Differential,
-    /// Steered front wheels that aim at one centre on the rear axle's line.
+    /// Steered front wheels whose axes intersect at one point on the rear axle's line.
     Ackermann,
     /// Any planar velocity.
     Omnidirectional,
@@ -137,7 +137,7 @@ pub enum Spin {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rotor {
-    /// Link whose frame's origin is the point of action of the thrust.
+    /// Link with the point of action of the thrust at its frame's origin.
     pub frame: String,
     /// Spin direction.
     pub spin: Spin,

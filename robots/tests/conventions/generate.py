@@ -1,19 +1,19 @@
 #!/usr/bin/env python3
-"""Writes the same motions of rover.urdf in the coordinates of Pinocchio and of MuJoCo, to vectors.json beside this script.
+"""Writes the same motions of rover.urdf in the coordinates of Pinocchio and of MuJoCo to vectors.json next to this script.
 
     python3 -m venv /tmp/both && /tmp/both/bin/pip install pin==4.1.0 mujoco==4.0.0
     /tmp/both/bin/python robots/tests/conventions/generate.py
 
-A motion is what any program must agree on: where the body is and how it turns in the world, and every joint by name. `body` has
+A motion is independent of the program: the pose and velocity of the body in the world, and every joint by name. `body` has
 the position, the rotation matrix, and the velocity of the body's origin and its angular velocity in world axes. The script
-writes it in each program's coordinates, asks the program where its links are and how they move (`links`: position, rotation
-matrix, linear velocity of the origin, angular velocity, all in world axes), and stops unless both say the same.
+converts it to each program's coordinates, queries the motion of its links (`links`: position, rotation matrix, linear velocity
+of the origin, angular velocity, all in world axes), and stops unless both programs agree.
 `joints` is each program's own order. Accelerations: `a` is each program's derivative of its own velocity; Pinocchio's is the
-spatial one in body axes, MuJoCo's the classical one in world axes with the angular part in body axes. `tau` is each program's
-inverse dynamics for its `a` without gravity, so that it tells whether a velocity's dual is right too. `difference` and
-`interpolated` are Pinocchio's, of the way from a case's `q` to the next one's: its velocity, and where it is after 0.3 of it.
+spatial acceleration in body axes, MuJoCo's the classical acceleration in world axes with the angular part in body axes. `tau` is
+each program's inverse dynamics for its `a` without gravity, which also checks the dual of the velocity. `difference` and
+`interpolated` are Pinocchio's, from a case's `q` to the next case's: the velocity, and the configuration at 0.3 of the distance.
 
-`planar`: a planar joint alone, which Pinocchio has and MuJoCo has not. Pinocchio takes it to lie in x and y whatever its axis.
+`planar`: a single planar joint, which MuJoCo does not have. Pinocchio puts it in the x-y plane regardless of its axis.
 """
 
 import json
@@ -51,14 +51,14 @@ def motions():
                 "R": rotation,
                 "linear": random.uniform(-2, 2, 3),
                 "angular": random.uniform(-3, 3, 3),
-                # Of the origin, classical, and of the angular velocity.
+                # Classical acceleration of the origin, and angular acceleration.
                 "linear_rate": random.uniform(-4, 4, 3),
                 "angular_rate": random.uniform(-4, 4, 3),
             },
             "joints": {
                 "arm_joint": random.uniform(-2, 2, 3),
                 "hand_joint": random.uniform(-0.2, 0.2, 3),
-                # The ends of the turn too.
+                # Including the ends of the turn.
                 "wheel_joint": np.array([[3.1, -3.1, 0.0][number] if number < 3 else random.uniform(-3, 3), 2.0, -1.0]),
             },
         }
@@ -73,7 +73,7 @@ def in_pinocchio(model, motion):
     q[:3] = body["p"]
     q[3:7] = pin.Quaternion(R).coeffs()
     v[:3], v[3:6] = R.T @ body["linear"], w
-    # Classical less w x v: the spatial acceleration.
+    # Classical minus w x v: the spatial acceleration.
     a[:3] = R.T @ body["linear_rate"] - np.cross(w, v[:3])
     a[3:6] = R.T @ body["angular_rate"]
     for name, (position, rate, rate_of_rate) in motion["joints"].items():

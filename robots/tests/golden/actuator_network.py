@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Writes a small actuator network and what numpy computes with it: actuator_network.safetensors and .json beside this script.
+"""Writes a small actuator network and its outputs computed with numpy: actuator_network.safetensors and .json next to this script.
 
     python3 robots/tests/golden/actuator_network.py
 
 Six inputs (position errors now, 10 ms and 20 ms ago, then the velocities at the same times), two hidden layers of eight, softsign
-between the layers, one output. The measurements are taken every 2 ms; before the first, the first stands for all.
+between the layers, one output. Measurements are 2 ms apart; times before the first measurement use the first measurement.
 """
 
 import json

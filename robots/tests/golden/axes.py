@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""Writes golden vectors of Pinocchio for robots whose joint axes stand at, or all but at, a coordinate axis.
+"""Writes golden vectors of Pinocchio for robots whose joint axes are at, or nearly at, a coordinate axis.
 
     python3 -m venv /tmp/pin && /tmp/pin/bin/pip install pin==4.1.0 example-robot-data==6.0.0
-    /tmp/pin/bin/python robots/tests/golden/axes.py        # writes axes.json and icub.json beside this script
+    /tmp/pin/bin/python robots/tests/golden/axes.py        # writes axes.json and icub.json next to this script
 
 axes.json: random trees, each with its URDF text. Every joint axis is a pole (+-x, +-y, +-z), exactly or tilted by 1e-18 to
-0.1 rad; the tree turns a pole into the next, so that every pole meets every order of tilt. Every second base floats.
+0.1 rad; the tree rotates each pole into the next, which combines every pole with every order of tilt. Every second base floats.
 
-icub.json: the iCub of the PyPI package example-robot-data, whose knee has the axis `0 1.22465e-16 -1`. Its file is not kept
-here: the test reads it from the package.
+icub.json: the iCub of the PyPI package example-robot-data, whose knee has the axis `0 1.22465e-16 -1`. Its file is not
+in this repository: the test reads it from the package.
 
-The layout of a file of vectors is that of catalogue.py.
+The layout of the files is described in catalogue.py.
 """
 
 import json

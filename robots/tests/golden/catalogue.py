@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Writes golden vectors of Pinocchio for every robot of the catalogue, in catalogue/ beside this script.
+"""Writes golden vectors of Pinocchio for every robot of the catalogue, in catalogue/ next to this script.
 
     python3 -m venv /tmp/pin && /tmp/pin/bin/pip install pin==4.1.0
-    /tmp/pin/bin/python robots/tests/golden/catalogue.py              # all of them
-    /tmp/pin/bin/python robots/tests/golden/catalogue.py biped ur5e   # these
+    /tmp/pin/bin/python robots/tests/golden/catalogue.py              # all robots
+    /tmp/pin/bin/python robots/tests/golden/catalogue.py biped ur5e   # only these robots
 
 Units SI, radians; world z up. Spatial vectors and the rows of Jacobians: linear first, then angular. The order of every
 joint-space vector is Pinocchio's, listed in `joints`; `joint_positions` has every joint by name. A continuous joint has two
@@ -35,12 +35,12 @@ def plain(array):
 
 
 def rows(matrix, nv):
-    """Row by row, even where a single column comes back as a vector."""
+    """Returns the rows of a matrix, even if a single column is returned as a vector."""
     return plain(np.asarray(matrix).reshape(-1, nv))
 
 
 def configurations(model, floating, random, count):
-    """The middle of the ranges, the ends of them, the rest random."""
+    """Returns the middle of the ranges, their ends, and random configurations."""
     scalars = [joint for joint in list(model.joints)[1:] if joint.nv == 1]
 
     def bounds(joint):
@@ -155,7 +155,7 @@ def limits(model):
 
 
 def document(name, model, floating, chosen, count):
-    """Golden vectors of `count` states of a model; its Jacobians are those of the frames `chosen`."""
+    """Returns golden vectors of `count` states of a model, with Jacobians of the frames `chosen`."""
     model.gravity.linear = np.array(GRAVITY)
     random = np.random.default_rng(sum(name.encode()))
     cases = []
@@ -190,7 +190,7 @@ def catalogue_document(name):
     floating = profile.get("base") == "floating"
     model = pin.buildModelFromUrdf(str(urdf), *([pin.JointModelFreeFlyer()] if floating else []))
     chosen = [end["frame"] for part in ("end_effectors", "feet", "rotors") for end in profile.get(part, {}).values()]
-    # The farthest from the base first; two will do.
+    # The frames farthest from the base first; two suffice.
     chosen = (chosen or [[frame.name for frame in model.frames if frame.type == pin.FrameType.BODY][-1]])[:2]
     return document(name, model, floating, chosen, 4 if model.nv <= 9 else 2)
 

@@ -2,14 +2,14 @@
 """Writes golden vectors of Pinocchio for a robot of the catalogue.
 
     python3 -m venv /tmp/pin && /tmp/pin/bin/pip install pin==4.1.0
-    /tmp/pin/bin/python robots/tests/golden/generate.py        # writes panda.json beside this script
+    /tmp/pin/bin/python robots/tests/golden/generate.py        # writes panda.json next to this script
 
 Units SI, radians; world z up. Spatial vectors and Jacobian rows: linear first, then angular. `M_upper`: upper triangle of
-the mass matrix, row by row. `joint_positions`, and the entries of every joint-space vector, follow `joints`.
+the mass matrix, row by row. `joint_positions` and every joint-space vector are in the order of `joints`.
 
 Mimic joints follow their master. Pinocchio computes with all joints independent; with the constant matrix G of
 v_all = G v, everything follows from virtual work: J = J_all G, tau = G' tau_all, M = G' M_all G, and aba solves M a = tau - nle.
-Pinocchio's own reduction (`mimic=True`) must give the same, or the script stops.
+The script stops unless Pinocchio's own reduction (`mimic=True`) gives the same result.
 """
 
 import json
@@ -37,7 +37,7 @@ REFERENCES = {
 
 
 def mimics(urdf):
-    """{joint: (master, multiplier, offset)} of the file; no chains in the catalogue."""
+    """Returns {joint: (master, multiplier, offset)} of the file; the catalogue has no chains."""
     found = {}
     for joint in ET.parse(urdf).getroot().iter("joint"):
         mimic = joint.find("mimic")
@@ -51,7 +51,7 @@ def mimics(urdf):
 
 
 def reduction(model, follows):
-    """Independent joint names, G and offset with q_all = G q + offset."""
+    """Returns the independent joint names, and G and offset with q_all = G q + offset."""
     names = [name for name in model.names[1:] if name not in follows]
     G = np.zeros((model.nv, len(names)))
     offset = np.zeros(model.nv)

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Writes values of the Lie group functions, computed with 60 digits, to vectors.json beside this script.
+"""Writes values of the Lie group functions, computed with 60 digits, to vectors.json next to this script.
 
     python3 -m venv /tmp/mp && /tmp/mp/bin/pip install mpmath==1.4.1
     /tmp/mp/bin/python robots/tests/lie/generate.py
 
 No closed form of a Jacobian is used: left Jacobians are sums of powers of the adjoint, inverses are solved for, rates are
-differentiated numerically. Vectors have the linear part first; matrices stand row by row; quaternions are x y z w.
+differentiated numerically. Vectors have the linear part first, matrices are row by row, and quaternions are x y z w.
 """
 
 import json
@@ -17,7 +17,7 @@ mp.mp.dps = 60
 
 ANGLES = ["0", "1e-30", "1e-12", "1e-9", "1e-8", "1e-6", "1e-4", "1e-3", "0.01", "0.1", "0.2499", "0.5", "0.9999999", "1.0000001"]
 ANGLES += ["1.4999999", "1.5000001", "2", "2.5", "3", "3.1"]
-# Short of half a turn; then beyond, where only the Jacobians can be compared.
+# Up to half a turn; beyond it, only the Jacobians can be compared.
 SHORT = ["1e-3", "1e-6", "1e-9", "1e-12"]
 BEYOND = ["3.2", "4", "5", "6"]
 DIRECTIONS = [([0, 0, 1], [1, 0, 0]), ([1, 2, -0.5], [0.3, -0.5, 0.8]), ([-0.5, 0.5, 0.7], [-20, 3, 0.1]), ([0, -1, 0], [0, 0, 0])]
@@ -57,7 +57,7 @@ def floats(values):
 def case(direction, rho, angle):
     axis = mp.matrix(direction)
     axis /= mp.norm(axis)
-    # What the test reads are doubles: from them everything is computed.
+    # The test reads doubles, so everything is computed from rounded values.
     phi = mp.matrix([mp.mpf(float(entry * angle)) for entry in axis])
     rho = mp.matrix([mp.mpf(float(entry)) for entry in rho])
     t = mp.norm(phi)

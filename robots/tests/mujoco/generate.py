@@ -1,18 +1,18 @@
 #!/usr/bin/env python3
-"""Writes vectors of MuJoCo, which shares no code with Pinocchio or with this crate, for the files beside this script.
+"""Writes vectors of MuJoCo, which shares no code with Pinocchio or with this crate, for the files next to this script.
 
     python3 -m venv /tmp/mujoco && /tmp/mujoco/bin/pip install mujoco==4.0.0
-    /tmp/mujoco/bin/python robots/tests/mujoco/generate.py       # writes vectors.json beside this script
-    /tmp/mujoco/bin/python robots/tests/mujoco/generate.py OUT.json FILE.xml ...   # the same of other files
+    /tmp/mujoco/bin/python robots/tests/mujoco/generate.py       # writes vectors.json next to this script
+    /tmp/mujoco/bin/python robots/tests/mujoco/generate.py OUT.json FILE.xml ...   # the same for other files
 
 Units SI, radians; gravity (0, 0, -9.81). qpos, qvel and the joint-space vectors are MuJoCo's own: the quaternion
-w x y z, the linear velocity of a free body in world axes, its angular velocity in its own. MuJoCo's acceleration of a
-free body is the derivative of those six numbers, so it is the classical one in world axes. All joints of a URDF are
-independent: MuJoCo turns mimic joints into soft constraints, which are off here.
+w x y z, the linear velocity of a free body in world axes, its angular velocity in body axes. MuJoCo's acceleration of a
+free body is the derivative of these six numbers, i.e. the classical acceleration in world axes. All joints of a URDF are
+independent: MuJoCo converts mimic joints to soft constraints, which are disabled here.
 
-Forces that motorium leaves to who simulates are taken out of the file: damping, friction, springs, limits and contacts.
-Armature stays: both count it. `M` is qM in full; `bias` is qfrc_bias; `inverse` is M a + bias. Positions of bodies and
-sites come with their orientation as a quaternion w x y z.
+Forces that motorium leaves to simulators are removed from the file: damping, friction, springs, limits and contacts.
+Armature is kept, because both include it. `M` is qM in full; `bias` is qfrc_bias; `inverse` is M a + bias. Positions of bodies and
+sites are followed by their orientation as a quaternion w x y z.
 """
 
 import json

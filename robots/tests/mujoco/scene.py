@@ -1,4 +1,4 @@
-"""What MuJoCo makes of scene/scene.xml, a file with the features of MuJoCo Menagerie's: writes scene.json.
+"""Writes MuJoCo's values for scene/scene.xml, a file with the features of MuJoCo Menagerie's, to scene.json.
 
 pip install mujoco; python scene.py
 """
@@ -17,7 +17,7 @@ for key in range(model.nkey):
     mujoco.mj_resetDataKeyframe(model, data, key)
     mujoco.mj_forward(model, data)
     mass = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, mass, data.qM)
+    mujoco.mj_fullM(model, data, mass)
     site = data.site("grip")
     keys[model.key(key).name] = {
         "qpos": data.qpos.tolist(),

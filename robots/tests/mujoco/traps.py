@@ -1,18 +1,18 @@
 #!/usr/bin/env python3
-"""Writes the trap files of MJCF, one rule of the format each, and MuJoCo's own values of them.
+"""Writes the MJCF trap files, one rule of the format each, and MuJoCo's own values for them.
 
     python3 -m venv /tmp/mujoco && /tmp/mujoco/bin/pip install mujoco==4.0.0
     /tmp/mujoco/bin/python robots/tests/mujoco/traps.py              # writes traps.json
     /tmp/mujoco/bin/python robots/tests/mujoco/traps.py --files OUT  # writes the files
 
-The folder `trap_files` has the files: robots of at most a few joints. `traps.json` holds, for each: its text, the names
-of MuJoCo's joints (a free joint among them), limits, damping, dry friction, and for two states the upper triangle of
+The folder `trap_files` has the files: robots with at most a few joints. `traps.json` contains, for each: its text, the names
+of MuJoCo's joints (including a free joint), limits, damping, dry friction, and for two states the upper triangle of
 the mass matrix row by row, the bias forces and the poses (position, quaternion w x y z) of bodies and sites.
 `couplings` are the joint equalities that are active at the start: follower, leader, multiplier, offset, factors of
-higher order. A file that MuJoCo itself refuses has `error` instead.
+higher order. A file that MuJoCo itself rejects has `error` instead.
 
-Units SI, radians. Quantities and frames are those of generate.py; here damping and friction are compared, so they are
-listed before they are taken out of the file. Damping is the diagonal that MuJoCo multiplies the velocity with.
+Units SI, radians. Quantities and frames are as in generate.py. Damping and friction are compared here, so they are
+listed before they are removed from the file. Damping is the diagonal by which MuJoCo multiplies the velocity.
 """
 
 import json
@@ -40,7 +40,7 @@ def name(model, kind, index):
 
 
 def damping(path):
-    """Passive damping force per velocity of each degree of freedom; with actuators, without tendons."""
+    """Returns the passive damping force per velocity of each degree of freedom; includes actuators, excludes tendons."""
     model = mujoco.MjModel.from_xml_path(str(path))
     model.tendon_damping[:] = 0
     data = mujoco.MjData(model)

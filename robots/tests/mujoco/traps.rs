@@ -36,7 +36,7 @@ const REFUSED: &[(&str, u32, u32, &str)] = &[
     ("free_align", 5, 7, "align=\""),
     ("free_alignfree", 2, 3, "alignfree=\""),
     ("free_alignfree_joint_class", 2, 3, "alignfree=\""),
-    ("free_two", 8, 5, "beside a body with a free joint nothing else may move in the"),
+    ("free_two", 8, 5, "next to a body with a free joint, no other body may move in the"),
     ("orientation_two_ways", 4, 5, "euler=\""),
     ("class_renamed_root", 3, 3, "class=\""),
     ("class_repeated", 4, 53, "a second class is named \"c\""),

@@ -7,7 +7,8 @@ use nalgebra::{Isometry3, Vector3};
 
 pub(crate) use random::Random;
 
-/// A robot with one slide and no other links, so that obstacles meet the single shape on its base.
+/// Creates a robot with one slide and no other links; obstacles are checked against its only shape, on the
+/// base.
 pub(crate) fn with_shape(geometry: &str) -> Model {
     let text = format!(
         "<robot name=\"r\"><link name=\"base\"/><link name=\"body\">\

@@ -8,9 +8,9 @@ impl Setup {
     /// Starts a helper thread for work that must not be done in a step: printing, files, slow devices.
     ///
     /// The thread runs at normal priority on the shared cores of the graph, under `name` (1 to 15 bytes). Its
-    /// allocations are not counted as those of the steps. After the component has stopped, the thread
-    /// receives a stop request, which also interrupts a [`wait`](StopRequest::wait) or blocking system call,
-    /// and is joined. It has half of the component's `stop_within` for that.
+    /// allocations do not count as allocations in steps. After the component has stopped, the thread
+    /// receives a stop request and is joined. The request also interrupts a [`wait`](StopRequest::wait) or a
+    /// blocking system call. The thread must end within half of the component's `stop_within`.
     ///
     /// ```
     /// use motorium::prelude::*;
@@ -42,12 +42,12 @@ impl Setup {
         self.helpers.start(name, cores, run)
     }
 
-    /// Sets the descriptor, such as a socket or a bus, that releases the steps of this component if the graph
-    /// has `activate = { on = "fd", ... }`; otherwise it has no effect. The component must declare
+    /// Sets the file descriptor, such as a socket or a bus, that releases the steps of this component. It has
+    /// no effect unless the graph has `activate = { on = "fd", ... }`. The component must declare
     /// [`wakes_on_descriptor`](crate::declare::Declare::wakes_on_descriptor).
     ///
     /// A step is released while the descriptor is readable: the step reads the available data without
-    /// waiting. Remaining data release another step.
+    /// waiting. Unread data release another step.
     ///
     /// ```
     /// use motorium::prelude::*;

@@ -1,4 +1,4 @@
-//! Numbers that outlive a crash of their component.
+//! Numbers that survive a crash of their component.
 
 use std::rc::Rc;
 
@@ -7,10 +7,10 @@ use crate::context::Context;
 use crate::region::CHECKPOINT_BYTES;
 
 impl Setup {
-    /// Opens memory for numbers that survives a crash of this component.
+    /// Opens a checkpoint: memory for `numbers` values that survives a crash of this component.
     ///
     /// # Errors
-    /// The number exceeds the capacity of the checkpoint.
+    /// `numbers` exceeds the capacity of a checkpoint.
     pub fn checkpoint(&self, numbers: usize) -> Result<Checkpoint, ConfigureError> {
         if numbers * 8 > CHECKPOINT_BYTES {
             return Err(ConfigureError::failed(format!(
@@ -22,12 +22,12 @@ impl Setup {
     }
 }
 
-/// Numbers that outlive a crash of their component: saved at a step, loaded after a restart.
+/// Numbers that survive a crash of their component: saved at a step, loaded after a restart.
 ///
 /// ```
 /// use motorium::prelude::*;
 ///
-/// /// The angle of a motion, which goes on after a crash where it was.
+/// /// The angle of a motion, which continues after a crash.
 /// fn resume(setup: &mut Setup) -> Result<(Checkpoint, f64), ConfigureError> {
 ///     let mut checkpoint = setup.checkpoint(1)?;
 ///     let angle = checkpoint.resume().map_or(0.0, |numbers| numbers[0]);
@@ -55,8 +55,8 @@ impl Checkpoint {
         self.context.block().checkpoint.save(self.words.iter().copied());
     }
 
-    /// Returns the numbers saved before a restart of the component; `None` at its first start, or if one is
-    /// not finite.
+    /// Returns the numbers saved before the component restarted, or `None` at its first start or if a number
+    /// is not finite.
     pub fn resume(&mut self) -> Option<Vec<f64>> {
         if self.context.restart_count() == 0 || !self.context.block().checkpoint.load(&mut self.words) {
             return None;

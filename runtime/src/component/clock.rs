@@ -7,11 +7,11 @@ use crate::context::Context;
 use crate::declare::ClockKind;
 use crate::region::Command;
 
-/// The clock of a run: the current time on the clock of [`Tick::time_ns`], and conversion to the clock of
-/// stamps.
+/// The clock of a run: reads the current time on the clock of [`Tick::time_ns`] and converts it to the clock
+/// of stamps.
 ///
-/// An anytime algorithm reads it between two iterations. In lockstep, time stands still within a step, so the
-/// number of iterations needs its own bound and is the same in every run:
+/// An anytime algorithm reads it between iterations. In lockstep, time does not advance within a step, so the
+/// number of iterations needs its own bound, which also makes it reproducible:
 ///
 /// ```
 /// use motorium::component::RunClock;
@@ -39,29 +39,29 @@ impl RunClock {
         Self { context }
     }
 
-    /// Real time or lockstep.
+    /// Returns the kind of the clock: real time or lockstep.
     pub fn kind(&self) -> ClockKind {
         if self.context.clock().is_lockstep() { ClockKind::Lockstep } else { ClockKind::Realtime }
     }
 
-    /// Current time, ns since the start of the run or episode, on the clock of [`Tick::time_ns`]. In lockstep
-    /// it is the time of the step.
+    /// Returns the current time, ns since the start of the run or episode, on the clock of [`Tick::time_ns`].
+    /// In lockstep it is the time of the step.
     #[inline]
     pub fn now_ns(&self) -> u64 {
         let clock = self.context.clock();
         clock.now_ns().saturating_sub(clock.start_ns())
     }
 
-    /// Time for which a step computes, ns on the clock of [`Tick::time_ns`], on the grid of the rate. If a
-    /// publication triggers the component, it is the time of the state read, from
-    /// [`Reading::time_ns`](crate::transport::Reading::time_ns), else the time of the tick. Differences
-    /// between steps do not depend on their lateness.
+    /// Returns the time for which a step computes, aligned to the rate, ns on the clock of [`Tick::time_ns`].
+    /// For a component triggered by a publication this is the time of the state read, from
+    /// [`Reading::time_ns`](crate::transport::Reading::time_ns), otherwise the time of the tick. Differences
+    /// between steps do not depend on how late the steps run.
     #[inline]
     pub fn grid_ns(&self, tick: &Tick, state_ns: u64) -> u64 {
         if self.context.causality().is_triggered() { state_ns } else { tick.time_ns }
     }
 
-    /// Remaining time until the deadline of a step, ns; 0 after it.
+    /// Returns the time left until the deadline of a step, ns; 0 after the deadline.
     #[inline]
     pub fn left_ns(&self, tick: &Tick) -> u64 {
         tick.deadline_ns.saturating_sub(self.now_ns())
@@ -74,15 +74,15 @@ impl RunClock {
         self.context.clock().start_ns().saturating_add(time_ns)
     }
 
-    /// True while the run is latched, by `motorium stop --now` or an emergency stop: a motion that no command
-    /// gate judges, such as the homing of a drive, stops then.
+    /// Returns `true` while the run is latched by `motorium stop --now` or an emergency stop. Motions that
+    /// bypass the command gate, such as the homing of a drive, must then stop.
     #[inline]
     pub fn is_latched(&self) -> bool {
         self.context.region().header().latched().is_some()
     }
 
-    /// Returns `true` if the run has ended by now and actuators enter their safe state. [`Tick::settling`] is
-    /// the value at the start of the step; the difference matters if a step waits for others.
+    /// Returns `true` if the run has ended and actuators enter their safe state. [`Tick::settling`] is the
+    /// value at the start of the step; the two may differ in a step that waits for other components.
     #[inline]
     pub fn is_settling(&self) -> bool {
         self.context.region().header().command() != Command::Run

@@ -5,11 +5,11 @@ use serde_json::Value;
 use super::{ConfigureError, Episode, Setup, Tick};
 use crate::declare::{ConfigError, Declare, StepError};
 
-/// A component as an object: for programs that read scripts, and for bindings of other languages, which have
-/// no Rust type for each component.
+/// A component as an object, for programs that run scripts and for bindings to other languages, which have no
+/// Rust type for each component.
 ///
 /// Its methods are the methods of [`Component`](super::Component). Its configuration is JSON, its ports are
-/// usually from [`raw`](crate::raw), and [`Declare::resets`] declares that it can be reset.
+/// usually from [`raw`](crate::raw), and it declares by [`Declare::resets`] that it can be reset.
 /// `program::main_of` is the `main` of its program, which a graph names by `exec`.
 ///
 /// ```no_run
@@ -54,13 +54,13 @@ use crate::declare::{ConfigError, Declare, StepError};
 /// }
 /// ```
 pub trait DynamicComponent: 'static {
-    /// The name of its kind, `family.name`, for messages and lists.
+    /// Returns the name of its kind, `family.name`, for messages and lists.
     fn kind(&self) -> &str;
 
-    /// One-line summary for lists.
+    /// Returns a one-line summary for lists.
     fn summary(&self) -> &str;
 
-    /// The JSON Schema (draft 7) of its `config` table. Default: any table.
+    /// Returns the JSON Schema (draft 7) of its `config` table. The default accepts any table.
     fn schema(&self) -> Value {
         serde_json::json!({ "type": "object" })
     }
@@ -83,8 +83,8 @@ pub trait DynamicComponent: 'static {
     /// The step failed; the policy `on_error` of the graph file decides on the consequence.
     fn step(&mut self, tick: &Tick) -> Result<(), StepError>;
 
-    /// Resets to the state after [`configure`](Self::configure) for a new episode, if it declares that it
-    /// resets.
+    /// Resets to the state after [`configure`](Self::configure) for a new episode, if it declared that it can
+    /// be reset.
     ///
     /// # Errors
     /// The component cannot continue; the run ends.
@@ -101,10 +101,10 @@ pub trait DynamicComponent: 'static {
         Ok(())
     }
 
-    /// Runs once when the run ends in an orderly way.
+    /// Called once when the run ends in an orderly way.
     fn stop(&mut self) {}
 
-    /// The component's entry under `results` in the report of the finished run.
+    /// Returns the component's entry under `results` in the report of the finished run.
     fn result(&self) -> Option<Value> {
         None
     }

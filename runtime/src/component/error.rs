@@ -6,7 +6,7 @@ use crate::transport::PortError;
 /// The component could not be configured.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigureError {
-    /// Its configuration does not work.
+    /// The configuration is invalid.
     #[error(transparent)]
     Config(#[from] ConfigError),
     /// A port could not be opened.
@@ -18,7 +18,7 @@ pub enum ConfigureError {
 }
 
 impl ConfigureError {
-    /// The message, with the advice if there is any.
+    /// Returns the message, followed by the advice if there is any.
     pub(crate) fn with_advice(&self) -> String {
         match self {
             Self::Config(ConfigError { advice: Some(advice), .. }) => format!("{self}; {advice}"),
@@ -26,7 +26,7 @@ impl ConfigureError {
         }
     }
 
-    /// A failure with a message.
+    /// Creates an error with a message.
     pub fn failed(message: impl core::fmt::Display) -> Self {
         Self::Failed(message.to_string())
     }

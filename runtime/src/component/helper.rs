@@ -33,12 +33,12 @@ const LONGEST_NAME: usize = 15;
 pub struct StopRequest(Arc<AtomicBool>);
 
 impl StopRequest {
-    /// True once the component stops.
+    /// Returns `true` once the component has begun to stop.
     pub fn is_made(&self) -> bool {
         self.0.load(Acquire)
     }
 
-    /// Sleeps for a time, or until the component stops; returns `true` once it does. May return early, like
+    /// Sleeps for `time` or until the component stops; returns `true` if it stops. May return early, like
     /// [`park_timeout`](std::thread::park_timeout).
     pub fn wait(&self, time: Duration) -> bool {
         if !self.is_made() {
@@ -48,11 +48,11 @@ impl StopRequest {
     }
 }
 
-/// The helper threads of one component. Dropped, they are stopped and joined.
+/// Helper threads of one component. They are stopped and joined on drop.
 #[derive(Debug, Default)]
 pub(crate) struct Helpers {
     threads: Vec<Helper>,
-    /// Time allowed for each to stop.
+    /// Time each thread has to stop.
     within: Duration,
 }
 
@@ -65,7 +65,7 @@ struct Helper {
 }
 
 impl Helpers {
-    /// Creates an empty set; each helper may take this long to stop.
+    /// Creates an empty set whose helpers must stop within this time.
     pub(crate) fn stopping_within(within: Duration) -> Self {
         Self { threads: Vec::new(), within }
     }
@@ -88,7 +88,8 @@ impl Helpers {
         let request = StopRequest(stop.clone());
         let (sender, receiver) = crossbeam_channel::bounded(1);
         let thread = std::thread::Builder::new().name(name.to_string()).spawn(move || {
-            // If denied, the thread stays on the cores of the component, still at normal priority.
+            // If the system denies this, the thread stays on the cores of the component, still at normal
+            // priority.
             let _ = os::apply(&os::Request { class: SchedulingClass::Normal, cores, lock_memory: false });
             let _ = sender.send(os::thread_id());
             run(&request);
@@ -103,10 +104,10 @@ impl Helpers {
         Ok(())
     }
 
-    /// Stops all of them and waits for their end.
+    /// Stops and joins all helpers.
     ///
     /// # Errors
-    /// One panicked, or does not end in time.
+    /// A helper panicked or did not stop in time.
     pub(crate) fn stop(&mut self) -> Result<(), String> {
         for helper in &self.threads {
             helper.stop.store(true, Release);

@@ -33,8 +33,8 @@ pub use weights::{TakeWeights, WeightsInput};
 
 use std::time::Duration;
 
-/// One step of a component: its index and the time for which it computes, which differs from the time at
-/// which it runs.
+/// One step of a component: its index and the time for which it computes. That time differs from the time at
+/// which the step runs.
 ///
 /// ```
 /// use motorium::component::Tick;
@@ -45,33 +45,33 @@ use std::time::Duration;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tick {
-    /// Number of the step since the last reset, or since the start of the run, from 0; restarts of the
-    /// component and new episodes of real time do not set it back.
+    /// Index of the step since the last reset or the start of the run, from 0. Restarts of the component and
+    /// new episodes in real time do not reset it.
     pub index: u64,
-    /// Nanoseconds since the run began, or since the last reset in lockstep, for which the step computes: the
-    /// scheduled release of a time-triggered component, the publish time of the sample that woke a triggered
-    /// one, the arrival of the event that released a sporadic one.
+    /// Time for which the step computes, ns since the run began, or since the last reset in lockstep. This is
+    /// the scheduled release of a time-triggered component, the publish time of the sample that woke a
+    /// triggered component, or the arrival of the event that released a sporadic component.
     pub time_ns: u64,
     /// Deadline of the step, ns on the clock of `time_ns`: one period later, when the next step of a
-    /// time-triggered component is due. In lockstep it has the same value, but no step is ever late, since
-    /// time stands still during a step. [`RunClock::left_ns`] returns the remaining time.
+    /// time-triggered component is due. The value is the same in lockstep, where no step is ever late because
+    /// time does not advance within a step. [`RunClock::left_ns`] returns the remaining time.
     pub deadline_ns: u64,
-    /// Nominal time between two steps, derived from the rate; for a triggered component the period of the
-    /// component at the head of its chain; for one that events release its `min_interval`.
+    /// Nominal time between two steps, derived from the rate. A triggered component has the period of the
+    /// component at the head of its chain, a component released by events its `min_interval`.
     pub period: Duration,
-    /// Number of the episode, from 0; always 0 in a run that is not divided into episodes.
+    /// Index of the episode, from 0; always 0 in a run without episodes.
     pub episode: u64,
     /// True in the first step of an episode: after [`configure`](Component::configure) at the start of the
     /// run, after [`reset`](Component::reset) in lockstep, after [`begin_episode`](Component::begin_episode)
     /// in real time.
     pub begins_episode: bool,
-    /// True for an actuator once the run is over or stops: it brings its robot to rest. What it counts and
-    /// measures of the run ends here. No other component steps then.
+    /// True for an actuator once the run is over or stops: it brings its robot to rest. Its statistics of the
+    /// run end here. No other component steps then.
     pub settling: bool,
 }
 
-/// An episode of a run. In lockstep it is the simulated time from a reset of all components to the next. In
-/// real time it is a numbered stretch of the run, without a reset.
+/// An episode of a run. In lockstep it is the simulated time between two resets of all components. In real
+/// time it is a numbered section of the run, without a reset.
 ///
 /// ```
 /// use motorium::component::Episode;
@@ -81,15 +81,15 @@ pub struct Tick {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Episode {
-    /// Its number in the run, from 0: the first begins with the start of the run, without a call.
+    /// Index of the episode in the run, from 0. The first one begins with the run, without a call.
     pub index: u64,
-    /// The component's own seed for the episode, derived from the episode's seed and the component's name;
-    /// [`Setup::seed`] returns that of the first episode.
+    /// The component's seed for the episode, derived from the episode's seed and the component's name.
+    /// [`Setup::seed`] returns the seed of the first episode.
     pub seed: u64,
 }
 
 impl Tick {
-    /// The step of this number of a time-triggered component, in the first episode: for tests of components.
+    /// Creates the step `index` of a time-triggered component in the first episode, for tests of components.
     pub fn periodic(index: u64, period: Duration) -> Self {
         let period_ns = u64::try_from(period.as_nanos()).unwrap_or(u64::MAX);
         let time_ns = index.saturating_mul(period_ns);
@@ -104,15 +104,15 @@ impl Tick {
         }
     }
 
-    /// Nominal time between two steps, s.
+    /// Returns the nominal time between two steps, s.
     pub fn dt(&self) -> f64 {
         self.period.as_secs_f64()
     }
 
-    /// Number of whole periods between a step that computed for `last_ns` and one for `now_ns`, for
-    /// components that must catch up after a delay. Rounded, at least one. It is one for the first step, and
-    /// after more than [`CATCH_UP`](Self::CATCH_UP) periods, because then the machine and its world were
-    /// suspended.
+    /// Returns the number of periods between a step for `last_ns` and a step for `now_ns`, rounded and at
+    /// least one, for components that must catch up after a delay. It is one for the first step, and after
+    /// more than [`CATCH_UP`](Self::CATCH_UP) periods, because such a gap means that the machine and its
+    /// world were suspended.
     ///
     /// ```
     /// use motorium::component::Tick;
@@ -136,7 +136,7 @@ impl Tick {
     /// Largest number of periods to catch up.
     pub const CATCH_UP: u32 = 5;
 
-    /// Time since the start of the run, s.
+    /// Returns the time since the start of the run, or since the last reset in lockstep, s.
     pub fn time(&self) -> f64 {
         self.time_ns as f64 * 1e-9
     }
@@ -183,18 +183,17 @@ impl Tick {
 /// }
 /// ```
 pub trait Component: Sized + 'static {
-    /// The name of this kind of component in graph files, `family.name`.
+    /// Name of this kind of component in graph files, `family.name`.
     const KIND: &'static str;
 
     /// One-line summary for lists and completions.
     const SUMMARY: &'static str;
 
-    /// `true` if the configuration has a key `world`, which is filled with the graph's `[world]` if there is
-    /// one.
+    /// `true` if the configuration has a key `world`, which defaults to the graph's `[world]`.
     const READS_WORLD: bool = false;
 
-    /// `true` if the configuration has a key `gravity` \[m/s^2\], three numbers, whose default is the gravity
-    /// of the graph's `[world]`: its `gravity`, else that of its `file`, if the program can read it
+    /// `true` if the configuration has a key `gravity` \[m/s^2\], three numbers. It defaults to the `gravity`
+    /// of the graph's `[world]`, or else to the gravity in the world's `file`, if the program can read it
     /// (`Registry::with_gravity_of_file`).
     const READS_GRAVITY: bool = false;
 
@@ -224,8 +223,8 @@ pub trait Component: Sized + 'static {
     /// The step failed; the policy `on_error` of the graph file decides on the consequence.
     fn step(&mut self, tick: &Tick) -> Result<(), StepError>;
 
-    /// True if [`reset`](Self::reset) is implemented. A graph with a component that cannot be reset runs in a
-    /// single episode.
+    /// `true` if [`reset`](Self::reset) is implemented. A graph with a component that cannot be reset runs as
+    /// a single episode.
     const RESETS: bool = false;
 
     /// Resets to the state after [`configure`](Self::configure) for a new episode, with the episode's seed
@@ -268,12 +267,12 @@ pub trait Component: Sized + 'static {
         Err(StepError::failed("it cannot be reset"))
     }
 
-    /// Begins an episode in real time: the robot, time and the ports continue as they are. Called at the
-    /// start of the first step in the episode and part of it, so the rules of [`step`](Self::step) apply.
-    /// Publishes nothing.
+    /// Begins an episode in real time, in which the robot, time and the ports continue unchanged. It is
+    /// called at the start of the first step of the episode and is part of that step, so the rules of
+    /// [`step`](Self::step) apply. It publishes nothing.
     ///
-    /// A component that starts a task over does it here: the next movement, new random numbers, an empty
-    /// history.
+    /// A component restarts its task here: it starts the next movement, reseeds its random numbers, clears
+    /// its history.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -314,10 +313,10 @@ pub trait Component: Sized + 'static {
         Ok(())
     }
 
-    /// Runs once when the run ends in an orderly way. Not called when the process is killed.
+    /// Called once when the run ends in an orderly way, but not if the process is killed.
     fn stop(&mut self) {}
 
-    /// The component's entry under `results` in the report of the finished run.
+    /// Returns the component's entry under `results` in the report of the finished run.
     fn result(&self) -> Option<serde_json::Value> {
         None
     }

@@ -1,4 +1,4 @@
-//! Looking at the whole graph from within a component.
+//! Observation of the whole graph from within a component.
 
 use std::fmt;
 use std::sync::Arc;
@@ -11,11 +11,12 @@ use crate::transport::{Domain, PortError, Tap};
 use std::sync::atomic::Ordering::Relaxed;
 
 impl Setup {
-    /// A view of the whole graph, for a component that declared
-    /// [`taps`](crate::declare::Declare::taps): recorders and viewers. It may be moved to a helper thread.
+    /// Returns a view of the whole graph, for components that declared
+    /// [`taps`](crate::declare::Declare::taps), such as recorders and viewers. It may be moved to a helper
+    /// thread.
     ///
     /// # Errors
-    /// The control block of the run cannot be mapped once more.
+    /// The control block of the run cannot be mapped again.
     pub fn observer(&self) -> Result<Observer, ConfigureError> {
         let region = self.run().region().map_err(ConfigureError::failed)?;
         Ok(Observer { plan: Arc::new(self.plan().clone()), domain: self.domain().clone(), region })
@@ -45,16 +46,16 @@ impl fmt::Debug for Observer {
 }
 
 impl Observer {
-    /// The plan that runs.
+    /// Returns the plan of the run.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// Opens a tap of the topic with this index in the plan; for slices, values are the bytes of whole
-    /// slices. The tap belongs to the thread that opens it.
+    /// Opens a tap on the topic with this index in the plan. On a topic of slices, each value is the bytes of
+    /// a whole slice. The tap must stay on the thread that opened it.
     ///
     /// # Errors
-    /// The topic cannot be reached, or it already has four observers.
+    /// The topic cannot be opened, or already has four observers.
     pub fn tap(&self, topic: usize) -> Result<Tap, PortError> {
         Tap::open(&self.domain, &self.plan.topics[topic])
     }
@@ -64,7 +65,8 @@ impl Observer {
         reader.read(self.region.events())
     }
 
-    /// Time of the first step of the graph, on the clock of stamps, ns; 0 in lockstep and before that step.
+    /// Returns the time of the graph's first step on the clock of stamps, ns; 0 in lockstep and before that
+    /// step.
     pub fn start_ns(&self) -> u64 {
         match self.plan.clock {
             ClockKind::Realtime => self.region.header().start_ns.load(Relaxed),
@@ -80,7 +82,8 @@ impl Observer {
         header.command() == Command::Run && !launcher().is_ok_and(|launcher| !launcher.has_ended())
     }
 
-    /// Now on the clock of the events of the run and of the stamps of one in real time, ns.
+    /// Returns the current time on the clock of the run's events, ns. In real time, stamps use the same
+    /// clock.
     pub fn now_ns(&self) -> u64 {
         monotonic_ns()
     }

@@ -1,4 +1,4 @@
-//! The set-up of a component: its ports, its parameters, its place in the graph.
+//! The set-up of a component: its ports, its parameters and its position in the graph.
 
 use std::os::fd::OwnedFd;
 use std::path::Path;
@@ -21,7 +21,8 @@ use crate::transport::{
 
 /// The set-up of one component: it opens the ports and parameters that the component declared.
 ///
-/// Ports are opened here, once; a port that the graph leaves unwired can be opened too and stays silent.
+/// Each port is opened once, here. An unwired port can be opened, too: an input stays empty, and samples of
+/// an output are discarded.
 ///
 /// ```
 /// use motorium::prelude::*;
@@ -55,12 +56,12 @@ pub struct Setup {
     pub(super) helpers: Helpers,
 }
 
-/// Ports, parameters, activation and helper threads of a component that is configured.
+/// Ports, parameters, activation and helper threads of a configured component.
 pub(crate) struct Prepared {
     pub(crate) ports: Vec<Rc<dyn Connect>>,
     pub(crate) parameters: ParameterReader,
     pub(crate) trigger: Option<Trigger>,
-    /// The descriptor that releases its steps.
+    /// File descriptor that releases its steps.
     pub(crate) descriptor: Option<OwnedFd>,
     pub(crate) helpers: Helpers,
 }
@@ -120,45 +121,45 @@ impl Setup {
         &self.plan.components[self.index]
     }
 
-    /// The component's name in the graph.
+    /// Returns the component's name in the graph.
     pub fn name(&self) -> &str {
         &self.component().name
     }
 
-    /// Returns the robot that the graph gives this component.
+    /// Returns the robot that the graph assigns to this component.
     ///
     /// # Errors
-    /// The graph gives the component no robot. Check this in `declare`, too, so that `motorium check` reports
-    /// it.
+    /// The graph assigns no robot to the component. Check this in `declare`, too, so that `motorium check`
+    /// reports it.
     pub fn robot(&self) -> Result<&RobotReference, ConfigureError> {
         self.component().robot.as_ref().ok_or_else(|| {
             ConfigureError::failed("it needs a robot: add `robot = \"NAME\"` to the component")
         })
     }
 
-    /// The robots the graph gives this component by `robots`; empty where it gives it one by `robot`, or
+    /// Returns the robots that the graph assigns to this component by `robots`; empty for a single `robot` or
     /// none.
     pub fn robots(&self) -> &[RobotReference] {
         &self.component().robots
     }
 
-    /// Nominal time between two steps.
+    /// Returns the nominal time between two steps.
     pub fn period(&self) -> Duration {
         Duration::from_nanos(self.component().period_ns())
     }
 
-    /// The clock of the run.
+    /// Returns the clock of the run.
     pub fn clock(&self) -> RunClock {
         RunClock::new(self.context().clone())
     }
 
-    /// The folder in which relative paths of the `config` table start, as
-    /// [`Declare::folder`](crate::declare::Declare::folder) gave it.
+    /// Returns the folder that relative paths in the `config` table refer to, the same as
+    /// [`Declare::folder`](crate::declare::Declare::folder).
     pub fn folder(&self) -> &Path {
         &self.component().folder
     }
 
-    /// The component's own seed, derived from the run's seed and its name.
+    /// Returns the component's seed, derived from the run's seed and the component's name.
     pub fn seed(&self) -> u64 {
         self.component().seed
     }
@@ -178,13 +179,12 @@ impl Setup {
         Ok(input)
     }
 
-    /// Returns `true` if the graph wires this input, as [`Declare::subscribes`](crate::declare::Declare)
-    /// does.
+    /// Returns `true` if the graph wires this input, like [`Declare::subscribes`](crate::declare::Declare).
     pub fn subscribes(&self, port: &str) -> bool {
         self.component().inputs.iter().any(|input| input.port == port && input.topic.is_some())
     }
 
-    /// True if the component has this input.
+    /// Returns `true` if the component has this input.
     pub(crate) fn has_input(&self, port: &str) -> bool {
         self.component().inputs.iter().any(|input| input.port == port)
     }
@@ -224,7 +224,7 @@ impl Setup {
         Ok(output)
     }
 
-    /// Opens a declared input as bytes, of whatever type its topic is.
+    /// Opens a declared input that reads a topic of any type as bytes.
     ///
     /// # Errors
     /// The port is not declared, or its topic cannot be joined.
@@ -238,7 +238,7 @@ impl Setup {
         Ok(input)
     }
 
-    /// Opens a declared output for bytes of its layout.
+    /// Opens a declared output that publishes bytes in its layout.
     ///
     /// # Errors
     /// The port is not declared, its layout cannot be checked, or its topic cannot be joined.
@@ -248,7 +248,7 @@ impl Setup {
         RawOutput::open(&self.participant, self.output_place(index, topic), plan)
     }
 
-    /// Opens a declared input of a stream or of slices as bytes, of whatever type its topic is.
+    /// Opens a declared input that reads a stream of values or slices of any type as bytes.
     ///
     /// # Errors
     /// The port is not declared or is a state, or its topic cannot be joined.
@@ -262,7 +262,7 @@ impl Setup {
         Ok(input)
     }
 
-    /// Opens a declared output of a stream or of slices for bytes of its layout.
+    /// Opens a declared output that publishes a stream of values or slices as bytes in its layout.
     ///
     /// # Errors
     /// The port is not declared or is a state, its layout cannot be checked, or its topic cannot be joined.
@@ -274,13 +274,13 @@ impl Setup {
         Ok(output)
     }
 
-    /// The iceoryx2 domain of the run: for components that meet programs outside of the graph in services of
-    /// their own.
+    /// Returns the iceoryx2 domain of the run, for components that exchange data with programs outside the
+    /// graph through their own services.
     pub fn domain(&self) -> &Domain {
         &self.domain
     }
 
-    /// The place of an input in the graph; `None` if it is unwired.
+    /// Returns the wiring of an input in the graph, or `None` if it is unwired.
     fn input_place<'a>(&'a self, index: usize, plan: &'a PortPlan) -> Option<InputPlace<'a>> {
         let topic = plan.topic?;
         Some(InputPlace {
@@ -293,7 +293,7 @@ impl Setup {
         })
     }
 
-    /// The place of an output in the graph that is wired to the topic of index `topic`.
+    /// Returns the wiring of an output to the topic with index `topic`.
     fn output_place(&self, output: usize, topic: usize) -> OutputPlace<'_> {
         let budgets = self.plan.latencies.iter().enumerate();
         let probes = budgets
@@ -318,17 +318,17 @@ impl Setup {
         Ok(output)
     }
 
-    /// Opens a declared output whose name is made at run time, such as that of one of several robots.
+    /// Opens a declared output whose name is built at run time, for example from the name of a robot.
     ///
     /// # Errors
-    /// As [`output`](Self::output).
+    /// Same as [`output`](Self::output).
     pub fn named_output<T: StateBuffer>(&mut self, port: &str) -> Result<Output<T>, PortError> {
-        // Errors of the hot path name their port and hold no heap memory: the few bytes stay for the
-        // process's life.
+        // Errors on the hot path name their port without heap memory, so these few bytes live as long as the
+        // process.
         self.output(Box::leak(port.to_owned().into_boxed_str()))
     }
 
-    /// A declared parameter.
+    /// Opens a declared parameter.
     ///
     /// # Errors
     /// The parameter is not declared or has another type.
@@ -337,7 +337,7 @@ impl Setup {
         Ok(Parameter::new(numbers.clone(), place))
     }
 
-    /// A declared array of numbers that is one parameter.
+    /// Opens a declared array parameter.
     ///
     /// # Errors
     /// The parameter is not declared or has another type.
@@ -360,23 +360,23 @@ impl Setup {
         Ok(found)
     }
 
-    /// The right to end episodes, for a component that declared
-    /// [`may_end_episodes`](crate::declare::Declare::may_end_episodes); `None` unless the graph says
+    /// Returns the right to end episodes, for components that declared
+    /// [`may_end_episodes`](crate::declare::Declare::may_end_episodes), or `None` unless the graph sets
     /// `ends_episode = true`.
     pub fn episode_end(&self) -> Option<EpisodeEnd> {
         self.component().ends_episode.then(|| EpisodeEnd { context: self.context().clone() })
     }
 
-    /// The right to begin episodes in real time, for a component that declared
-    /// [`may_begin_episodes`](crate::declare::Declare::may_begin_episodes); `None` unless the graph says
+    /// Returns the right to begin episodes in real time, for components that declared
+    /// [`may_begin_episodes`](crate::declare::Declare::may_begin_episodes), or `None` unless the graph sets
     /// `begins_episodes = true`.
     pub fn episode_driver(&self) -> Option<EpisodeDriver> {
         self.component().begins_episodes.then(|| EpisodeDriver { context: self.context().clone() })
     }
 }
 
-/// The right of one component to begin the episodes of its graph in real time: a pedal, a button of a
-/// teleoperator, a task that counts its attempts.
+/// The right of one component to begin the episodes of its graph in real time, such as a pedal, a
+/// teleoperator's button, or a task that counts its attempts.
 ///
 /// ```
 /// use motorium::component::EpisodeDriver;
@@ -392,16 +392,17 @@ pub struct EpisodeDriver {
 }
 
 impl EpisodeDriver {
-    /// Begins the next episode, with this seed. Every component sees it at its next step, this one too.
+    /// Begins the next episode with this seed. Every component, including this one, enters it at its next
+    /// step.
     ///
-    /// Returns false, and begins nothing, while the launcher has not noted the present episode: for up to 20
-    /// ms after its start.
+    /// Returns `false` and has no effect until the launcher has recorded the current episode, up to 20 ms
+    /// after its start.
     pub fn begin(&self, seed: u64) -> bool {
         self.context.region().header().begin_next_episode(seed, crate::os::monotonic_ns())
     }
 }
 
-/// The right of one component to end the episodes of its graph: a task is solved, or failed.
+/// The right of one component to end the episodes of its graph, because a task succeeded or failed.
 ///
 /// ```
 /// use motorium::prelude::*;
@@ -419,7 +420,7 @@ pub struct EpisodeEnd {
 }
 
 impl EpisodeEnd {
-    /// Ends the present episode: in lockstep when the round of this step is over, in real time within 20 ms.
+    /// Ends the current episode: in lockstep after the round of this step, in real time within 20 ms.
     pub fn end(&self) {
         self.context.region().header().end_episode(self.context.episode());
     }

@@ -67,7 +67,7 @@ pub struct WeightsInput {
 }
 
 impl Declare {
-    /// An input of [`Weights`], which the component opens by [`Setup::weights`].
+    /// Declares an input of [`Weights`], which the component opens with [`Setup::weights`].
     pub fn weights(&mut self, name: &str, doc: &str) {
         self.input::<Weights>(name, doc);
     }
@@ -92,7 +92,7 @@ impl Setup {
 }
 
 impl WeightsInput {
-    /// Returns the weights to apply before this step, all of the model; `None` to keep the current ones. Call
+    /// Returns all weights of the model to apply before this step, or `None` to keep the current ones. Call
     /// it once per step, before using the weights.
     pub fn take(&mut self, tick: &Tick) -> Option<&[f64]> {
         if let Some(block) = self.input.next_unread() {
@@ -101,20 +101,20 @@ impl WeightsInput {
         self.store.take(tick.begins_episode)
     }
 
-    /// Begins an episode of simulated time: call it in `reset`, and go back to the weights of the
-    /// configuration. Not needed in [`Component::begin_episode`](super::Component::begin_episode), which
-    /// resets nothing.
+    /// Begins an episode of simulated time. Call it in `reset`, and restore the weights of the configuration
+    /// there. It is not needed in [`Component::begin_episode`](super::Component::begin_episode), which resets
+    /// nothing.
     pub fn begin_episode(&mut self) {
         self.store.begin_episode();
     }
 
-    /// Version of the applied weights; 0 before.
+    /// Returns the version of the applied weights; 0 before any are applied.
     pub fn version(&self) -> u64 {
         self.store.taken
     }
 
-    /// The account of the input for the result of the component: `version`, the number of weights `taken`,
-    /// and the blocks `refused` by reason.
+    /// Returns statistics for the result of the component: `version`, the number of versions `taken`, and the
+    /// number of blocks `refused` by reason.
     pub fn result(&self) -> serde_json::Value {
         let Refusals { place, count, version, not_finite } = self.store.refusals;
         json!({
@@ -125,7 +125,7 @@ impl WeightsInput {
     }
 }
 
-/// Refused blocks by reason.
+/// Number of refused blocks by reason.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 struct Refusals {
     place: u64,
@@ -134,18 +134,18 @@ struct Refusals {
     not_finite: u64,
 }
 
-/// The weights on their way.
+/// Received weights, complete and incomplete.
 #[derive(Debug)]
 struct Store {
     take: TakeWeights,
-    /// Weights of the arriving version, and which of its blocks have arrived.
+    /// Weights of the version being received.
     arriving: Vec<f64>,
     arriving_version: u64,
     there: Vec<bool>,
     /// Newest complete weights, applied or pending.
     complete: Vec<f64>,
     complete_version: u64,
-    /// The version taken last.
+    /// Version applied last.
     taken: u64,
     changes: u64,
     refusals: Refusals,
@@ -166,7 +166,7 @@ impl Store {
         }
     }
 
-    /// Adds a block, or rejects it.
+    /// Adds a block or rejects it.
     fn offer(&mut self, block: &Weights) {
         let (index, version) = (block.block as usize, block.version);
         if block.blocks as usize != self.there.len() || index >= self.there.len() {
@@ -180,7 +180,7 @@ impl Store {
             return;
         }
         if version == self.complete_version && version > 0 {
-            return; // sent again
+            return; // duplicate
         }
         if version <= self.complete_version || version < self.arriving_version {
             self.refusals.version += 1;
@@ -202,7 +202,7 @@ impl Store {
         }
     }
 
-    /// The weights to take now.
+    /// Returns the weights to apply now.
     fn take(&mut self, begins_episode: bool) -> Option<&[f64]> {
         let is_new = self.complete_version > self.taken;
         let is_due = match self.take {
@@ -280,7 +280,7 @@ mod tests {
         let first = |version, value| block(version, [0, 2], &[value; MAX_WEIGHTS]);
         store.offer(&block(1, [1, 2], &[1.0]));
         store.offer(&first(2, 2.0));
-        assert_eq!(store.take(false), None, "of no version are all blocks there");
+        assert_eq!(store.take(false), None, "no version is complete");
         store.offer(&block(1, [1, 2], &[1.0]));
         assert_eq!(store.refusals.version, 1, "superseded");
         store.offer(&block(2, [1, 2], &[2.5]));
@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn at_episodes_weights_wait_for_the_first_step_of_one_and_stay() {
+    fn episode_weights_apply_at_its_first_step_and_persist() {
         let mut store = store(1, TakeWeights::Episode);
         store.offer(&block(1, [0, 1], &[1.0]));
         assert_eq!(store.take(true), Some(&[1.0][..]));
@@ -299,7 +299,7 @@ mod tests {
         store.begin_episode();
         assert_eq!(store.take(true), Some(&[3.0][..]), "the newest");
         store.begin_episode();
-        assert_eq!(store.take(true), Some(&[3.0][..]), "again, since the component was reset");
+        assert_eq!(store.take(true), Some(&[3.0][..]), "again after a reset of the component");
         assert_eq!((store.taken, store.changes), (3, 2));
     }
 
@@ -311,6 +311,6 @@ mod tests {
         store.begin_episode();
         assert_eq!(store.take(true), None);
         store.offer(&block(1, [0, 1], &[2.0]));
-        assert_eq!(store.take(false), Some(&[2.0][..]), "versions begin anew");
+        assert_eq!(store.take(false), Some(&[2.0][..]), "versions start over");
     }
 }

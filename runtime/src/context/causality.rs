@@ -1,13 +1,13 @@
-//! The times that a step passes on from its input to its outputs.
+//! Propagation of times from the input of a step to its outputs.
 
 use std::cell::Cell;
 
 use crate::state::Stamp;
 
-/// Times passed from the input that causes a step to its outputs, ns.
+/// Times propagated from the input that causes a step to its outputs, ns.
 #[derive(Debug)]
 pub(crate) struct Causality {
-    /// True if another component's publication triggers the steps: their states then are for the time of that
+    /// True if another component's publication triggers the steps; outputs are then for the time of that
     /// sample.
     triggered: bool,
     source_ns: Cell<Option<u64>>,
@@ -19,7 +19,7 @@ impl Causality {
         Self { triggered, source_ns: Cell::new(None), state_ns: Cell::new(None) }
     }
 
-    /// True if another component's publication triggers the steps.
+    /// Returns `true` if another component's publication triggers the steps.
     #[inline]
     pub(crate) fn is_triggered(&self) -> bool {
         self.triggered
@@ -34,13 +34,13 @@ impl Causality {
         }
     }
 
-    /// The source time of an output of this step; `now_ns` for a step without a cause.
+    /// Returns the source time of an output of this step, or `now_ns` for a step without a cause.
     #[inline]
     pub(crate) fn source_time_or(&self, now_ns: u64) -> u64 {
         self.source_ns.get().unwrap_or(now_ns)
     }
 
-    /// Time of an output of this step; `step_ns` unless a trigger provided another.
+    /// Returns the time of an output of this step, `step_ns` unless a trigger set another.
     #[inline]
     pub(crate) fn state_time_or(&self, step_ns: u64) -> u64 {
         self.state_ns.get().unwrap_or(step_ns)

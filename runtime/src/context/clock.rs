@@ -8,15 +8,15 @@ use crate::os::monotonic_ns;
 use crate::plan::ClockKind;
 use crate::region::Region;
 
-/// The clock of a component's stamps, ns: `CLOCK_MONOTONIC` in real time, simulated time in lockstep; and the
-/// times of the current step on it.
+/// The clock of a component's stamps, ns (`CLOCK_MONOTONIC` in real time, simulated time in lockstep), and
+/// the times of the current step on it.
 #[derive(Debug)]
 pub(crate) struct Clock {
     region: Rc<Region>,
     lockstep: bool,
-    /// The time for which the step computes.
+    /// Time for which the step computes.
     time_ns: Cell<u64>,
-    /// The start of the step.
+    /// Start of the step.
     woken_ns: Cell<u64>,
     deadline_ns: Cell<u64>,
 }
@@ -37,14 +37,14 @@ impl Clock {
         self.lockstep
     }
 
-    /// The current time, ns.
+    /// Returns the current time, ns.
     #[inline]
     pub(crate) fn now_ns(&self) -> u64 {
         if self.lockstep { self.time_ns.get() } else { monotonic_ns() }
     }
 
-    /// The time for which the current step computes, ns: its scheduled release, or the publication that
-    /// triggered it. The current time outside of a worker's steps.
+    /// Returns the time for which the current step computes, ns: its scheduled release, or the publication
+    /// that triggered it. Returns the current time outside a worker's steps.
     #[inline]
     pub(crate) fn step_ns(&self) -> u64 {
         self.step_ns_or(|| self.now_ns())
@@ -59,13 +59,13 @@ impl Clock {
         }
     }
 
-    /// The start of the run, ns.
+    /// Returns the start of the run, ns.
     #[inline]
     pub(crate) fn start_ns(&self) -> u64 {
         if self.lockstep { 0 } else { self.region.header().start_ns.load(Acquire) }
     }
 
-    /// Sets the clock of lockstep to the start of the run.
+    /// Resets the lockstep clock to the start of the run.
     pub(crate) fn begin(&self) {
         self.time_ns.set(self.start_ns());
     }

@@ -6,9 +6,9 @@ use crate::os::{prefetch_read, prefetch_write};
 
 /// Maximum number of recorded lines; further lines are not prefetched.
 const LINES: usize = 64;
-/// Bytes of a line.
+/// Size of a cache line, bytes.
 const LINE: usize = 64;
-/// The mark of a line that is written.
+/// Flag of a line that is written.
 const WRITTEN: usize = 1;
 
 /// The cache lines that a step needs first: words of the control block, heads and next slots of its topics.
@@ -17,7 +17,7 @@ const WRITTEN: usize = 1;
 /// lines are sequential; prefetches overlap.
 #[derive(Debug)]
 pub(crate) struct FirstLines {
-    /// Addresses, with the mark in the lowest bit.
+    /// Addresses, with the flag in the lowest bit.
     lines: [Cell<usize>; LINES],
     count: Cell<usize>,
 }
@@ -28,21 +28,21 @@ impl Default for FirstLines {
     }
 }
 
-/// The access for which a line is fetched.
+/// Access for which a line is prefetched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Access {
-    /// Others may keep their copies.
+    /// Shared access: other cores keep their copies.
     Read,
     /// Exclusive access for this core.
     Write,
 }
 
-/// A line that has been noted.
+/// Index of a recorded line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Line(usize);
 
 impl FirstLines {
-    /// Records the line of an address. `None` if the list is full.
+    /// Records the line of an address. Returns `None` if the list is full.
     pub(crate) fn note<T>(&self, address: *const T, access: Access) -> Option<Line> {
         let line = Line(self.count.get());
         self.lines.get(line.0)?.set(marked(address, access));
@@ -71,7 +71,7 @@ impl FirstLines {
         }
     }
 
-    /// Fetches all lines.
+    /// Prefetches all lines.
     #[inline]
     pub(crate) fn fetch(&self) {
         for line in self.lines.iter().take(self.count.get()) {
@@ -94,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_beyond_the_room_for_them_are_not_noted() {
+    fn lines_beyond_the_capacity_are_not_recorded() {
         let (lines, word) = (FirstLines::default(), 7_u64);
         let noted: Vec<_> = (0..LINES).map(|_| lines.note(&raw const word, Access::Read)).collect();
         assert!(noted.iter().all(Option::is_some));
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_is_replaced_in_its_place() {
+    fn replaced_line_keeps_its_index() {
         let (lines, words) = (FirstLines::default(), [[0_u64; 8]; 2]);
         let line = lines.note(&raw const words[0], Access::Write).unwrap();
         lines.note(&raw const words[1], Access::Read);

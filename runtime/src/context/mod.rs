@@ -25,10 +25,10 @@ pub(crate) use first_lines::{Access, FirstLines, Line};
 pub(crate) use reads::ReadEffects;
 pub(crate) use signals::Signals;
 
-/// Publications between two look-ups of the core.
+/// Number of publications between two look-ups of the core.
 const CORE_LOOK_UP: u32 = 64;
 
-/// The reason why a valid value is not published.
+/// Reason why a valid value is not published.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Withheld {
     /// The step is past its deadline, and its overrun policy is `hold`.
@@ -37,9 +37,9 @@ pub(crate) enum Withheld {
     InFuture { ahead_ns: u64 },
 }
 
-/// The state that the ports, the setup and the loop of one component share: its identity in the run, its
-/// clock, the times that its step passes on, the work put off to the end of the step, and the signals it
-/// received.
+/// The state that the ports, the setup and the loop of one component share. It consists of its identity in
+/// the run, its clock, the times that its step propagates, the work deferred to the end of the step, and the
+/// signals it received.
 #[derive(Debug)]
 pub(crate) struct Context {
     region: Rc<Region>,
@@ -53,13 +53,13 @@ pub(crate) struct Context {
     deferred: Deferred,
     first_lines: FirstLines,
     signals: Arc<Signals>,
-    /// The trace of the component, if the run is traced.
+    /// Trace of the component, if the run is traced.
     trace: Option<TraceWriter>,
-    /// Number of the episode.
+    /// Index of the episode.
     episode: Cell<u64>,
-    /// Number of started episodes; port contents belong to one of them.
+    /// Number of started episodes; the content of a port belongs to one of them.
     era: Cell<u32>,
-    /// Core found by the last look-up, and the number of requests so far.
+    /// Core found by the last look-up, and the number of calls so far.
     core: Cell<(usize, u32)>,
 }
 
@@ -80,7 +80,7 @@ impl Context {
             trace: None,
             episode: Cell::new(match plan.clock {
                 ClockKind::Lockstep => region.header().episode.load(Relaxed),
-                // A successor enters the episode that began while it was away.
+                // A restarted component enters the episode that began while it was down.
                 ClockKind::Realtime => region.components()[index].episode.load(Relaxed),
             }),
             era: Cell::new(0),
@@ -89,7 +89,7 @@ impl Context {
         }
     }
 
-    /// Has the steps of the component in its trace, if the run is traced. For its worker alone.
+    /// Traces the steps of the component, if the run is traced. For its worker only.
     pub(crate) fn traced(mut self) -> Self {
         self.trace = TraceWriter::open(&self.region, self.index);
         self
@@ -105,7 +105,7 @@ impl Context {
         &self.region.components()[self.index]
     }
 
-    /// Restarts of the component before this process.
+    /// Returns the number of restarts of the component before this process.
     #[inline]
     pub(crate) fn restart_count(&self) -> u32 {
         self.restart_count
@@ -126,13 +126,13 @@ impl Context {
         &self.deferred
     }
 
-    /// Cache lines that a step needs first.
+    /// Returns the cache lines that a step needs first.
     #[inline]
     pub(crate) fn first_lines(&self) -> &FirstLines {
         &self.first_lines
     }
 
-    /// Records the lines that the stepping loop needs first. For the worker only.
+    /// Records the cache lines that the stepping loop needs first. For the worker only.
     pub(crate) fn note_first_lines(&self) {
         let (header, block) = (self.region.header(), self.block());
         let read = |address: *const u8| self.first_lines.note(address, Access::Read);
@@ -149,7 +149,8 @@ impl Context {
         &self.signals
     }
 
-    /// The core of this thread, looked up once in 64 calls: threads are pinned, or their core matters little.
+    /// Returns the core of this thread, looked up once in 64 calls: either the thread is pinned, or its core
+    /// matters little.
     #[inline]
     pub(crate) fn core(&self) -> usize {
         let (mut core, calls) = self.core.get();
@@ -160,28 +161,28 @@ impl Context {
         core
     }
 
-    /// Prepares a step: sets its times (ns on the clock of stamps) and forgets the source time of the step
-    /// before.
+    /// Prepares a step: sets its times (ns on the clock of stamps) and clears the source time of the previous
+    /// step.
     #[inline]
     pub(crate) fn enter_step(&self, time_ns: u64, woken_ns: u64, deadline_ns: u64) {
         self.clock.enter_step(time_ns, woken_ns, deadline_ns);
         self.causality.enter_step();
     }
 
-    /// Number of the episode.
+    /// Returns the index of the episode.
     #[inline]
     pub(crate) fn episode(&self) -> u64 {
         self.episode.get()
     }
 
-    /// Number of started episodes; a port drops values of other episodes.
+    /// Returns the number of started episodes; a port drops values of other episodes.
     #[inline]
     pub(crate) fn era(&self) -> u32 {
         self.era.get()
     }
 
-    /// The start of an episode of real time that began since the last call; it is the present one from now
-    /// on. One load where none did.
+    /// Enters a real-time episode that began since the last call, and returns its start. Costs one load if
+    /// there is none.
     #[inline]
     pub(crate) fn enter_new_episode(&self) -> Option<EpisodeStart> {
         let start = self.new_episode()?;
@@ -189,7 +190,7 @@ impl Context {
         Some(start)
     }
 
-    /// The number of an episode of real time that was not entered.
+    /// Returns the index of a real-time episode that has not been entered.
     #[inline(always)]
     pub(crate) fn new_episode_index(&self) -> Option<u64> {
         let index = self.region.header().episode.load(Relaxed);
@@ -197,18 +198,18 @@ impl Context {
         (index != self.episode.get() && !self.clock.is_lockstep()).then_some(index)
     }
 
-    /// The start of an episode of real time that was not entered.
+    /// Returns the start of a real-time episode that has not been entered.
     pub(crate) fn new_episode(&self) -> Option<EpisodeStart> {
         self.new_episode_index().and_then(|_| self.region.header().episode_start())
     }
 
-    /// Enters an episode of real time.
+    /// Enters a real-time episode.
     pub(crate) fn enter_episode(&self, index: u64) {
         self.episode.set(index);
     }
 
-    /// Begins an episode of simulated time: the clock restarts, inputs have nothing to read, outputs have
-    /// published nothing.
+    /// Begins an episode of simulated time: resets the clock, empties the inputs, and forgets what the
+    /// outputs published.
     pub(crate) fn begin_episode(&self, index: u64) {
         self.episode.set(index);
         self.era.set(self.era.get().wrapping_add(1));
@@ -228,7 +229,7 @@ impl Context {
         }
     }
 
-    /// Notes a publication in the trace.
+    /// Records a publication in the trace.
     #[inline]
     pub(crate) fn note_published(&self, topic: usize, stamp: &Stamp) {
         if let Some(trace) = &self.trace {
@@ -238,13 +239,13 @@ impl Context {
         }
     }
 
-    /// Current `CLOCK_MONOTONIC` time, ns, if the lockstep trace needs it; else `known_ns`.
+    /// Returns the current `CLOCK_MONOTONIC` time, ns, if the lockstep trace needs it, or else `known_ns`.
     #[inline]
     pub(crate) fn traced_ns(&self, known_ns: u64) -> u64 {
         if self.trace.is_some() && self.clock.is_lockstep() { monotonic_ns() } else { known_ns }
     }
 
-    /// Notes a step that has ended in the trace.
+    /// Records a finished step in the trace.
     #[inline]
     pub(crate) fn note_step(&self, number: u64, release_ns: u64, begin_ns: u64, end_ns: u64) {
         if let Some(trace) = &self.trace {
@@ -252,8 +253,8 @@ impl Context {
         }
     }
 
-    /// Returns the stamp of a value published at `now_ns`, with the component's source time, if given. A
-    /// withheld value counts as refused.
+    /// Returns the stamp of a value published at `now_ns`, with the component's source time if it sets one. A
+    /// withheld value is counted as refused.
     #[inline(never)]
     pub(crate) fn stamp(
         &self,
@@ -286,14 +287,14 @@ impl Context {
         })
     }
 
-    /// True if actuators must be in their safe state, regardless of the command.
+    /// Returns `true` if actuators must be in their safe state, regardless of the command.
     #[inline]
     pub(crate) fn is_stopping(&self) -> bool {
         self.signals.on_its_own_since_ns().is_some()
     }
 
-    /// Returns `true` for a component after its last step. While the robot settles only its actuators step,
-    /// so the figures of other components cover the run only, and the actuators have the cores to themselves.
+    /// Returns `true` for a component after its last step. While the robot settles only actuators step, so
+    /// the statistics of other components cover the run only, and actuators have the cores to themselves.
     #[inline]
     pub(crate) fn has_stepped_last(&self) -> bool {
         !self.actuator && self.region.header().command() as u32 > Command::Run as u32

@@ -1,19 +1,19 @@
-//! The effects of reading on the step of the reader, the same for all inputs.
+//! Effects of reading an input on the step of the reader, common to all inputs.
 
 use std::rc::Rc;
 
 use super::Context;
 use crate::state::Stamp;
 
-/// Effects of reading an input: ages are recorded, source times are passed to the outputs, and a new episode
-/// drops the value.
+/// Effects of reading an input: records ages, propagates source times to the outputs, and drops the value in
+/// a new episode.
 #[derive(Debug)]
 pub(crate) struct ReadEffects {
     context: Rc<Context>,
     /// True if outputs of the step propagate this input's source time.
     is_cause: bool,
     edge: Option<usize>,
-    /// The episode of the last look.
+    /// Episode of the last check.
     era: u32,
 }
 
@@ -22,7 +22,7 @@ impl ReadEffects {
         Self { is_cause, edge, ..Self::none(context) }
     }
 
-    /// Effects for an unwired input.
+    /// Creates the effects of an unwired input.
     pub(crate) fn none(context: Rc<Context>) -> Self {
         let era = context.era();
         Self { context, is_cause: false, edge: None, era }
@@ -47,7 +47,7 @@ impl ReadEffects {
         begins
     }
 
-    /// A sample was read for the first time.
+    /// Records that a sample was read for the first time.
     #[inline]
     pub(crate) fn first_read(&self, stamp: &Stamp) {
         if let Some(edge) = self.edge {
@@ -55,7 +55,7 @@ impl ReadEffects {
         }
     }
 
-    /// A sample was read, for the first time or again.
+    /// Records that a sample was read, for the first time or again.
     #[inline]
     pub(crate) fn read(&self, stamp: &Stamp) {
         if self.is_cause {

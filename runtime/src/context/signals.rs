@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64};
 /// Messages from the watcher thread of a process to its stepping thread.
 #[derive(Debug, Default)]
 pub(crate) struct Signals {
-    /// Set when this process is requested to end.
+    /// Set when this process receives a request to end.
     terminated: Arc<AtomicBool>,
     /// Time at which the request was noticed, `CLOCK_MONOTONIC` ns; 0 before.
     terminated_ns: AtomicU64,
@@ -20,7 +20,7 @@ pub(crate) struct Signals {
 }
 
 impl Signals {
-    /// The flag that a request to end sets.
+    /// Returns the flag that a request to end sets.
     pub(crate) fn terminated(&self) -> Arc<AtomicBool> {
         self.terminated.clone()
     }
@@ -30,16 +30,16 @@ impl Signals {
         self.terminated.load(Relaxed)
     }
 
-    /// Notes the time of a request to end, if there was one.
+    /// Records the time of a request to end, if there was one.
     pub(crate) fn note_termination(&self, now_ns: u64) {
         if self.is_terminated() && self.terminated_ns.load(Relaxed) == 0 {
             self.terminated_ns.store(now_ns, Relaxed);
         }
     }
 
-    /// Time since which actuators must be in their safe state without the launcher's request, ns: this
-    /// process was requested to end, or the launcher died. `u64::MAX` until the time of a request is
-    /// recorded.
+    /// Returns the time since which actuators must be in their safe state without a request from the
+    /// launcher, ns: when this process was requested to end, or the launcher died. `u64::MAX` until the time
+    /// of a request is recorded.
     #[inline]
     pub(super) fn on_its_own_since_ns(&self) -> Option<u64> {
         let noted = |cell: &AtomicU64| Some(cell.load(Relaxed)).filter(|ns| *ns != 0);
@@ -50,7 +50,7 @@ impl Signals {
         }
     }
 
-    /// Notes that the launcher is dead, at `now_ns`.
+    /// Records that the launcher was found dead at `now_ns`.
     pub(crate) fn launcher_died(&self, now_ns: u64) {
         self.launcher_died_ns.store(now_ns, Relaxed);
     }
@@ -62,7 +62,7 @@ impl Signals {
         message
     }
 
-    /// True if the stepping thread has seen a message.
+    /// Returns `true` if the stepping thread has seen a message.
     pub(crate) fn has_seen(&self, message: u32) -> bool {
         self.seen.load(Acquire) == message
     }
@@ -83,9 +83,9 @@ mod tests {
         let signals = Signals::default();
         assert_eq!(signals.on_its_own_since_ns(), None);
         signals.note_termination(5);
-        assert_eq!(signals.on_its_own_since_ns(), None, "nobody asked");
+        assert_eq!(signals.on_its_own_since_ns(), None, "no request");
         signals.terminated().store(true, Relaxed);
-        assert_eq!(signals.on_its_own_since_ns(), Some(u64::MAX), "not noted yet");
+        assert_eq!(signals.on_its_own_since_ns(), Some(u64::MAX), "not recorded yet");
         signals.note_termination(7);
         signals.note_termination(9);
         signals.launcher_died(8);

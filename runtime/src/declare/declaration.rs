@@ -1,4 +1,4 @@
-//! The declaration of a component: its ports, its parameters, its needs.
+//! The declaration of a component: its ports, parameters and requirements.
 
 use core::cell::Cell;
 use std::path::Path;
@@ -80,7 +80,7 @@ pub struct Declare {
 }
 
 impl Declare {
-    /// An empty declaration for a component that works on `robot`.
+    /// Creates an empty declaration for a component that works on `robot`.
     pub fn new(robot: Option<RobotReference>) -> Self {
         Self {
             declaration: Declaration::default(),
@@ -91,7 +91,7 @@ impl Declare {
         }
     }
 
-    /// An empty declaration for a component that works on several robots.
+    /// Creates an empty declaration for a component that works on several robots.
     pub fn of_robots(robots: Vec<RobotReference>) -> Self {
         Self { robots, ..Self::new(None) }
     }
@@ -102,25 +102,25 @@ impl Declare {
         Self { placement, ..self }
     }
 
-    /// Nominal time between two steps, equal to `Setup::period`. `None` outside a graph, and if the rates and
-    /// triggers of the graph file are invalid, which is reported separately.
+    /// Returns the nominal time between two steps, the same as `Setup::period`. Returns `None` outside a
+    /// graph, or if the rates and triggers of the graph file are invalid, which is reported separately.
     pub fn period(&self) -> Option<Duration> {
         self.placement.period
     }
 
-    /// The clock of the graph: real time or lockstep.
+    /// Returns the clock of the graph: real time or lockstep.
     pub fn clock(&self) -> ClockKind {
         self.placement.clock
     }
 
-    /// Folder for relative paths in the `config` table: that of the graph file that contains the component.
-    /// Equal to `Setup::folder`.
+    /// Returns the folder that relative paths in the `config` table refer to: the folder of the graph file
+    /// that contains the component. Same as `Setup::folder`.
     pub fn folder(&self) -> &Path {
         &self.placement.folder
     }
 
     /// Returns `true` if the component's `subscribe` table in the graph contains this port. For components
-    /// whose role depends on the wiring; equal to `Setup::subscribes`. Always `false` outside a graph.
+    /// whose role depends on the wiring. Same as `Setup::subscribes`. Always `false` outside a graph.
     ///
     /// ```
     /// use motorium::declare::{Declare, Placement};
@@ -133,14 +133,14 @@ impl Declare {
         self.placement.subscribed.iter().any(|subscribed| subscribed == port)
     }
 
-    /// Adds a fact about the component in this graph that its table does not show. `motorium check` prints it
-    /// after the name of the component.
+    /// Adds a fact about the component in this graph that its table does not show. `motorium check` prints
+    /// the fact after the component's name.
     pub fn note(&mut self, fact: impl Into<String>) {
         self.declaration.notes.push(fact.into());
     }
 
-    /// Warns of a valid but probably unintended configuration. `motorium check` and `run` print the warning
-    /// with its position in the graph file: the component, or the key set by [`DeclareWarning::at`].
+    /// Warns about a valid but probably unintended configuration. `motorium check` and `run` print the
+    /// warning with its position in the graph file: the component, or the key set by [`DeclareWarning::at`].
     ///
     /// ```
     /// use motorium::prelude::*;
@@ -161,18 +161,18 @@ impl Declare {
         &mut warnings[last]
     }
 
-    /// The collected declaration.
+    /// Returns the collected declaration.
     pub fn into_declaration(self) -> Declaration {
         self.declaration
     }
 
-    /// The robot the graph file gives this component, if any.
+    /// Returns the robot that the graph file assigns to this component, if any.
     pub fn robot(&self) -> Option<&RobotReference> {
         self.robot.as_ref()
     }
 
-    /// Robots assigned by `robots` in the graph file; empty for a single `robot` or none. A component that
-    /// never calls this supports at most one robot, and `robots` is rejected.
+    /// Returns the robots assigned by `robots` in the graph file; empty for a single `robot` or none. A
+    /// component that never calls this supports at most one robot, and `robots` is rejected.
     pub fn robots(&self) -> &[RobotReference] {
         self.takes_several.set(true);
         &self.robots
@@ -183,7 +183,7 @@ impl Declare {
         self.robots.is_empty() || self.takes_several.get()
     }
 
-    /// An input that the graph must wire: the newest value of a topic.
+    /// Declares an input that reads the newest value of a topic, and that the graph must wire.
     pub fn input<T: StateBuffer>(&mut self, name: &str, doc: &str) {
         self.port::<T>(name, Direction::Input, TopicPattern::State, true, doc);
     }
@@ -198,12 +198,12 @@ impl Declare {
         self.port::<T>(name, Direction::Output, TopicPattern::State, false, doc);
     }
 
-    /// An input that reads every sample of a stream topic.
+    /// Declares an input that reads every sample of a stream topic.
     pub fn stream_input<T: StateBuffer>(&mut self, name: &str, capacity: usize, doc: &str) {
         self.port::<T>(name, Direction::Input, TopicPattern::Stream { capacity }, true, doc);
     }
 
-    /// Declares an output whose readers may request every sample.
+    /// Declares an output whose readers may read every sample.
     pub fn stream_output<T: StateBuffer>(&mut self, name: &str, capacity: usize, doc: &str) {
         self.port::<T>(name, Direction::Output, TopicPattern::Stream { capacity }, false, doc);
     }
@@ -213,13 +213,13 @@ impl Declare {
         self.port::<T>(name, Direction::Input, TopicPattern::Slices { capacity, longest: 0 }, true, doc);
     }
 
-    /// An output of slices of up to `longest` elements, such as images or frames.
+    /// Declares an output of slices of up to `longest` elements, such as images or frames.
     pub fn slice_output<T: StateBuffer>(&mut self, name: &str, longest: usize, capacity: usize, doc: &str) {
         self.port::<T>(name, Direction::Output, TopicPattern::Slices { capacity, longest }, false, doc);
     }
 
-    /// Declares an input that the graph must wire, to a topic of any type. It reads the newest value as
-    /// bytes, with the layout declared by the topic's writer. For bridges and recorders.
+    /// Declares an input that reads the newest value of a topic of any type as bytes, and that the graph must
+    /// wire. The topic's writer declares the layout. For bridges and recorders.
     pub fn raw_input(&mut self, name: &str, doc: &str) {
         self.any_input(name, true, doc);
     }
@@ -229,13 +229,14 @@ impl Declare {
         self.any_input(name, false, doc);
     }
 
-    /// An input that the graph must wire, to a stream of any type: every value as bytes.
+    /// Declares an input that reads every value of a stream of any type as bytes, and that the graph must
+    /// wire.
     pub fn raw_stream_input(&mut self, name: &str, capacity: usize, doc: &str) {
         self.any_port(name, TopicPattern::Stream { capacity }, true, doc);
     }
 
-    /// An input that the graph must wire, to a stream of slices of any type: every slice as bytes and the
-    /// number of its elements.
+    /// Declares an input that reads every slice of a stream of any type, as bytes and the number of elements,
+    /// and that the graph must wire.
     pub fn raw_slice_input(&mut self, name: &str, capacity: usize, doc: &str) {
         self.any_port(name, TopicPattern::Slices { capacity, longest: 0 }, true, doc);
     }
@@ -255,17 +256,17 @@ impl Declare {
         });
     }
 
-    /// An output of a type that the configuration names.
+    /// Declares an output of a type that is known at run time only.
     pub fn raw_output(&mut self, name: &str, layout: TypeLayout, doc: &str) {
         self.raw_port(name, layout, TopicPattern::State, doc);
     }
 
-    /// An output of a type that the configuration names, whose readers may read every value.
+    /// Declares an output of a type that is known at run time only, whose readers may read every value.
     pub fn raw_stream_output(&mut self, name: &str, layout: TypeLayout, capacity: usize, doc: &str) {
         self.raw_port(name, layout, TopicPattern::Stream { capacity }, doc);
     }
 
-    /// An output of slices of up to `longest` elements of a type that the configuration names.
+    /// Declares an output of slices of up to `longest` elements of a type that is known at run time only.
     pub fn raw_slice_output(
         &mut self,
         name: &str,
@@ -288,20 +289,20 @@ impl Declare {
         });
     }
 
-    /// Declares that this component applies commands to a robot and reaches the safe state on its own when
-    /// they become stale.
+    /// Declares that this component applies commands to a robot, and enters the safe state without outside
+    /// help when they become stale.
     pub fn actuator(&mut self) {
         self.declaration.actuator = true;
     }
 
-    /// Declares that this component can end an episode (`Setup::episode_end`), in a graph with `ends_episode
-    /// = true`.
+    /// Declares that this component can end an episode (`Setup::episode_end`) if the graph sets
+    /// `ends_episode = true`.
     pub fn may_end_episodes(&mut self) {
         self.declaration.may_end_episodes = true;
     }
 
-    /// This component can begin episodes in real time (`Setup::episode_driver`), in a graph that
-    /// says `begins_episodes = true`.
+    /// Declares that this component can begin episodes in real time (`Setup::episode_driver`) if the graph
+    /// sets `begins_episodes = true`.
     pub fn may_begin_episodes(&mut self) {
         self.declaration.may_begin_episodes = true;
     }
@@ -312,15 +313,16 @@ impl Declare {
         self.declaration.resets = true;
     }
 
-    /// This component has a file descriptor, such as a socket, that can release its steps: a graph may say
-    /// `activate = { on = "fd", min_interval = "1 ms" }`. It names the descriptor by
-    /// `Setup::wake_on`.
+    /// Declares that this component has a file descriptor, such as a socket, that can release its steps. A
+    /// graph may then set `activate = { on = "fd", min_interval = "1 ms" }`. The component passes the
+    /// descriptor to `Setup::wake_on`.
     pub fn wakes_on_descriptor(&mut self) {
         self.declaration.wakes_on_descriptor = true;
     }
 
-    /// Declares that a step waits for an external answer, such as from a device, for up to `longest`. It
-    /// sleeps and leaves its core to others. The wait is part of the response time but not of the budget.
+    /// Declares that a step waits up to `longest` for an answer from outside, such as from a device. It
+    /// sleeps meanwhile and leaves the core to others. The wait is part of the response time but not of the
+    /// budget.
     ///
     /// ```
     /// use motorium::prelude::*;
@@ -334,10 +336,9 @@ impl Declare {
         self.declaration.waits_ns = u64::try_from(longest.as_nanos()).unwrap_or(u64::MAX);
     }
 
-    /// Declares that this component cannot keep deadlines, and why: for example, it collects garbage, or
-    /// waits for a lock of its interpreter. Its scheduling class is then `normal` unless the graph insists
-    /// on another one, and `motorium check` warns with the reason, and names the real-time components that
-    /// depend on it.
+    /// Declares that this component cannot keep deadlines, and why: for example, because it collects garbage
+    /// or waits for its interpreter's lock. Its scheduling class then defaults to `normal`. `motorium check`
+    /// warns with the reason and names the real-time components that depend on it.
     ///
     /// ```
     /// use motorium::prelude::*;
@@ -350,8 +351,8 @@ impl Declare {
         self.declaration.not_real_time = Some(reason.to_string());
     }
 
-    /// Declares that this component reads topics of the whole graph by taps (`Setup::observer`). The graph
-    /// keeps as many values as a tap may leave unread.
+    /// Declares that this component reads topics of the whole graph by taps (`Setup::observer`). Topics keep
+    /// enough old values for the time that a tap may go unread.
     ///
     /// ```
     /// use motorium::declare::{Declare, Taps};
@@ -388,8 +389,8 @@ impl Declare {
         self.parameter(name, ParameterValue::Boolean(default), None, "", doc);
     }
 
-    /// Declares a parameter with one of a few names, which may change at run time; `default` is one of them.
-    /// The component reads it as a `Choice`: the index of the name.
+    /// Declares a parameter that is one of `choices`, which may change at run time; `default` is one of them.
+    /// The component reads it as a `Choice`, the index of the name.
     pub fn choice(&mut self, name: &str, choices: &[&str], default: &str, doc: &str) {
         self.parameter(name, ParameterValue::Choice(default.to_string()), None, "", doc);
         if let Some(declared) = self.declaration.parameters.last_mut() {
@@ -397,8 +398,8 @@ impl Declare {
         }
     }
 
-    /// Declares an array parameter, which may change at run time as a whole. It has the length of `default`,
-    /// each entry within `range`, in `unit`. The component reads it by `Setup::parameter_array`.
+    /// Declares an array parameter, which may change at run time as a whole. It has the length of `default`;
+    /// each entry is within `range`, in `unit`. The component reads it with `Setup::parameter_array`.
     pub fn array(
         &mut self,
         name: &str,

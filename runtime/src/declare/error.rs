@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use crate::state::Defect;
 
-/// The error of a configuration that cannot work, found while the graph is checked.
+/// Error of an invalid configuration, found when the graph is checked.
 ///
 /// ```
 /// use motorium::declare::ConfigError;
@@ -17,19 +17,19 @@ use crate::state::Defect;
 pub struct ConfigError {
     /// The key of the `config` table at fault, dotted, if one can be named.
     pub key: Option<String>,
-    /// The value found, and the values expected.
+    /// Found value and expected values.
     pub message: String,
     /// Advice, if there is any.
     pub advice: Option<String>,
 }
 
 impl ConfigError {
-    /// An error about one key of the `config` table.
+    /// Creates an error about one key of the `config` table.
     pub fn key(key: impl Into<String>, message: impl Into<String>) -> Self {
         Self { key: Some(key.into()), message: message.into(), advice: None }
     }
 
-    /// An error about the configuration as a whole.
+    /// Creates an error about the configuration as a whole.
     pub fn new(message: impl Into<String>) -> Self {
         Self { key: None, message: message.into(), advice: None }
     }
@@ -42,7 +42,7 @@ impl ConfigError {
     }
 }
 
-/// An error of a step. It owns no heap memory unless its message is formatted at run time.
+/// Error of a step. It owns no heap memory unless its message is formatted at run time.
 ///
 /// ```
 /// use motorium::declare::StepError;
@@ -75,7 +75,7 @@ pub enum StepError {
     SourceInFuture {
         /// The port.
         port: &'static str,
-        /// Distance from the present, ns.
+        /// Time ahead of the clock, ns.
         ahead_ns: u64,
     },
     /// Any other failure, with the component's message.
@@ -84,7 +84,7 @@ pub enum StepError {
 }
 
 impl StepError {
-    /// A failure with a message.
+    /// Creates an error with a message.
     pub fn failed(message: impl Into<Cow<'static, str>>) -> Self {
         Self::Failed(message.into())
     }

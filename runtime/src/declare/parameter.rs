@@ -40,7 +40,7 @@ pub enum ParameterValue {
 }
 
 impl ParameterValue {
-    /// The kind of this value.
+    /// Returns the kind of this value.
     pub fn kind(&self) -> ParameterKind {
         match self {
             Self::Boolean(_) => ParameterKind::Boolean,
@@ -105,7 +105,7 @@ pub struct ParameterDeclaration {
 }
 
 impl ParameterDeclaration {
-    /// Number of values: the length of an array, otherwise one.
+    /// Returns the number of values: the length of an array, otherwise one.
     pub fn numbers(&self) -> usize {
         match &self.default {
             ParameterValue::Array(values) => values.len(),
@@ -113,11 +113,11 @@ impl ParameterDeclaration {
         }
     }
 
-    /// Checks a value against type, range, choices and length. An integer is accepted for a float, and one
-    /// number for an array of that number.
+    /// Checks a value against type, range, choices and length. An integer is accepted for a float, and a
+    /// single number for an array filled with it.
     ///
     /// # Errors
-    /// A text with the value found and the values expected.
+    /// Returns a message with the found value and the expected values.
     pub fn admit(&self, value: ParameterValue) -> Result<ParameterValue, String> {
         let value = match (self.default.kind(), value) {
             (ParameterKind::Float, ParameterValue::Integer(i)) => ParameterValue::Float(i as f64),
@@ -165,7 +165,7 @@ impl ParameterDeclaration {
         Ok(value)
     }
 
-    /// An array of this length of one number.
+    /// Returns an array of the default's length, filled with `number`.
     fn repeated(&self, number: f64) -> ParameterValue {
         ParameterValue::Array(vec![number; self.numbers()])
     }

@@ -30,9 +30,9 @@ pub enum ClockKind {
 pub struct Placement {
     /// Nominal time between two steps; `None` if not known yet.
     pub period: Option<Duration>,
-    /// The clock of the graph. Default real time.
+    /// The clock of the graph. Defaults to real time.
     pub clock: ClockKind,
-    /// Folder in which relative paths of the `config` table start. Default the working directory.
+    /// Folder that relative paths in the `config` table refer to. Defaults to the working directory.
     pub folder: PathBuf,
     /// Ports in the component's `subscribe` table.
     #[serde(default)]

@@ -35,7 +35,7 @@ pub enum TopicPattern {
 }
 
 impl TopicPattern {
-    /// Capacity of the queue in samples or slices; `None` for a state.
+    /// Returns the capacity of the queue in samples or slices; `None` for a state.
     pub fn capacity(self) -> Option<usize> {
         match self {
             Self::State => None,

@@ -23,7 +23,7 @@ pub struct RobotReference {
     pub name: String,
     /// The value of `urdf` or `mjcf` in the graph file: a catalogue name, a folder or a file.
     pub urdf: String,
-    /// Folder for relative paths: that of the graph file.
+    /// Folder that relative paths refer to, which is the folder of the graph file.
     pub base: PathBuf,
     /// Pose of its base in the world; `None` if missing from the graph file.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -19,8 +19,7 @@ use serde::{Deserialize, Serialize};
 pub struct Taps {
     /// Names of topics; `*` matches any characters.
     pub topics: Vec<String>,
-    /// Time that a tap may go unread before values are lost; the graph keeps the values published in this
-    /// time.
+    /// Time that a tap may go unread before values are lost; topics keep the values published in this time.
     pub bridges: Duration,
 }
 
@@ -30,7 +29,7 @@ impl Taps {
         Self { topics: topics.into_iter().map(str::to_string).collect(), bridges }
     }
 
-    /// True if a topic of this name is among them.
+    /// Returns `true` if a topic with this name is tapped.
     pub fn includes(&self, topic: &str) -> bool {
         self.topics.iter().any(|pattern| matches(pattern, topic))
     }

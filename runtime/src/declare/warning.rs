@@ -25,7 +25,7 @@ pub struct DeclareWarning {
 }
 
 impl DeclareWarning {
-    /// A warning about the component as a whole.
+    /// Creates a warning about the component as a whole.
     pub(super) fn new(message: impl Into<String>) -> Self {
         Self { key: None, message: message.into(), advice: None }
     }

@@ -1,6 +1,6 @@
 //! One iceoryx2 domain per run, in the run's folder: its nodes, services and choice of mechanisms.
 
-#![allow(unsafe_code)] // iceoryx2's counter of nodes is made before iceoryx2 makes it for all users
+#![allow(unsafe_code)] // creates iceoryx2's node counter, which iceoryx2 would make accessible to all users
 
 mod pool_allocated;
 mod service;
@@ -38,13 +38,13 @@ pub struct Domain {
     prefix: String,
 }
 
-/// A domain or a node in it could not be created.
+/// Error of creating a domain or a node in it.
 #[derive(Debug, thiserror::Error)]
 pub enum DomainError {
     /// The folder's path cannot name a domain.
     #[error("`{0}` cannot hold shared memory: use a shorter path of plain characters")]
     Path(PathBuf),
-    /// iceoryx2 refused to make a node.
+    /// iceoryx2 could not create a node.
     #[error("no iceoryx2 node in {root}: {reason}; `motorium doctor` checks shared memory and permissions")]
     Node {
         /// The domain's folder.
@@ -55,11 +55,11 @@ pub enum DomainError {
 }
 
 impl Domain {
-    /// The domain of a run: its files live in `folder/iox2`, its shared memory objects begin with
-    /// `mt_<run>_`.
+    /// Creates the domain of a run. Its files are in `folder/iox2`, and the names of its shared memory
+    /// objects begin with `mt_<run>_`.
     ///
     /// # Errors
-    /// The path or the run's name has characters that iceoryx2 does not take.
+    /// The path or the run's name contains characters that iceoryx2 does not accept.
     pub fn new(folder: &Path, run: &str) -> Result<Self, DomainError> {
         let root = folder.join("iox2");
         let prefix = format!("mt_{run}_");
@@ -75,9 +75,9 @@ impl Domain {
         Ok(Self { config, root, prefix })
     }
 
-    /// Creates the node counter, accessible to its owner only. iceoryx2 opens an existing one, and would
-    /// otherwise create one that any user of the machine can write, and thereby block every process from
-    /// joining.
+    /// Creates the node counter, accessible to its owner only. iceoryx2 opens an existing counter. Otherwise
+    /// it would create one that every user of the machine can write, and any user could then block all
+    /// processes from joining.
     ///
     /// # Errors
     /// Shared memory is full or access is denied.
@@ -137,7 +137,7 @@ impl Domain {
     /// locks only, not iceoryx2's data in shared memory.
     pub fn has_dead(&self) -> bool {
         let mut found = false;
-        // Failures are retried with the next listing.
+        // Failures are retried at the next listing.
         let _ = Node::<Shared>::list(&self.config, |state| {
             found |= matches!(state, NodeState::Dead(_));
             if found { CallbackProgression::Stop } else { CallbackProgression::Continue }
@@ -145,27 +145,27 @@ impl Domain {
         found
     }
 
-    /// Frees the slots of dead processes. It traverses shared memory written by others: if that is damaged,
-    /// this process may crash.
+    /// Frees the slots of dead processes. It traverses shared memory written by other processes, so damaged
+    /// memory may crash this process.
     pub fn clean(&self) {
         let _ = Node::<Shared>::list(&self.config, |state| {
             if let NodeState::Dead(dead) = state {
-                // Failures are found again later.
+                // Failures are retried later.
                 let _ = dead.try_remove_stale_resources();
             }
             CallbackProgression::Continue
         });
     }
 
-    /// Object that reserves shared memory for restarts.
+    /// Returns the path of the object that reserves shared memory for restarts.
     pub(crate) fn spare_file(&self) -> PathBuf {
         Path::new(SHARED_MEMORY).join(format!("{}spare", self.prefix))
     }
 
-    /// Removes all remains of the domain once nobody uses it any more. Returns the removed paths.
+    /// Removes all remains of the domain when it is no longer used. Returns the removed paths.
     pub fn remove(&self) -> Vec<PathBuf> {
         let mut removed = Vec::new();
-        // The lock is removed last: objects without a lock belong to nobody.
+        // The lock is removed last, because objects without a lock count as unused.
         for path in self.objects().filter(|path| *path != self.lock_file()).chain([self.lock_file()]) {
             if std::fs::remove_file(&path).is_ok() {
                 removed.push(path);
@@ -177,30 +177,30 @@ impl Domain {
         removed
     }
 
-    /// The shared memory objects of the domain.
+    /// Returns the shared memory objects of the domain.
     pub fn objects(&self) -> impl Iterator<Item = PathBuf> + '_ {
         let entries = std::fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
         let ours = |name: &std::ffi::OsStr| name.to_string_lossy().starts_with(&self.prefix);
         entries.filter(move |entry| ours(&entry.file_name())).map(|entry| entry.path())
     }
 
-    /// File whose lock indicates that the domain's shared memory objects are in use.
+    /// Returns the file whose lock indicates that the domain's shared memory objects are in use.
     pub fn lock_file(&self) -> PathBuf {
         Path::new(SHARED_MEMORY).join(format!("{}lock", self.prefix))
     }
 
-    /// Prefix of the names of the domain's shared memory objects.
+    /// Returns the prefix of the names of the domain's shared memory objects.
     pub fn prefix(&self) -> &str {
         &self.prefix
     }
 
-    /// The configuration for iceoryx2.
+    /// Returns the configuration for iceoryx2.
     pub fn config(&self) -> &Config {
         &self.config
     }
 }
 
-/// Reduces iceoryx2's log to user-relevant messages; errors are returned as values anyway.
+/// Reduces iceoryx2's log to user-relevant messages. Errors are returned as values in any case.
 pub fn quieten() {
     iceoryx2::prelude::set_log_level(iceoryx2::prelude::LogLevel::Fatal);
 }

@@ -1,6 +1,6 @@
 //! Reference counting within one thread, with pooled memory.
 
-#![allow(unsafe_code)] // a reference count and a free list over raw memory; every function says why it is sound
+#![allow(unsafe_code)] // a reference count and a free list over raw memory
 
 use core::alloc::Layout;
 use core::cell::Cell;
@@ -18,7 +18,7 @@ const BLOCK: Layout = match Layout::from_size_align(128, 16) {
     Ok(layout) => layout,
     Err(_) => panic!("a constant layout is valid"),
 };
-/// Number of free blocks kept per thread: one per output port is needed.
+/// Number of free blocks kept per thread. One per output port is needed.
 const KEPT: usize = 32;
 
 /// Free blocks of one thread.
@@ -35,7 +35,7 @@ thread_local! {
 impl Drop for Pool {
     fn drop(&mut self) {
         for block in &self.blocks[..self.count.get()] {
-            // SAFETY: every kept block was allocated with `BLOCK` and is owned by the pool alone.
+            // SAFETY: every kept block was allocated with `BLOCK` and is owned by the pool only.
             unsafe { dealloc(block.get(), BLOCK) };
         }
     }
@@ -45,7 +45,7 @@ fn fits(layout: Layout) -> bool {
     layout.size() <= BLOCK.size() && layout.align() <= BLOCK.align()
 }
 
-/// Memory for a value of this layout, from the pool where possible.
+/// Returns memory for a value of this layout, from the pool if possible.
 fn take(layout: Layout) -> *mut u8 {
     let reused = POOL.try_with(|pool| {
         let count = pool.count.get();
@@ -58,7 +58,7 @@ fn take(layout: Layout) -> *mut u8 {
         return block;
     }
     let layout = if fits(layout) { BLOCK } else { layout };
-    // SAFETY: the layout's size is not zero: it holds at least a count.
+    // SAFETY: the layout's size is not zero: it includes at least a count.
     let memory = unsafe { alloc(layout) };
     if memory.is_null() {
         handle_alloc_error(layout);
@@ -82,7 +82,7 @@ fn recycle(memory: *mut u8, layout: Layout) {
             .unwrap_or(false);
     if !kept {
         let layout = if fits(layout) { BLOCK } else { layout };
-        // SAFETY: `take` allocated it with this very layout, and the caller owns it.
+        // SAFETY: `take` allocated it with the same layout, and the caller owns it.
         unsafe { dealloc(memory, layout) };
     }
 }
@@ -93,7 +93,7 @@ struct Shared<T> {
     value: ManuallyDrop<T>,
 }
 
-/// A handle on a value shared within one thread.
+/// A handle to a value shared within one thread.
 pub struct PoolAllocated<T> {
     shared: NonNull<Shared<T>>,
 }
@@ -129,7 +129,7 @@ impl<T> Clone for PoolAllocated<T> {
 impl<T> Drop for PoolAllocated<T> {
     fn drop(&mut self) {
         if self.release() {
-            // SAFETY: this was the last handle: nobody else sees the value or its block.
+            // SAFETY: this was the last handle, so nothing else refers to the value or its block.
             unsafe { ManuallyDrop::drop(&mut self.shared.as_mut().value) };
             recycle(self.shared.as_ptr().cast(), Layout::new::<Shared<T>>());
         }
@@ -141,13 +141,13 @@ impl<T: Abandonable> Abandonable for PoolAllocated<T> {
         // SAFETY: the caller passes a valid handle that is not used or dropped afterwards.
         let handle = unsafe { this.as_mut() };
         if handle.release() {
-            // SAFETY: this is the last handle: the value is abandoned in place, and its block is untouched.
+            // SAFETY: this is the last handle; the value is abandoned in place, and its block is not touched.
             unsafe { T::abandon_in_place(NonNull::from_mut(&mut *handle.shared.as_mut().value)) };
         }
     }
 }
 
-/// Access to the value; within one thread there is nothing to lock.
+/// Access to the value. Within one thread no lock is needed.
 #[derive(Debug)]
 pub struct Access<'parent, T> {
     value: &'parent T,
@@ -172,7 +172,7 @@ impl<T: Send + Debug + Abandonable> ArcSyncPolicy<T> for PoolAllocated<T> {
 
     fn new(value: T) -> Result<Self, ArcSyncPolicyCreationError> {
         let block = take(Layout::new::<Shared<T>>()).cast::<Shared<T>>();
-        // SAFETY: the block is large and aligned enough for its layout and owned by nobody else.
+        // SAFETY: the block has the size and alignment of its layout and has no other owner.
         unsafe { block.write(Shared { handles: Cell::new(1), value: ManuallyDrop::new(value) }) };
         NonNull::new(block)
             .map(|shared| Self { shared })
@@ -193,7 +193,7 @@ mod tests {
     #[derive(Debug)]
     struct Counted(Rc<Cell<u32>>, [u64; 4]);
 
-    // SAFETY: the tests keep every value on one thread; `Send` is only demanded by the trait.
+    // SAFETY: the tests keep every value on one thread; only the trait requires `Send`.
     unsafe impl Send for Counted {}
 
     impl Abandonable for Counted {
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn the_value_is_dropped_once_with_the_last_handle() {
+    fn value_is_dropped_once_with_the_last_handle() {
         let drops = Rc::new(Cell::new(0));
         let first = counted(&drops);
         let second = first.clone();
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn a_block_given_back_is_the_next_one_taken() {
+    fn released_block_is_reused_first() {
         let drops = Rc::new(Cell::new(0));
         let first = counted(&drops);
         let address = first.shared.as_ptr();
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn more_blocks_than_the_pool_keeps_are_freed_and_made_anew() {
+    fn blocks_beyond_the_pool_are_freed_and_allocated_again() {
         let drops = Rc::new(Cell::new(0));
         for _ in 0..3 {
             let many: Vec<_> = (0..KEPT + 9).map(|_| counted(&drops)).collect();
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_beyond_the_pool_lives_like_any_other() {
+    fn value_larger_than_a_block_is_allocated_separately() {
         #[derive(Debug)]
         struct Large([u64; 100]);
         impl Abandonable for Large {
@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn an_abandoned_handle_leaves_the_others_alone() {
+    fn abandoned_handle_does_not_affect_the_others() {
         let drops = Rc::new(Cell::new(0));
         let kept = counted(&drops);
         let mut abandoned = ManuallyDrop::new(kept.clone());

@@ -11,7 +11,7 @@ use crate::os::with_shortage;
 #[derive(Debug, thiserror::Error)]
 #[error("{owner}: {action} failed: {reason}")]
 pub struct ServiceError {
-    /// The topic or the component that the service belongs to.
+    /// Topic or component that the service belongs to.
     pub owner: String,
     /// The operation that failed.
     pub action: &'static str,
@@ -19,7 +19,7 @@ pub struct ServiceError {
     pub reason: String,
 }
 
-/// Converts the error of a service operation; exhausted shared memory is named explicitly.
+/// Converts the error of a service operation. Exhausted shared memory is named explicitly.
 pub(crate) fn refused(
     owner: String,
     action: &'static str,
@@ -30,7 +30,7 @@ pub(crate) fn refused(
     }
 }
 
-/// The name of a service: its kind, and the name of the topic or component that it belongs to.
+/// Returns the name of a service: its kind, and the name of the topic or component that it belongs to.
 pub(crate) fn service_name(kind: &str, name: &str) -> Result<ServiceName, ServiceError> {
     let refused = refused(format!("{kind} `{name}`"), "naming the service");
     ServiceName::new(&format!("{kind}/{name}")).map_err(|error| refused(&format!("{error:?}")))

@@ -10,10 +10,10 @@ use iceoryx2_cal::{
 
 use super::pool_allocated::PoolAllocated;
 
-/// The mechanisms of stock `ipc::Service`, but samples of a stream are lent without the heap.
+/// The mechanisms of stock `ipc::Service`, except that stream samples are lent without heap allocation.
 ///
-/// Stock programs (`iox2`, the Python wheel) see the same memory. Topics carry no iceoryx2 event: a component
-/// is woken by the notifier of the topic (`Trigger`).
+/// Stock programs (`iox2`, the Python wheel) see the same memory. Topics have no iceoryx2 event: the notifier
+/// of the topic wakes components (`Trigger`).
 #[derive(Debug, Clone)]
 pub struct Shared {}
 

@@ -25,8 +25,8 @@ pub(super) const HANG_REALTIME: TimeSpan = TimeSpan { ns: 200 * MILLISECOND };
 pub(super) const HANG_NORMAL: TimeSpan = TimeSpan { ns: SECOND };
 /// Number of budgets (or periods, without a budget) that a component may compute without waiting.
 pub(super) const CPU_LIMIT_STEPS: u64 = 10;
-/// Minimum of that time: the kernel counts ticks at which a component has the core, even if the host has
-/// stolen most of the time between them.
+/// Minimum of that time, because the kernel counts ticks at which a component has the core, even if the host
+/// has stolen most of the time in between.
 pub(super) const CPU_LIMIT: TimeSpan = TimeSpan { ns: 50 * MILLISECOND };
 pub(super) const LOST_STEPS: Share = Share(0.05);
 pub(super) const PHASE: TimeSpan = TimeSpan { ns: 0 };
@@ -49,5 +49,5 @@ pub(super) const SETTLE: TimeSpan = TimeSpan { ns: 500 * MILLISECOND };
 
 /// Priority of the fastest real-time component; each slower rate gets [`PRIORITY_STEP`] less.
 pub(super) const FASTEST_PRIORITY: u8 = 80;
-/// Distance between the priorities of two rates: room to put a component between them by hand.
+/// Distance between the priorities of two rates, which leaves room for explicit priorities in between.
 pub(super) const PRIORITY_STEP: u8 = 5;

@@ -1,4 +1,4 @@
-//! The findings of a check: message, place, advice.
+//! Findings of a check: message, position, advice.
 
 use std::sync::Arc;
 
@@ -7,20 +7,20 @@ use serde::Serialize;
 use super::source::{Sources, Span};
 use crate::severity::Severity;
 
-/// A place in a file of the graph, or in a `--set` override, with its label.
+/// A position in a file of the graph or in a `--set` override, with its label.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Label {
     pub span: Span,
     pub text: String,
 }
 
-/// Number of findings of one severity that are shown; the others appear once these are fixed.
+/// Maximum number of shown findings of one severity; the others appear once these are fixed.
 const SHOWN: usize = 20;
-/// Number of findings shown of a file that does not parse: in a file of another format every line is an
-/// error.
+/// Maximum number of shown findings for a file that does not parse, because in a file of another format every
+/// line is an error.
 const SHOWN_OF_SYNTAX: usize = 5;
 
-/// One mistake: finding, position, and advice.
+/// One finding with its position and advice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diagnostic {
     /// Number of represented findings: 1, except for the summary of hidden ones.
@@ -71,22 +71,22 @@ pub struct DiagnosticReport {
 }
 
 impl Diagnostic {
-    /// The severity.
+    /// Returns the severity.
     pub fn severity(&self) -> Severity {
         self.severity
     }
 
-    /// The value found and the values expected, in one line.
+    /// Returns the found value and the expected values, in one line.
     pub fn message(&self) -> &str {
         &self.message
     }
 
-    /// Advice, in one sentence.
+    /// Returns the advice, in one sentence.
     pub fn advice(&self) -> Option<&str> {
         self.advice.as_deref()
     }
 
-    /// Everything as data.
+    /// Returns the whole finding as data.
     pub fn report(&self) -> DiagnosticReport {
         let place = |label: &Label| {
             let source = self.sources.source_of(&label.span);
@@ -107,25 +107,25 @@ impl Diagnostic {
         }
     }
 
-    /// The main place.
+    /// Sets the main position.
     pub(super) fn label(&mut self, span: &Span, label: impl Into<String>) -> &mut Self {
         self.primary = Some(Label { span: span.clone(), text: shortened(label.into()) });
         self
     }
 
-    /// Adds a related place.
+    /// Adds a related position.
     pub(super) fn and(&mut self, span: &Span, label: impl Into<String>) -> &mut Self {
         self.secondary.push(Label { span: span.clone(), text: shortened(label.into()) });
         self
     }
 
-    /// A further fact.
+    /// Adds a further fact.
     pub(super) fn note(&mut self, note: impl Into<String>) -> &mut Self {
         self.notes.push(shortened(note.into()));
         self
     }
 
-    /// Advice, in one sentence.
+    /// Sets the advice, in one sentence.
     pub(super) fn advise(&mut self, advice: impl Into<String>) -> &mut Self {
         self.advice = Some(shortened(advice.into()));
         self
@@ -138,7 +138,7 @@ impl Serialize for Diagnostic {
     }
 }
 
-/// The findings collected while a graph is read and resolved.
+/// Findings collected while a graph is read and resolved.
 #[derive(Debug)]
 pub(super) struct Report {
     sources: Arc<Sources>,
@@ -182,14 +182,13 @@ impl Report {
         &mut self.diagnostics[last]
     }
 
-    /// True if there is an error: the graph cannot run.
+    /// Returns `true` if there is an error, so that the graph cannot run.
     pub(super) fn has_errors(&self) -> bool {
         self.diagnostics.iter().any(|diagnostic| diagnostic.severity == Severity::Error)
     }
 
-    /// Returns everything collected, in file order; findings without a position come first. Warnings are
-    /// omitted if there are errors, because one error can cause many. Excess findings are replaced by their
-    /// count.
+    /// Returns all findings in file order; findings without a position come first. Warnings are omitted if
+    /// there are errors, because one error can cause many. Excess findings are replaced by their count.
     pub(super) fn into_diagnostics(mut self) -> Vec<Diagnostic> {
         let severity = if self.has_errors() { Severity::Error } else { Severity::Warning };
         self.diagnostics.retain(|diagnostic| diagnostic.severity == severity);
@@ -217,7 +216,7 @@ fn shortened(text: String) -> String {
     format!("{} [... {} bytes ...] {}", &text[..start], grouped(end - start), &text[end..])
 }
 
-/// A number with a comma between each three digits.
+/// Formats a number with a comma between groups of three digits.
 fn grouped(number: usize) -> String {
     let digits = number.to_string();
     let group = |(i, digit): (usize, char)| {
@@ -240,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn a_comma_stands_between_each_three_digits() {
+    fn digits_are_grouped_by_commas() {
         for (number, text) in [(2, "2"), (999, "999"), (5_007, "5,007"), (12_345_678, "12,345,678")] {
             assert_eq!(grouped(number), text);
         }

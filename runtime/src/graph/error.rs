@@ -1,10 +1,10 @@
-//! A graph that cannot run.
+//! Errors of a graph that cannot run.
 
 use serde::Serialize;
 
 use super::diagnostic::{Diagnostic, DiagnosticReport};
 
-/// Everything that was found wrong with a graph; at least one error.
+/// All errors found in a graph, at least one.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct GraphError {
@@ -21,12 +21,12 @@ impl GraphError {
         &self.diagnostics
     }
 
-    /// The errors as data.
+    /// Returns the errors as data.
     pub fn reports(&self) -> Vec<DiagnosticReport> {
         self.diagnostics.iter().map(Diagnostic::report).collect()
     }
 
-    /// Renders all of them with the affected lines of the file, and a final count.
+    /// Renders all errors with the affected lines of the file, and a final count.
     pub fn render(&self, colour: bool) -> String {
         let mut text = String::new();
         for diagnostic in &self.diagnostics {
@@ -49,7 +49,7 @@ impl GraphError {
 }
 
 impl core::fmt::Display for GraphError {
-    /// Writes the first error and the number of errors; [`GraphError::render`] shows all.
+    /// Formats the first error and the number of errors; [`GraphError::render`] shows all.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self.diagnostics.first() {
             Some(first) => write!(f, "{}: {}", self.summary(), first.message()),

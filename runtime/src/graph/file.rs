@@ -4,16 +4,16 @@ use std::fs::File;
 use std::io::{Error, Read as _};
 use std::path::{Path, PathBuf};
 
-/// Longest graph file, and most bytes of all files of a graph.
+/// Maximum size of a graph file, and of all files of a graph together, bytes.
 pub(super) const LONGEST: u64 = 16 * 1024 * 1024;
 
-/// The content of a regular file of at most [`LONGEST`] bytes.
+/// Reads a regular file of at most [`LONGEST`] bytes.
 ///
 /// # Errors
-/// The system refuses, or the path names a folder, a device or a pipe, which may have no end, or too long a
-/// file.
+/// The file cannot be read or is too long, or the path names a folder, or a device or pipe, which may have no
+/// end.
 pub(super) fn read(path: &Path) -> std::io::Result<Vec<u8>> {
-    // Checked before opening: opening a pipe would block until its other end is open.
+    // Checked before opening, because opening a pipe would block until its other end is open.
     let metadata = std::fs::metadata(path)?;
     if !metadata.is_file() {
         let found = if metadata.is_dir() { "a folder" } else { "a device or a pipe" };
@@ -28,7 +28,7 @@ pub(super) fn read(path: &Path) -> std::io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The name of a graph file in the folder of `path` that was probably meant.
+/// Returns the graph file in the folder of `path` with the most similar name.
 pub(super) fn near(path: &Path) -> Option<String> {
     let graphs: Vec<String> = std::fs::read_dir(folder_of(path))
         .into_iter()
@@ -40,7 +40,7 @@ pub(super) fn near(path: &Path) -> Option<String> {
     crate::nearest::nearest(wanted, graphs.iter().map(String::as_str)).map(str::to_owned)
 }
 
-/// Folder of a file, absolute if it can be determined.
+/// Returns the folder of a file, absolute if it can be determined.
 pub(super) fn folder_of(path: &Path) -> PathBuf {
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,

@@ -1,4 +1,4 @@
-//! Conversion of the `config` table to JSON, in which it is sent to the component's process.
+//! Conversion of the `config` table to JSON, the format in which it is sent to the component's process.
 
 use serde_json::{Map, Value as Json};
 use toml::de::DeValue;
@@ -7,7 +7,7 @@ use super::diagnostic::Report;
 use super::read::{Value, entries};
 use super::source::Span;
 
-/// Largest number in a configuration: larger ones overflow in the first product and are typing errors.
+/// Largest number in a configuration. Larger numbers overflow in the first product and are typing errors.
 pub(super) const LARGEST: f64 = 1e15;
 
 /// Converts a TOML value to JSON; unsupported values are reported.
@@ -65,16 +65,16 @@ pub(super) fn to_json(value: &Value<'_>, report: &mut Report) -> Option<Json> {
     })
 }
 
-/// The places of a key in a `config` table.
+/// Positions of a key in a `config` table.
 pub(super) struct Found {
     /// Span of the key itself, or of an element of an array.
     pub key: Span,
-    /// Of its value.
+    /// Span of its value.
     pub value: Span,
 }
 
-/// Finds the position of a dotted key in a `config` table: `tasks.0.gain` or `tasks[0].gain`, as deep as it
-/// can be followed.
+/// Finds the position of a dotted key in a `config` table, such as `tasks.0.gain` or `tasks[0].gain`, as deep
+/// as the path exists.
 pub(super) fn find(config: &Value<'_>, path: &str) -> Option<Found> {
     let mut place = None;
     let mut value = config;

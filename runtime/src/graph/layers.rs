@@ -1,4 +1,4 @@
-//! The files of a graph: the named file, the files it extends, and the overlays of the command line.
+//! The files of a graph: the graph file, the files it extends, and the overlays of the command line.
 //!
 //! Files are found by their `extends` keys; their contents are merged in `merge`.
 
@@ -10,7 +10,7 @@ use super::diagnostic::Report;
 use super::file::{self, LONGEST};
 use super::source::{Source, Sources, Span};
 
-/// Most files of one graph.
+/// Maximum number of files of one graph.
 const MOST: usize = 32;
 /// Maximum length of a chain of `extends`.
 const DEEPEST: usize = 8;
@@ -49,7 +49,7 @@ impl Layers {
         layers
     }
 
-    /// Overlays a file, with the files it extends, on all others. A file that is already part of the graph is
+    /// Overlays a file and the files it extends on all others. A file that is already part of the graph is
     /// not added again.
     pub(super) fn add(&mut self, path: &Path, text: String) {
         let mut chain: Vec<Layer> = Vec::new();
@@ -74,7 +74,7 @@ impl Layers {
         self.files.extend(chain.into_iter().rev());
     }
 
-    /// Returns the file extended by the last one of a chain; `None` if it is already part of the graph.
+    /// Returns the file extended by the last file of a chain; `None` if it is already part of the graph.
     fn base(&self, chain: &[Layer], base: &str) -> Result<Option<(PathBuf, String)>, (String, String)> {
         let last = chain.last().expect("a chain has a file");
         let path = last.path.parent().unwrap_or(Path::new("")).join(base);
@@ -109,7 +109,7 @@ impl Layers {
             let message = format!(
                 "the files of the graph have {total} bytes, expected at most {LONGEST} (16 MiB) together"
             );
-            return refuse(message, "a graph is written by hand: is this one?");
+            return refuse(message, "check that this is the intended file");
         }
         match String::from_utf8(bytes) {
             Ok(text) => Ok(Some((path, text))),
@@ -117,12 +117,12 @@ impl Layers {
         }
     }
 
-    /// Number of files and of bytes.
+    /// Returns the number of files and their total size, bytes.
     pub(super) fn size(&self) -> (usize, usize) {
         (self.files.len(), self.files.iter().map(|layer| layer.text.len()).sum())
     }
 
-    /// Most files, and most bytes of all of them.
+    /// Maximum number of files, and maximum total size, bytes.
     pub(super) const LIMITS: (usize, usize) = (MOST, LONGEST as usize);
 
     /// Returns the texts, and a function that reports file problems once there is a report.
@@ -166,7 +166,7 @@ impl Layer {
     }
 }
 
-/// The path by which a file is recognised.
+/// Returns the path that identifies a file.
 fn identity(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
 }

@@ -13,7 +13,7 @@ impl Machine {
         Self::with_cores(crate::os::machine::online_cores())
     }
 
-    /// A machine with these cores; with core 0 if the list is empty.
+    /// Creates a machine with these cores, or with core 0 if the list is empty.
     pub fn with_cores(mut cores: Vec<usize>) -> Self {
         cores.sort_unstable();
         cores.dedup();

@@ -8,8 +8,8 @@ use super::read::{At, Read as _, Value};
 use super::source::Span;
 use crate::nearest::{list, nearest};
 
-/// Overlays the tables of a file on the files below: applies its removals, then merges tables key by key and
-/// replaces other values.
+/// Overlays a file on the files below: applies its removals, merges its tables key by key, and replaces other
+/// values.
 pub(super) fn lay<'i>(below: &mut DeTable<'i>, mut file: DeTable<'i>, report: &mut Report) {
     if let Some(value) = file.remove("extends") {
         // the extended file has been loaded; its type is checked here
@@ -43,7 +43,7 @@ fn merge<'i>(below: &mut DeTable<'i>, above: DeTable<'i>) {
     }
 }
 
-/// Takes out the value at a dotted path.
+/// Removes the value at a dotted path.
 fn remove(below: &mut DeTable<'_>, path: &str, span: &Span, report: &mut Report) {
     let mut table = below;
     let mut steps = path.split('.').peekable();
@@ -53,7 +53,7 @@ fn remove(below: &mut DeTable<'_>, path: &str, span: &Span, report: &mut Report)
             let advice = match nearest(step, known()) {
                 Some(near) => format!("did you mean `{near}`?"),
                 None if table.is_empty() => "leave it out".to_string(),
-                None => format!("what stands there: {}", list(known())),
+                None => format!("its keys are {}", list(known())),
             };
             report
                 .error(format!("`{path}` cannot be removed: the files below have no `{step}`"))

@@ -1,12 +1,12 @@
-//! Graph files: parsing, resolving and checking, with every mistake reported at its position.
+//! Graph files: parsing, resolving and checking, with every error reported at its position.
 //!
-//! [`load`] converts a graph file to a [`Plan`], or returns all its mistakes. The stages are:
+//! [`load`] converts a graph file to a [`Plan`] or returns all of its errors. The stages are:
 //!
 //! * `layers`, `merge`: merging of files, extended files and overlays;
-//! * `source`, `overrides`: the texts, and values overridden by `--set`;
+//! * `source`, `overrides`: source texts, and values overridden by `--set`;
 //! * `read`, `values`, `units`, `model`: from TOML to typed tables, key by key;
-//! * `resolve`: names looked up, wires and times checked, defaults filled in;
-//! * `diagnostic`, `render`: mistakes, their positions, and advice;
+//! * `resolve`: look-up of names, checks of wires and times, defaults;
+//! * `diagnostic`, `render`: errors with positions and advice;
 //! * `schema`: the JSON Schema, generated from the same tables.
 
 mod defaults;
@@ -47,11 +47,11 @@ use source::Sources;
 /// A graph that can run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checked {
-    /// The graph, resolved.
+    /// The resolved graph.
     pub plan: Plan,
-    /// Valid but probably unintended findings.
+    /// Warnings about valid but probably unintended settings.
     pub warnings: Vec<Diagnostic>,
-    /// Time for the declaration of each component, in file order.
+    /// Declaration time of each component, in file order.
     pub declared: Vec<DeclareTime>,
 }
 
@@ -144,7 +144,7 @@ fn check_layers(
     let mut report = Report::new(Arc::clone(&sources));
     problems.report(&mut report);
     if report.has_errors() {
-        // without the file below, the files above would cause false errors
+        // without the base file, the files above would cause false errors
         return Err(GraphError::new(report.into_diagnostics()));
     }
     let context = resolve::Context::new(path, &sources, registry, machine);
@@ -156,7 +156,7 @@ fn check_layers(
     }
 }
 
-/// The text of a file that the user named.
+/// Reads a file named by the user.
 fn read(path: &Path) -> Result<String, GraphError> {
     let bytes = file::read(path).map_err(|error| unreadable(path, &error))?;
     String::from_utf8(bytes).map_err(|error| not_text(path, &error))

@@ -1,4 +1,5 @@
-//! The graph file as tables: one type a table, one field a key. The JSON Schema comes from the same types.
+//! The graph file as tables, with one type per table and one field per key. The JSON Schema is generated from
+//! the same types.
 
 use schemars::JsonSchema;
 
@@ -10,7 +11,7 @@ use crate::declare::ParameterValue;
 use crate::plan::{ClockKind, OnDenied, OnError, OnFailure, OnMiss, OnOverrun, RestartWhen};
 use crate::units::{Rate, TimeSpan};
 
-/// A table whose fields are the values of the keys of the same names.
+/// Implements reading of a table whose fields have the names of the keys.
 macro_rules! take_fields {
     ($keys:ident, $($field:ident),* $(; $rest:ident: $value:expr)?) => {
         Self { $( $field: $keys.take(stringify!($field)), )* $( $rest: $value )? }
@@ -29,8 +30,8 @@ pub(super) use safety::{ActuatorSafetyTable, SafetyTable};
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Graph")]
 pub(super) struct GraphTable<'i> {
-    /// Base graph file, relative to this one. Tables are merged key by key; other values override those of
-    /// the base file.
+    /// Base graph file, relative to this one. Tables are merged key by key; other values override the base
+    /// file's.
     pub extends: Option<At<String>>,
     /// Dotted paths of keys removed from the base files before this one is applied, such as
     /// `component.encoder`.
@@ -102,7 +103,7 @@ impl<'i> GraphTable<'i> {
             keys, extends, remove, name, clock, duration, seed, episodes, cores, realtime, world, robot, component,
             topic, latency, safety, expect; meant: Vec::new()
         );
-        // keys of files have been applied already; these are from the command line
+        // keys in files have already been applied; these are from the command line
         for at in table.extends.iter().map(|at| &at.key).chain(table.remove.iter().map(|at| &at.key)) {
             keys.report()
                 .error("`extends` and `remove` cannot be set from the command line")
@@ -121,7 +122,7 @@ pub(super) struct EpisodesTable {
     /// Number of episodes. Each lasts for `duration`, or until the component with `ends_episode` ends it.
     #[schemars(range(min = 1), extend("default" = defaults::EPISODES))]
     pub count: Option<At<u64>>,
-    /// True: each episode has a separate seed, the graph's plus the number of the episode.
+    /// If true, each episode has a separate seed: the graph's plus the index of the episode.
     #[schemars(extend("default" = false))]
     pub vary_seed: Option<At<bool>>,
 }
@@ -161,15 +162,15 @@ impl<'i> Read<'i> for CoresTable {
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Realtime")]
 pub(super) struct RealtimeTable {
-    /// A waiting real-time component sleeps until this long before its release and then spins. `"0 us"`
+    /// Time before its release at which a waiting real-time component stops sleeping and spins. `"0 us"`
     /// disables spinning; `"auto"` adapts to the measured wake-up errors of this machine.
     #[schemars(extend("default" = defaults::SPIN))]
     pub spin: Option<At<SpinChoice>>,
     /// Maximum share of its core for a component with `"auto"` spin.
     #[schemars(extend("default" = defaults::SPIN_SHARE))]
     pub spin_share: Option<At<Share>>,
-    /// Treatment of requests for priorities, cores and locked memory that the system denies: go on and report
-    /// them, or refuse.
+    /// Policy for requests for priorities, cores and locked memory that the system denies: continue and
+    /// report them, or refuse to run.
     #[schemars(extend("default" = defaults::ON_DENIED))]
     pub on_denied: Option<At<OnDenied>>,
     /// Idle states with a longer exit latency are disabled on all cores while the graph runs.
@@ -196,8 +197,8 @@ impl<'i> Read<'i> for RealtimeTable {
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Topic")]
 pub(super) struct TopicTable {
-    /// Values of a state kept behind the newest one, for taps (`motorium topic echo --every`, recorders), up
-    /// to 10000.
+    /// Number of older values of a state kept for taps (`motorium topic echo --every`, recorders), up to
+    /// 10000.
     #[schemars(range(max = 10_000), extend("default" = 0))]
     pub history: Option<At<usize>>,
 }
@@ -238,8 +239,8 @@ pub(super) struct ComponentTable<'i> {
     /// Real-time, or not.
     #[schemars(extend("default" = defaults::SCHEDULE))]
     pub schedule: Option<At<Schedule>>,
-    /// Real-time priority. If left out: the faster the component, the higher; as the head of its trigger
-    /// chain.
+    /// Real-time priority. Default: the faster the component, the higher; in a trigger chain, the priority of
+    /// its head.
     #[schemars(range(min = 1, max = 98))]
     pub priority: Option<At<i64>>,
     /// Spin time before releases, overriding `[realtime]`; only with `rate`.
@@ -259,8 +260,8 @@ pub(super) struct ComponentTable<'i> {
     pub on_overrun: Option<At<OnOverrun>>,
     /// Time without a step after which it counts as hung and is ended, overriding `[realtime]`.
     pub hang_after: Option<At<TimeSpan>>,
-    /// Time it may compute without waiting before the kernel ends it; only with `schedule = "fifo"`. Default:
-    /// 10 budgets (or periods, without a budget), at least 50 ms.
+    /// Time it may compute without waiting before the kernel kills it; only with `schedule = "fifo"`.
+    /// Default: 10 budgets (or periods, without a budget), at least 50 ms.
     pub cpu_limit: Option<At<TimeSpan>>,
     /// Share of its steps that it may lose without a warning, overriding `[realtime]`.
     pub lost_steps: Option<At<Share>>,
@@ -282,11 +283,11 @@ pub(super) struct ComponentTable<'i> {
     /// supports it.
     #[schemars(extend("default" = false))]
     pub ends_episode: Option<At<bool>>,
-    /// True: the component begins the episodes of a run in real time. One component of a graph, of a kind
-    /// that can.
+    /// If true, the component begins the episodes of a run in real time. At most one component of a graph, of
+    /// a kind that supports it.
     #[schemars(extend("default" = false))]
     pub begins_episodes: Option<At<bool>>,
-    /// The safety of an actuator, where it differs from `[safety]`.
+    /// Safety settings of an actuator, which override `[safety]`.
     pub safety: Option<At<ActuatorSafetyTable>>,
     /// Known keys that misspelt ones probably mean.
     #[schemars(skip)]
@@ -316,7 +317,7 @@ pub(super) struct RestartTable {
     /// Maximum number of restarts within `window`.
     #[schemars(range(min = 1), extend("default" = defaults::RESTART_AT_MOST))]
     pub at_most: Option<At<u32>>,
-    /// The time over which restarts are counted.
+    /// Time over which restarts are counted.
     #[schemars(extend("default" = defaults::RESTART_WINDOW))]
     pub window: Option<At<TimeSpan>>,
     /// A restarted component must step again within this time.
@@ -346,7 +347,7 @@ pub(super) struct LatencyTable {
     /// Longest time from the source time of `from` to the publication of `to`.
     #[schemars(required)]
     pub max: Option<At<TimeSpan>>,
-    /// Consequence of a longer time.
+    /// Consequence of a longer latency.
     #[schemars(extend("default" = defaults::ON_MISS))]
     pub on_miss: Option<At<OnMiss>>,
     /// Known keys that misspelt ones probably mean.

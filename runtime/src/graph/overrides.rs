@@ -1,7 +1,7 @@
-//! `--set component.key=value`: values of the command line that override those of the file.
+//! `--set component.key=value`: values of the command line that override values in the file.
 //!
-//! An override is applied to the parsed tables, not to the text, so positions in the file stay valid and a
-//! mistake in an override is shown in the override.
+//! An override is applied to the parsed tables, not to the text, so positions in the file stay valid and
+//! errors in an override are shown in the override.
 
 use std::borrow::Cow;
 
@@ -14,11 +14,11 @@ use super::read::Value;
 use super::source::{Source, Span};
 use crate::nearest::{list, nearest};
 
-/// One value of the command line that overrides the file.
+/// A value of the command line that overrides the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Override {
-    /// Dotted path of the key: `clock`, `duration`, `controller.config.damping`, `latency.0.max`. The name of
-    /// a component may stand for `component.NAME`.
+    /// Dotted path of the key: `clock`, `duration`, `controller.config.damping`, `latency.0.max`.
+    /// `component.NAME` may be shortened to `NAME`.
     pub path: String,
     /// The value as TOML; anything else is treated as text, so that `clock=lockstep` needs no quotes.
     pub value: String,
@@ -48,10 +48,10 @@ impl core::fmt::Display for Override {
     }
 }
 
-/// A step of a path: the key and its place in the override.
+/// A step of a path: the key and its position in the override.
 type Step<'i> = Spanned<DeString<'i>>;
 
-/// Applies an override, whose text is `source`, to the tables of the graph. `padded` is its value in the form
+/// Applies an override with the text `source` to the tables of the graph. `padded` is its value in the form
 /// required by the parser, see [`Source::padded`].
 pub(super) fn apply<'i>(
     graph: &mut DeTable<'i>,
@@ -106,7 +106,7 @@ fn read_value<'i>(
     }
 }
 
-/// The steps of the path from the top of the graph.
+/// Returns the steps of the path from the top of the graph.
 fn read_path<'i>(
     graph: &DeTable<'i>,
     setting: &'i Override,
@@ -133,7 +133,7 @@ fn read_path<'i>(
     let first = path[0].get_ref().as_ref();
     let (name, explicit) = match (first, path.get(1)) {
         ("component", Some(second)) => (second, true),
-        // a key of the graph itself, or one that will be found to be unknown like any other
+        // a key of the graph itself, or an unknown key, which is reported later
         (first, _) if TOP_KEYS.contains(&first) => return Some(path),
         (_, None) if !known.contains(&first) => return Some(path),
         _ => (&path[0], false),
@@ -229,7 +229,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_argument_without_an_equals_sign_sets_nothing() {
+    fn argument_without_an_equals_sign_sets_nothing() {
         assert_eq!("clock=lockstep".parse(), Ok(Override { path: "clock".into(), value: "lockstep".into() }));
         assert_eq!("a.b = c = d".parse(), Ok(Override { path: "a.b".into(), value: "c = d".into() }));
         assert!("clock".parse::<Override>().is_err());

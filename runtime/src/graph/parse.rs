@@ -1,4 +1,4 @@
-//! From texts to tables.
+//! Parsing of texts to tables.
 
 use toml::de::{DeTable, DeValue};
 
@@ -9,7 +9,7 @@ use super::overrides::{self, Override};
 use super::read::Value;
 use super::source::{Source, Sources};
 
-/// The texts of a graph, ready to be parsed: the files, and the overrides with blanks before them.
+/// The texts of a graph, ready for parsing: the files, and the overrides padded with blanks.
 pub(super) struct Texts<'s> {
     sources: &'s Sources,
     overrides: &'s [Override],
@@ -17,7 +17,7 @@ pub(super) struct Texts<'s> {
 }
 
 impl<'s> Texts<'s> {
-    /// `sources` holds the files and then one text for each of `overrides`.
+    /// Prepares texts for parsing. `sources` contains the files and then one text for each of `overrides`.
     pub(super) fn new(sources: &'s Sources, overrides: &'s [Override]) -> Self {
         let padded = sources
             .overrides()
@@ -45,7 +45,7 @@ impl<'s> Texts<'s> {
     }
 }
 
-/// The tables of one file, with places in the shared range of offsets.
+/// Returns the tables of one file, with positions in the shared range of offsets.
 fn parse_file<'s>(file: &'s Source, report: &mut Report) -> Option<DeTable<'s>> {
     let (table, errors) = DeTable::parse_recoverable(&file.text);
     let mut duplicates = 0;
@@ -63,14 +63,11 @@ fn parse_file<'s>(file: &'s Source, report: &mut Report) -> Option<DeTable<'s>> 
         // every key of a duplicated table is reported again
         if duplicates == 1 {
             report
-                .error(format!(
-                    "`{}` stands here for the second time",
-                    file.text.get(local).unwrap_or_default()
-                ))
+                .error(format!("`{}` is defined twice", file.text.get(local).unwrap_or_default()))
                 .label(&span, "already defined above")
                 .advise("merge both, or rename one of them");
         }
     }
-    // after a syntax error the remainder is unreliable and would cause false errors
+    // after a syntax error the rest is unreliable and would cause false errors
     errors.is_empty().then(|| merge::shifted(table.into_inner(), file.start))
 }

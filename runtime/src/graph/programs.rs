@@ -1,6 +1,6 @@
 //! Programs that host components: search, and queries of their kinds and declarations.
 //!
-//! A graph queries them when it is loaded; here they are queried without a graph.
+//! Loading a graph queries its programs; this module queries programs without a graph.
 //!
 //! ```
 //! use std::path::Path;

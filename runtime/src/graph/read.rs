@@ -1,4 +1,4 @@
-//! Reading of TOML tables key by key, such that every mistake is found.
+//! Reading of TOML tables key by key, so that every error is found.
 
 use std::borrow::Cow;
 
@@ -9,7 +9,7 @@ use super::diagnostic::{Diagnostic, Report};
 use super::source::Span;
 use crate::nearest::{list, nearest};
 
-/// A TOML value with its place.
+/// A TOML value with its position.
 pub(super) type Value<'i> = Spanned<DeValue<'i>>;
 
 /// The value at a key of the file.
@@ -17,14 +17,14 @@ pub(super) type Value<'i> = Spanned<DeValue<'i>>;
 pub(super) struct At<T> {
     /// The value; `None` if it was rejected and reported.
     pub value: Option<T>,
-    /// Place of the value.
+    /// Position of the value.
     pub span: Span,
-    /// Position of the key; of the value for an array element.
+    /// Position of the key, or of the value for an array element.
     pub key: Span,
 }
 
 impl<T> At<T> {
-    /// The value, if it was good.
+    /// Returns the value if it is valid.
     pub(super) fn get(&self) -> Option<&T> {
         self.value.as_ref()
     }
@@ -35,7 +35,7 @@ pub(super) fn good<T>(key: &Option<At<T>>) -> Option<&T> {
     key.as_ref().and_then(At::get)
 }
 
-/// The good value of a key, or its default if it is absent or was refused.
+/// Returns the valid value of a key, or its default if it is missing or was refused.
 pub(super) fn good_or<T: Copy>(key: &Option<At<T>>, default: T) -> T {
     good(key).copied().unwrap_or(default)
 }
@@ -71,7 +71,7 @@ pub(super) struct Keys<'t, 'i, 'r> {
 }
 
 impl<'t, 'i, 'r> Keys<'t, 'i, 'r> {
-    /// The keys of a table.
+    /// Creates the keys of a table.
     pub(super) fn new(table: &'t DeTable<'i>, report: &'r mut Report) -> Self {
         Self { table, known: Vec::new(), report }
     }
@@ -82,7 +82,7 @@ impl<'t, 'i, 'r> Keys<'t, 'i, 'r> {
         Some(Self::new(table, report))
     }
 
-    /// The value at a key.
+    /// Reads the value at a key.
     pub(super) fn take<T: Read<'i>>(&mut self, name: &'static str) -> Option<At<T>> {
         self.known.push(name);
         let (key, value) = self.table.get_key_value(name)?;
@@ -90,12 +90,12 @@ impl<'t, 'i, 'r> Keys<'t, 'i, 'r> {
         Some(At { value: read, span: value.span(), key: key.span() })
     }
 
-    /// The findings so far.
+    /// Returns the findings so far.
     pub(super) fn report(&mut self) -> &mut Report {
         self.report
     }
 
-    /// Reports the unknown keys. `context` names the table. Returns the keys that were probably meant, whose
+    /// Reports unknown keys of the table named by `context`. Returns the most similar known keys, whose
     /// absence need not be reported again.
     pub(super) fn finish(self, context: &str) -> Vec<&'static str> {
         let mut meant = Vec::new();
@@ -116,7 +116,7 @@ impl<'t, 'i, 'r> Keys<'t, 'i, 'r> {
     }
 }
 
-/// Names and values of a table whose keys the user chooses, in the order of the file.
+/// Returns the names and values of a table with user-defined keys, in file order.
 pub(super) fn entries<'t, 'i>(table: &'t DeTable<'i>) -> Vec<(&'t Spanned<DeString<'i>>, &'t Value<'i>)> {
     let mut entries: Vec<_> = table.iter().collect();
     entries.sort_by_key(|(key, _)| key.span().start);
@@ -173,7 +173,7 @@ pub(super) fn mismatch<'r>(
         DeValue::String(text) if matches!(text.as_ref(), "true" | "false") => {
             format!("leave the quotes out: {text}")
         }
-        _ => "the JSON Schema of graph files says what belongs here: `motorium schema`".to_string(),
+        _ => "see the JSON Schema of graph files for the expected value: `motorium schema`".to_string(),
     };
     report
         .error(format!("`{key}` is {found}, expected {expected}"))

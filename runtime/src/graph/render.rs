@@ -7,7 +7,7 @@ use super::source::Source;
 use crate::severity::Severity;
 
 impl Diagnostic {
-    /// The diagnostic with the lines of the file it is about, `file:line:column` and advice.
+    /// Renders the diagnostic with the affected lines of the file, `file:line:column` and advice.
     pub fn render(&self, colour: bool) -> String {
         let level = match self.severity {
             Severity::Error => Level::ERROR,
@@ -32,7 +32,7 @@ impl Diagnostic {
         renderer.render(&[group])
     }
 
-    /// Returns the annotations of each text, the one with the main position first.
+    /// Returns the annotations of each text, starting with the text that contains the main position.
     fn snippets(&self) -> Vec<(&Source, Vec<Annotation<'_>>)> {
         let mut snippets: Vec<(&Source, Vec<Annotation<'_>>)> = Vec::new();
         let primary = self.primary.iter().map(|label| (AnnotationKind::Primary, label));

@@ -1,4 +1,4 @@
-//! JSON Schema of graph files, for completion and checks in editors.
+//! JSON Schema of graph files, for completion and validation in editors.
 
 use schemars::Schema;
 use schemars::generate::SchemaSettings;
@@ -8,7 +8,8 @@ use super::model::GraphTable;
 use super::values::{NAME_PATTERN, ROBOT_NAME_PATTERN};
 use crate::worker::Registry;
 
-/// The JSON Schema (draft 7, which editors know best) of graph files made of these kinds of components.
+/// Returns the JSON Schema of graph files with these kinds of components (draft 7, which editors support
+/// best).
 pub fn schema(registry: &Registry) -> Schema {
     let mut generator = SchemaSettings::draft07().for_deserialize().into_generator();
     let configs: Vec<Json> =
@@ -43,8 +44,8 @@ pub fn schema(registry: &Registry) -> Schema {
     schema
 }
 
-/// A file that extends or removes may omit keys of the files below; rules about required keys apply to all
-/// others.
+/// Restricts rules about required keys to files without `extends` and `remove`, because other files may omit
+/// keys of the files below.
 fn whole_graph(schema: &mut Schema, rules: Vec<Json>) {
     let of_robot = schema.pointer_mut("/definitions/Robot").and_then(Json::as_object_mut);
     let robot = of_robot.and_then(|robot| robot.remove("required")).unwrap_or(json!([]));
@@ -88,7 +89,7 @@ fn exactly_one(keys: &[&str]) -> Json {
     json!({ "oneOf": choices })
 }
 
-/// `config` itself is required if one of its keys is.
+/// Returns `config` as required if one of its keys is required.
 fn required(config: &Json, schema: &Schema) -> Vec<&'static str> {
     let reference =
         config.get("$ref").and_then(Json::as_str).and_then(|reference| reference.strip_prefix('#'));

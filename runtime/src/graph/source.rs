@@ -6,10 +6,10 @@
 use core::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// A place in one of the texts: bytes in the shared range of offsets.
+/// A position in one of the texts: bytes in the shared range of offsets.
 pub(super) type Span = Range<usize>;
 
-/// One text.
+/// A text.
 #[derive(Clone, PartialEq, Eq)]
 pub(super) struct Source {
     /// Name in messages: the path of the file, or `--set`.
@@ -23,14 +23,14 @@ pub(super) struct Source {
 }
 
 impl core::fmt::Debug for Source {
-    /// Omits the text, since every diagnostic refers to its sources.
+    /// Omits the text, because every diagnostic refers to its sources.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         write!(f, "{} ({} bytes from {})", self.name, self.text.len(), self.start)
     }
 }
 
 impl Source {
-    /// Part of a span in this text, in bytes of this text, on character boundaries.
+    /// Returns the part of a span in this text, in bytes of this text, on character boundaries.
     pub(super) fn local(&self, span: &Span) -> Range<usize> {
         let clamp = |offset: usize| {
             let mut local = offset.saturating_sub(self.start).min(self.text.len());
@@ -43,15 +43,15 @@ impl Source {
         start..end.max(start)
     }
 
-    /// Line and column (in characters) of a span's start, both from 1.
+    /// Returns the line and column (in characters) of a span's start, both from 1.
     pub(super) fn position(&self, span: &Span) -> (usize, usize) {
         let before = &self.text[..self.local(span).start];
         let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
         (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
     }
 
-    /// The text from byte `from` (at least 2) as the value of a key, padded with blanks so that parser
-    /// offsets are in the shared range.
+    /// Returns the text from byte `from` (at least 2) as the value of a key, padded with blanks so that
+    /// parser offsets are in the shared range.
     pub(super) fn padded(&self, from: usize) -> String {
         let mut padded = " ".repeat(self.start + from - 2);
         padded.push_str("v=");
@@ -61,23 +61,23 @@ impl Source {
 }
 
 /// All texts of one graph: its files in order, then the overrides.
-// `Eq`, so that two `Arc`s of the same texts are compared by their addresses.
+// With `Eq`, two `Arc`s of the same texts are compared by address.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Sources {
     texts: Vec<Source>,
     /// Number of files, which come first.
     files: usize,
-    /// The file that was named.
+    /// Index of the graph file.
     named: usize,
 }
 
 impl Sources {
-    /// Starts without a text; of the files to come, the one at `named` is the graph file.
+    /// Creates an empty list, to which the graph file is added at index `named`.
     pub(super) fn new(named: usize) -> Self {
         Self { texts: Vec::new(), files: 0, named }
     }
 
-    /// A graph of one file.
+    /// Creates the sources of a graph with one file.
     pub(super) fn of_file(name: String, text: String) -> Self {
         let mut sources = Self::new(0);
         sources.add_file(name, text, PathBuf::new());
@@ -101,22 +101,22 @@ impl Sources {
         self.texts.push(Source { name, text, start, folder });
     }
 
-    /// The graph file.
+    /// Returns the graph file.
     pub(super) fn file(&self) -> &Source {
         &self.texts[self.named]
     }
 
-    /// The beginning of the graph file.
+    /// Returns the beginning of the graph file.
     pub(super) fn top(&self) -> Span {
         self.file().start..self.file().start
     }
 
-    /// All files, the lowest first.
+    /// Returns all files, the lowest first.
     pub(super) fn files(&self) -> &[Source] {
         &self.texts[..self.files]
     }
 
-    /// All texts after the files.
+    /// Returns all texts after the files.
     pub(super) fn overrides(&self) -> &[Source] {
         &self.texts[self.files..]
     }

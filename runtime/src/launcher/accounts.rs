@@ -1,6 +1,6 @@
-//! Events for misses, refusals and safe states, derived from the accounts of workers. The launcher polls them
-//! at its own pace, off the path from wake-up to publication. In lockstep the pace is in simulated time, so
-//! that equal runs give equal events.
+//! Events for misses, refusals and safe states, derived from the statistics of workers. The launcher polls
+//! these off the path from wake-up to publication. In lockstep it polls in simulated time, so that equal runs
+//! produce equal events.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -11,10 +11,10 @@ use crate::region::{Command, ComponentBlock, GateState, Latch, Misses, Refusal, 
 /// Initial and final interval between repeated events of one kind and component, ns.
 const FIRST_QUIET_NS: u64 = 1_000_000_000;
 const LONGEST_QUIET_NS: u64 = 64_000_000_000;
-/// Simulated time between two looks in lockstep, ns.
+/// Simulated time between two polls in lockstep, ns.
 const LOOK_NS: u64 = 100_000_000;
 
-/// Time of the next report of a persistent condition: immediately first, then after doubling intervals.
+/// Time of the next report of a persistent condition: immediately at first, then after doubling intervals.
 #[derive(Debug, Clone, Default)]
 struct Pause {
     until_ns: u64,
@@ -27,7 +27,7 @@ impl Pause {
         if now_ns < self.until_ns {
             return false;
         }
-        // A quiet time as long as the last interval starts a new condition.
+        // After a quiet time as long as the last interval, the condition counts as new.
         let goes_on = now_ns < self.until_ns.saturating_add(self.length_ns);
         self.length_ns = if goes_on && self.length_ns > 0 {
             (self.length_ns * 2).min(LONGEST_QUIET_NS)
@@ -66,7 +66,7 @@ struct Account {
     state: GateState,
     /// Reported safe states without rest and late resumes.
     faults: [u32; 2],
-    /// Refusals at the last look.
+    /// Refusals at the last poll.
     refusals_seen: u64,
     /// Number of state changes that may be reported before a pause, so that a flapping gate does not displace
     /// other events.
@@ -74,9 +74,9 @@ struct Account {
     refilled_ns: u64,
 }
 
-/// Number of consecutive state changes of an actuator that are reported, and the time after which one more is
-/// allowed, ns.
+/// Number of consecutive state changes of an actuator that are reported.
 const CHANGES: u32 = 8;
+/// Time after which one more change may be reported, ns.
 const REFILL_NS: u64 = 10_000_000_000;
 
 /// Reported counters of a run.
@@ -84,7 +84,7 @@ const REFILL_NS: u64 = 10_000_000_000;
 pub(super) struct Accounts {
     components: Vec<Account>,
     latencies: Vec<Told<u64>>,
-    /// Lockstep: simulated time of the next look, ns.
+    /// In lockstep, simulated time of the next poll, ns.
     next_look_ns: u64,
 }
 
@@ -99,10 +99,10 @@ impl Accounts {
         }
     }
 
-    /// Restarts simulated time: reported values precede it.
+    /// Restarts simulated time, and resets the times of earlier reports.
     pub(super) fn begin_episode(&mut self) {
         for account in &mut self.components {
-            // The reset has set it to its safe state, without a command.
+            // The reset has put the actuator into its safe state, without a command.
             account.state = GateState::Safe;
             account.misses.pause = Pause::default();
             account.refused.pause = Pause::default();
@@ -112,12 +112,12 @@ impl Accounts {
         self.next_look_ns = 0;
     }
 
-    /// Simulated time of the next look in lockstep, ns.
+    /// Returns the simulated time of the next poll in lockstep, ns.
     pub(super) fn next_look_ns(&self) -> u64 {
         self.next_look_ns
     }
 
-    /// Reports changes in lockstep, when a look is due in simulated time.
+    /// Reports changes in lockstep, if a poll is due in simulated time.
     #[inline]
     pub(super) fn report_at(
         &mut self,
@@ -131,7 +131,7 @@ impl Accounts {
         }
     }
 
-    /// Reports changes; with `all`, including those held back by a pause.
+    /// Reports changes; with `all`, including changes withheld by a pause.
     pub(super) fn report(
         &mut self,
         (plan, region): (&Plan, &Region),
@@ -208,7 +208,7 @@ impl Account {
         let times = entries.saturating_sub(self.entries);
         let followed = core::mem::replace(&mut self.state, state) != GateState::Safe;
         self.entries = entries;
-        // It came and went between two polls.
+        // The safe state was entered and left between two polls.
         let since_ns = block.safe_since_ns.load(Relaxed);
         if !followed && times > 0 {
             observe(Event::LeftSafeState { component, before_ns: Some(since_ns), resuming: false });
@@ -247,7 +247,7 @@ pub(super) fn gate_faults(block: &ComponentBlock) -> [u32; 2] {
     [block.gate.unsettled(), block.gate.late_resumes()]
 }
 
-/// The reason for which an actuator entered its safe state.
+/// Returns the reason why an actuator entered its safe state.
 fn cause(latch: Option<Latch>, is_end: bool, refuses: bool) -> &'static str {
     match latch {
         _ if is_end => "the run ends",
@@ -269,7 +269,7 @@ mod tests {
         let mut pause = Pause::default();
         let reported: Vec<u64> = (0..300).filter(|second| pause.is_over(second * S)).collect();
         assert_eq!(reported, [0, 1, 3, 7, 15, 31, 63, 127, 191, 255]);
-        assert!(pause.is_over(1_000 * S), "it was quiet");
+        assert!(pause.is_over(1_000 * S), "after a quiet time");
         assert!(pause.is_over(1_001 * S), "and it begins with a short pause again");
     }
 
@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cause_of_a_safe_state_is_named() {
+    fn cause_of_a_safe_state_is_named() {
         assert_eq!(cause(None, false, false), "its commands are stale");
         assert_eq!(cause(None, false, true), "its commands are refused");
         assert_eq!(cause(Some(Latch::SafeState), false, true), "its commands are refused");

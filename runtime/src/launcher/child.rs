@@ -1,5 +1,5 @@
-//! One component under the launcher: a process, a thread of this one, or a component stepped by the launching
-//! thread.
+//! A component under the launcher: a process, a thread of this process, or a component stepped by the
+//! launching thread.
 
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -39,7 +39,7 @@ enum Body {
     Process {
         process: process::Child,
         watch: Watch,
-        /// `None` for the guard, which holds no word, and if the system refused a thread.
+        /// `None` for the guard, which holds no word, or if the system could not create a thread.
         ending: Option<Ending>,
         is_reaped: bool,
     },
@@ -149,7 +149,7 @@ impl Child {
         Ok(child)
     }
 
-    /// A component that the launching program replaces.
+    /// Creates a component that the launching program replaces.
     pub(super) fn played(name: &str, block: &ComponentBlock) -> Self {
         block.played.store(1, Relaxed);
         block.enter(Phase::Ready);
@@ -172,7 +172,7 @@ impl Child {
         self.ended = Some(End::Failed);
     }
 
-    /// Connects the ports of a component of this thread.
+    /// Connects the ports of a component in this thread.
     pub(super) fn connect(&mut self, block: &ComponentBlock) {
         match &mut self.body {
             Body::Inline(Some(hosted)) => match hosted.connect() {
@@ -184,7 +184,7 @@ impl Child {
         }
     }
 
-    /// Begins the run of a component of this thread.
+    /// Begins the run of a component in this thread.
     pub(super) fn begin(&mut self, block: &ComponentBlock) {
         match &mut self.body {
             Body::Inline(Some(hosted)) => {
@@ -196,8 +196,8 @@ impl Child {
         }
     }
 
-    /// Steps a component of this thread; `now_ns` is updated from `CLOCK_MONOTONIC`. Returns `false` if it
-    /// has failed.
+    /// Steps a component in this thread and updates `now_ns` from `CLOCK_MONOTONIC`. Returns `false` if it
+    /// failed.
     #[inline]
     pub(super) fn step(&mut self, block: &ComponentBlock, time_ns: u64, now_ns: &mut u64) -> bool {
         let Body::Inline(Some(hosted)) = &mut self.body else { return false };
@@ -213,7 +213,7 @@ impl Child {
         }
     }
 
-    /// Resets a component of this thread for an episode. False if it has failed.
+    /// Resets a component in this thread for an episode. Returns `false` if it failed.
     pub(super) fn reset(&mut self, block: &ComponentBlock, index: u64, seed: u64) -> bool {
         let Body::Inline(Some(hosted)) = &mut self.body else { return matches!(self.body, Body::Played) };
         match hosted.reset(index, seed) {
@@ -225,7 +225,7 @@ impl Child {
         }
     }
 
-    /// Ends a component of this thread in good order.
+    /// Ends a component in this thread in an orderly way.
     pub(super) fn finish(&mut self, block: &ComponentBlock, folder: &RunFolder) {
         match &mut self.body {
             Body::Process { .. } | Body::Thread(_) => return,
@@ -252,7 +252,7 @@ impl Child {
         }
     }
 
-    /// Descriptors that become readable when the process starts to end, and when it has ended.
+    /// Returns the descriptors that become readable when the process starts to end, and when it has ended.
     pub(super) fn descriptors(&self) -> impl Iterator<Item = BorrowedFd<'_>> {
         let (ending, ended) = match &self.body {
             Body::Process { watch, ending, is_reaped: false, .. } => {
@@ -269,12 +269,12 @@ impl Child {
         self.lines.try_iter()
     }
 
-    /// Number of lines dropped since the last call because they came too fast.
+    /// Returns the number of lines dropped since the last call because they came too fast.
     pub(super) fn dropped(&self) -> u64 {
         self.dropped.swap(0, Relaxed)
     }
 
-    /// Returns its end, once it has ended or is only ending.
+    /// Returns its end, once it has ended or is ending.
     pub(super) fn ended(&mut self) -> Option<End> {
         self.is_gone();
         if self.ended.is_none() {
@@ -293,7 +293,7 @@ impl Child {
         self.ended
     }
 
-    /// Time at which its end was detected, ns; `None` if its start was not seen.
+    /// Returns the time at which its end was detected, ns; `None` if the start of the end was not detected.
     pub(super) fn seen_ns(&self) -> Option<u64> {
         match &self.body {
             Body::Process { ending, .. } => ending.as_ref().and_then(Ending::seen_ns),
@@ -318,7 +318,7 @@ impl Child {
         *is_reaped
     }
 
-    /// Interrupts its wait, so that it reads the command.
+    /// Interrupts the component's wait, so that it reads the command.
     pub(super) fn interrupt(&self, thread: i32) {
         match &self.body {
             Body::Process { watch, .. } => watch.signal(Signal::USR2),
@@ -340,7 +340,7 @@ impl Child {
         self.ended().is_some()
     }
 
-    /// Kills a process without waiting for its end; `false` for a thread, which cannot be killed.
+    /// Kills a process without waiting for its end. Returns `false` for a thread, which cannot be killed.
     pub(super) fn end(&mut self) -> bool {
         match &mut self.body {
             Body::Process { process, .. } => {
@@ -351,7 +351,7 @@ impl Child {
         }
     }
 
-    /// Kills and reaps a running process; a thread, which has received the stop command, gets time to end.
+    /// Kills and reaps a running process. A thread, which has received the stop command, gets time to end.
     pub(super) fn kill(&mut self) {
         if let Body::Thread(_) = self.body {
             self.wait(STOP_WITHIN);
@@ -372,7 +372,7 @@ impl Child {
 
 /// Number of buffered lines of a component.
 const LINES: usize = 1024;
-/// Longest line that is passed on in one piece, bytes.
+/// Longest line that is forwarded in one piece, bytes.
 const LONGEST_LINE: u64 = 16 * 1024;
 
 /// Forwards the lines of a component from a separate thread that never blocks: a component must not wait for

@@ -31,19 +31,20 @@ pub struct CoreReport {
 }
 
 impl CoreReport {
-    /// Number of all interrupts.
+    /// Returns the number of all interrupts.
     pub fn interrupts_in_all(&self) -> u64 {
         self.interrupts.values().sum()
     }
 
-    /// Number of device interrupts, which could be moved to another core; excludes timers and other cores.
+    /// Returns the number of device interrupts, which could be moved to another core; excludes timers and
+    /// interrupts by other cores.
     pub fn from_devices(&self) -> u64 {
         let device =
             |name: &&String| !(name.len() == 3 && name.chars().all(|letter| letter.is_ascii_uppercase()));
         self.interrupts.iter().filter(|(name, _)| device(name)).map(|(_, count)| count).sum()
     }
 
-    /// Adds a measurement of the same core at another time.
+    /// Adds a measurement of the same core over another interval.
     pub fn add(&mut self, other: &Self) {
         self.seconds += other.seconds;
         self.steal_ms += other.steal_ms;
@@ -56,7 +57,7 @@ impl CoreReport {
     }
 }
 
-/// A measurement of the other work of cores.
+/// A measurement of other work on cores.
 #[derive(Debug)]
 pub struct CoreWatch {
     since: Instant,
@@ -65,14 +66,14 @@ pub struct CoreWatch {
 }
 
 impl CoreWatch {
-    /// Starts to measure some cores.
+    /// Starts to measure these cores.
     pub fn start(mut cores: Vec<usize>) -> Self {
         cores.sort_unstable();
         cores.dedup();
         Self { cores, before: Counts::now(), since: Instant::now() }
     }
 
-    /// Measurements of each core since the start; zero without system counts.
+    /// Returns the measurements of each core since the start; zero without counts of the system.
     pub fn stop(&self) -> Vec<CoreReport> {
         let seconds = self.since.elapsed().as_secs_f64();
         let after = Counts::now();
@@ -93,7 +94,7 @@ impl CoreWatch {
     }
 }
 
-/// The counts of one kind by name and core.
+/// Counts of one kind by name and core.
 type ByName = BTreeMap<String, BTreeMap<usize, u64>>;
 
 #[derive(Debug, Default)]
@@ -120,7 +121,7 @@ impl Counts {
     }
 }
 
-/// The counts of a core between two readings.
+/// Returns the counts of a core between two readings.
 fn came(before: &ByName, after: &ByName, core: usize) -> BTreeMap<String, u64> {
     let count = |counts: &ByName, name: &str| counts.get(name).and_then(|cores| cores.get(&core)).copied();
     after
@@ -132,8 +133,8 @@ fn came(before: &ByName, after: &ByName, core: usize) -> BTreeMap<String, u64> {
         .collect()
 }
 
-/// A table of the kernel: cores in the first line, then a label and a number for each core. A row with a
-/// number as its label is named by its last word, the device; rows of one name are added.
+/// Parses a table of the kernel with cores in the first line, then a label and a count for each core per row.
+/// A row whose label is a number is named by its last word, the device. Rows with equal names are added.
 fn table(text: &str) -> ByName {
     let mut lines = text.lines();
     let head = lines.next().unwrap_or_default();
@@ -171,7 +172,7 @@ mod tests {
         assert_eq!(found["ttyS0"], BTreeMap::from([(0, 1), (3, 7)]));
         assert_eq!(found["virtio1-req.0"][&3], 40);
         assert_eq!(found["LOC"][&0], 500);
-        assert!(!found.contains_key("ERR"), "of all cores together");
+        assert!(!found.contains_key("ERR"), "belongs to no core");
     }
 
     #[test]

@@ -1,6 +1,6 @@
-//! Detection of the start of a process's end, before its memory is released.
+//! Detection of a process's end before its memory is released.
 
-#![allow(unsafe_code)] // a word of the control block is read from a second thread
+#![allow(unsafe_code)] // a second thread reads a word of the control block
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
@@ -17,7 +17,7 @@ use crate::os::monotonic_ns;
 use crate::region::Region;
 
 /// A watch over the word that a component's process holds. When the process begins to end, its threads lose
-/// their real-time priority, and a descriptor becomes readable.
+/// their real-time priority and a descriptor becomes readable.
 pub(super) struct Ending {
     region: Rc<Region>,
     index: usize,
@@ -32,8 +32,9 @@ struct Seen {
     is_over: AtomicBool,
 }
 
-/// Number of checks of a process whose word was released, until its end shows, and the interval between them.
+/// Maximum number of checks for the exit status of a process whose word was released.
 const LOOKS: u32 = 100;
+/// Interval between these checks.
 const BETWEEN: Duration = Duration::from_micros(20);
 
 impl Ending {
@@ -41,8 +42,8 @@ impl Ending {
     pub(super) fn watch(pid: u32, region: &Rc<Region>, index: usize) -> io::Result<Self> {
         let seen = Seen { flag: Flag::new()?, status: OnceLock::new(), is_over: AtomicBool::new(false) };
         let seen = Arc::new(seen);
-        // SAFETY: the word lies in the mapping of the region, which this value keeps until the thread has
-        // been joined.
+        // SAFETY: the word is in the mapping of the region, which this value keeps until the thread has been
+        // joined.
         let word: &'static AtomicU32 = unsafe { &*core::ptr::from_ref(&region.components()[index].held) };
         let shared = seen.clone();
         let thread = std::thread::Builder::new().name("ending".to_string()).stack_size(128 * 1024);
@@ -50,22 +51,22 @@ impl Ending {
         Ok(Self { region: region.clone(), index, seen, thread: Some(thread) })
     }
 
-    /// Exit status of the ending process, if known.
+    /// Returns the exit status of the ending process, if known.
     pub(super) fn status(&self) -> Option<ExitStatus> {
         self.seen.status.get().map(|(status, _)| *status)
     }
 
-    /// Time of the detection, ns.
+    /// Returns the time of the detection, ns.
     pub(super) fn seen_ns(&self) -> Option<u64> {
         self.seen.status.get().map(|(_, seen_ns)| *seen_ns)
     }
 
-    /// A descriptor that becomes readable with the status.
+    /// Returns a descriptor that becomes readable when the status is known.
     pub(super) fn descriptor(&self) -> BorrowedFd<'_> {
         self.seen.flag.as_fd()
     }
 
-    /// Ends the watch. Call it before the process is reaped, since its id may then be reused.
+    /// Ends the watch. Call it before the process is reaped, because its id may be reused afterwards.
     pub(super) fn end(&mut self) {
         let Some(thread) = self.thread.take() else { return };
         self.seen.is_over.store(true, Relaxed);
@@ -82,7 +83,7 @@ impl Drop for Ending {
 
 impl Seen {
     fn look(&self, word: &AtomicU32, pid: u32) {
-        // Runs even if the shared cores are busy, so that a death is detected immediately.
+        // Runs even if the shared cores are busy, so that a crash is detected immediately.
         crate::os::wake_first();
         held_word::await_end(word);
         for _ in 0..LOOKS {
@@ -111,7 +112,7 @@ mod tests {
         assert_eq!(held_word::ending_status(child.id()), None);
         child.kill().unwrap();
         let status = loop {
-            // Until it is waited for it stays there as one that ends.
+            // The process remains visible as ending until it is reaped.
             if let Some(status) = held_word::ending_status(child.id()) {
                 break status;
             }

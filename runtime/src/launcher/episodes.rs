@@ -1,5 +1,4 @@
-//! Episodes of real time: numbered stretches of a run without a reset, in the log of events and in the
-//! report.
+//! Real-time episodes, which are numbered sections of a run without a reset, in the event log and the report.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -11,17 +10,17 @@ use crate::region::{EpisodeStart, Region};
 #[derive(Debug, Clone, Copy)]
 struct Began {
     start: EpisodeStart,
-    /// Steps of all components before it, counted when the launcher saw it.
+    /// Steps of all components before it, counted when the launcher detected it.
     steps: u64,
 }
 
-/// The episodes of real time that have begun since the start of the run.
+/// Real-time episodes that have begun since the start of the run.
 #[derive(Debug, Default)]
 pub(super) struct Episodes(Vec<Began>);
 
 impl Episodes {
-    /// Enters an episode that has begun since the last call into the account and the log, so that the next
-    /// one may begin.
+    /// Records an episode that has begun since the last call, here and in the event log, so that the next one
+    /// may begin.
     pub(super) fn note(&mut self, region: &Region, observe: &mut dyn FnMut(Event<'_>)) {
         let header = region.header();
         if header.episode.load(Relaxed) == self.0.last().map_or(0, |last| last.start.index) {
@@ -33,8 +32,8 @@ impl Episodes {
         observe(Event::EpisodeBegan { episode: start.index, seed: start.seed });
     }
 
-    /// The episodes of a run in real time that ended at `end_ns` on `CLOCK_MONOTONIC`; empty if it was not
-    /// divided.
+    /// Returns the episodes of a real-time run that ended at `end_ns` on `CLOCK_MONOTONIC`; empty for a run
+    /// without episodes.
     pub(super) fn reports(&self, plan: &Plan, region: &Region, end_ns: u64) -> Vec<EpisodeReport> {
         let driven = plan.episodes.is_some() || plan.episode_driver().is_some();
         let began_ns = region.header().start_ns.load(Relaxed);
@@ -58,7 +57,7 @@ impl Episodes {
     }
 }
 
-/// Start of the present episode of real time, ns since the start of the run; 0 in lockstep.
+/// Returns the start of the current real-time episode, ns since the start of the run; 0 in lockstep.
 pub(super) fn present_episode_ns(plan: &Plan, region: &Region) -> u64 {
     let header = region.header();
     if plan.clock == ClockKind::Lockstep || header.episode.load(Relaxed) == 0 {
@@ -68,7 +67,7 @@ pub(super) fn present_episode_ns(plan: &Plan, region: &Region) -> u64 {
     began_ns.saturating_sub(header.start_ns.load(Relaxed))
 }
 
-/// Steps of all components so far.
+/// Returns the number of steps of all components so far.
 fn steps(region: &Region) -> u64 {
     region.components().iter().map(|block| block.steps.load(Relaxed)).sum()
 }

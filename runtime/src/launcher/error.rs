@@ -1,4 +1,4 @@
-//! The error of a launch.
+//! Errors of a launch.
 
 use std::path::PathBuf;
 
@@ -42,7 +42,7 @@ pub enum LaunchError {
     /// A resource of this machine or process is insufficient. Nothing was created.
     #[error("{what}: the graph needs {need}, but {found}; {advice}")]
     Exhausted {
-        /// The lack.
+        /// The shortage.
         what: &'static str,
         /// The amount that the graph needs.
         need: String,
@@ -51,10 +51,10 @@ pub enum LaunchError {
         /// Advice, in one sentence.
         advice: String,
     },
-    /// The system denied something that the launcher needs.
+    /// The system denied an operation that the launcher needs.
     #[error("{what}: {reason}")]
     System {
-        /// The action that was tried.
+        /// The attempted operation.
         what: &'static str,
         /// The error of the system.
         reason: String,

@@ -16,11 +16,11 @@ pub enum Event<'a> {
         /// The plan.
         plan: &'a Plan,
     },
-    /// The requests that the system denied, in one line.
+    /// Requests that the system denied, in one line.
     Lost(&'a str),
-    /// Every port is connected; the first step is due.
+    /// All ports are connected; the first step is due.
     Started,
-    /// A line a component printed.
+    /// A line printed by a component.
     Output {
         /// The component.
         component: &'a str,
@@ -54,7 +54,7 @@ pub enum Event<'a> {
         /// Its seed.
         seed: u64,
     },
-    /// An episode of real time began.
+    /// A real-time episode began.
     EpisodeBegan {
         /// Number of the episode.
         episode: u64,
@@ -135,7 +135,7 @@ pub enum Event<'a> {
     Stopped {
         /// The kind of the stop.
         latch: Latch,
-        /// The one that stopped them.
+        /// The cause of the stop.
         cause: &'a str,
     },
     /// The stop was released; the actuators return to their commands.
@@ -147,7 +147,7 @@ pub enum Event<'a> {
         /// Share of steps lost in the last second.
         share: f64,
     },
-    /// In lockstep: a step has not ended, and simulated time stands still.
+    /// In lockstep, a step has not ended, and simulated time does not advance.
     Waiting {
         /// The component.
         component: &'a str,
@@ -189,7 +189,7 @@ pub enum Event<'a> {
 }
 
 impl Event<'_> {
-    /// Kind of the event; `None` for a status, which is not logged.
+    /// Returns the kind of the event; `None` for a status, which is not logged.
     pub fn kind(&self) -> Option<EventKind> {
         Some(match self {
             Self::Created { .. } => EventKind::Created,
@@ -222,7 +222,7 @@ impl Event<'_> {
         })
     }
 
-    /// Severity of the event.
+    /// Returns the severity of the event.
     pub fn severity(&self) -> EventSeverity {
         match self {
             Self::Failed { .. }
@@ -245,7 +245,7 @@ impl Event<'_> {
         }
     }
 
-    /// Affected component.
+    /// Returns the affected component.
     pub fn component(&self) -> Option<&str> {
         match self {
             Self::Output { component, .. }
@@ -261,7 +261,7 @@ impl Event<'_> {
         }
     }
 
-    /// Value of the event as defined by its [kind](EventKind); otherwise 0.
+    /// Returns the value of the event as defined by its [kind](EventKind), otherwise 0.
     pub fn value(&self) -> f64 {
         let seconds = |ns: u64| ns as f64 * 1e-9;
         match self {
@@ -276,8 +276,8 @@ impl Event<'_> {
         }
     }
 
-    /// Returns `true` for an event that is only logged: `motorium run` prints no line for it, since the
-    /// closing summary counts it.
+    /// Returns `true` for an event that is only logged: `motorium run` does not print it, because the closing
+    /// summary counts it.
     pub fn is_logged_only(&self) -> bool {
         matches!(
             self,

@@ -1,4 +1,4 @@
-//! Event log of a run: writing of observed events.
+//! Writing of observed events to the log of a run.
 
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -16,7 +16,7 @@ pub(super) struct EventWriter {
 }
 
 impl EventWriter {
-    /// A writer into the log of a run of this plan.
+    /// Creates a writer to the log of a run of this plan.
     pub(super) fn new(plan: &Plan, region: Rc<Region>) -> Self {
         let names = plan.components.iter().map(|component| component.name.clone()).collect();
         Self { region, clock: plan.clock, names }
@@ -28,9 +28,9 @@ impl EventWriter {
         let component = event.component().and_then(|name| self.names.iter().position(|other| other == name));
         let time_ns = match event {
             Event::EnteredSafeState { since_ns, .. } => *since_ns,
-            // The detecting thread had real-time priority; this one may have been delayed.
+            // The detecting thread had real-time priority; this thread may have been delayed.
             Event::Failed { seen_ns: Some(seen_ns), .. } => *seen_ns,
-            // Of equal times, the less severe one is read first.
+            // At equal times, the less severe event is read first.
             Event::LeftSafeState { before_ns: Some(before_ns), .. } => *before_ns,
             _ => monotonic_ns(),
         };
@@ -46,19 +46,19 @@ impl EventWriter {
         });
     }
 
-    /// The simulated time that was handed out last, ns.
+    /// Returns the last simulated time given to components, ns.
     fn simulated_ns(&self) -> u64 {
         let ticks = self.region.components().iter().map(|block| block.tick_time_ns.load(Relaxed));
         ticks.max().unwrap_or(0)
     }
 }
 
-/// Removes cursor control characters from a text.
+/// Removes control characters from a text.
 fn printable(text: String) -> String {
     if text.contains(char::is_control) { text.replace(char::is_control, " ") } else { text }
 }
 
-/// An observer that logs events before it forwards them.
+/// Returns an observer that logs events before it forwards them.
 pub(super) fn logging<'a>(
     writer: &Rc<EventWriter>,
     observe: &'a mut dyn FnMut(Event<'_>),

@@ -1,4 +1,4 @@
-//! The verdict on the expectations of a graph, from the report of its run.
+//! Evaluation of a graph's expectations against the report of its run.
 
 use serde_json::Value;
 
@@ -6,7 +6,7 @@ use super::{ExpectationReport, Report};
 use crate::nearest::suggest;
 use crate::plan::Expectation;
 
-/// The verdict on an expectation.
+/// Evaluates an expectation.
 pub(super) fn verdict(expectation: &Expectation, report: &Report) -> ExpectationReport {
     let (found, problem) = match figure(report, &expectation.figure) {
         Ok(Value::Null) => (Value::Null, Some("it has no value in this run".to_string())),
@@ -22,7 +22,8 @@ pub(super) fn verdict(expectation: &Expectation, report: &Report) -> Expectation
     }
 }
 
-/// The value of a figure: in the result of its component, or in the component's part of the report.
+/// Returns the value of a figure, from the result of its component or from the component's section of the
+/// report.
 fn figure(report: &Report, figure: &str) -> Result<Value, String> {
     let (component, path) = figure.split_once('.').unwrap_or((figure, ""));
     let result = report.results.get(component);
@@ -90,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn figures_come_from_the_result_then_the_report() {
+    fn figures_are_read_from_the_result_then_the_report() {
         for met in [
             "controller.position_error_m <= 1e-3",
             "controller.tasks.cartesian.goals.1 == 4",

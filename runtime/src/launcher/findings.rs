@@ -1,5 +1,5 @@
-//! Findings for the report of a run: requests that the system denied, and actuators and components that did
-//! not do their job.
+//! Findings for the report of a run: requests that the system denied, and components that did not work as
+//! required.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -16,7 +16,7 @@ use crate::plan::{ComponentPlan, SchedulingClass};
 use crate::region::{ComponentBlock, Phase, TopicBlock};
 use crate::state::{JointCommand, StateBuffer as _};
 
-/// Share of refused commands above which an actuator did not do its job.
+/// Share of refused commands above which an actuator is reported.
 const REFUSED: f64 = 0.5;
 
 /// Findings about a run, as text, for its report.
@@ -47,7 +47,7 @@ impl Findings {
         }
     }
 
-    /// Records at the end of a real-time run which components do not meet the graph's requirements.
+    /// Records components that do not meet the graph's requirements at the end of a real-time run.
     pub(super) fn note_unmet(
         &mut self,
         run: &Run,
@@ -89,7 +89,7 @@ impl Findings {
         self.warnings.iter().for_each(|warning| observe(Event::Warning(warning)));
     }
 
-    /// Records, before the components are ended, which actuators did not follow their commands until
+    /// Records, before the components are ended, the actuators that did not follow their commands until
     /// `now_ns` on the run's clock.
     pub(super) fn note_gates(&mut self, run: &Run, now_ns: u64, observe: &mut dyn FnMut(Event<'_>)) {
         let topics = run.region.topics();
@@ -99,7 +99,7 @@ impl Findings {
         self.warn(found.collect(), observe);
     }
 
-    /// Records, after the components have ended, which of them did not end normally.
+    /// Records, after the components have ended, those that did not end normally.
     pub(super) fn note_ends(
         &mut self,
         run: &Run,
@@ -123,14 +123,14 @@ impl Findings {
                     (None, Some(end)) => end.to_string(),
                     (None, None) => "it did not end".to_string(),
                 };
-                found.push(format!("`{name}` did not end in good order: {reason}"));
+                found.push(format!("`{name}` did not end in an orderly way: {reason}"));
             }
         }
         self.warn(found, observe);
     }
 
-    /// Records for the report which actuators did not come to rest in their safe state, and which were late
-    /// to follow commands again.
+    /// Records the actuators that did not come to rest in their safe state, or were late to follow commands
+    /// again.
     pub(super) fn note_rest(&mut self, run: &Run) {
         for (component, block) in run.plan.components.iter().zip(run.region.components()) {
             let name = &component.name;
@@ -191,9 +191,9 @@ fn denied(run: &Run, idle_states: &IdleStates) -> Vec<String> {
     }
     let denied = [
         ("real-time priority", priority),
-        ("time of its own in every period", deadline),
+        ("reserved time in every period", deadline),
         ("locked memory", memory),
-        ("the core asked for", core),
+        ("the requested core", core),
     ];
     let idle = idle_states.denied.as_ref();
     denied
@@ -211,7 +211,7 @@ fn shortfalls(
     now_ns: u64,
 ) -> Vec<String> {
     let name = &component.name;
-    // A program outside the graph, behind a bridge, may never have commanded anything.
+    // A program outside the graph, behind a bridge, may never have sent a command.
     let is_commanded = component.inputs.iter().any(|port| {
         port.layout.type_name == JointCommand::NAME
             && port.topic.is_some_and(|topic| topics[topic].published.load(Relaxed) > 0)

@@ -1,4 +1,4 @@
-//! The guard, a process that outlives a killed launcher: it brings the robot to its safe state and cleans up.
+//! The guard, a process that survives a killed launcher, brings the robot to its safe state and cleans up.
 
 use std::process::ExitCode;
 use std::rc::Rc;
@@ -20,10 +20,10 @@ use crate::plan::Plan;
 use crate::region::{Command, Phase, Region};
 use crate::run_folder::RunFolder;
 
-/// Time between two looks at the launcher.
+/// Time between two checks of the launcher.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Waits for the end of the launcher, and ends the run in its place. A launcher that ends normally kills its
+/// Waits for the end of the launcher and ends the run in its place. A launcher that ends normally kills its
 /// guard first.
 pub fn main(folder: &RunFolder) -> ExitCode {
     // The signals of the launcher's terminal session must not end the guard.
@@ -37,7 +37,7 @@ pub fn main(folder: &RunFolder) -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
-    // Held separately: the run stays alive until the guard has ended it.
+    // A separate lock keeps the run alive until the guard has ended it.
     let mut folder = folder.clone();
     if let Err(error) = folder.hold() {
         eprintln!("motorium guard: {error}");
@@ -76,7 +76,7 @@ pub fn main(folder: &RunFolder) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// The living workers of the run.
+/// Returns the live workers of the run.
 fn workers(plan: &Plan, region: &Region, folder: &RunFolder) -> Vec<(String, Watch)> {
     let workers = plan.components.iter().zip(region.components()).map(|(component, block)| {
         let pid = block.pid.load(Relaxed);
@@ -86,7 +86,7 @@ fn workers(plan: &Plan, region: &Region, folder: &RunFolder) -> Vec<(String, Wat
     workers.flatten().collect()
 }
 
-/// Returns `true` if a process was started for this run, since process ids are reused. A zombie has no
+/// Returns `true` if a process was started for this run, because process ids are reused. A zombie has no
 /// arguments, but its parent is still the `launcher`.
 fn is_of_run(pid: u32, folder: &RunFolder, launcher: Option<u32>) -> bool {
     let arguments = std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
@@ -95,16 +95,17 @@ fn is_of_run(pid: u32, folder: &RunFolder, launcher: Option<u32>) -> bool {
         || (arguments.is_empty() && launcher.is_some_and(|launcher| parent_of(pid) == Some(launcher)))
 }
 
-/// Parent of a process: the second field after its name in `stat`, which may contain any characters.
+/// Returns the parent of a process: the second field in `stat` after the name, which may contain any
+/// characters.
 fn parent_of(pid: u32) -> Option<u32> {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     stat.rsplit_once(')')?.1.split_ascii_whitespace().nth(1)?.parse().ok()
 }
 
-/// Waits until the launcher has died, or is unresponsive while a component needs it. Returns the cause as
+/// Waits until the launcher has died, or is unresponsive when a component needs it. Returns the cause as
 /// text.
 ///
-/// An unresponsive launcher is reported once. The graph continues while all components step. When one dies or
+/// An unresponsive launcher is reported once. The graph continues while all components step. If one dies or
 /// hangs, only the launcher could react, so the guard kills the launcher and ends the run.
 fn await_cause(
     (plan, region, folder): (&Plan, &Region, &RunFolder),
@@ -135,7 +136,7 @@ fn await_cause(
             None if is_silent => {
                 report(Event::LauncherSilent { run: folder.id() });
                 silent = Some(Silence::new(plan, region, now));
-                // A component that ended after the launcher's last sign of life needs it already.
+                // A component that ended after the launcher's last sign of life already needs it.
                 continue;
             }
             Some(_) if !is_silent => {
@@ -177,7 +178,7 @@ impl Roster {
         Self { launcher: None, workers: plan.components.iter().map(|_| None).collect() }
     }
 
-    /// Looks for new processes and for ends. `alive_ns` is the launcher's last sign of life.
+    /// Checks for new and ended processes. `alive_ns` is the launcher's last sign of life.
     fn look(&mut self, (plan, region, folder): (&Plan, &Region, &RunFolder), alive_ns: u64, now: u64) {
         let launcher = *self.launcher.get_or_insert_with(|| region.header().launcher.load(Relaxed));
         for (seen, (_, block)) in self.workers.iter_mut().zip(plan.components.iter().zip(region.components()))
@@ -202,13 +203,13 @@ impl Roster {
             .position(|seen| seen.as_ref().is_some_and(|seen| seen.ended_ns.is_some() && !seen.is_handled))
     }
 
-    /// True if the process of a component lives.
+    /// Returns `true` if the process of a component is alive.
     fn is_alive(&self, component: usize) -> bool {
         self.workers[component].as_ref().is_some_and(|seen| seen.ended_ns.is_none())
     }
 }
 
-/// The guard's own supervision while the launcher does not respond.
+/// Supervision by the guard while the launcher does not respond.
 struct Silence {
     watchdogs: Vec<Watchdog>,
 }
@@ -238,7 +239,7 @@ impl Silence {
     }
 }
 
-/// Describes the states of the actuators, and returns whether all are in their safe state.
+/// Describes the states of the actuators. Returns `true` with the text if all are in their safe state.
 fn describe_safety(
     plan: &Plan,
     region: &Region,
@@ -280,7 +281,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_parent_of_a_process_is_found_by_its_number() {
+    fn parent_of_a_process_is_found_by_its_id() {
         assert_eq!(
             parent_of(std::process::id()),
             Some(rustix::process::getppid().unwrap().as_raw_nonzero().get() as u32)

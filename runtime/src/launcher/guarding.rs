@@ -1,4 +1,4 @@
-//! The launcher's care for its guard: started, watched, replaced.
+//! The launcher's supervision of its guard, which it starts, watches and replaces.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -34,12 +34,12 @@ pub(super) struct Guard {
 }
 
 impl Guard {
-    /// The process, while there is one.
+    /// Returns the process, if there is one.
     pub(super) fn child(&self) -> Option<&Child> {
         self.child.as_ref()
     }
 
-    /// Ends it.
+    /// Kills the guard.
     pub(super) fn kill(&mut self) {
         if let Some(child) = &mut self.child {
             child.kill();
@@ -80,7 +80,7 @@ impl Guard {
         }
         let alive_ns = header.guard_alive_ns.load(Relaxed).max(self.since_ns);
         let Some(child) = &mut self.child else { return };
-        // After its own delay, the launcher gives the guard time again.
+        // After its own delay, the launcher restarts the time limit of the guard.
         if late > SILENCE_NS / 2 {
             self.since_ns = now;
         } else if now.saturating_sub(alive_ns) > SILENCE_NS {
@@ -96,7 +96,7 @@ impl Guard {
             End::KilledByLauncher => "it does not respond and was killed".to_string(),
             _ => end.to_string(),
         };
-        // It reported being alive until then.
+        // It was alive until then.
         let worked = header.guard_alive_ns.load(Relaxed) > self.since_ns;
         self.failures = if worked { 0 } else { self.failures + 1 };
         let delay_ns =

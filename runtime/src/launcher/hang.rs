@@ -10,7 +10,7 @@ use crate::region::{Activity, Hang, Region};
 /// Silence after which a launcher or a guard counts as stopped, ns.
 pub(super) const SILENCE_NS: u64 = 1_000_000_000;
 
-/// Describes a hang as it is now.
+/// Describes the current state of a hang.
 pub(super) fn diagnose(plan: &Plan, region: &Region, index: usize, overdue: Overdue) -> Hang {
     let block = &region.components()[index];
     let (in_step, for_ns) = match overdue {

@@ -15,13 +15,13 @@ pub(super) struct IdleStates {
     _limit: Option<IdleLimit>,
     /// Limit in force, ns; `None` if none was requested or the system denied it.
     pub(super) exit_ns: Option<u64>,
-    /// The reason of a denial.
+    /// Reason of a denial.
     pub(super) denied: Option<String>,
 }
 
 impl IdleStates {
-    /// Requests the limit of a plan, until this value is dropped or the process dies; unless the components
-    /// are threads of one process, which have no priorities.
+    /// Requests the limit of a plan until this value is dropped or the process dies. Without effect if the
+    /// components are threads of one process, which have no priorities.
     ///
     /// # Errors
     /// The system denied the limit, and the plan is strict.

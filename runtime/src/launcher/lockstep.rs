@@ -1,8 +1,8 @@
-//! The launcher's side of lockstep: ticks of simulated time, one component at a time, in a fixed order.
+//! The launcher's side of lockstep: ticks of simulated time, with one component at a time in a fixed order.
 //!
-//! The launcher starts a round and passes the turn to its first component. Processes and threads pass it on
-//! among themselves, through as many rounds as permitted, and return it at the end of the requested part, or
-//! when they cannot continue. Components hosted inline are stepped by the launcher, one after the other.
+//! The launcher starts a round and passes the turn to its first component. Processes and threads pass it
+//! among themselves for as many rounds as permitted. They return it at the end of the requested interval, or
+//! when they cannot continue. The launcher steps components hosted inline one after the other.
 
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -24,9 +24,9 @@ const LOOK: Duration = Duration::from_millis(20);
 enum Ticked {
     /// The work is done, or its component no longer exists.
     Done,
-    /// The graph cannot go on.
+    /// The graph cannot continue.
     Fatal(String),
-    /// A signal came.
+    /// A signal arrived.
     Interrupted,
 }
 
@@ -39,12 +39,12 @@ enum Work {
     Reset,
 }
 
-/// The part of simulated time to run.
+/// The interval of simulated time to run.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limit {
-    /// The rounds before this time, ns.
+    /// End of the interval, exclusive, ns.
     pub(crate) until_ns: u64,
-    /// At most so many rounds.
+    /// Maximum number of rounds.
     pub(crate) rounds: u64,
 }
 
@@ -54,29 +54,29 @@ pub(super) struct Lockstep {
     rounds: Rounds,
     /// Simulated time of the next tick, ns.
     reached_ns: u64,
-    /// Simulated time of the episodes before, ns.
+    /// Simulated time of the previous episodes, ns.
     before_ns: u64,
 }
 
 impl Lockstep {
-    /// Starts at time zero.
+    /// Creates the state at time zero.
     pub(super) fn new(run: &Rc<Run>) -> Self {
         let plays = |index: usize| !run.is_played(&run.plan.components[index].name);
         Self { run: run.clone(), rounds: Rounds::new(&run.plan, plays), reached_ns: 0, before_ns: 0 }
     }
 
-    /// Simulated time of the present episode, ns.
+    /// Returns the simulated time of the current episode, ns.
     pub(super) fn reached_ns(&self) -> u64 {
         self.reached_ns
     }
 
-    /// Simulated time of all episodes, ns.
+    /// Returns the simulated time of all episodes, ns.
     pub(super) fn simulated_ns(&self) -> u64 {
         self.before_ns + self.reached_ns
     }
 
-    /// Runs rounds of simulated time up to a limit. The exit, if the run ended before: by a signal, or a
-    /// failure.
+    /// Runs rounds of simulated time up to a limit. Returns the exit if the run ended earlier by a signal or
+    /// a failure.
     pub(super) fn run_rounds(
         &mut self,
         limit: Limit,
@@ -98,7 +98,7 @@ impl Lockstep {
             let mut stop = (self.run.region.header().command() == Command::SafeStop)
                 .then(|| super::stop_reason::reason(&self.run.plan, &self.run.region));
             rounds -= 1;
-            // The accounts are read after the same rounds, by the launcher or by components.
+            // Statistics are read after the same rounds, whether the launcher or components run them.
             let look_ns =
                 self.rounds.round_from(supervisor.reporter.accounts.next_look_ns()).saturating_add(1);
             self.run.region.header().turn.allow_rounds(limit.until_ns.min(look_ns), rounds);
@@ -107,7 +107,7 @@ impl Lockstep {
                 && let Some(index) = self.rounds.next_due(&self.run.region, time, place)
             {
                 let ticked = self.tick((index, time), &mut now_ns, supervisor, observe);
-                // Components that pass the turn on may have advanced to other rounds.
+                // Components that pass the turn may have advanced to later rounds.
                 let last = self.last_tick(index);
                 (time, place) = (last.1, self.rounds.place_after(last.0));
                 match ticked {
@@ -138,16 +138,15 @@ impl Lockstep {
         None
     }
 
-    /// Returns the component of the last tick and its time, after the turn was passed to the component
-    /// `first`.
+    /// Returns the component and time of the last tick, after the turn was passed to the component `first`.
     fn last_tick(&self, first: usize) -> (usize, u64) {
         let last = self.run.region.header().turn.now().giver.unwrap_or(first);
         let block = self.run.region.components().get(last);
         block.map_or((first, 0), |block| (last, block.tick_time_ns.load(Relaxed)))
     }
 
-    /// Resets all components for an episode, one after the other: a barrier after which simulated time
-    /// restarts. Returns the exit if one of them cannot continue.
+    /// Resets all components for an episode, one after the other, and restarts simulated time. Returns the
+    /// exit if one of them cannot continue.
     pub(super) fn reset(
         &mut self,
         (index, seed): (u64, u64),
@@ -194,7 +193,7 @@ impl Lockstep {
         }
     }
 
-    /// Time of the next round, ns; `u64::MAX` for none.
+    /// Returns the time of the next round, ns; `u64::MAX` for none.
     pub(super) fn next_round_ns(&self) -> u64 {
         self.rounds.round_from(self.reached_ns)
     }
@@ -214,7 +213,7 @@ impl Lockstep {
         self.run.signals.is_raised().then_some(Exit::Interrupted)
     }
 
-    /// Checks everything that ticks do not report, each time that a status is due.
+    /// Checks everything that ticks do not report, whenever a status is due.
     #[inline]
     fn look_around(&self, now_ns: u64, supervisor: &mut Supervisor, observe: &mut dyn FnMut(Event<'_>)) {
         if !supervisor.reporter.take_status(now_ns) {
@@ -228,10 +227,10 @@ impl Lockstep {
         observe(Event::Status(&Status::read(&self.run.plan, &self.run.region)));
     }
 
-    /// After a safe stop only the actuators continue, in their safe state, for the settling time. Returns
-    /// when it is over.
+    /// Runs only the actuators, in their safe state, for the settling time after a safe stop. Returns the
+    /// simulated time at the end, ns.
     fn settle(&self, time: u64, supervisor: &mut Supervisor, observe: &mut dyn FnMut(Event<'_>)) -> u64 {
-        // A second signal ends the settling too.
+        // A second signal ends the settling, too.
         self.run.signals.forget();
         self.run.region.header().order(Command::SafeStop);
         let end = time + self.run.plan.settle_ns();
@@ -255,8 +254,8 @@ impl Lockstep {
         if self.run.signals.is_raised() { Ticked::Interrupted } else { Ticked::Done }
     }
 
-    /// Has one component step for a time; a process or thread then passes the turn on. `now_ns` is the
-    /// present on `CLOCK_MONOTONIC`, before and after.
+    /// Runs the tick of a component for a time; a process or thread then passes the turn. `now_ns` is the
+    /// current time on `CLOCK_MONOTONIC`, updated by the call.
     #[inline]
     fn tick(
         &self,
@@ -297,8 +296,8 @@ impl Lockstep {
         self.after_wait()
     }
 
-    /// Passes the turn to a component and waits until it returns, from that or another one, for as long as
-    /// needed: a tick takes no simulated time. A signal ends the wait.
+    /// Passes the turn to a component and waits until any component returns it. There is no time limit,
+    /// because a tick takes no simulated time. A signal ends the wait.
     fn give_turn(
         &self,
         index: usize,
@@ -355,8 +354,8 @@ impl Lockstep {
         }
     }
 
-    /// Waits while a component starts; simulated time stands still. Returns the outcome of its tick if it
-    /// does not run: it has ended permanently, or a signal arrived.
+    /// Waits while a component starts, without advancing simulated time. Returns the outcome of its tick if
+    /// the component has ended permanently or a signal arrived.
     fn await_running(
         &self,
         index: usize,

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::plan::Plan;
 use crate::region::{EventKind, EventReader, EventRecord, EventSeverity, Region};
 
-/// The most events in a report.
+/// Maximum number of events in a report.
 pub const REPORTED_EVENTS: usize = 256;
 
 /// A logged event of a run.
@@ -45,7 +45,7 @@ pub struct LoggedEvent {
 }
 
 impl LoggedEvent {
-    /// A record of the log of a run of this plan.
+    /// Converts a record of the log of a run of this plan.
     pub fn from_record(record: EventRecord, plan: &Plan, region: &Region) -> Self {
         // Before the first step, only the time of the run's creation is known.
         let start_ns = match region.header().start_ns.load(Relaxed) {
@@ -74,7 +74,7 @@ pub fn logged(plan: &Plan, region: &Region) -> (Vec<LoggedEvent>, u64) {
     (records.into_iter().map(|record| LoggedEvent::from_record(record, plan, region)).collect(), lost)
 }
 
-/// The events since the last call of this reader.
+/// Returns the events since the last call with this reader.
 pub(super) fn unread_events(reader: &mut EventReader, plan: &Plan, region: &Region) -> Vec<LoggedEvent> {
     let records = reader.read(region.events()).into_iter();
     records.map(|record| LoggedEvent::from_record(record, plan, region)).collect()

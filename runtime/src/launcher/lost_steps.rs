@@ -1,11 +1,11 @@
-//! The share of its steps that a component loses, as a pure function of its counters and the time.
+//! The share of steps lost by a component, as a pure function of its counters and the time.
 
 /// Interval over which the share is computed, ns.
 const SPAN_NS: u64 = 1_000_000_000;
-/// Least time between two warnings of one component, ns.
+/// Minimum time between two warnings about one component, ns.
 const QUIET_NS: u64 = 10_000_000_000;
 
-/// Lost steps of one component: releases, or triggering publications, that passed while it could not step.
+/// Lost steps of one component: releases or triggering publications that passed while it could not step.
 #[derive(Debug, Clone)]
 pub(super) struct LostSteps {
     limit: f64,
@@ -16,12 +16,12 @@ pub(super) struct LostSteps {
 }
 
 impl LostSteps {
-    /// Counts from `now_ns` on; a share above `limit` is a warning.
+    /// Counts from `now_ns` on, and warns about shares above `limit`.
     pub(super) fn new(limit: f64, now_ns: u64) -> Self {
         Self { limit, since_ns: now_ns, before: (0, 0), quiet_until_ns: 0 }
     }
 
-    /// Starts a new interval: the component starts, or the launcher was delayed.
+    /// Starts a new interval, after the component started or the launcher was delayed.
     pub(super) fn count_from(&mut self, now_ns: u64) {
         self.since_ns = now_ns;
     }
@@ -48,7 +48,7 @@ impl LostSteps {
 pub(super) struct LostShare(pub(super) f64);
 
 impl LostShare {
-    /// Of all steps that were due.
+    /// Creates the share of lost steps among all steps that were due.
     pub(super) fn new(steps: u64, skipped: u64) -> Self {
         Self(skipped as f64 / (steps + skipped).max(1) as f64)
     }
@@ -72,7 +72,7 @@ mod tests {
         assert_eq!(lost.check(500, 100, S / 2), None, "the second is not over");
         assert_eq!(lost.check(960, 40, S), None, "4 %");
         assert_eq!(lost.check(1_860, 140, 2 * S), Some(0.1));
-        assert_eq!(lost.check(2_760, 240, 3 * S), None, "told a moment ago");
+        assert_eq!(lost.check(2_760, 240, 3 * S), None, "reported a moment ago");
         assert_eq!(lost.check(9_000, 900, 12 * S), Some(660.0 / 6_900.0));
     }
 

@@ -1,9 +1,9 @@
 //! The launcher: starts, supervises and ends the processes of a plan.
 //!
-//! The launcher creates every service, starts one process per component and holds them at a barrier until all
-//! ports are connected. It supervises the processes, restarts them where permitted, brings the robot to its
-//! safe state on a failure, and leaves no shared memory behind. A [`guard`] process does the last two if the
-//! launcher itself is killed.
+//! The launcher creates all services, starts one process per component, and keeps the processes at a barrier
+//! until all ports are connected. It supervises the processes and restarts them if permitted. On a failure it
+//! brings the robot to its safe state, and it leaves no shared memory behind. A [`guard`] process does the
+//! last two if the launcher itself is killed.
 
 mod accounts;
 mod child;
@@ -79,7 +79,7 @@ pub use report::{
 };
 pub use status::{ComponentStatus, Status};
 
-/// A launch in progress. It reports the events of its parts, logs them, and ends them in order.
+/// A launch in progress. It reports and logs the events of its parts, and ends them in order.
 pub(crate) struct Launch {
     run: Rc<Run>,
     supervisor: Supervisor,
@@ -151,20 +151,20 @@ impl Launch {
         Ok(None)
     }
 
-    /// Supervises a run in real time until a time after its start, ns, or until a component ends the episode.
-    /// The exit, if the run ended before: by a signal, or because something failed permanently.
+    /// Supervises a real-time run until a time after its start, ns, or until a component ends the episode.
+    /// Returns the exit if the run ended earlier by a signal or a permanent failure.
     pub(crate) fn supervise(&mut self, until_ns: u64, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
         self.realtime.supervise(until_ns, &mut self.supervisor, &mut logging(&self.log, observe))
     }
 
-    /// Runs rounds of simulated time up to a limit. The exit, if the run ended before: by a signal, or a
-    /// failure.
+    /// Runs rounds of simulated time up to a limit. Returns the exit if the run ended earlier by a signal or
+    /// a failure.
     pub(crate) fn run_rounds(&mut self, limit: Limit, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
         self.lockstep.run_rounds(limit, &mut self.supervisor, &mut logging(&self.log, observe))
     }
 
-    /// Resets all components for an episode, one after the other: a barrier after which simulated time
-    /// restarts. Returns the exit if one of them cannot continue.
+    /// Resets all components for an episode, one after the other, and restarts simulated time. Returns the
+    /// exit if one of them cannot continue.
     pub(crate) fn reset(
         &mut self,
         index: u64,
@@ -176,7 +176,7 @@ impl Launch {
         self.lockstep.reset((index, seed), &mut self.supervisor, observe)
     }
 
-    /// Time of the next round of simulated time, ns; `u64::MAX` for none.
+    /// Returns the time of the next round of simulated time, ns; `u64::MAX` for none.
     pub(crate) fn next_round_ns(&self) -> u64 {
         self.lockstep.next_round_ns()
     }
@@ -244,12 +244,12 @@ impl Launch {
         region.header().order(Command::Stop);
         self.ended_ns = Some(monotonic_ns());
         workers.end_all(|| memory.wake_triggered());
-        // Their pipes are closed now: their last lines have arrived or will in a moment.
+        // Their pipes are closed now, so their last lines have arrived or will arrive in a moment.
         std::thread::sleep(Duration::from_millis(2));
         workers.relay_output(observe);
     }
 
-    /// The report of a run that continues.
+    /// Returns the report of a run that continues.
     pub(crate) fn report_so_far(&self, exit: Exit) -> Report {
         let lasted_ns = if self.run.is_lockstep() { self.lockstep.simulated_ns() } else { self.time_ns() };
         self.report(exit, lasted_ns)
@@ -262,7 +262,7 @@ impl Launch {
         let (events, events_left_out) = reported_events(plan, region);
         let end_ns =
             if is_lockstep { self.lockstep.reached_ns() } else { self.ended_ns.unwrap_or_else(monotonic_ns) };
-        // While the robot settles only its actuators step.
+        // While the robot settles, only actuators step.
         let line_ns = match region.header().safe_stop_ns.load(Relaxed) {
             0 => end_ns,
             safe_stop_ns => end_ns.min(safe_stop_ns),
@@ -294,32 +294,32 @@ impl Launch {
         }
     }
 
-    /// Digest of everything published in the present episode.
+    /// Returns the digest of all values published in the current episode.
     pub(crate) fn state_hash(&self) -> String {
         report::state_hash(&self.run.plan, &self.run.region)
     }
 
-    /// Returns `true` if the launching program takes the place of a component.
+    /// Returns `true` if the launching program replaces a component.
     pub(crate) fn stands_in_for(&self, component: &str) -> bool {
         self.run.is_played(component)
     }
 
-    /// The plan of the run.
+    /// Returns the plan of the run.
     pub(crate) fn plan(&self) -> &Plan {
         &self.run.plan
     }
 
-    /// The folder of the run.
+    /// Returns the folder of the run.
     pub(crate) fn folder(&self) -> &RunFolder {
         &self.run.folder
     }
 
-    /// The control block of the run.
+    /// Returns the control block of the run.
     pub(crate) fn region(&self) -> &Rc<Region> {
         &self.run.region
     }
 
-    /// Time of the run, ns: simulated in lockstep, else since the start.
+    /// Returns the time of the run, ns: simulated time in lockstep, else the time since the start.
     pub(crate) fn time_ns(&self) -> u64 {
         match self.run.plan.clock {
             ClockKind::Lockstep => self.lockstep.reached_ns(),
@@ -327,32 +327,32 @@ impl Launch {
         }
     }
 
-    /// Present time of the clock that the run's components read, ns: simulated in lockstep.
+    /// Returns the current time on the clock that the run's components read, ns; simulated time in lockstep.
     fn clock_ns(&self) -> u64 {
         if self.run.is_lockstep() { self.lockstep.reached_ns() } else { monotonic_ns() }
     }
 
-    /// Begins the next episode, and returns its number. For runs whose episodes no component begins.
+    /// Begins the next episode and returns its index. For runs in which no component begins episodes.
     pub(crate) fn begin_episode(&mut self, seed: u64, observe: &mut dyn FnMut(Event<'_>)) -> u64 {
         let observe = &mut logging(&self.log, observe);
         let header = self.run.region.header();
-        // The launcher itself notes every episode that it begins.
+        // The launcher itself records every episode that it begins.
         header.begin_next_episode(seed, monotonic_ns());
         self.supervisor.reporter.episodes.note(&self.run.region, observe);
         header.episode.load(Relaxed)
     }
 
-    /// Start of the present episode of real time, ns since the start of the run; 0 in lockstep.
+    /// Returns the start of the current real-time episode, ns since the start of the run; 0 in lockstep.
     pub(crate) fn episode_ns(&self) -> u64 {
         present_episode_ns(&self.run.plan, &self.run.region)
     }
 
-    /// The events since the last call of this reader.
+    /// Returns the events since the last call with this reader.
     pub(crate) fn events(&self, reader: &mut EventReader) -> Vec<LoggedEvent> {
         unread_events(reader, &self.run.plan, &self.run.region)
     }
 
-    /// Reports everything remaining at the end of a run or episode.
+    /// Reports all remaining changes at the end of a run or episode.
     fn report_last_accounts(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         let now_ns = self.clock_ns();
         let Run { plan, region, .. } = &*self.run;

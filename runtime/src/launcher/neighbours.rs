@@ -4,11 +4,11 @@ use super::Event;
 use crate::os::{Foreign, realtime_of_others};
 use crate::plan::{ClockKind, Plan};
 
-/// Processes that are named; more are counted.
+/// Maximum number of named processes; further ones are counted.
 const NAMED: usize = 3;
 
-/// Warns of real-time threads of other users on the cores of the run. This user's runs are checked with
-/// their budgets before the start; of others only the kernel's thread list is known.
+/// Warns of real-time threads of other users on the cores of the run. This user's runs are checked with their
+/// budgets before the start. For other users only the kernel's thread list is known.
 pub(super) fn report(plan: &Plan, observe: &mut dyn FnMut(Event<'_>)) {
     if plan.clock != ClockKind::Realtime {
         return;

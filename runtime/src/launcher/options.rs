@@ -19,13 +19,13 @@ pub struct Options {
     pub hosting: Hosting,
     /// Program that hosts built-in kinds and the guard, usually the current one. Only processes need it.
     pub program: PathBuf,
-    /// In lockstep: the core of the whole run. Default: the first core that the graph assigns to a component;
-    /// a thread that hosts components inline is not moved.
+    /// In lockstep, the core of the whole run. Defaults to the first core that the graph assigns to a
+    /// component; a thread that hosts components inline is then not moved.
     pub core: Option<usize>,
     /// `true` if `SIGINT`, `SIGTERM` and `SIGHUP` end the run normally. While no such run exists, they have
     /// their previous effect.
     pub catch_signals: bool,
-    /// Components that are not started: the program replaces them and publishes on their topics.
+    /// Components that are not started. The program replaces them and publishes on their topics.
     pub stand_in: Vec<String>,
 }
 
@@ -34,10 +34,10 @@ pub struct Options {
 pub enum Hosting {
     /// Each component in a separate process.
     Processes,
-    /// Each component in a thread of the launching process, unprotected from one another: for tests and for
-    /// learning.
+    /// Each component in a thread of the launching process, without protection from one another. For tests
+    /// and for learning.
     Threads,
-    /// All components in the launching thread, stepped one after the other without waits. In lockstep only,
+    /// All components in the launching thread, stepped one after the other without waits. Only in lockstep,
     /// for roll-outs.
     Inline,
 }
@@ -47,30 +47,30 @@ impl Options {
         Self { hosting, program, core: None, catch_signals: true, stand_in: Vec::new() }
     }
 
-    /// Each component in a separate process, hosted by `program`: the `motorium` command, or another one that
-    /// calls `program::run_worker`.
+    /// Runs each component in a separate process, hosted by `program`: the `motorium` command, or another
+    /// program that calls `program::run_worker`.
     pub fn processes(program: PathBuf) -> Self {
         Self::new(Hosting::Processes, program)
     }
 
-    /// Each component in a thread of this process.
+    /// Runs each component in a thread of this process.
     pub fn threads() -> Self {
         Self::new(Hosting::Threads, PathBuf::new())
     }
 
-    /// All components in the calling thread.
+    /// Runs all components in the calling thread.
     pub fn inline() -> Self {
         Self::new(Hosting::Inline, PathBuf::new())
     }
 
-    /// Pins a lockstep run to one core; concurrent runs need one each.
+    /// Pins a lockstep run to one core. Concurrent runs need one core each.
     #[must_use]
     pub fn on_core(self, core: usize) -> Self {
         Self { core: Some(core), ..self }
     }
 
-    /// Leaves the signals of the process alone: a program that is ended by one leaves the shared memory of
-    /// its threads behind, until `motorium doctor --clean`.
+    /// Does not handle the signals of the process. If a signal ends the program, the shared memory of its
+    /// threads remains until `motorium doctor --clean`.
     #[must_use]
     pub fn leaving_signals(self) -> Self {
         Self { catch_signals: false, ..self }

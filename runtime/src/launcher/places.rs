@@ -8,15 +8,15 @@ use super::{Event, Hosting, Options};
 use crate::run_folder::RunFolder;
 use crate::worker::CLEANER;
 
-/// Time between two looks for dead processes.
+/// Time between two checks for dead processes.
 const LOOK_EVERY: Duration = Duration::from_millis(300);
 /// Delay after a crash of the cleaner.
 const AFTER_CRASH: Duration = Duration::from_secs(10);
 
-/// Supervision of occupied slots: of killed components until their restart, and of killed tools.
+/// Releases the slots of killed components before their restart, and of killed tools.
 ///
-/// iceoryx2 frees a slot by traversing data that all processes of the run can write. A separate process does
-/// this, so that damaged data can only crash that process.
+/// iceoryx2 frees a slot by traversing data that all processes of the run can write. This is done by a
+/// separate process, so that damaged data can only crash that process.
 #[derive(Debug, Default)]
 pub(super) struct Places {
     next: Option<Instant>,
@@ -24,10 +24,10 @@ pub(super) struct Places {
 }
 
 impl Places {
-    /// Checks for dead processes periodically, and has their slots freed.
+    /// Checks for dead processes periodically, and starts the cleaner to free their slots.
     pub(super) fn look(&mut self, options: &Options, folder: &RunFolder, observe: &mut dyn FnMut(Event<'_>)) {
         if options.program.as_os_str().is_empty() {
-            // Threads of one process: their slots are freed when one of them restarts.
+            // The slots of threads are freed when one of them restarts.
             return;
         }
         let now = Instant::now();
@@ -38,8 +38,8 @@ impl Places {
                 Ok(Some(status)) => {
                     self.next = Some(now + AFTER_CRASH);
                     let line = format!(
-                        "the places of dead processes in the topics: freeing them ended with {status}; a component \
-                         that dies again may not find a place"
+                        "the slots of dead processes in the topics could not be freed ({status}); a component that \
+                         crashes again may find no free slot"
                     );
                     observe(Event::Lost(&line));
                 }
@@ -56,8 +56,8 @@ impl Places {
         }
     }
 
-    /// Frees the slots of a component that has just died and is about to be restarted. Spare slots exist, so
-    /// that its successor need not wait.
+    /// Frees the slots of a component that has just died and is about to be restarted. Because there are
+    /// spare slots, its successor need not wait.
     pub(super) fn free(&mut self, options: &Options, folder: &RunFolder, services: &Services) {
         match options.hosting {
             // The threads of one process share their node.
@@ -75,7 +75,7 @@ impl Places {
         let mut command = Command::new(&options.program);
         command.arg(CLEANER).arg(folder.path());
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-        // A machine without room for one more process has more urgent troubles; the next look tries again.
+        // If no process can be started, the next check tries again.
         self.cleaner = command.spawn().ok();
     }
 

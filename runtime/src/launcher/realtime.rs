@@ -1,4 +1,4 @@
-//! The launcher's side of real time: checks of everything, and waits between them.
+//! The launcher's side of real time: periodic checks, and waits between them.
 
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -10,7 +10,7 @@ use super::{Event, Exit, stop_reason};
 use crate::os::monotonic_ns;
 use crate::region::Command;
 
-/// The launcher's checks of a run in real time.
+/// The launcher's checks of a real-time run.
 pub(super) struct Realtime {
     run: Rc<Run>,
     /// Time of the next check, `CLOCK_MONOTONIC` ns.
@@ -18,18 +18,18 @@ pub(super) struct Realtime {
 }
 
 impl Realtime {
-    /// Checks a run, from its start on.
+    /// Creates the checks of a run, which start with it.
     pub(super) fn new(run: &Rc<Run>) -> Self {
         Self { run: run.clone(), due_ns: 0 }
     }
 
-    /// The run starts at a time, ns.
+    /// Starts the checks at the start of the run, ns.
     pub(super) fn begin(&mut self, start_ns: u64) {
         self.due_ns = start_ns;
     }
 
-    /// Supervises a run until a time after its start, ns, or until a component ends the episode. The exit, if
-    /// the run ended before: by a signal, or because something failed permanently.
+    /// Supervises a run until a time after its start, ns, or until a component ends the episode. Returns the
+    /// exit if the run ended earlier by a signal or a permanent failure.
     pub(super) fn supervise(
         &mut self,
         until_ns: u64,
@@ -50,8 +50,8 @@ impl Realtime {
         }
     }
 
-    /// One check of everything. Returns `Some` when supervision is over: with the exit, or without one at
-    /// `end`.
+    /// Performs one round of all checks. Returns `Some` when supervision is over, with the exit, or without
+    /// one at `end`.
     fn look(
         &mut self,
         end: u64,
@@ -75,7 +75,7 @@ impl Realtime {
         if command == Command::SafeStop || (command as u32) < Command::Run as u32 {
             let reason = match command {
                 Command::SafeStop => stop_reason::reason(plan, region),
-                // Commands only rise.
+                // Commands only increase.
                 _ => "the control block of the run was damaged: its command is one of the start".to_string(),
             };
             return Some(Some(self.safe_stop(reason, supervisor, observe)));

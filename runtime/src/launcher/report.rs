@@ -12,7 +12,7 @@ use crate::region::{ComponentBlock, GateReport, Misses, Region, Stalls};
 use crate::state::Digest;
 use crate::telemetry::Percentiles;
 
-/// Version of the report's format; raised when a field changes its meaning or goes.
+/// Version of the report's format; incremented when the meaning of a field changes or a field is removed.
 pub const REPORT_VERSION: u32 = 2;
 
 /// The report of a run.
@@ -28,10 +28,10 @@ pub struct Report {
     pub duration_s: f64,
     /// Simulated time per wall-clock time; 1 in real time.
     pub realtime_factor: f64,
-    /// Digest of everything published, in lockstep: equal for equal runs. `null` in real time.
+    /// Digest of all published values in lockstep, equal for equal runs; `null` in real time.
     pub state_hash: Option<String>,
-    /// The episodes of a run that was divided, in order. In lockstep `state_hash` and `results` are of the
-    /// last one, in real time `results` are of the whole run.
+    /// Episodes of a run that was divided, in order. In lockstep, `state_hash` and `results` are from the
+    /// last episode; in real time, `results` are from the whole run.
     #[serde(default)]
     pub episodes: Vec<EpisodeReport>,
     /// The end of the run.
@@ -57,7 +57,7 @@ pub struct Report {
     pub cores: Vec<CoreReport>,
     /// Results of the components, by name.
     pub results: BTreeMap<String, serde_json::Value>,
-    /// The verdict on each expectation of the graph; none for a run that was interrupted or failed.
+    /// Result of each expectation of the graph; empty for a run that was interrupted or failed.
     #[serde(default)]
     pub expectations: Vec<ExpectationReport>,
     /// Number of events missing from `events`: overwritten in the log, or beyond the maximum of a report.
@@ -73,13 +73,13 @@ pub struct Report {
 pub struct EpisodeReport {
     /// Its number, from 0.
     pub index: u64,
-    /// Its seed: in lockstep a run with this seed publishes the same.
+    /// Its seed; in lockstep, a run with this seed publishes the same values.
     pub seed: u64,
     /// Time from its start to its end, s: simulated in lockstep.
     pub duration_s: f64,
     /// Steps of all components in it.
     pub steps: u64,
-    /// Digest of everything published in it, in lockstep. `null` in real time.
+    /// Digest of all values published in it in lockstep; `null` in real time.
     pub state_hash: Option<String>,
 }
 
@@ -94,16 +94,16 @@ pub struct ComponentReport {
     pub steps: u64,
     /// Steps per second from its first step to the end of the run, or until now if it no longer steps.
     pub rate_hz: f64,
-    /// Lateness: from the release, or the triggering publication, to the beginning of the step, ns. Of a
-    /// release by a descriptor from its wake-up, or from the time to which `min_interval` deferred it.
+    /// Lateness: from the release or the triggering publication to the start of the step, ns. For a release
+    /// by a descriptor, from its wake-up or from the time to which `min_interval` deferred it.
     pub lateness_ns: Percentiles,
-    /// Execution time: from the beginning to the end of the step, wall-clock ns.
+    /// Execution time: from the start to the end of the step, wall-clock ns.
     pub execution_ns: Percentiles,
     /// CPU time of each step, with its waiting and waking, without its spinning, ns.
     pub cpu_ns: Percentiles,
-    /// Spin time before a release at the end of the run, ns.
+    /// Spin time before a release, as of the end of the run, ns.
     pub spin_ns: u64,
-    /// Stalls of the machine while it spun.
+    /// Stalls of the machine during its spinning.
     pub stalls: Stalls,
     /// Missed steps by cause.
     pub misses: Misses,
@@ -111,9 +111,9 @@ pub struct ComponentReport {
     /// delayed.
     #[serde(default)]
     pub deferred: u64,
-    /// Steps that returned an error and were tolerated.
+    /// Number of steps that returned an error and were tolerated.
     pub errors: u64,
-    /// Samples withheld or refused because of their content or their lateness.
+    /// Number of samples withheld because they were late, or refused because of their content.
     pub refused: u64,
     /// Restarts.
     pub restarts: u32,
@@ -158,14 +158,14 @@ pub struct EdgeReport {
     pub topic: String,
     /// The component that reads it.
     pub reader: String,
-    /// Samples it read.
+    /// Number of samples it read.
     pub read: u64,
     /// Age of each sample since its publication, at the start of the step that first read it, ns; 0 in
     /// lockstep, where a tick takes no time.
     pub age_ns: Percentiles,
 }
 
-/// The edges of a run.
+/// Returns the edges of a run.
 pub(super) fn edges(plan: &Plan, region: &Region) -> Vec<EdgeReport> {
     plan.edges()
         .into_iter()
@@ -179,7 +179,7 @@ pub(super) fn edges(plan: &Plan, region: &Region) -> Vec<EdgeReport> {
         .collect()
 }
 
-/// The latency budgets of a run.
+/// Returns the latency budgets of a run.
 pub(super) fn latencies(plan: &Plan, region: &Region) -> Vec<LatencyReport> {
     plan.latencies
         .iter()
@@ -204,7 +204,7 @@ pub struct ExpectationReport {
     pub condition: String,
     /// Value of the figure; `null` if missing.
     pub found: serde_json::Value,
-    /// True if the value meets the condition.
+    /// True if the value satisfies the condition.
     pub met: bool,
     /// The reason for a figure without a value, as text.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -221,7 +221,7 @@ impl core::fmt::Display for ExpectationReport {
     }
 }
 
-/// Digest of everything published in the present episode.
+/// Returns the digest of all values published in the current episode.
 pub(super) fn state_hash(plan: &Plan, region: &Region) -> String {
     let mut digest = Digest::default();
     for (topic, block) in plan.topics.iter().zip(region.topics()) {
@@ -232,16 +232,16 @@ pub(super) fn state_hash(plan: &Plan, region: &Region) -> String {
     format!("{:016x}", digest.finish())
 }
 
-/// Steps per second of a component, at `now_ns` on the run's clock.
+/// Returns the steps per second of a component at `now_ns` on the run's clock.
 fn rate_hz(plan: &ComponentPlan, block: &ComponentBlock, now_ns: u64) -> f64 {
     let (first, last) = (block.first_step_ns.load(Relaxed), block.last_step_ns.load(Relaxed));
     let begun = block.begun.load(Relaxed).saturating_sub(block.episode_first.load(Relaxed));
     steps_per_second(begun, first, last, now_ns, plan.period_ns())
 }
 
-/// Steps per second, from the number of steps and the time between the first and the last. If the last is
-/// more than two periods old, the time until `now_ns` is used, so that the rate of a stopped component falls.
-/// All times in ns.
+/// Returns the steps per second, from the number of steps and the time between the first and the last step.
+/// If the last step is more than two periods old, the time until `now_ns` is used, so that the rate of a
+/// stopped component falls. All times are in ns.
 pub fn steps_per_second(begun: u64, first_ns: u64, last_ns: u64, now_ns: u64, period_ns: u64) -> f64 {
     let still_steps = now_ns.saturating_sub(last_ns) <= 2 * period_ns;
     let end_ns = if still_steps { last_ns } else { now_ns };
@@ -249,7 +249,7 @@ pub fn steps_per_second(begun: u64, first_ns: u64, last_ns: u64, now_ns: u64, pe
     if begun > 1 && span_ns > 0 { (begun - 1) as f64 * 1e9 / span_ns as f64 } else { 0.0 }
 }
 
-/// The report of one component, from its counters.
+/// Returns the report of a component, from its counters.
 pub(super) fn component(plan: &ComponentPlan, block: &ComponentBlock, now_ns: u64) -> ComponentReport {
     let counts = block.counts_allocations.load(Relaxed) != 0;
     ComponentReport {

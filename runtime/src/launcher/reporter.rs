@@ -1,4 +1,4 @@
-//! Reports of a run that continues: stops, counters, episodes, and its status.
+//! Reports of a run in progress: stops, counters, episodes, and the status.
 
 use super::accounts::Accounts;
 use super::episodes::Episodes;
@@ -6,10 +6,10 @@ use super::run::Run;
 use super::stops::Stops;
 use super::{Event, Status};
 
-/// Time between two states for the display, ns.
+/// Time between two status reports, ns.
 const STATUS_NS: u64 = 50_000_000;
 
-/// The values of a run that were reported last.
+/// Last reported values of a run.
 pub(super) struct Reporter {
     stops: Stops,
     pub(super) accounts: Accounts,
@@ -19,7 +19,7 @@ pub(super) struct Reporter {
 }
 
 impl Reporter {
-    /// Nothing is reported yet.
+    /// Creates a reporter that has reported nothing yet.
     pub(super) fn new(run: &Run) -> Self {
         Self {
             stops: Stops::default(),
@@ -29,7 +29,7 @@ impl Reporter {
         }
     }
 
-    /// Reports a stop that started or ended, and in real time changed counters and an episode that began.
+    /// Reports stops that started or ended and, in real time, changed counters and episodes that began.
     pub(super) fn look(&mut self, run: &Run, now_ns: u64, observe: &mut dyn FnMut(Event<'_>)) {
         self.stops.report(&run.plan, &run.region, observe);
         if !run.is_lockstep() {

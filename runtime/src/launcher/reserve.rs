@@ -1,8 +1,8 @@
-//! Resources of a run: checked before anything is created, reserved before anything moves.
+//! Resources of a run, which are checked before anything is created and reserved before anything moves.
 //!
-//! A first access to unavailable shared memory kills the process (`SIGBUS`). The launcher therefore allocates
-//! all of it at the start, where a shortage is a named error. It keeps a reserve for restarts of components,
-//! which need memory when others may have used up the rest.
+//! The first access to unavailable shared memory kills the process (`SIGBUS`). The launcher therefore
+//! allocates all of it at the start, when a shortage is a named error. It keeps a reserve for restarts of
+//! components, because other programs may have used up the rest by then.
 
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::OpenOptionsExt as _;
@@ -20,15 +20,15 @@ use crate::os::{
 use crate::plan::Plan;
 use crate::run_folder::RunFolder;
 
-/// Reserve for the services of a topic and of a component's parameters, bytes: iceoryx2's own data.
+/// Reserve for iceoryx2's data of the services of a topic and of a component's parameters, bytes.
 const SERVICE: u64 = 48 * 1024;
-/// Kept for each component, bytes: its entries in the domain, and its result.
+/// Reserve for each component's entries in the domain and its result, bytes.
 const COMPONENT: u64 = 64 * 1024;
 /// Reserve for restarts of components and for observing tools, bytes.
 const SPARE: u64 = 256 * 1024;
-/// Files of a service, and of a process that joins the domain.
+/// Number of files of a service, and of a process that joins the domain.
 const FILES: u64 = 8;
-/// Processes besides the components': the guard, and the cleaner of dead processes.
+/// Number of processes in addition to the components': the guard and the cleaner of dead processes.
 const PROCESSES: u64 = 2;
 /// Threads per component process: three of its own (stepping, watching, holding a word), and three of the
 /// launcher (two forward its output, one waits for the word).
@@ -41,15 +41,15 @@ const PER_SERVICE: u64 = 2;
 /// Descriptors for everything else: signals, the control block, locks, cores, a terminal, cleaning up.
 const OTHERS: u64 = 40;
 
-/// The needs of a plan.
+/// Resources required by a plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Need {
     bytes: u64,
     files: u64,
     descriptors: u64,
-    /// The largest single file, bytes.
+    /// Size of the largest file, bytes.
     largest: u64,
-    /// Processes and threads.
+    /// Number of processes and threads.
     threads: u64,
 }
 
@@ -79,14 +79,14 @@ impl Need {
 /// Checks the resources of a plan before anything is created.
 ///
 /// # Errors
-/// Descriptors, the size of files, processes or shared memory are insufficient; the error states the
-/// requirement, the available amount and advice.
+/// Descriptors, file size, processes or shared memory are insufficient. The error states the requirement, the
+/// available amount and advice.
 pub(super) fn check(plan: &Plan, hosting: Hosting) -> Result<(), LaunchError> {
     let need = Need::for_plan(plan, hosting);
     let exhausted = |what: &'static str, need: String, found: String, advice: String| {
         Err(LaunchError::Exhausted { what, need, found, advice })
     };
-    // The error of asking is the answer: the descriptor for it is missing.
+    // If counting fails, there is no descriptor left even for that.
     let wanted = open_descriptors().map_or(u64::MAX, |open| open + need.descriptors);
     if let Some(limit) = raise_limit(Resource::Nofile, wanted.min(1 << 20)).filter(|limit| *limit < wanted) {
         let advice = format!(
@@ -131,7 +131,7 @@ pub(super) fn check(plan: &Plan, hosting: Hosting) -> Result<(), LaunchError> {
     };
     let advice = || {
         format!(
-            "look what fills it (`ls -lS {SHARED_MEMORY}`), remove what dead runs left (`motorium doctor --clean`), or \
+            "check what fills it (`ls -lS {SHARED_MEMORY}`), remove the remains of dead runs (`motorium doctor --clean`), or \
              enlarge it (`mount -o remount,size=1G {SHARED_MEMORY}`; `--shm-size` of a container)"
         )
     };
@@ -151,12 +151,12 @@ pub(super) fn check(plan: &Plan, hosting: Hosting) -> Result<(), LaunchError> {
 pub(super) struct Spare(Option<File>);
 
 impl Spare {
-    /// Nothing yet.
+    /// Creates an empty reserve.
     pub(super) fn none() -> Self {
         Self(None)
     }
 
-    /// Has the system find all pages of a run's objects now, and keeps some more.
+    /// Allocates all pages of a run's objects now, plus a reserve.
     ///
     /// # Errors
     /// Shared memory is full.

@@ -9,19 +9,19 @@ const FIRST_DELAY_NS: u64 = 20_000_000;
 /// The longest delay, ns.
 const LONGEST_DELAY_NS: u64 = 1_000_000_000;
 
-/// The restarts of one component so far.
+/// Restarts of one component so far.
 #[derive(Debug, Clone, Default)]
 pub(super) struct History {
     restarts_ns: Vec<u64>,
     was_restarted: bool,
-    /// Failures in a row, each soon after a restart.
+    /// Consecutive failures, each soon after a restart.
     quick: u32,
 }
 
 impl History {
-    /// Decides about a component that ended at `now_ns`, and adds a granted restart to the history. Returns
-    /// its delay, ns: zero for the first failure and for a component that stepped for a second, doubled for
-    /// each quick failure.
+    /// Decides on the restart of a component that ended at `now_ns`, and adds a granted restart to the
+    /// history. Returns its delay, ns: zero for the first failure and for a component that stepped for a
+    /// second, doubled for each quick failure.
     pub(super) fn grant(
         &mut self,
         policy: &RestartPlan,
@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn an_orderly_end_is_restarted_only_by_the_policy_always() {
+    fn only_the_policy_always_restarts_after_an_orderly_end() {
         let mut history = History::default();
         assert_eq!(history.grant(&POLICY, false, Some(0), 0), None);
         let always = RestartPlan { when: RestartWhen::Always, ..POLICY };

@@ -1,4 +1,4 @@
-//! The run as every part of its launch sees it.
+//! Data of a run that all parts of its launch share.
 
 use std::rc::Rc;
 
@@ -10,7 +10,7 @@ use crate::region::Region;
 use crate::run_folder::RunFolder;
 use std::sync::atomic::Ordering::Relaxed;
 
-/// A run: what is started, where it keeps its files and shared memory, and the signals that end it.
+/// A run: its plan and options, its files and shared memory, and the signals that end it.
 pub(super) struct Run {
     pub(super) plan: Plan,
     pub(super) options: Options,
@@ -42,23 +42,23 @@ impl Run {
         })
     }
 
-    /// Returns `true` if the run has simulated time.
+    /// Returns `true` if the run is in simulated time.
     pub(super) fn is_lockstep(&self) -> bool {
         self.plan.clock == ClockKind::Lockstep
     }
 
-    /// Returns `true` if the launching program takes the place of a component.
+    /// Returns `true` if the launching program replaces a component.
     pub(super) fn is_played(&self, component: &str) -> bool {
         self.options.stand_in.iter().any(|name| name == component)
     }
 
-    /// Start of the run on `CLOCK_MONOTONIC`, ns; 0 before.
+    /// Returns the start of the run on `CLOCK_MONOTONIC`, ns; 0 before.
     pub(super) fn start_ns(&self) -> u64 {
         self.region.header().start_ns.load(Relaxed)
     }
 
-    /// Moves the launcher away from the real-time cores; in lockstep it shares the single core with all
-    /// components. A thread that hosts them itself is not moved unless a core was given.
+    /// Moves the launcher off the real-time cores; in lockstep it shares the single core with all components.
+    /// A thread that hosts components inline is only moved if a core is set in the options.
     pub(super) fn place_launcher(&self) {
         if self.options.hosting == Hosting::Inline && self.options.core.is_none() {
             return;

@@ -10,7 +10,7 @@ use super::workers::Workers;
 use crate::os::monotonic_ns;
 use crate::region::{Command, ComponentBlock};
 
-/// A safe stop that was ordered.
+/// An ordered safe stop.
 pub(super) struct SafeStop<'a> {
     run: &'a Run,
     workers: &'a mut Workers,
@@ -49,7 +49,7 @@ impl<'a> SafeStop<'a> {
     }
 
     /// Waits until the robot has settled at the end of a run. Returns a warning for each actuator that did
-    /// not hold its safe state until then.
+    /// not keep its safe state until then.
     pub(super) fn settle_at_the_end(mut self, observe: &mut dyn FnMut(Event<'_>)) -> Vec<String> {
         let settle_ns = self.run.plan.settle_ns();
         std::thread::sleep(Duration::from_nanos(settle_ns));

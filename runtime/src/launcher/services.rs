@@ -1,4 +1,4 @@
-//! The services of a run: everything in shared memory that outlives its components.
+//! The services of a run, which are the shared memory that outlives its components.
 
 use std::rc::Rc;
 
@@ -12,13 +12,13 @@ use crate::plan::Plan;
 use crate::run_folder::RunFolder;
 use crate::transport::{TopicMemory, TopicService};
 
-/// Everything in shared memory that must outlive the components.
+/// Shared memory that must outlive the components.
 #[derive(Default)]
 pub(super) struct Services {
     pub(super) node: Option<Node<Shared>>,
     topics: Vec<TopicService>,
     parameters: Vec<ParameterService>,
-    /// The topics that components wait for.
+    /// Topics that components wait for.
     pub(super) waited_for: Vec<Rc<TopicMemory>>,
 }
 
@@ -28,7 +28,7 @@ impl Services {
         self.topics.iter().for_each(|topic| topic.memory().clear());
     }
 
-    /// Makes the services of a plan.
+    /// Creates the services of a plan.
     pub(super) fn create(folder: &RunFolder, plan: &Plan) -> Result<Self, LaunchError> {
         let node = folder.domain()?.node()?;
         let mut services = Self::default();

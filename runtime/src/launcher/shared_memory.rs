@@ -14,7 +14,7 @@ pub(super) struct SharedMemory {
 }
 
 impl SharedMemory {
-    /// Nothing yet.
+    /// Creates an empty value.
     pub(super) fn none() -> Self {
         Self { services: Services::default(), spare: Spare::none(), places: Places::default() }
     }
@@ -28,7 +28,7 @@ impl SharedMemory {
         Ok(Self { services, spare: Spare::reserve(&run.folder)?, places: Places::default() })
     }
 
-    /// Frees the slots of a component that has ended, and gives its successor the reserve.
+    /// Frees the slots of a component that has ended, and releases the reserve for its successor.
     pub(super) fn free_slots(&mut self, run: &Run) {
         self.places.free(&run.options, &run.folder, &self.services);
         self.spare.release();

@@ -45,12 +45,12 @@ impl Signals {
         Ok(Self { count, forgotten: Cell::new(0), stream, _sender: sender, registered })
     }
 
-    /// True if a signal has come.
+    /// Returns `true` if a signal has arrived.
     pub(super) fn is_raised(&self) -> bool {
         self.count.load(Relaxed) > self.forgotten.get()
     }
 
-    /// Waits for a further signal from here on.
+    /// Discards earlier signals.
     pub(super) fn forget(&self) {
         self.forgotten.set(self.count.load(Relaxed));
     }
@@ -64,7 +64,7 @@ impl Signals {
         self.is_raised()
     }
 
-    /// A stream that becomes readable at a signal.
+    /// Returns a stream that becomes readable on a signal.
     pub(super) fn stream(&self) -> &UnixStream {
         let mut drain = [0; 16];
         while matches!((&self.stream).read(&mut drain), Ok(n) if n > 0) {}
@@ -84,7 +84,7 @@ impl Drop for Signals {
     }
 }
 
-/// Runs of this process that catch signals. Without any, a signal has its previous effect.
+/// Counts the runs of this process that catch signals. Without any, signals have their previous effect.
 mod catchers {
     use std::sync::Once;
     use std::sync::atomic::AtomicUsize;

@@ -1,4 +1,4 @@
-//! The status of a running graph, read from its control block without touching any component.
+//! The status of a running graph, read from its control block without disturbing components.
 
 use std::sync::atomic::Ordering::Relaxed;
 

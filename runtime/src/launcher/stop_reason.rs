@@ -1,4 +1,4 @@
-//! The reason for which components have ordered a safe stop.
+//! The reason why components ordered a safe stop.
 
 use crate::plan::{OnMiss, OnOverrun, Plan};
 use crate::region::{Misses, Region};
@@ -28,7 +28,7 @@ fn describe(plan: &Plan, misses: &[Misses], latencies: &[(u64, u64)]) -> String 
         (late > u64::from(tolerated)).then(|| {
             let causes = [
                 (misses.long_step, "too long"),
-                (misses.late_wake, "held up by others"),
+                (misses.late_wake, "delayed by others"),
                 (misses.stolen, "by the host"),
             ];
             let causes: Vec<String> = causes
@@ -76,12 +76,12 @@ mod tests {
     }
 
     #[test]
-    fn who_overran_and_why_is_named_and_who_may_is_not() {
+    fn only_excessive_overruns_are_named_with_their_cause() {
         let late = Misses { long_step: 1, late_wake: 2, ..Misses::default() };
         let both = [late, late];
         assert_eq!(
             describe(&plan(), &both, &[(0, 0)]),
-            "`controller` had 3 late steps (1 too long, 2 held up by others) where 0 are tolerated"
+            "`controller` had 3 late steps (1 too long, 2 delayed by others) where 0 are tolerated"
         );
         let mut tolerant = plan();
         tolerant.components[1].overruns_tolerated = Some(3);

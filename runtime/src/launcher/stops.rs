@@ -37,7 +37,7 @@ impl Stops {
     }
 }
 
-/// Returns the stop of the whole run, else that of the first actuator with a latched gate.
+/// Returns the stop of the whole run, or else of the first actuator with a latched gate.
 fn current(plan: &Plan, region: &Region) -> Option<Stop> {
     if let Some(latch) = region.header().latched() {
         return Some((latch, None));
@@ -45,7 +45,7 @@ fn current(plan: &Plan, region: &Region) -> Option<Stop> {
     let blocks = plan.components.iter().zip(region.components()).enumerate();
     let mut actuators = blocks.filter(|(_, (component, _))| component.actuator);
     actuators.find_map(|(index, (_, block))| match block.gate.latch() {
-        // The run's latch in a gate that has not stepped since its release.
+        // A gate that has not stepped since the run's latch was released still shows it.
         Some(Latch::SafeState) => Some((Latch::SafeState, Some(index))),
         _ => None,
     })
@@ -65,7 +65,7 @@ fn silent(plan: &Plan, region: &Region) -> Option<usize> {
     })
 }
 
-/// The one that stopped the robot, as text; `silent` is an emergency-stop topic without a fresh value.
+/// Describes the cause of a stop. `silent` is an emergency-stop topic without a fresh value.
 fn cause(plan: &Plan, latch: Latch, component: Option<usize>, silent: Option<usize>) -> String {
     match latch {
         Latch::Stop => "by `motorium stop --now`".to_string(),
@@ -108,7 +108,7 @@ mod tests {
     use crate::schedule::tests::graphs::{When, graph, node};
 
     #[test]
-    fn who_stopped_the_robot_is_named() {
+    fn cause_of_a_stop_is_named() {
         let nodes = [node("physics", When::Every(1_000_000, 0), 1), node("button", When::After(0), 1)];
         let mut plan = graph(&nodes, 0, &[]);
         assert_eq!(cause(&plan, Latch::Stop, None, None), "by `motorium stop --now`");

@@ -1,4 +1,4 @@
-//! The supervision of one component: its state, and the next action as a pure function of state and facts.
+//! Supervision of one component: its state, and the next action as a pure function of state and facts.
 
 use super::lost_steps::LostSteps;
 use super::restart::History;
@@ -10,13 +10,13 @@ use crate::region::{End, Region};
 /// damaged.
 const CRASHES: u32 = 2;
 
-/// The supervision of one component.
+/// Supervision of one component.
 pub(super) struct Supervision {
     pub(super) watchdog: Watchdog,
     pub(super) lost_steps: LostSteps,
     pub(super) history: History,
     pub(super) state: State,
-    /// Its first tolerated error was reported.
+    /// True if its first tolerated error was reported.
     pub(super) reported_tolerated: bool,
 }
 
@@ -65,30 +65,30 @@ pub(super) struct Down {
     pub(super) crashes: u32,
 }
 
-/// The facts of a decision about one component.
+/// Facts for a decision about one component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Facts {
     pub(super) now_ns: u64,
     /// The watchdog's finding.
     pub(super) overdue: Option<Overdue>,
-    /// The memory of its old process is gone.
+    /// True if the memory of its old process is released.
     pub(super) is_cleared: bool,
-    /// The component steps after a restart.
+    /// True if the component steps after a restart.
     pub(super) steps_again: bool,
-    /// Time within which a restarted component must step, ns.
+    /// Time within which a restarted component must step again, ns.
     pub(super) within_ns: u64,
     /// The end of its process.
     pub(super) ended: Option<Ended>,
 }
 
-/// An end and what the policies of the component say about it.
+/// The end of a component, and how its policies treat it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Ended {
     /// The cause.
     pub(super) end: End,
-    /// The component did not end in good order.
+    /// True if the component did not end in an orderly way.
     pub(super) is_failure: bool,
-    /// A signal requested the end of the run.
+    /// True if a signal requested the end of the run.
     pub(super) is_requested: bool,
     /// Delay of the restart that its policy grants, ns.
     pub(super) delay_ns: Option<u64>,
@@ -116,7 +116,7 @@ pub(super) enum Action {
     Restart {
         /// Delay of the start, ns.
         delay_ns: u64,
-        /// Consecutive restarts that crashed, this one included.
+        /// Consecutive restarts that crashed, including this one.
         crashes: u32,
     },
     /// The graph continues without it.
@@ -132,7 +132,7 @@ pub(super) enum Loss {
     Failed,
     /// The component crashes after each restart, because the shared memory of the run is damaged.
     Damaged,
-    /// The component ended in good order, but the graph still runs.
+    /// The component ended in an orderly way, but the graph still runs.
     Early,
 }
 
@@ -153,7 +153,7 @@ impl Supervision {
         matches!(self.state, State::Lost { .. } | State::Gone)
     }
 
-    /// Text of its end, if the graph continues without it.
+    /// Returns the text of its end, if the graph continues without it.
     pub(super) fn lost(&self) -> Option<&str> {
         match &self.state {
             State::Lost { reason } => Some(reason),
@@ -168,7 +168,7 @@ impl Supervision {
 }
 
 impl State {
-    /// The component between its end and its next step.
+    /// Returns the state between its end and its next step.
     pub(super) fn down(&self) -> Option<Down> {
         match self {
             Self::Clearing(down) | Self::Due(down) | Self::Starting(down) | Self::Late(down) => Some(*down),
@@ -176,7 +176,7 @@ impl State {
         }
     }
 
-    /// Time since which it has stepped, ns, if it did until its end.
+    /// Returns the time since which it has stepped, ns, if it stepped until its end.
     pub(super) fn stepping_since_ns(&self) -> Option<u64> {
         match self {
             Self::Stepping { since_ns } | Self::Hung { since_ns, .. } => Some(*since_ns),
@@ -184,7 +184,7 @@ impl State {
         }
     }
 
-    /// Returns `true` while the component has a separate process whose end counts.
+    /// Returns `true` while the component has a separate process whose end matters.
     pub(super) fn has_process(&self) -> bool {
         matches!(self, Self::Stepping { .. } | Self::Hung { .. } | Self::Starting(_) | Self::Late(_))
     }
@@ -199,7 +199,7 @@ pub(super) fn decide(state: &State, facts: &Facts) -> Action {
         State::Stepping { .. } => facts.overdue.map_or(Action::Wait, Action::KillHung),
         State::Clearing(_) if facts.is_cleared => Action::Clear,
         State::Due(down) if facts.now_ns >= down.start_ns => Action::Start,
-        // A thread that was late cannot be killed: it may step after all.
+        // A late thread cannot be killed and may still step.
         State::Starting(_) | State::Late(_) if facts.steps_again => Action::Recover,
         State::Starting(down) if facts.now_ns.saturating_sub(down.start_ns) > facts.within_ns => {
             Action::KillLate
@@ -229,7 +229,7 @@ fn after_end(state: &State, ended: &Ended) -> Action {
     let loss = match ended.is_failure {
         true if is_damaged => Loss::Damaged,
         true => Loss::Failed,
-        // No stop was requested: even a component that ended in good order is missing.
+        // No stop was requested, so even a component that ended in an orderly way is missing.
         false => Loss::Early,
     };
     match ended.on_failure {

@@ -1,4 +1,4 @@
-//! Supervision of the components of a run, and of everything else that must work while it continues.
+//! Supervision of a run's components, its guard and its shared memory.
 
 use std::rc::Rc;
 use std::sync::atomic::Ordering::{Relaxed, Release};
@@ -19,7 +19,8 @@ use crate::os::monotonic_ns;
 use crate::region::{Command, End, Failure, Phase};
 use crate::worker::Registry;
 
-/// Maximum interval between checks of events without a descriptor: printed lines, orders of components, ns.
+/// Maximum interval between checks for events without a descriptor, such as printed lines and orders of
+/// components, ns.
 pub(super) const LOOK_NS: u64 = 20_000_000;
 /// Time within which a signal to the launcher may follow a signal to a component, ns.
 const SIGNAL_NS: u64 = 50_000_000;
@@ -34,17 +35,17 @@ pub(super) enum AfterEnd {
     Fatal(String),
 }
 
-/// The end of a component, as text.
+/// Description of the end of a component.
 struct Account {
     tick: u64,
     reason: String,
-    /// Time at which its end was read, ns.
+    /// Time at which the end was read, ns.
     now_ns: u64,
     /// Time of the detection, ns.
     seen_ns: Option<u64>,
 }
 
-/// The components of a run and their supervision, its guard, its shared memory, and its reports.
+/// The components of a run with their supervision, its guard, its shared memory, and its reports.
 pub(super) struct Supervisor {
     run: Rc<Run>,
     pub(super) workers: Workers,
@@ -55,7 +56,7 @@ pub(super) struct Supervisor {
 }
 
 impl Supervisor {
-    /// Nothing runs yet.
+    /// Creates a supervisor without running components.
     pub(super) fn new(run: &Rc<Run>, registry: &Registry) -> Self {
         Self {
             run: run.clone(),
@@ -79,7 +80,7 @@ impl Supervisor {
         Ok(())
     }
 
-    /// Begins the run at a time, ns: components step and are supervised from then on.
+    /// Begins the run at a time, ns, from which components step and are supervised.
     pub(super) fn begin(&mut self, start_ns: u64) {
         let header = self.run.region.header();
         header.start_ns.store(start_ns, Release);
@@ -90,7 +91,7 @@ impl Supervisor {
         self.supervision = indices.map(supervise).collect();
     }
 
-    /// The supervision of each component; empty before the start.
+    /// Returns the supervision of each component; empty before the start.
     pub(super) fn supervision(&self) -> &[Supervision] {
         &self.supervision
     }
@@ -110,15 +111,16 @@ impl Supervisor {
         self.guard.missing()
     }
 
-    /// Checks the guard, slots of dead processes, and everything reported without a component. `late` is the
-    /// delay of the launcher itself, ns.
+    /// Checks the guard, the slots of dead processes, and all reports that do not belong to a component.
+    /// `late` is the delay of the launcher itself, ns.
     pub(super) fn look_around(&mut self, late: u64, now_ns: u64, observe: &mut dyn FnMut(Event<'_>)) {
         self.guard.monitor(&self.run, late, observe);
         self.memory.look(&self.run, observe);
         self.reporter.look(&self.run, now_ns, observe);
     }
 
-    /// After a long delay of its own, the launcher must not treat components delayed with it as hung.
+    /// Restarts the watchdogs after a long delay of the launcher, because components may have been delayed
+    /// with it.
     pub(super) fn disregard_own_delay(&mut self, late: u64, now: u64) {
         for supervision in &mut self.supervision {
             if late > supervision.watchdog.hang_after_ns() / 2 {
@@ -128,7 +130,7 @@ impl Supervisor {
         }
     }
 
-    /// Warns of a component that loses too many steps.
+    /// Warns about a component that loses too many steps.
     pub(super) fn count_lost_steps(&mut self, index: usize, now: u64, observe: &mut dyn FnMut(Event<'_>)) {
         let block = &self.run.region.components()[index];
         let (steps, skipped) = (block.steps.load(Relaxed), block.skipped.load(Relaxed));
@@ -177,7 +179,7 @@ impl Supervisor {
         }
     }
 
-    /// Reads the facts about a component that count in its state, and the account of its end.
+    /// Reads the facts about a component that matter in its state, and the description of its end.
     fn facts(&mut self, index: usize) -> (Facts, Option<Account>) {
         let now_ns = monotonic_ns();
         let within_ns = self.run.plan.components[index].restart.within_ns;
@@ -216,12 +218,12 @@ impl Supervisor {
         (facts, Some(account))
     }
 
-    /// The failure behind the end of a component's process, and its account.
+    /// Returns the facts of a process's end, and its description.
     fn account(&mut self, index: usize, (end, is_failure): (End, bool), now_ns: u64) -> (Failure, Account) {
         let block = &self.run.region.components()[index];
         let (failure, reason) = match block.failure() {
-            // The kernel keeps a crashed process while it writes its core dump: it looks hung, but was not
-            // killed for that.
+            // The kernel keeps a crashed process while it writes the core dump. The process looks hung, but
+            // was not killed for that.
             Some(Failure { tick, end: End::Hung(_), .. }) if end.suggests_damage() => {
                 (Failure::without_text(tick, end), end.to_string())
             }
@@ -366,7 +368,7 @@ impl Supervisor {
         }
     }
 
-    /// Clears and starts a component that has just ended, as far as possible without waiting.
+    /// Clears and restarts a component that has just ended, as far as possible without waiting.
     fn bring_back_at_once(&mut self, index: usize) -> Option<AfterEnd> {
         loop {
             let (facts, _) = match self.supervision[index].state {
@@ -384,13 +386,13 @@ impl Supervisor {
         }
     }
 
-    /// Time of the next check of a component without events, ns.
+    /// Returns the time of the next check of a component without events, ns.
     pub(super) fn next_check(&self, index: usize, now: u64) -> u64 {
         let within_ns = self.run.plan.components[index].restart.within_ns;
         match &self.supervision[index].state {
             State::Stepping { .. } => self.supervision[index].watchdog.due_ns(),
             State::Due(down) => down.start_ns,
-            // Until it steps again only its counters are informative.
+            // Until it steps again, only its counters show progress.
             State::Starting(down) => (now + 1_000_000).min(down.start_ns.saturating_add(within_ns)),
             // The end of the process wakes the launcher.
             State::Hung { .. } | State::Clearing(_) | State::Late(_) | State::Lost { .. } | State::Gone => {
@@ -407,7 +409,7 @@ impl Supervisor {
             self.supervision[index].reported_tolerated = true;
             if let Some(failure) = block.failure() {
                 let component = &self.run.plan.components[index].name;
-                let consequence = "tolerated, as the graph says; later ones are only counted";
+                let consequence = "tolerated, as configured; later errors are only counted";
                 let (tick, reason) = (failure.tick, failure.to_string());
                 observe(Event::Failed { component, tick, reason: &reason, consequence, seen_ns: None });
             }
@@ -417,7 +419,7 @@ impl Supervisor {
 }
 
 impl Drop for Supervisor {
-    /// Ends the remaining processes, and removes everything from shared memory.
+    /// Ends the remaining processes and removes everything from shared memory.
     fn drop(&mut self) {
         self.run.region.header().order(Command::Stop);
         self.workers.kill_all();

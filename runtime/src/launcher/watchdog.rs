@@ -2,8 +2,8 @@
 //!
 //! A component has hung if it started no step for `hang_after` although one was due: its last step has not
 //! ended, its release has passed, or a triggering publication has been waiting. A component with a silent
-//! trigger has not hung. For a component that waits for a descriptor, it is unknown whether a step is due; it
-//! has hung if its thread has been stopped for that time.
+//! trigger has not hung. If a component waits for a descriptor, it is unknown whether a step is due. It has
+//! hung if its thread has been stopped for that time.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -11,13 +11,13 @@ use crate::os::process_state;
 use crate::plan::{Activation, ClockKind, Plan};
 use crate::region::Region;
 
-/// The counters of a component that a watchdog reads.
+/// Counters of a component that a watchdog reads.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Counters {
     begun: u64,
     ended: u64,
     last_step_ns: u64,
-    /// Publications of its trigger, and the time of the last one, ns.
+    /// Number of publications of its trigger, and the time of the last one, ns.
     published: (u64, u64),
     /// `true` if a signal or a debugger has stopped it; checked only for components that wait for a
     /// descriptor.
@@ -78,7 +78,7 @@ pub(super) struct Watchdog {
 /// The source of a component's releases.
 #[derive(Debug, Clone)]
 enum WaitsFor {
-    /// The clock, and `stale_after` of an actuator: there is always a next release.
+    /// The clock, or `stale_after` of an actuator: there is always a next release.
     Clock,
     /// The publications of a topic.
     Trigger(Waiting),
@@ -86,11 +86,11 @@ enum WaitsFor {
     Descriptor { stopped_ns: Option<u64> },
 }
 
-/// The wait of a triggered component for its trigger.
+/// Wait of a triggered component for its trigger.
 #[derive(Debug, Clone)]
 struct Waiting {
     period_ns: u64,
-    /// Number of publications and the time when it had last stepped on all of them.
+    /// Number of publications, and the time at which the component had last stepped on all of them.
     idle: (u64, u64),
     /// Start of the last step, and the time since which a publication has been waiting, ns.
     overdue: Option<(u64, u64)>,
@@ -102,7 +102,7 @@ impl Watchdog {
         let component = &plan.components[index];
         let is_played = region.components()[index].played.load(Relaxed) != 0;
         let hang_after_ns = match plan.clock {
-            // The program that replaces a component publishes whenever it likes: there are no steps.
+            // A program that replaces a component publishes at any time; there are no steps.
             ClockKind::Realtime if is_played => u64::MAX,
             ClockKind::Realtime => component.liveness.hang_after_ns,
             // In lockstep a tick may take any time.
@@ -110,7 +110,7 @@ impl Watchdog {
         };
         let waiting = |period_ns| Waiting { period_ns, idle: (0, now_ns), overdue: None };
         Self {
-            // An actuator steps by itself when its trigger or its descriptor is silent for `stale_after`.
+            // An actuator also steps when its trigger or descriptor is silent for `stale_after`.
             hang_after_ns: match (&component.activation, component.actuator) {
                 (Activation::Triggered { .. } | Activation::Descriptor { .. }, true) => {
                     hang_after_ns.saturating_add(plan.safety_of(component).stale_after_ns)
@@ -128,18 +128,18 @@ impl Watchdog {
         }
     }
 
-    /// Ignores everything before `now_ns`: the component starts, or the supervisor itself was delayed.
+    /// Ignores the time before `now_ns`, after the component started or the supervisor itself was delayed.
     pub(super) fn watch_from(&mut self, now_ns: u64) {
         self.since_ns = now_ns;
         self.due_ns = now_ns;
     }
 
-    /// Time without a step after which the component counts as hung, ns.
+    /// Returns the time without a step after which the component counts as hung, ns.
     pub(super) fn hang_after_ns(&self) -> u64 {
         self.hang_after_ns
     }
 
-    /// Latest time of its next check, ns.
+    /// Returns the latest time of the next check, ns.
     pub(super) fn due_ns(&self) -> u64 {
         self.due_ns
     }
@@ -190,8 +190,8 @@ impl Watchdog {
 }
 
 impl Waiting {
-    /// Time since which a publication has been waiting for the component; `None` if it has stepped on all of
-    /// them.
+    /// Returns the time since which a publication has been waiting for the component; `None` if it has
+    /// stepped on all of them.
     fn waits_since(&mut self, counters: &Counters, now_ns: u64) -> Option<u64> {
         let (count, published_ns) = counters.published;
         let last_ns = counters.last_step_ns;
@@ -268,7 +268,7 @@ mod tests {
         let mut watched = watchdog(true);
         let idle = Counters { published: (50, 50 * MS), ..stepped(50, 50) };
         assert!(watched.evaluate(&idle, 50 * MS + 1).is_err());
-        // stopped since; its source goes on at 1 kHz
+        // stopped since; its source continues at 1 kHz
         let later = Counters { published: (60, 60 * MS), ..idle };
         assert_eq!(watched.evaluate(&later, 60 * MS), Err(71 * MS + 1));
         let last = Counters { published: (71, 71 * MS), ..idle };
@@ -283,7 +283,7 @@ mod tests {
         assert_eq!(watched.evaluate(&silent, 10_000 * MS), Err(10_020 * MS));
         let stopped = Counters { is_stopped: true, ..silent };
         assert_eq!(watched.evaluate(&stopped, 10_010 * MS), Err(10_030 * MS + 1));
-        assert_eq!(watched.evaluate(&silent, 10_020 * MS), Err(10_040 * MS), "it goes on");
+        assert_eq!(watched.evaluate(&silent, 10_020 * MS), Err(10_040 * MS), "not stopped");
         assert_eq!(watched.evaluate(&stopped, 10_030 * MS), Err(10_050 * MS + 1));
         assert_eq!(watched.evaluate(&stopped, 10_051 * MS), Ok(Overdue::BetweenSteps { for_ns: 21 * MS }));
         let in_step = Counters { begun: 51, last_step_ns: 11_000 * MS, ..silent };

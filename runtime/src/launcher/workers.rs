@@ -23,7 +23,7 @@ pub(super) struct Workers {
 }
 
 impl Workers {
-    /// No component yet.
+    /// Creates an empty set.
     pub(super) fn new(run: &Rc<Run>, registry: &Registry) -> Self {
         Self { run: run.clone(), registry: registry.clone(), children: Vec::new() }
     }
@@ -31,7 +31,7 @@ impl Workers {
     /// Starts all components.
     ///
     /// # Errors
-    /// One of them cannot be started.
+    /// A component cannot be started.
     pub(super) fn start_all(&mut self) -> Result<(), LaunchError> {
         for index in 0..self.run.plan.components.len() {
             let child = self.start(index)?;
@@ -40,10 +40,10 @@ impl Workers {
         Ok(())
     }
 
-    /// Starts a component again, in place of the one that has ended.
+    /// Restarts a component that has ended.
     ///
     /// # Errors
-    /// It cannot be started.
+    /// The component cannot be started.
     pub(super) fn replace(&mut self, index: usize) -> Result<(), LaunchError> {
         self.children[index] = self.start(index)?;
         Ok(())
@@ -142,7 +142,7 @@ impl Workers {
         self.interrupt_all();
     }
 
-    /// One component.
+    /// Returns a component.
     #[inline]
     pub(super) fn child(&mut self, index: usize) -> &mut Child {
         &mut self.children[index]
@@ -155,7 +155,7 @@ impl Workers {
         }
     }
 
-    /// Passes on the lines that the components have printed.
+    /// Forwards the lines printed by the components.
     pub(super) fn relay_output(&self, observe: &mut dyn FnMut(Event<'_>)) {
         for child in &self.children {
             for line in child.printed() {
@@ -163,19 +163,19 @@ impl Workers {
             }
             let dropped = child.dropped();
             if dropped > 0 {
-                let line = format!("({dropped} lines were dropped: they came too fast)");
+                let line = format!("({dropped} lines were dropped because they came too fast)");
                 observe(Event::Output { component: child.name(), line: &line });
             }
         }
     }
 
-    /// Descriptors that become readable when a process ends.
+    /// Returns the descriptors that become readable when a process ends.
     pub(super) fn descriptors(&self) -> impl Iterator<Item = BorrowedFd<'_>> {
         self.children.iter().flat_map(Child::descriptors)
     }
 
-    /// Ends all components, which have received the command to stop; those that do not stop are killed.
-    /// `wake` wakes the ones that wait for a publication.
+    /// Waits for the end of all components, which have received the stop command, and kills those that do not
+    /// stop. `wake` wakes components that wait for a publication.
     pub(super) fn end_all(&mut self, wake: impl Fn()) {
         let run = self.run.clone();
         let ordered = Instant::now();
@@ -192,7 +192,7 @@ impl Workers {
         }
     }
 
-    /// Kills the remaining processes, and releases everything that hosted components hold.
+    /// Kills the remaining processes and releases all resources of hosted components.
     pub(super) fn kill_all(&mut self) {
         self.interrupt_all();
         self.children.iter_mut().for_each(Child::kill);

@@ -1,4 +1,4 @@
-//! Checkpoints that outlive their writer.
+//! Models of checkpoints that survive their writer.
 
 use loom::sync::Arc;
 use loom::thread;
@@ -7,7 +7,7 @@ use super::{Modelled, holds_only_with};
 use crate::atomics::Site;
 use crate::region::Checkpoints;
 
-/// At any point of a save, one complete checkpoint is found.
+/// At any point of a save, a complete checkpoint is found.
 fn a_checkpoint_is_whole() {
     let block = Arc::new(Checkpoints::<Modelled, 2>::empty());
     let successor = {
@@ -26,6 +26,6 @@ fn a_checkpoint_is_whole() {
 }
 
 #[test]
-fn a_checkpoint_is_found_whole_or_not_at_all() {
+fn checkpoint_is_found_complete_or_not_at_all() {
     holds_only_with(&[Site::Save, Site::Load], 3, a_checkpoint_is_whole);
 }

@@ -1,4 +1,4 @@
-//! Records of several writers in one ring.
+//! Models of a ring with records of several writers.
 
 use loom::sync::Arc;
 use loom::thread;
@@ -19,7 +19,7 @@ fn read_whole(ring: &One) {
     }
 }
 
-/// A record is overwritten while somebody reads it.
+/// A record is overwritten while it is being read.
 fn a_record_is_whole() {
     let ring = Arc::new(One::empty());
     assert!(ring.write(&[1, 10]));
@@ -41,11 +41,11 @@ fn writers_of_one_slot() {
     let writers = [writer(1), writer(2)];
     read_whole(&ring);
     let written = writers.map(|writer| writer.join().unwrap());
-    assert!(written.contains(&true), "one of them finds the slot free");
+    assert!(written.contains(&true), "at least one finds the slot free");
     read_whole(&ring);
 }
 
-/// Two writers with a slot each lose nothing; both records are present afterwards.
+/// Two writers with one slot each lose no record.
 fn no_record_is_lost() {
     let ring = Arc::new(Ring::<Modelled, 2, 1>::empty());
     let other = {

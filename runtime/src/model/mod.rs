@@ -1,7 +1,7 @@
-//! Models of the shared memory protocols: the same code with loom's atomics, in every interleaving.
+//! Models of the shared memory protocols: the production code with loom's atomics, in every interleaving.
 //!
-//! Each protocol must hold with its declared orderings, and each weakened ordering ([`Site`]) must be
-//! detected: a model that passes without an ordering proves nothing about it.
+//! Each protocol must be correct with its declared orderings, and a model must detect each weakened ordering
+//! ([`Site`]). A model that passes without an ordering proves nothing about it.
 
 mod checkpoint;
 mod events;
@@ -16,7 +16,8 @@ use crate::atomics::{Atomics, Site, Word};
 use crate::transport::latest::protocol::{Head, Pin, Words};
 
 thread_local! {
-    /// The removed ordering; loom runs all threads of a model on one system thread.
+    /// The removed ordering. A thread-local suffices, because loom runs all threads of a model on one system
+    /// thread.
     static WEAKENED: Cell<Option<Site>> = const { Cell::new(None) };
 }
 
@@ -80,8 +81,8 @@ impl Atomics for Modelled {
     }
 }
 
-/// The words of a topic, and a number per slot instead of a value. Loom detects every access that could
-/// coincide with a write.
+/// The words of a topic, and a number per slot instead of a value. Loom detects every access that could be
+/// concurrent with a write.
 struct Topic {
     head: Head<Modelled>,
     pins: Vec<Pin<Modelled>>,
@@ -104,7 +105,7 @@ impl Topic {
 
     #[allow(unsafe_code)]
     fn write(&self, slot: usize, value: u64) {
-        // SAFETY: loom checks that nobody else uses the cell; this is the purpose of the model.
+        // SAFETY: loom checks for concurrent use of the cell; this is the purpose of the model.
         self.values[slot].with_mut(|cell| unsafe { *cell = value });
     }
 
@@ -144,7 +145,7 @@ fn explore(preemptions: usize, model: impl Fn() + Sync + Send + 'static) {
     builder.check(model);
 }
 
-/// Asserts that a model holds, and that it fails without each of these orderings.
+/// Asserts that a model passes, and that it fails without each of these orderings.
 ///
 /// A model that detects a fault may abort, so each runs in a separate process: this test again, with the
 /// removed ordering in the environment.

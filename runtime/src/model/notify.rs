@@ -1,4 +1,4 @@
-//! Waiting for a publication, and waking the waiters.
+//! Models of waiting for a publication and waking the waiters.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 
@@ -11,8 +11,8 @@ use crate::atomics::Site;
 use crate::transport::latest::notify::{Futex, interrupt, notify, sleep};
 use crate::transport::latest::protocol::{Newest, announce, newest, newest_with_time};
 
-/// The kernel's futex: compares the word and puts the thread to sleep in one step, under a lock that wakers
-/// take.
+/// The kernel's futex: compares the word and puts the thread to sleep atomically, under a lock that wakers
+/// acquire.
 struct Kernel {
     lock: Mutex<()>,
     asleep: Condvar,
@@ -127,7 +127,7 @@ fn no_interrupt_is_lost() {
 }
 
 #[test]
-fn the_time_of_a_publication_is_read_with_its_own_number() {
+fn number_and_time_of_one_publication_are_read_together() {
     holds_only_with(
         &[Site::Publish, Site::Time, Site::Look, Site::TimeRead],
         3,

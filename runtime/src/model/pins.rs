@@ -1,4 +1,4 @@
-//! Pinning and publishing.
+//! Models of pinning and publishing.
 
 use loom::sync::Arc;
 use loom::thread;
@@ -16,8 +16,8 @@ fn write(topic: &Topic, reuse: Reuse, publications: u64) {
     }
 }
 
-/// Reads `looks` times; every value belongs to the pinned publication, and none is older than the previous
-/// one.
+/// Reads `looks` times. Every value must belong to the pinned publication, and none may be older than the
+/// previous one.
 fn read(topic: &Topic, pin: usize, looks: usize) {
     let mut last = 0;
     for _ in 0..looks {
@@ -39,7 +39,7 @@ fn one_reader() {
     reader.join().unwrap();
 }
 
-/// A writer that claims two slots at once, with one scan of the pins for two publications.
+/// A writer claims two slots together, with one scan of the pins for two publications.
 fn one_reader_and_slots_in_stock() {
     let topic = Arc::new(Topic::new(1, 4));
     write(&topic, Reuse::First, 1);
@@ -94,13 +94,13 @@ fn a_killed_writer() {
 }
 
 #[test]
-fn a_pinned_value_is_whole_and_never_written_to() {
+fn pinned_value_is_complete_and_never_written_to() {
     let sites = [Site::Publish, Site::Claim, Site::Scan, Site::Pin, Site::Pinned];
     holds_only_with(&sites, 4, one_reader);
 }
 
 #[test]
-fn slots_that_were_free_stay_free_until_they_are_published() {
+fn free_slots_stay_free_until_they_are_published() {
     let sites = [Site::Publish, Site::Claim, Site::Scan, Site::Pin, Site::Pinned];
     holds_only_with(&sites, 3, one_reader_and_slots_in_stock);
 }
@@ -111,11 +111,11 @@ fn two_readers_leave_the_writer_a_slot() {
 }
 
 #[test]
-fn the_successor_of_a_killed_reader_takes_its_pin_over() {
+fn successor_of_a_killed_reader_inherits_its_pin() {
     holds_only_with(&[], 3, a_killed_reader);
 }
 
 #[test]
-fn the_last_complete_value_outlives_a_killed_writer() {
+fn last_complete_value_survives_a_killed_writer() {
     holds_only_with(&[], 3, a_killed_writer);
 }

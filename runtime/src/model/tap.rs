@@ -1,4 +1,4 @@
-//! Reading every value from the slots behind the newest.
+//! Models of reading every value from the slots of older publications.
 
 use loom::sync::Arc;
 use loom::thread;
@@ -33,7 +33,7 @@ fn a_tap() {
     tap.join().unwrap();
 }
 
-/// A tap that pins a slot just when the writer wants it keeps the value for others.
+/// A tap that pins a slot just before the writer claims it keeps the value for other taps.
 fn a_value_that_is_kept() {
     let topic = Arc::new(Topic::new(1, 3));
     let mut writer = Writer::new(&*topic, Reuse::Oldest);
@@ -55,15 +55,15 @@ fn a_value_that_is_kept() {
     };
     assert_eq!(topic.read(0), 1);
     other.join().unwrap();
-    assert!(pin_marked(&*topic, &topic.pins[0], 0, 1), "it is still there");
+    assert!(pin_marked(&*topic, &topic.pins[0], 0, 1), "it is still available");
 }
 
 #[test]
-fn a_tap_reads_whole_values_of_the_number_it_asked_for() {
+fn tap_reads_complete_values_of_the_requested_number() {
     holds_only_with(&[Site::Mark, Site::Claim, Site::Scan, Site::Pin, Site::Pinned], 3, a_tap);
 }
 
 #[test]
-fn what_a_tap_has_pinned_stays_and_stays_findable() {
+fn value_pinned_by_a_tap_stays_available() {
     holds_only_with(&[], 3, a_value_that_is_kept);
 }

@@ -1,28 +1,28 @@
-//! Polling before sleeping, as long as it is effective.
+//! Adaptive polling before sleeping.
 
 use std::cell::Cell;
 
 /// Maximum number of waits without polling after an unsuccessful poll.
 const LARGEST_PAUSE: u32 = 64;
 
-/// An adaptive back-off: the rarer polling succeeds, the rarer it is tried.
+/// An adaptive back-off: the more rarely polling succeeds, the more rarely it is tried.
 #[derive(Debug, Default)]
 pub(crate) struct Backoff {
-    /// Waits to let pass without polling.
+    /// Number of waits to skip before the next poll.
     pause: Cell<u32>,
-    /// Waits that the next miss costs.
+    /// Number of waits to skip after the next unsuccessful poll.
     next_pause: Cell<u32>,
 }
 
 impl Backoff {
-    /// True if the next wait may poll.
+    /// Returns `true` if the next wait may poll.
     pub(crate) fn may_poll(&self) -> bool {
         let pause = self.pause.get();
         self.pause.set(pause.saturating_sub(1));
         pause == 0
     }
 
-    /// Takes into account if a poll has found something.
+    /// Adapts to the result of a poll.
     pub(crate) fn learn(&self, found: bool) {
         if found {
             self.next_pause.set(0);

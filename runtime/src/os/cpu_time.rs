@@ -4,15 +4,16 @@ use std::fs::File;
 
 use rustix::thread::ClockId;
 
-/// CPU time of the calling thread, ns: `CLOCK_THREAD_CPUTIME_ID`. A system call of a few hundred nanoseconds.
+/// Returns the CPU time of the calling thread (`CLOCK_THREAD_CPUTIME_ID`), ns. Costs a system call of a few
+/// hundred nanoseconds.
 ///
-/// In a virtual machine, time stolen by the host is left out if the host reports it.
+/// In a virtual machine, this excludes time stolen by the host if the host reports it.
 pub fn thread_cpu_ns() -> u64 {
     let now = rustix::time::clock_gettime(ClockId::ThreadCPUTime);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// Reads the time for which a thread was ready to run while another thread of this system occupied its core.
+/// Reads the time that a thread was ready to run while another thread of this system occupied its core.
 #[derive(Debug)]
 pub struct WaitedForCore(Option<File>);
 
@@ -23,7 +24,7 @@ impl WaitedForCore {
         Self(File::open("/proc/thread-self/schedstat").ok())
     }
 
-    /// Total so far, ns. One system call and no allocation.
+    /// Returns the total so far, ns. Costs one system call and does not allocate.
     pub fn total_ns(&self) -> Option<u64> {
         let mut text = [0_u8; 64];
         let length = rustix::io::pread(self.0.as_ref()?, &mut text, 0).ok()?;
@@ -31,7 +32,7 @@ impl WaitedForCore {
     }
 }
 
-/// The fields of `schedstat`: time run, time waited, number of turns.
+/// Parses the second of the fields of `schedstat`: time run, time waited, number of time slices.
 fn second_number(text: &[u8]) -> Option<u64> {
     let text = core::str::from_utf8(text).ok()?;
     text.split_ascii_whitespace().nth(1)?.parse().ok()
@@ -42,14 +43,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_waiting_time_is_the_second_number() {
+    fn waiting_time_is_the_second_number() {
         assert_eq!(second_number(b"120982 5047 2\n"), Some(5_047));
         assert_eq!(second_number(b""), None);
         assert_eq!(second_number(b"12"), None);
     }
 
     #[test]
-    fn a_working_thread_uses_its_core_and_a_sleeping_one_does_not() {
+    fn only_a_working_thread_uses_cpu_time() {
         let before = thread_cpu_ns();
         std::thread::sleep(std::time::Duration::from_millis(30));
         let slept = thread_cpu_ns() - before;

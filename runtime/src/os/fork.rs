@@ -1,7 +1,7 @@
-//! Handles on shared memory that a forked child must leave alone.
+//! Handles to shared memory that a forked child must not use.
 //!
-//! A fork copies a program with every handle that it holds. The child's copy must neither use nor drop them:
-//! it would release pins, kill processes and remove files of its parent.
+//! A fork copies a program with all of its handles. The child must neither use nor drop them, because it
+//! would release pins, kill processes and remove files of its parent.
 
 #![allow(unsafe_code)] // a handler is registered with libc
 
@@ -11,14 +11,14 @@ use std::sync::Once;
 use std::sync::atomic::AtomicU32;
 use std::sync::atomic::Ordering::Relaxed;
 
-/// Forks that led from the first program to this process.
+/// Number of forks from the first program to this process.
 static FORKS: AtomicU32 = AtomicU32::new(0);
 
 extern "C" fn count_fork() {
     FORKS.fetch_add(1, Relaxed);
 }
 
-/// A value that belongs to the process that made it. Dropping it in a forked child does nothing.
+/// A value that belongs to the process that created it. Dropping it in a forked child has no effect.
 #[derive(Debug)]
 pub(crate) struct Owned<T> {
     value: ManuallyDrop<T>,
@@ -26,28 +26,28 @@ pub(crate) struct Owned<T> {
     pid: u32,
 }
 
-/// A handle used in a forked child of the process that made it. Holds no heap memory.
+/// A handle was used in a forked child of the process that created it. Owns no heap memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("it belongs to process {owner}, of which this one was forked; open it again here")]
 pub struct OtherProcess {
-    /// The process that made the handle.
+    /// The process that created the handle.
     pub owner: u32,
 }
 
 impl<T> Owned<T> {
-    /// A value that belongs to this process.
+    /// Creates a value that belongs to this process.
     pub(crate) fn new(value: T) -> Self {
         static ONCE: Once = Once::new();
         ONCE.call_once(|| {
-            // SAFETY: the handler is a plain function that stays for the life of the program. It changes one
-            // atomic number, which is allowed in a child of a program with several threads. Without memory
-            // for it, no fork would be noticed: the call fails only then.
+            // SAFETY: the handler is a plain function that exists as long as the program. It changes one
+            // atomic number, which is allowed in a child of a program with several threads. The call only
+            // fails without memory; forks are then not detected.
             unsafe { libc::pthread_atfork(None, None, Some(count_fork)) };
         });
         Self { value: ManuallyDrop::new(value), forks: FORKS.load(Relaxed), pid: std::process::id() }
     }
 
-    /// True in the process that made it: one load.
+    /// Returns `true` in the process that created the value. Costs one load.
     #[inline]
     pub(crate) fn is_own(&self) -> bool {
         FORKS.load(Relaxed) == self.forks

@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use super::{futex_wait, futex_wake, monotonic_ns};
 
-/// Sleeps while the word's low half equals that of `seen`, at most until `CLOCK_MONOTONIC` reaches
-/// `until_ns`; returns early on a signal.
+/// Sleeps while the word's low half equals the low half of `seen`, at most until `CLOCK_MONOTONIC` reaches
+/// `until_ns`. Returns early on a signal.
 #[inline(always)]
 pub(crate) fn futex_sleep(word: &AtomicU64, seen: u64, until_ns: Option<u64>) {
     let left = || until_ns.map(|until| Duration::from_nanos(until.saturating_sub(monotonic_ns())));

@@ -1,9 +1,9 @@
-//! A word in shared memory that the kernel marks when the holding thread ends in any way, waking its waiters:
-//! a *robust futex*.
+//! A word in shared memory that the kernel marks when the holding thread ends in any way, which also wakes
+//! its waiters: a *robust futex*.
 //!
 //! The descriptor of a process reports its end only after its memory has been released, which lasts
 //! milliseconds with tens of megabytes of locked memory. The kernel processes the robust futexes of a thread
-//! before that.
+//! earlier.
 
 #![allow(unsafe_code)] // the list of robust futexes is registered by a plain system call
 
@@ -15,9 +15,9 @@ use std::time::Duration;
 
 use super::{futex_wait, futex_wake, thread_id};
 
-/// Mark of the kernel: the holder has ended.
+/// Flag set by the kernel: the holder has ended.
 const OWNER_DIED: u32 = 1 << 30;
-/// Mark for the kernel: there is a waiter to be woken.
+/// Flag for the kernel: there is a waiter to be woken.
 const WAITERS: u32 = 1 << 31;
 /// Flag of a process in `/proc/PID/stat` that is ending.
 const ENDING: u64 = 0x4;
@@ -43,7 +43,7 @@ struct Entry {
 /// The system cannot create a thread.
 pub(crate) fn hold(word: &AtomicU32) -> io::Result<()> {
     let address = core::ptr::from_ref(word).expose_provenance();
-    // A dedicated thread, because the C library keeps its robust mutexes in the list of every other one.
+    // A dedicated thread, because the C library keeps its robust mutexes in the lists of all other threads.
     let thread = std::thread::Builder::new().name("holder".to_string()).stack_size(64 * 1024);
     thread.spawn(move || hold_for_ever(address)).map(drop)
 }
@@ -53,9 +53,9 @@ fn hold_for_ever(address: usize) {
     let mut entry = Entry { next: core::ptr::null_mut() };
     let offset = address.wrapping_sub((&raw const entry).addr()) as libc::c_long;
     let mut head = Head { next: &raw mut entry, offset, pending: core::ptr::null_mut() };
-    // SAFETY: the list lies on the stack of this thread, which ends with the process only. The kernel reads
-    // it when the thread ends, changes the word only where it holds the thread's number, and skips what is no
-    // longer mapped. The word is mapped as long as a component of this process runs.
+    // SAFETY: the list is on the stack of this thread, which only ends with the process. The kernel reads it
+    // when the thread ends, changes the word only if it contains the thread's id, and skips unmapped words.
+    // The word is mapped while a component of this process runs.
     unsafe {
         // the last entry points back to the head
         head.next.write(Entry { next: (&raw mut head).cast() });
@@ -94,8 +94,8 @@ pub(crate) fn await_end(word: &AtomicU32) {
     }
 }
 
-/// Exit status of an ending process; `None` before its end, and while unknown: unprivileged readers also see
-/// status 0.
+/// Returns the exit status of an ending process; `None` before its end and while the status is unknown.
+/// Unprivileged readers also see status 0.
 pub(crate) fn ending_status(pid: u32) -> Option<ExitStatus> {
     use std::os::unix::process::ExitStatusExt as _;
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
@@ -106,14 +106,14 @@ pub(crate) fn ending_status(pid: u32) -> Option<ExitStatus> {
     (flags & ENDING != 0 && status != 0).then(|| ExitStatus::from_raw(status))
 }
 
-/// Removes the real-time priority of all threads of an ending process, so that releasing its memory delays
-/// nobody.
+/// Removes the real-time priority of all threads of an ending process, so that the release of its memory does
+/// not delay others.
 pub(crate) fn demote(pid: u32) {
     let Ok(threads) = std::fs::read_dir(format!("/proc/{pid}/task")) else { return };
     for thread in threads.flatten().filter_map(|entry| entry.file_name().to_str()?.parse().ok()) {
         let parameters = libc::sched_param { sched_priority: 0 };
-        // SAFETY: `parameters` is initialised and outlives the call; a thread that is gone gives ESRCH, which
-        // is fine.
+        // SAFETY: `parameters` is initialised and outlives the call; for a thread that has ended it returns
+        // ESRCH, which is fine.
         unsafe { libc::sched_setscheduler(thread, libc::SCHED_OTHER, &parameters) };
     }
 }
@@ -131,7 +131,7 @@ impl Flag {
         Ok(Self(rustix::event::eventfd(0, rustix::event::EventfdFlags::CLOEXEC)?))
     }
 
-    /// Makes it readable for ever.
+    /// Makes the descriptor readable permanently.
     pub(crate) fn raise(&self) {
         let _ = rustix::io::write(&self.0, &1_u64.to_ne_bytes());
     }
@@ -152,7 +152,7 @@ mod tests {
 
     const ROLE: &str = "MOTORIUM_TEST_HOLDER";
 
-    /// Two words in a shared file: a held one and a free one.
+    /// Maps two words in a shared file, one held and one free.
     fn map(path: &std::path::Path) -> memmap2::MmapRaw {
         let file = std::fs::File::options().read(true).write(true).open(path).unwrap();
         memmap2::MmapRaw::map_raw(&file).unwrap()
@@ -175,7 +175,7 @@ mod tests {
     #[test]
     fn word_is_marked_when_its_holder_is_killed() {
         if let Some(path) = std::env::var_os(ROLE) {
-            // The process that is killed.
+            // This is the process that is killed.
             let map = map(path.as_ref());
             hold(word(&map, 0)).unwrap();
             loop {
@@ -197,7 +197,7 @@ mod tests {
                 .unwrap();
             await_that("the process holds the word", || held.load(Acquire) != 0);
             std::thread::sleep(Duration::from_millis(20));
-            assert_eq!(held.load(Acquire) & OWNER_DIED, 0, "it lives");
+            assert_eq!(held.load(Acquire) & OWNER_DIED, 0, "the process is alive");
             assert_eq!(ending_status(child.id()), None);
             child.kill().unwrap();
             await_end(held);

@@ -7,19 +7,19 @@ use std::time::Duration;
 /// Kernel file for requests; each is in force while its file is open.
 const REQUESTS: &str = "/dev/cpu_dma_latency";
 
-/// A limit on the exit latency of idle states on all cores (Linux, *PM Quality Of Service Interface*), held
-/// until this is dropped or the process ends in any way.
+/// A limit on the exit latency of idle states on all cores (Linux, *PM Quality Of Service Interface*), in
+/// force until this is dropped or the process ends in any way.
 ///
-/// In a virtual machine whose guest polls before it halts (`haltpoll`), a limit of zero prevents the host
-/// from taking idle processors away: they wake up in a fraction of the time, with warm caches.
+/// In a virtual machine whose guest polls before it halts (`haltpoll`), a limit of zero keeps the host from
+/// taking idle processors away, so they wake up in a fraction of the time and with warm caches.
 #[derive(Debug)]
 pub struct IdleLimit(#[expect(dead_code, reason = "held open")] File);
 
 impl IdleLimit {
-    /// Requests a limit; the shortest of all requests holds. The kernel counts in microseconds, rounded down.
+    /// Requests a limit, rounded down to microseconds. The shortest of all requests is in force.
     ///
     /// # Errors
-    /// The process lacks the right (it is reserved to root), or the system has no such limits.
+    /// The process is not permitted to set a limit (only root is), or the system does not support limits.
     pub fn hold(limit: Duration) -> io::Result<Self> {
         let mut requests = File::options().write(true).open(REQUESTS)?;
         let limit_us = i32::try_from(limit.as_micros()).unwrap_or(i32::MAX);
@@ -41,7 +41,7 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_holds_until_it_is_dropped() {
+    fn limit_is_in_force_until_it_is_dropped() {
         let Ok(before) = File::open(REQUESTS).map(|_| held()) else {
             return eprintln!("skipped: this process may not open {REQUESTS}");
         };

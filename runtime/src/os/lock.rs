@@ -1,6 +1,6 @@
 //! File locks that end with the holding process.
 
-#![allow(unsafe_code)] // locks of open file descriptions have no safe wrapper that can also ask for their holders
+#![allow(unsafe_code)] // locks of open file descriptions have no safe wrapper that can also test for holders
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -25,8 +25,8 @@ impl Lock {
         Ok(Self(file))
     }
 
-    /// Acquires a numbered place of a file, from 0, exclusively; `None` if it is occupied. Independent of
-    /// [`hold`](Self::hold) of the same file.
+    /// Acquires a numbered place of a file, from 0, exclusively. Returns `None` if it is occupied. This is
+    /// independent of [`hold`](Self::hold) on the same file.
     ///
     /// # Errors
     /// The file is missing or cannot be opened, or the file system has no locks.
@@ -46,8 +46,8 @@ fn options() -> OpenOptions {
     options
 }
 
-/// Returns `true` if any process holds the [`Lock`] on a file. A missing file is not locked; an untestable
-/// one, for example without free descriptors, counts as locked.
+/// Returns `true` if any process holds the [`Lock`] on a file. A missing file is not locked. If the lock
+/// cannot be tested, for example without free descriptors, the file counts as locked.
 pub fn is_held(path: &Path) -> bool {
     let file = match options().open(path) {
         Ok(file) => file,
@@ -57,7 +57,7 @@ pub fn is_held(path: &Path) -> bool {
     command(&file, libc::F_OFD_GETLK, &mut asked).is_err() || asked.l_type != libc::F_UNLCK as libc::c_short
 }
 
-/// A request for one byte of a file, which need not exist.
+/// Creates a request for one byte of a file, which need not exist.
 fn request(kind: libc::c_int, byte: i64) -> libc::flock {
     // SAFETY: zero is valid for all fields of the plain structure; locks of open file descriptions require
     // process 0.
@@ -70,7 +70,7 @@ fn request(kind: libc::c_int, byte: i64) -> libc::flock {
 }
 
 fn command(file: &File, command: libc::c_int, request: &mut libc::flock) -> io::Result<()> {
-    // SAFETY: the descriptor is open, the request lives throughout the call, which changes nothing else.
+    // SAFETY: the descriptor is open, and the request outlives the call, which changes nothing else.
     let result = unsafe { libc::fcntl(file.as_raw_fd(), command, core::ptr::from_mut(request)) };
     if result == -1 { Err(io::Error::last_os_error()) } else { Ok(()) }
 }
@@ -88,7 +88,7 @@ mod tests {
         let second = Lock::hold(&path).unwrap();
         assert!(is_held(&path));
         drop(first);
-        assert!(is_held(&path), "asking has not taken it, and the second holds it");
+        assert!(is_held(&path), "testing does not acquire it, and the second holds it");
         drop(second);
         assert!(!is_held(&path));
     }
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn a_link_is_not_followed() {
+    fn symbolic_link_is_not_followed() {
         let folder = tempfile::tempdir().unwrap();
         let (path, link) = (folder.path().join("lock"), folder.path().join("link"));
         let _lock = Lock::hold(&path).unwrap();

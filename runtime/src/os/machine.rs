@@ -1,12 +1,12 @@
-//! Facts about the machine, as the kernel publishes them below `/proc` and `/sys`: its cores, processor,
-//! kernel, and how each core spends its time. All functions open files: none belongs into the step of a
+//! Facts about the machine that the kernel publishes in `/proc` and `/sys`: its cores, processor, kernel, and
+//! the time accounting of each core. All functions open files and must not be called in the step of a
 //! component.
 
 use core::ops::Sub;
 use std::fs::File;
 use std::io::Read as _;
 
-/// Reads a kernel file and trims it; `None` if it is empty or unreadable.
+/// Reads and trims a kernel file; `None` if it is empty or unreadable.
 pub fn read(path: &str) -> Option<String> {
     Some(std::fs::read_to_string(path).ok()?.trim().to_string()).filter(|text| !text.is_empty())
 }
@@ -25,7 +25,7 @@ fn cores(list: &str) -> Vec<usize> {
     read(&format!("/sys/devices/system/cpu/{list}")).and_then(|list| parse_cores(&list)).unwrap_or_default()
 }
 
-/// Online cores in ascending order, at least one, including those isolated from the scheduler.
+/// Returns the online cores in ascending order, at least one, including cores isolated from the scheduler.
 pub fn online_cores() -> Vec<usize> {
     let online = cores("online");
     if online.is_empty() {
@@ -34,51 +34,51 @@ pub fn online_cores() -> Vec<usize> {
     online
 }
 
-/// The cores isolated from the scheduler (`isolcpus`).
+/// Returns the cores isolated from the scheduler (`isolcpus`).
 pub fn isolated_cores() -> Vec<usize> {
     cores("isolated")
 }
 
-/// The cores without a periodic tick while a single thread runs on them (`nohz_full`).
+/// Returns the cores without a periodic tick while a single thread runs on them (`nohz_full`).
 pub fn tickless_cores() -> Vec<usize> {
     cores("nohz_full")
 }
 
-/// The kernel.
+/// A Linux kernel.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Kernel {
-    /// Its release, such as `6.18.0`.
+    /// Release of the kernel, such as `6.18.0`.
     pub release: String,
     /// Build of the kernel, such as `#1 SMP PREEMPT_DYNAMIC Tue Nov 4 12:00:00 UTC 2025`.
     pub version: String,
 }
 
 impl Kernel {
-    /// The one that runs.
+    /// Returns the running kernel.
     pub fn detect() -> Self {
         let read = |name: &str| read(&format!("/proc/sys/kernel/{name}")).unwrap_or_default();
         Self { release: read("osrelease"), version: read("version") }
     }
 
-    /// Preemption model, such as `PREEMPT_RT`, if named by the build.
+    /// Returns the preemption model, such as `PREEMPT_RT`, if named by the build.
     pub fn preemption(&self) -> Option<&str> {
         self.version.split_whitespace().find(|word| word.starts_with("PREEMPT"))
     }
 }
 
-/// Value of the first line of `/proc/cpuinfo` that starts with this name.
+/// Returns the value of the first line of `/proc/cpuinfo` that starts with this name.
 fn processor_value(cpuinfo: &str, name: &str) -> Option<String> {
     let line = cpuinfo.lines().find(|line| line.starts_with(name))?;
     Some(line.split_once(':')?.1.trim().to_string())
 }
 
-/// Model of the processor, or its architecture if the kernel names no model.
+/// Returns the model of the processor, or its architecture if the kernel names no model.
 pub fn processor() -> String {
     let cpuinfo = read("/proc/cpuinfo").unwrap_or_default();
     processor_value(&cpuinfo, "model name").unwrap_or_else(|| std::env::consts::ARCH.to_string())
 }
 
-/// Returns `true` on a virtual machine, according to the processor flags; its host may preempt the cores at
+/// Returns `true` on a virtual machine, according to the processor flags. Its host may preempt the cores at
 /// any time.
 pub fn is_virtual() -> bool {
     has_hypervisor(&read("/proc/cpuinfo").unwrap_or_default())
@@ -89,12 +89,12 @@ fn has_hypervisor(cpuinfo: &str) -> bool {
     flags.is_some_and(|flags| flags.split_whitespace().any(|flag| flag == "hypervisor"))
 }
 
-/// Frequency governor of a core; `None` without frequency scaling.
+/// Returns the frequency governor of a core; `None` without frequency scaling.
 pub fn governor(core: usize) -> Option<String> {
     read(&format!("/sys/devices/system/cpu/cpu{core}/cpufreq/scaling_governor"))
 }
 
-/// Driver and governor of idle states, as `driver/governor`; `None` if unreadable.
+/// Returns the driver and governor of idle states as `driver/governor`; `None` if unreadable.
 pub fn idle_driver() -> Option<String> {
     let folder = "/sys/devices/system/cpu/cpuidle";
     let governor = read(&format!("{folder}/current_governor_ro"))
@@ -102,8 +102,8 @@ pub fn idle_driver() -> Option<String> {
     Some(format!("{}/{governor}", read(&format!("{folder}/current_driver"))?))
 }
 
-/// Maximum exit latency of idle states, us, as limited by holders of `/dev/cpu_dma_latency`. `None` without a
-/// holder, or if unreadable for this user.
+/// Returns the maximum exit latency of idle states, us, as limited through `/dev/cpu_dma_latency`; `None`
+/// without a limit, or if unreadable for this user.
 pub fn idle_exit_limit_us() -> Option<u64> {
     let mut bytes = [0; 4];
     File::open("/dev/cpu_dma_latency").ok()?.read_exact(&mut bytes).ok()?;
@@ -111,19 +111,19 @@ pub fn idle_exit_limit_us() -> Option<u64> {
     u64::try_from(i32::from_ne_bytes(bytes)).ok().filter(|limit| *limit < 1_000_000)
 }
 
-/// Kernel clock source, such as `tsc`.
+/// Returns the kernel's clock source, such as `tsc`.
 pub fn clock_source() -> Option<String> {
     read("/sys/devices/system/clocksource/clocksource0/current_clocksource")
 }
 
-/// Time limit of real-time threads, us per s on each core; `None` without a limit.
+/// Returns the time limit of real-time threads, us per s on each core; `None` without a limit.
 pub fn realtime_limit_us_per_s() -> Option<u64> {
     let number = |name: &str| read(&format!("/proc/sys/kernel/{name}"))?.parse::<i64>().ok();
     let (runtime, period) = (number("sched_rt_runtime_us")?, number("sched_rt_period_us")?);
     (runtime >= 0 && runtime < period).then(|| (runtime * 1_000_000 / period) as u64)
 }
 
-/// Load average over one minute.
+/// Returns the load average over one minute.
 pub fn load() -> Option<f64> {
     read("/proc/loadavg")?.split_whitespace().next()?.parse().ok()
 }
@@ -133,13 +133,13 @@ pub fn load() -> Option<f64> {
 pub struct CoreTimes {
     /// The core.
     pub core: usize,
-    /// Programs, real-time and nice ones included.
+    /// Programs, including real-time and nice ones.
     pub user: u64,
-    /// The kernel on behalf of programs.
+    /// Kernel on behalf of programs.
     pub system: u64,
     /// Interrupts and soft interrupts; 0 if the kernel does not account for them.
     pub interrupts: u64,
-    /// Idle, waiting for storage included.
+    /// Idle, including waits for storage.
     pub idle: u64,
     /// Stolen by the host of a virtual machine.
     pub stolen: u64,
@@ -157,7 +157,7 @@ impl CoreTimes {
         let line = |line: &str| {
             let mut words = line.split_ascii_whitespace();
             let core = words.next()?.strip_prefix("cpu")?.parse().ok()?;
-            // The time of guests is in `user` already.
+            // `user` already includes the time of guests.
             let mut next = || words.next().and_then(|word| word.parse::<u64>().ok()).unwrap_or(0);
             let [user, nice, system, idle, waiting, hard, soft, stolen] = core::array::from_fn(|_| next());
             Some(Self {
@@ -172,12 +172,12 @@ impl CoreTimes {
         text.lines().filter_map(line).collect()
     }
 
-    /// The sum of all times.
+    /// Returns the sum of all times.
     pub fn total(self) -> u64 {
         self.user + self.system + self.interrupts + self.idle + self.stolen
     }
 
-    /// A part as a share of the sum; 0 if the sum is 0.
+    /// Returns `part` as a share of the sum; 0 if the sum is 0.
     pub fn share(self, part: u64) -> f64 {
         part as f64 / self.total().max(1) as f64
     }
@@ -186,7 +186,8 @@ impl CoreTimes {
 impl Sub for CoreTimes {
     type Output = Self;
 
-    /// The times between two readings, none below zero: the kernel corrects idle time downwards at times.
+    /// Returns the times between two readings, none below zero, because the kernel sometimes corrects idle
+    /// time downwards.
     fn sub(self, earlier: Self) -> Self {
         Self {
             core: self.core,
@@ -204,7 +205,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lists_of_cores_are_parsed_and_nonsense_is_refused() {
+    fn core_lists_are_parsed_and_malformed_ones_refused() {
         assert_eq!(parse_cores("0-3,6\n"), Some(vec![0, 1, 2, 3, 6]));
         assert_eq!(parse_cores("0\n"), Some(vec![0]));
         for nonsense in ["", "a-b", "(null)", "0-"] {
@@ -213,13 +214,13 @@ mod tests {
     }
 
     #[test]
-    fn a_hypervisor_shows_in_the_flags_of_the_processor() {
+    fn hypervisor_is_detected_by_the_processor_flags() {
         assert!(has_hypervisor("processor : 0\nflags\t\t: fpu tsc hypervisor avx2\n"));
         assert!(!has_hypervisor("flags : fpu tsc avx2\n") && !has_hypervisor(""));
     }
 
     #[test]
-    fn the_preemption_model_is_found_in_the_build_of_the_kernel() {
+    fn preemption_model_is_found_in_the_kernel_build() {
         let kernel = |version: &str| Kernel { release: "6.18.0".into(), version: version.into() };
         assert_eq!(kernel("#1 SMP PREEMPT_RT Tue Nov 4").preemption(), Some("PREEMPT_RT"));
         assert_eq!(kernel("#1 SMP Tue Nov 4").preemption(), None);
@@ -252,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn this_machine_has_kernel_processor_and_core_times() {
+    fn kernel_processor_and_core_times_are_readable() {
         assert!(!Kernel::detect().release.is_empty() && !processor().is_empty());
         let (online, times) = (online_cores(), CoreTimes::read());
         assert!(!online.is_empty() && times.iter().all(|core| core.total() > 0), "{times:?}");

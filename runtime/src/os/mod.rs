@@ -1,6 +1,6 @@
 //! The operating system's real-time facilities, as safe functions.
 //!
-//! Everything here that needs `unsafe` is a single call into libc whose arguments are owned by the caller.
+//! All `unsafe` code here is single calls into libc whose arguments are owned by the caller.
 
 mod backoff;
 mod cpu_time;

@@ -1,13 +1,13 @@
-//! Hints to the processor to fetch cache lines ahead of their use.
+//! Prefetching of cache lines.
 
 #![allow(unsafe_code)] // instructions that neither fault nor change memory
 
-/// Bytes of a cache line.
+/// Size of a cache line, bytes.
 const LINE: usize = 64;
-/// Bytes fetched ahead at most: beyond, the processor finds the pattern itself.
+/// Maximum number of prefetched bytes; beyond it, the hardware prefetcher detects the pattern.
 const MOST: usize = 1024;
 
-/// Fetches the first cache lines of a range of addresses for reading. Any address may be named.
+/// Prefetches the first cache lines of a range of addresses for reading. Any address is allowed.
 #[inline]
 pub fn prefetch_read(address: *const u8, bytes: usize) {
     lines(address, bytes, |line| {
@@ -21,12 +21,13 @@ pub fn prefetch_read(address: *const u8, bytes: usize) {
     });
 }
 
-/// Fetches the first cache lines of a range of addresses for writing. Any address may be named.
+/// Prefetches the first cache lines of a range of addresses for writing. Any address is allowed.
 #[inline]
 pub fn prefetch_write(address: *const u8, bytes: usize) {
     lines(address, bytes, |line| {
-        // SAFETY: a prefetch neither faults nor changes memory; processors without this one ignore it.
-        // Written out, for the compiler makes a prefetch for reading of it unless the processor is known.
+        // SAFETY: a prefetch neither faults nor changes memory; processors without this instruction ignore
+        // it. It is written in assembly, because the compiler replaces it with a prefetch for reading unless
+        // it knows the processor.
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         unsafe {
             core::arch::asm!("prefetchw [{}]", in(reg) line, options(nostack, preserves_flags, readonly));

@@ -1,4 +1,4 @@
-//! Threads and processes: interrupting a waiting thread, watching for the end of another process.
+//! Threads and processes: interrupting a waiting thread, and watching for the end of another process.
 
 #![allow(unsafe_code)] // signal handlers and `tgkill` have no safe wrapper that keeps EINTR
 
@@ -9,14 +9,14 @@ use std::time::Duration;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags};
 
-/// Kernel thread id of the calling thread.
+/// Returns the kernel thread id of the calling thread.
 pub fn thread_id() -> i32 {
     rustix::thread::gettid().as_raw_nonzero().get()
 }
 
 extern "C" fn interrupted(_: libc::c_int) {}
 
-/// Makes `SIGUSR1` interrupt a waiting system call of the thread it is sent to, and do nothing else.
+/// Makes `SIGUSR1` only interrupt a waiting system call of the thread it is sent to.
 ///
 /// # Errors
 /// The kernel refused the handler.
@@ -33,7 +33,7 @@ pub fn install_interrupt() -> io::Result<()> {
 
 /// Interrupts the system call in which a thread of this process waits.
 pub fn interrupt_thread(thread: i32) {
-    // SAFETY: a system call on integers; a missing thread gives ESRCH, which is fine.
+    // SAFETY: a system call on integers; it returns ESRCH for a missing thread, which is fine.
     unsafe {
         libc::syscall(libc::SYS_tgkill, libc::getpid(), thread, libc::SIGUSR1);
     }
@@ -50,15 +50,15 @@ pub(crate) fn is_ignored(signal: libc::c_int) -> bool {
 }
 
 fn action_of(signal: libc::c_int) -> Option<libc::sighandler_t> {
-    // SAFETY: zero is a valid value of the plain structure, into which the call writes the present action.
+    // SAFETY: zero is a valid value of the plain structure, into which the call writes the current action.
     unsafe {
         let mut action: libc::sigaction = core::mem::zeroed();
         (libc::sigaction(signal, core::ptr::null(), &raw mut action) == 0).then_some(action.sa_sigaction)
     }
 }
 
-/// Kernel state of a thread: `R` running or ready, `S` sleeping, `D` waiting for a device, `T` stopped by a
-/// signal, `t` stopped by a debugger, `Z` ended. `None` if the thread does not exist.
+/// Returns the kernel state of a thread: `R` running or ready, `S` sleeping, `D` waiting for a device, `T`
+/// stopped by a signal, `t` stopped by a debugger, `Z` ended. `None` if the thread does not exist.
 pub fn process_state(pid: u32, thread: u32) -> Option<char> {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/task/{thread}/stat")).ok()?;
     // the name is in parentheses and may contain any characters
@@ -75,7 +75,7 @@ pub fn discard_output() {
     }
 }
 
-/// A handle of another process that reports its end, even if its id is reused.
+/// A handle to another process that reports its end, even if its id is reused.
 #[derive(Debug)]
 pub struct Watch(OwnedFd);
 
@@ -89,17 +89,18 @@ impl Watch {
         Ok(Self(rustix::process::pidfd_open(pid, PidfdFlags::empty())?))
     }
 
-    /// Sends a signal; no effect if the process has ended.
+    /// Sends a signal. Has no effect if the process has ended.
     pub fn signal(&self, signal: rustix::process::Signal) {
         let _ = rustix::process::pidfd_send_signal(&self.0, signal);
     }
 
-    /// True if it has ended.
+    /// Returns `true` if the process has ended.
     pub fn has_ended(&self) -> bool {
         self.wait(Some(Duration::ZERO))
     }
 
-    /// Waits for its end; returns `true` if it has ended, `false` after the timeout or an interruption.
+    /// Waits for the end of the process. Returns `true` if it has ended, `false` after the timeout or an
+    /// interruption.
     pub fn wait(&self, timeout: Option<Duration>) -> bool {
         let timeout =
             timeout.map(|t| Timespec { tv_sec: t.as_secs() as i64, tv_nsec: t.subsec_nanos() as _ });

@@ -1,6 +1,6 @@
-//! Waiting for a descriptor, a signal or a time, whichever is first.
+//! Waiting for a descriptor, a signal or a time, whichever comes first.
 
-#![allow(unsafe_code)] // the mask of signals of one thread, and the wait that changes it, are plain libc calls
+#![allow(unsafe_code)] // the signal mask of one thread and the wait that changes it are plain libc calls
 
 use std::io;
 use std::os::fd::{AsRawFd as _, OwnedFd};
@@ -19,16 +19,15 @@ pub struct Readiness {
 }
 
 impl Readiness {
-    /// Waits for this descriptor, in the calling thread.
+    /// Prepares waits for this descriptor in the calling thread.
     ///
     /// # Errors
-    /// The kernel refused the mask of signals.
+    /// The kernel refused the signal mask.
     pub fn new(descriptor: OwnedFd) -> io::Result<Self> {
-        // SAFETY: zero is a valid value of the plain structure, which the call overwrites with the present
+        // SAFETY: zero is a valid value of the plain structure, which the call overwrites with the current
         // mask.
         let mut waiting: libc::sigset_t = unsafe { core::mem::zeroed() };
-        // SAFETY: both sets are initialised and live throughout the calls, which change the mask of this
-        // thread only.
+        // SAFETY: both sets are initialised and outlive the calls, which only change the mask of this thread.
         let result = unsafe {
             let mut interrupt: libc::sigset_t = core::mem::zeroed();
             libc::sigemptyset(&raw mut interrupt);
@@ -60,7 +59,7 @@ impl Readiness {
         });
         let timeout = timeout.as_ref().map_or(core::ptr::null(), core::ptr::from_ref);
         // SAFETY: the descriptors (with the given count), the time and the mask outlive the call. An error
-        // means a signal; the caller checks the time and its commands anyway.
+        // means a signal; the caller checks the time and its commands in any case.
         unsafe {
             libc::ppoll(polled.as_mut_ptr(), polled.len() as _, timeout, &raw const self.waiting);
         }
@@ -111,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn an_interrupt_before_the_wait_ends_the_wait() {
+    fn interrupt_before_the_wait_ends_the_wait() {
         install_interrupt().unwrap();
         let (readiness, _writer) = pipe();
         let began = monotonic_ns();

@@ -1,4 +1,4 @@
-//! Real-time requests of one process: applied, then read back.
+//! Real-time requests of one process, which are applied and then read back.
 
 #![allow(unsafe_code)] // scheduling parameters and `getrusage` of one thread are plain libc calls
 
@@ -13,14 +13,14 @@ use crate::plan::SchedulingClass;
 /// Time from `SIGXCPU` to `SIGKILL`, us.
 const CAUGHT_US: u64 = 20_000;
 
-/// The real-time settings that a process requests.
+/// Real-time settings that a process requests.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
     /// Scheduling class.
     pub class: SchedulingClass,
     /// Cores it may run on.
     pub cores: Vec<usize>,
-    /// Keep all memory resident, now and in future.
+    /// If true, all current and future memory is kept resident.
     pub lock_memory: bool,
 }
 
@@ -37,29 +37,30 @@ pub struct Applied {
     pub memory_locked: bool,
 }
 
-/// A request the system denied.
+/// A request that the system denied.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Denied {
-    /// No real-time priority.
+    /// The real-time priority.
     #[error("SCHED_FIFO priority {0} ({1})")]
     Priority(u8, String),
-    /// `SCHED_DEADLINE` denied: no privilege, or more time than the kernel can still guarantee.
+    /// `SCHED_DEADLINE`, for lack of privilege or because it is more time than the kernel can still
+    /// guarantee.
     #[error("SCHED_DEADLINE with {} us in every {} us ({reason})", runtime_ns / 1000, period_ns / 1000)]
     Deadline {
-        /// CPU time requested, ns.
+        /// Requested CPU time in each period, ns.
         runtime_ns: u64,
-        /// Time in each period of this length, ns.
+        /// Length of the period, ns.
         period_ns: u64,
         /// The error of the system.
         reason: String,
     },
-    /// Other cores than requested.
+    /// The requested cores.
     #[error("cores {0:?} ({1})")]
     Cores(Vec<usize>, String),
-    /// Limit on computing without waiting denied.
+    /// The limit on computing without waiting.
     #[error("a limit on computing without waiting ({0})")]
     CpuLimit(String),
-    /// Memory that is not locked.
+    /// Locked memory.
     #[error("locked memory ({0})")]
     Memory(String),
 }
@@ -72,7 +73,7 @@ pub struct Placement {
 }
 
 impl Placement {
-    /// Remembers the permitted cores of the calling thread.
+    /// Saves the permitted cores of the calling thread.
     pub fn remember() -> Self {
         Self { thread: std::thread::current().id(), cores: sched_getaffinity(None).ok() }
     }
@@ -87,7 +88,8 @@ impl Drop for Placement {
     }
 }
 
-/// Applies a request to the calling thread and process, reads the settings back, and lists the denied ones.
+/// Applies a request to the calling thread and process. Returns the settings read back and the denied
+/// requests.
 pub fn apply(request: &Request) -> (Applied, Vec<Denied>) {
     let mut denied = Vec::new();
     let deadline = matches!(request.class, SchedulingClass::Deadline { .. });
@@ -121,7 +123,8 @@ pub fn apply(request: &Request) -> (Applied, Vec<Denied>) {
             .unwrap_or_default(),
         memory_locked: request.lock_memory && locked_memory(),
     };
-    // The kernel may accept but not comply (cpuset, container): the settings read back decide.
+    // The kernel may accept a request without complying (cpuset, container), so the settings read back
+    // decide.
     if denied.is_empty() {
         if let SchedulingClass::Fifo(priority) = request.class
             && applied.fifo_priority != priority
@@ -156,8 +159,9 @@ fn set_fifo(priority: u8) -> io::Result<()> {
     if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
-/// Lets the calling thread continue until it sleeps when it wakes another on its core (`SCHED_BATCH`), so
-/// that a hand-over costs one thread switch. If denied, the system is slower but still correct.
+/// Lets the calling thread continue until it sleeps after it wakes another thread on its core
+/// (`SCHED_BATCH`), so that a hand-over costs one thread switch. If this is denied, the system is slower but
+/// still correct.
 pub fn hand_over_when_asleep() {
     let parameters = libc::sched_param { sched_priority: 0 };
     // SAFETY: `parameters` is initialised and outlives the call; 0 is the calling thread.
@@ -169,7 +173,7 @@ fn set_deadline(runtime_ns: u64, period_ns: u64) -> io::Result<()> {
     let mut attributes: libc::sched_attr = unsafe { core::mem::zeroed() };
     attributes.size = size_of::<libc::sched_attr>() as u32;
     attributes.sched_policy = libc::SCHED_DEADLINE as u32;
-    // A thread with a deadline may not create others with one.
+    // A thread with a deadline must not create others with a deadline.
     attributes.sched_flags = libc::SCHED_FLAG_RESET_ON_FORK as u64;
     (attributes.sched_runtime, attributes.sched_deadline, attributes.sched_period) =
         (runtime_ns, period_ns, period_ns);
@@ -178,9 +182,9 @@ fn set_deadline(runtime_ns: u64, period_ns: u64) -> io::Result<()> {
     if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
-/// Ends this process if one of its `SCHED_FIFO` threads computes for longer than this without waiting: the
+/// Kills this process if one of its `SCHED_FIFO` threads computes for longer than this without waiting: the
 /// kernel sends `SIGXCPU`, and `SIGKILL` if that is caught. The kernel counts in ticks (4 ms at 250 Hz), so
-/// it may take up to two ticks longer.
+/// the end may be up to two ticks later.
 ///
 /// # Errors
 /// The kernel refuses, because a lower limit is in force.
@@ -198,18 +202,18 @@ pub fn leave_realtime() {
     unsafe { libc::sched_setscheduler(0, libc::SCHED_OTHER | libc::SCHED_RESET_ON_FORK, &parameters) };
 }
 
-/// Lets the calling thread wake before all threads that are not real-time, with the lowest real-time
-/// priority; if denied, like [`wake_soon`]. For a thread that waits almost all the time, and uses no resource
-/// that a thread at normal priority may hold.
+/// Gives the calling thread the lowest real-time priority, so that it wakes before all threads that are not
+/// real-time; if denied, acts like [`wake_soon`]. For a thread that waits almost all the time, and uses no
+/// resource that a thread at normal priority may hold.
 pub fn wake_first() {
     if set_fifo(1).is_err() {
         wake_soon();
     }
 }
 
-/// Lets the calling thread, at normal priority, wake before others of that priority: its time slices are as
-/// short as the kernel allows (0.1 ms, Linux 6.12 and later; no effect before). For a thread that waits
-/// almost all the time.
+/// Makes the calling thread, at normal priority, wake before others of that priority by time slices as short
+/// as the kernel allows (0.1 ms, Linux 6.12 and later; no effect before). For a thread that waits almost all
+/// the time.
 pub fn wake_soon() {
     const SHORTEST_TURN_NS: u64 = 100_000;
     // SAFETY: zero is a valid value of the plain struct.
@@ -224,12 +228,12 @@ pub fn wake_soon() {
     // nothing.
     unsafe {
         libc::syscall(libc::SYS_sched_setattr, 0, &raw const attributes, 0);
-        // Timers of threads at normal priority may be late by this much, ns.
+        // Maximum lateness of timers of threads at normal priority, ns.
         libc::prctl(libc::PR_SET_TIMERSLACK, 1_000);
     }
 }
 
-/// Scheduling policy of the calling thread.
+/// Returns the scheduling policy of the calling thread.
 fn policy() -> i32 {
     // SAFETY: a system call on an integer.
     unsafe { libc::sched_getscheduler(0) & !libc::SCHED_RESET_ON_FORK }
@@ -255,13 +259,13 @@ fn locked_memory() -> bool {
         .is_some_and(|kilobytes| kilobytes > 0)
 }
 
-/// Page faults of the calling thread so far, minor and major.
+/// Returns the number of page faults of the calling thread so far, minor and major.
 pub fn page_faults() -> u64 {
     let usage = usage();
     (usage.ru_minflt + usage.ru_majflt) as u64
 }
 
-/// Number of times the calling thread went to sleep (voluntary context switches).
+/// Returns the number of times the calling thread went to sleep (voluntary context switches).
 pub fn times_asleep() -> u64 {
     usage().ru_nvcsw as u64
 }

@@ -5,17 +5,17 @@ use std::path::Path;
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
-/// Free space, bytes, below which nothing can be created: a few pages.
+/// Free space below which nothing can be created, bytes: a few pages.
 const NO_ROOM: u64 = 64 * 1024;
 /// Number of free files below which nothing can be created.
 const NO_NAMES: u64 = 8;
 
-/// The room in a file system.
+/// Free space in a file system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Room {
     /// Bytes still available to this user.
     pub bytes: u64,
-    /// All bytes of it.
+    /// Total size, bytes.
     pub total: u64,
     /// Number of files that can still be created.
     pub files: u64,
@@ -25,7 +25,7 @@ impl Room {
     /// Returns the free space in the file system of a path; `None` if unavailable.
     pub fn for_path(path: &Path) -> Option<Self> {
         let stat = rustix::fs::statvfs(path).ok()?;
-        // A file system without a limit on files says 0 of 0.
+        // A file system without a limit on files reports 0 of 0.
         let files = if stat.f_files == 0 { u64::MAX } else { stat.f_favail };
         let bytes = |blocks: u64| blocks.saturating_mul(stat.f_frsize);
         Some(Self { bytes: bytes(stat.f_bavail), total: bytes(stat.f_blocks), files })
@@ -36,7 +36,7 @@ impl Room {
     }
 }
 
-/// Formats a number of bytes for reading.
+/// Formats a number of bytes in a readable unit.
 pub fn amount(bytes: u64) -> String {
     match bytes {
         0..10_240 => format!("{bytes} bytes"),
@@ -45,7 +45,7 @@ pub fn amount(bytes: u64) -> String {
     }
 }
 
-/// Describes the currently exhausted resource with advice, if any: descriptors of this process, space in
+/// Describes the currently exhausted resource, if any, with advice: descriptors of this process, or space in
 /// shared memory or in the file system of `place`. For errors that do not name their cause.
 pub fn shortage(place: &Path) -> Option<String> {
     if let Err(error) = File::open("/dev/null") {
@@ -53,10 +53,10 @@ pub fn shortage(place: &Path) -> Option<String> {
             Some(libc::EMFILE) => {
                 let limit = limit(Resource::Nofile).map_or_else(String::new, |limit| format!(" ({limit})"));
                 return Some(format!(
-                    "this process has as many files open as it may{limit}; raise the limit with `ulimit -n 1024`"
+                    "this process has reached its limit of open files{limit}; raise the limit with `ulimit -n 1024`"
                 ));
             }
-            Some(libc::ENFILE) => return Some("the system has as many files open as it may".to_string()),
+            Some(libc::ENFILE) => return Some("the system has reached its limit of open files".to_string()),
             _ => {}
         }
     }
@@ -68,13 +68,13 @@ pub fn shortage(place: &Path) -> Option<String> {
             format!("{} more files may be made", room.files)
         };
         Some(format!(
-            "{} is full: {what}; `ls -lS {0}` shows what fills it, `motorium doctor --clean` removes what dead runs left",
+            "{} is full: {what}; `ls -lS {0}` shows what fills it, `motorium doctor --clean` removes the remains of dead runs",
             path.display()
         ))
     })
 }
 
-/// The reason, and the resource that has run out, if one has.
+/// Returns the reason, followed by the exhausted resource, if any.
 pub fn with_shortage(reason: String, place: &Path) -> String {
     match shortage(place) {
         Some(shortage) => format!("{reason}; {shortage}"),
@@ -89,23 +89,23 @@ pub fn named(error: &std::io::Error) -> String {
     }
     let limit = process_limit().map_or_else(String::new, |limit| format!(" ({limit})"));
     format!(
-        "{error}; this user has as many processes and threads as it may{limit}; raise the limit with `ulimit -u`, or \
+        "{error}; this user has reached the limit of processes and threads{limit}; raise the limit with `ulimit -u`, or \
          `TasksMax=` of the service"
     )
 }
 
-/// Maximum number of processes and threads of this user; `None` without a limit.
+/// Returns the maximum number of processes and threads of this user; `None` without a limit.
 pub fn process_limit() -> Option<u64> {
     limit(Resource::Nproc)
 }
 
-/// Limit in force on a resource of this process; `None` without a limit.
+/// Returns the limit in force on a resource of this process; `None` without a limit.
 fn limit(resource: Resource) -> Option<u64> {
     getrlimit(resource).current
 }
 
-/// Raises a limit as far as permitted, if it is below `wanted`. Returns the limit then in force; `None`
-/// without a limit.
+/// Raises a limit below `wanted` as far as permitted. Returns the limit then in force; `None` without a
+/// limit.
 pub fn raise_limit(resource: Resource, wanted: u64) -> Option<u64> {
     let Rlimit { current, maximum } = getrlimit(resource);
     let current = current?;
@@ -116,9 +116,9 @@ pub fn raise_limit(resource: Resource, wanted: u64) -> Option<u64> {
     Some(current)
 }
 
-/// Descriptors that this process has open.
+/// Returns the number of open descriptors of this process.
 pub fn open_descriptors() -> std::io::Result<u64> {
-    // One of them reads the list.
+    // One descriptor reads the list.
     Ok(std::fs::read_dir("/proc/self/fd")?.count().saturating_sub(1) as u64)
 }
 
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_short_on_a_machine_with_room() {
+    fn no_shortage_is_found_with_free_resources() {
         let room = Room::for_path(Path::new("/dev/shm")).expect("there is shared memory");
         if room.is_full() {
             return eprintln!("skipped: /dev/shm is full");

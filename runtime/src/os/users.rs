@@ -1,6 +1,7 @@
-//! Processes and threads of users from `/proc`: the number of this user's, and the real-time ones of others.
+//! Processes and threads of users from `/proc`: the number of this user's threads, and the real-time threads
+//! of other users.
 //!
-//! With `hidepid`, or in a separate process namespace, processes of others are invisible.
+//! With `hidepid`, or in a separate process namespace, processes of other users are invisible.
 
 use std::fs;
 
@@ -19,7 +20,7 @@ pub struct Foreign {
     pub cores: Vec<usize>,
 }
 
-/// Number of visible threads of this user; `None` without `/proc`.
+/// Returns the number of visible threads of this user; `None` without `/proc`.
 pub fn threads_of_this_user() -> Option<u64> {
     let user = rustix::process::getuid().as_raw();
     let mut threads = 0;
@@ -32,7 +33,7 @@ pub fn threads_of_this_user() -> Option<u64> {
     Some(threads)
 }
 
-/// Returns `true` if the process limit applies to this process: root and users with the resource capability
+/// Returns `true` if the process limit applies to this process. Root and users with the resource capability
 /// are exempt.
 pub fn is_bound_by_process_limit() -> bool {
     const EXEMPT: u64 = 1 << 24 | 1 << 21; // CAP_SYS_RESOURCE, CAP_SYS_ADMIN
@@ -40,13 +41,13 @@ pub fn is_bound_by_process_limit() -> bool {
     !rustix::process::getuid().is_root() && capabilities & EXEMPT == 0
 }
 
-/// Processes of other users with real-time threads bound to one of these cores, except kernel threads.
-/// Threads that may run on any core, such as some daemons, are ignored, because the scheduler moves them
-/// away.
+/// Returns the processes of other users with real-time threads bound to one of these cores, except kernel
+/// threads. Threads that may run on any core, such as some daemons, are ignored, because the scheduler moves
+/// them away.
 pub fn realtime_of_others(cores: &[usize]) -> Vec<Foreign> {
     let own = rustix::process::getuid().as_raw();
     let online = fs::read_to_string("/sys/devices/system/cpu/online").map(|list| self::cores(list.trim()));
-    // On a machine with one core everything is bound to it.
+    // On a machine with one core, all threads are bound to it.
     let all = online.map_or(usize::MAX, |online| online.len().max(2));
     let found = processes("/proc").into_iter().flatten();
     found.filter_map(|pid| foreign(pid, own, cores, all)).collect()
@@ -133,7 +134,7 @@ fn class(stat: &str) -> Option<Class> {
     }
 }
 
-/// Contents of a `status` file.
+/// Content of a `status` file.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Status {
     name: String,
@@ -165,7 +166,7 @@ impl Status {
     }
 }
 
-/// Cores of a list such as `0-2,5`.
+/// Returns the cores of a list such as `0-2,5`.
 fn cores(list: &str) -> Vec<usize> {
     let range = |part: &str| {
         let (first, last) = part.split_once('-').unwrap_or((part, part));
@@ -174,7 +175,7 @@ fn cores(list: &str) -> Vec<usize> {
     list.split(',').filter_map(range).flatten().take(4_096).collect()
 }
 
-/// The numbers among the names in a folder.
+/// Returns the numbers among the names in a folder.
 fn processes(folder: &str) -> Option<Vec<u32>> {
     let entries = fs::read_dir(folder).ok()?.flatten();
     Some(entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok()).collect())
@@ -184,7 +185,7 @@ fn processes(folder: &str) -> Option<Vec<u32>> {
 mod tests {
     use super::*;
 
-    /// A `stat` line of a thread with these flags, priority and policy.
+    /// Returns the `stat` line of a thread with these flags, priority and policy.
     fn stat(flags: u64, priority: u32, policy: u32) -> String {
         let between = ["0"; 30].join(" ");
         format!("17 (a) b (c)) S 1 1 1 0 -1 {flags} {between} {priority} {policy} 0 0")
@@ -216,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn no_thread_of_this_user_is_one_of_another() {
+    fn own_threads_are_not_reported_as_foreign() {
         let own = rustix::process::getuid().as_raw();
         let all: Vec<usize> = (0..1_024).collect();
         assert!(realtime_of_others(&all).iter().all(|foreign| foreign.user != own));

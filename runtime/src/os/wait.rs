@@ -1,4 +1,4 @@
-//! Clocks, sleeping, and futexes shared between processes.
+//! Clocks, sleeping, and process-shared futexes.
 
 use std::sync::atomic::AtomicU32;
 use std::time::Duration;
@@ -6,34 +6,34 @@ use std::time::Duration;
 use rustix::thread::{ClockId, futex};
 use rustix::time::Timespec;
 
-/// Now on `CLOCK_MONOTONIC`, ns. Reads the vDSO: no system call.
+/// Returns `CLOCK_MONOTONIC`, ns. Uses the vDSO, without a system call.
 #[inline]
 pub fn monotonic_ns() -> u64 {
     let now = rustix::time::clock_gettime(ClockId::Monotonic);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// Current `CLOCK_BOOTTIME`, which continues during suspend, ns. Reads the vDSO: no system call.
+/// Returns `CLOCK_BOOTTIME`, which continues during suspend, ns. Uses the vDSO, without a system call.
 #[inline]
 pub fn boottime_ns() -> u64 {
     let now = rustix::time::clock_gettime(ClockId::Boottime);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// Current `CLOCK_REALTIME`, which anybody may set, ns. Reads the vDSO: no system call.
+/// Returns `CLOCK_REALTIME`, which may be adjusted at any time, ns. Uses the vDSO, without a system call.
 #[inline]
 pub fn realtime_ns() -> u64 {
     let now = rustix::time::clock_gettime(ClockId::Realtime);
     u64::try_from(now.tv_sec).unwrap_or(0) * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// Sleeps until `CLOCK_MONOTONIC` reaches `deadline_ns`; returns early when a signal arrives.
+/// Sleeps until `CLOCK_MONOTONIC` reaches `deadline_ns`. Returns early if a signal arrives.
 pub fn sleep_until(deadline_ns: u64) {
     let deadline = Timespec {
         tv_sec: (deadline_ns / 1_000_000_000) as i64,
         tv_nsec: (deadline_ns % 1_000_000_000) as _,
     };
-    // An error means an interrupting signal; the caller reads the clock again anyway.
+    // An error means an interrupting signal; the caller reads the clock again in any case.
     let _ = rustix::thread::clock_nanosleep_absolute(ClockId::Monotonic, &deadline);
 }
 
@@ -44,17 +44,17 @@ pub fn sleep_until(deadline_ns: u64) {
 #[inline(always)]
 pub fn futex_wait(word: &AtomicU32, value: u32, timeout: Option<Duration>) -> bool {
     let timeout = timeout.map(|t| Timespec { tv_sec: t.as_secs() as i64, tv_nsec: t.subsec_nanos() as _ });
-    // Every other outcome means the same to the caller: read the word again.
+    // After every other outcome the caller reads the word again.
     futex::wait(word, futex::Flags::empty(), value, timeout.as_ref()) == Err(rustix::io::Errno::INTR)
 }
 
-/// Wakes all processes that wait on `word`.
+/// Wakes all threads that wait on `word`.
 #[inline(always)]
 pub fn futex_wake(word: &AtomicU32) {
     let _ = futex::wake(word, futex::Flags::empty(), i32::MAX as u32);
 }
 
-/// The core the calling thread is on at this moment. No system call.
+/// Returns the current core of the calling thread, without a system call.
 pub fn current_core() -> usize {
     rustix::thread::sched_getcpu()
 }

@@ -14,8 +14,8 @@ use crate::plan::{ComponentPlan, ParameterPlan};
 use crate::state::Field;
 
 crate::state_buffer! {
-    /// The values of all parameters of a component, in the order of their declaration: the bits of a number
-    /// each, of a choice its index, of an array as many as it has.
+    /// Values of all parameters of a component, in the order of their declaration: the bits of a number, the
+    /// index of a choice, the bits of every number of an array.
     pub(super) struct RawTable as "motorium.ParameterTable" {
         pub(super) bits: [u64; MAX_PARAMETER_NUMBERS],
     }
@@ -24,7 +24,7 @@ crate::state_buffer! {
 /// The key of the one entry.
 pub(super) const ENTRY: u64 = 0;
 
-/// The place of each parameter in a table.
+/// Returns the position of each parameter in a table.
 pub(super) fn places(parameters: &[ParameterPlan]) -> impl Iterator<Item = (usize, &ParameterPlan)> {
     parameters.iter().scan(0, |next, plan| {
         let place = *next;
@@ -33,7 +33,7 @@ pub(super) fn places(parameters: &[ParameterPlan]) -> impl Iterator<Item = (usiz
     })
 }
 
-/// Writes an admitted value into its place.
+/// Writes an admitted value to its position.
 pub(super) fn encode(declaration: &ParameterDeclaration, value: &ParameterValue, bits: &mut [u64]) {
     match value {
         ParameterValue::Float(x) => bits[0] = x.to_bits(),
@@ -49,7 +49,7 @@ pub(super) fn encode(declaration: &ParameterDeclaration, value: &ParameterValue,
     }
 }
 
-/// Returns the value of a place whose bits have been checked.
+/// Returns the value at a position whose bits have been checked.
 pub(super) fn decode(declaration: &ParameterDeclaration, bits: &[u64]) -> ParameterValue {
     match &declaration.default {
         ParameterValue::Float(_) => ParameterValue::Float(f64::from_bits(bits[0])),
@@ -65,7 +65,7 @@ pub(super) fn decode(declaration: &ParameterDeclaration, bits: &[u64]) -> Parame
     }
 }
 
-/// True if bits are a value of a parameter, without allocating.
+/// Returns `true` if `bits` are a valid value of the parameter. Does not allocate.
 fn admits(declaration: &ParameterDeclaration, bits: &[u64]) -> bool {
     match &declaration.default {
         ParameterValue::Float(_) | ParameterValue::Array(_) => {
@@ -77,7 +77,7 @@ fn admits(declaration: &ParameterDeclaration, bits: &[u64]) -> bool {
     }
 }
 
-/// The table of the initial values.
+/// Returns the table of the initial values.
 pub(super) fn initial(component: &ComponentPlan) -> RawTable {
     let mut table = RawTable::ZERO;
     for (place, plan) in places(&component.parameters) {
@@ -86,7 +86,7 @@ pub(super) fn initial(component: &ComponentPlan) -> RawTable {
     table
 }
 
-/// The error of an operation on the parameters of a component.
+/// Returns the error of an operation on the parameters of a component.
 pub(super) fn failed(
     component: &str,
     action: &'static str,
@@ -94,7 +94,7 @@ pub(super) fn failed(
     refused(format!("component `{component}`"), action)
 }
 
-/// A blackboard of one component's parameters, held by the launcher.
+/// Blackboard of one component's parameters, owned by the launcher.
 #[derive(Debug)]
 pub(crate) struct ParameterService {
     service: blackboard::PortFactory<Shared, u64>,
@@ -127,10 +127,10 @@ impl ParameterService {
     }
 }
 
-/// Declaration of a parameter, the numbers of all parameters, and the index of its own.
+/// Declaration of a parameter, the numbers of all parameters, and the index of its first number.
 pub(crate) type FoundParameter<'a> = (&'a ParameterDeclaration, &'a Numbers, usize);
 
-/// The component's side: looks for changes at every tick boundary.
+/// The component's side, which checks for changes between two steps.
 pub(crate) struct ParameterReader {
     parameters: Vec<ParameterPlan>,
     numbers: Numbers,
@@ -139,7 +139,7 @@ pub(crate) struct ParameterReader {
 
 struct Port {
     handle: EntryHandle<Shared, u64, RawTable>,
-    /// The table of the last look.
+    /// Table found by the last check.
     seen: Option<BlackboardValue<RawTable>>,
     _reader: Reader<Shared, u64>,
 }
@@ -156,8 +156,7 @@ impl ParameterReader {
         Ok(this)
     }
 
-    /// Applies all changes since the last call together. A value of the wrong type or out of range is not
-    /// applied, whoever wrote it.
+    /// Applies all changes since the last call together, except values of the wrong type or out of range.
     #[inline]
     pub(crate) fn refresh(&mut self) {
         let Some(port) = &mut self.port else { return };
@@ -181,14 +180,14 @@ impl ParameterReader {
         }
     }
 
-    /// The parameter of this name.
+    /// Returns the parameter with this name.
     pub(crate) fn parameter(&self, name: &str) -> Option<FoundParameter<'_>> {
         let mut parameters = places(&self.parameters);
         let (place, plan) = parameters.find(|(_, plan)| plan.declaration.name == name)?;
         Some((&plan.declaration, &self.numbers, place))
     }
 
-    /// All parameters with their values.
+    /// Returns all parameters with their values.
     pub(super) fn values(&self) -> impl Iterator<Item = (&ParameterPlan, ParameterValue)> {
         places(&self.parameters).map(|(place, plan)| {
             let numbers = &self.numbers[place..place + plan.declaration.numbers()];

@@ -1,7 +1,7 @@
 //! Parameters: slow, typed, range-checked values on iceoryx2's blackboard, applied between two steps.
 //!
-//! All parameters of a component are one entry: a writer of several sets them together, and a reader sees all
-//! of them or none. While nothing changes, a step costs one comparison of a counter.
+//! All parameters of a component form one entry, so that a writer sets several of them atomically. While
+//! nothing changes, a step only compares one counter.
 
 mod blackboard;
 mod outside;
@@ -17,7 +17,7 @@ use crate::declare::ParameterKind;
 /// Numbers of all parameters of a component, as seen by the current step.
 pub(crate) type Numbers = Rc<[Cell<u64>]>;
 
-/// A parameter that a component reads; changes are applied between two steps, never within one.
+/// A parameter that a component reads. Changes are applied between two steps, never within one.
 #[derive(Debug, Clone)]
 pub struct Parameter<T> {
     numbers: Numbers,
@@ -25,11 +25,11 @@ pub struct Parameter<T> {
     marker: core::marker::PhantomData<T>,
 }
 
-/// Types of parameters with a single value.
+/// A type of parameters with a single value.
 pub trait AnyParameter: Copy {
-    /// The declared kind that belongs to the type.
+    /// Declared kind of the type.
     const KIND: ParameterKind;
-    /// Reads the bits of a value that is known to be of this kind.
+    /// Converts the bits of a value that is known to be of this kind.
     fn of_bits(bits: u64) -> Self;
 }
 
@@ -60,8 +60,7 @@ impl AnyParameter for bool {
     }
 }
 
-/// The value of a parameter that is one of a few names: the index of the name in the order of the
-/// declaration.
+/// The value of a choice parameter: the index of the chosen name in the order of the declaration.
 ///
 /// ```
 /// use motorium::component::Choice;
@@ -85,7 +84,7 @@ impl AnyParameter for bool {
 pub struct Choice(usize);
 
 impl Choice {
-    /// Index of the chosen name in the order of the declaration.
+    /// Returns the index of the chosen name in the order of the declaration.
     pub fn index(self) -> usize {
         self.0
     }
@@ -105,7 +104,7 @@ impl<T: AnyParameter> Parameter<T> {
         Self { numbers, place, marker: core::marker::PhantomData }
     }
 
-    /// The value for this step.
+    /// Returns the value for this step.
     #[inline]
     pub fn get(&self) -> T {
         T::of_bits(self.numbers[self.place].get())
@@ -141,7 +140,7 @@ impl ParameterArray {
         Self { numbers, place, length }
     }
 
-    /// Number of its numbers, as declared.
+    /// Returns the declared number of entries.
     pub fn len(&self) -> usize {
         self.length
     }

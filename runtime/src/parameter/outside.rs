@@ -1,4 +1,4 @@
-//! Parameters of a running graph, seen from outside of its components.
+//! Parameters of a running graph, as seen from outside its components.
 
 use iceoryx2::node::Node;
 
@@ -8,7 +8,7 @@ use crate::domain::{Domain, DomainError, ServiceError, Shared, service_name};
 use crate::nearest::suggest;
 use crate::plan::{ComponentPlan, ParameterPlan, Plan};
 
-/// A parameter could not be read or set from outside.
+/// Error of reading or setting a parameter from outside.
 #[derive(Debug, thiserror::Error)]
 pub enum ParameterError {
     /// The component or parameter does not exist.
@@ -25,14 +25,14 @@ pub enum ParameterError {
     Domain(#[from] DomainError),
 }
 
-/// The parameters of a running graph, seen from outside.
+/// Parameters of a running graph, as seen from outside.
 #[derive(Debug)]
 pub struct ParameterTable {
     node: Node<Shared>,
     plan: Plan,
 }
 
-/// A value for one parameter: index of the component, place in its table, parameter, admitted value.
+/// Value for one parameter: index of the component, position in its table, parameter, admitted value.
 type Admitted<'a> = (usize, usize, &'a ParameterPlan, ParameterValue);
 
 impl ParameterTable {
@@ -61,17 +61,18 @@ impl ParameterTable {
     /// Sets a parameter, named `component.parameter`. It takes effect at the component's next step.
     ///
     /// # Errors
-    /// No such parameter; a value of another type or out of range; somebody else is writing at the moment.
+    /// The parameter does not exist, the value has the wrong type or is out of range, or another writer is
+    /// active.
     pub fn set(&self, path: &str, value: ParameterValue) -> Result<ParameterValue, ParameterError> {
         let mut set = self.set_many([(path, value)])?;
         Ok(set.swap_remove(0))
     }
 
-    /// Sets several parameters. Those of one component take effect together at its next step. Returns the
-    /// values as set.
+    /// Sets several parameters and returns their new values. Parameters of one component take effect together
+    /// at its next step.
     ///
     /// # Errors
-    /// Same as [`set`](Self::set), for the first invalid one; none is set then.
+    /// Same as [`set`](Self::set), for the first invalid value; no parameter is set then.
     pub fn set_many<'a>(
         &self,
         values: impl IntoIterator<Item = (&'a str, ParameterValue)>,
@@ -131,7 +132,8 @@ impl ParameterTable {
             .blackboard_opener::<u64>()
             .open()
             .map_err(|error| failed(name, "opening its parameters")(&error))?;
-        // There is one writer at a time: nobody changes the table between the reading and the writing below.
+        // There is only one writer at a time, so the table cannot change between the read and the write
+        // below.
         let writer = service
             .writer_builder()
             .create()

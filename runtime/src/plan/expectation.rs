@@ -1,11 +1,11 @@
-//! Expectations: conditions on figures of the report of a finished run.
+//! Expectations: conditions on figures in the report of a finished run.
 
 use core::fmt;
 use core::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-/// A condition on a figure of the report, such as `controller.position_error_m <= 1e-3`.
+/// A condition on a figure in the report, such as `controller.position_error_m <= 1e-3`.
 ///
 /// ```
 /// use motorium::plan::Expectation;
@@ -18,16 +18,16 @@ use serde::{Deserialize, Serialize};
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Expectation {
-    /// The figure: the name of a component, and the path of a value in its result or in its part of the
+    /// The figure: the name of a component, and the path of a value in its result or its section of the
     /// report.
     pub figure: String,
-    /// The relation of the figure to the bound.
+    /// Relation of the figure to the bound.
     pub comparison: Comparison,
-    /// The bound: a number, text, true or false.
+    /// Bound: a number, text, true or false.
     pub bound: serde_json::Value,
 }
 
-/// The relation of a figure to a bound.
+/// Relation of a figure to a bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Comparison {
     /// `<`, of numbers.
@@ -56,13 +56,13 @@ pub enum ExpectationError {
     /// The comparison is missing.
     #[error("`{0}` is not a condition: it does not begin with `<`, `<=`, `>`, `>=`, `==`, `!=`")]
     NoComparison(String),
-    /// Nothing after the comparison.
+    /// The bound after the comparison is missing.
     #[error("`{0}` has no bound: expected a number, text, true or false after the comparison")]
     NoBound(String),
-    /// An order comparison with a bound that is not a number.
+    /// The bound of an order comparison is not a number.
     #[error("`{0}` compares with text: only numbers are more or less")]
     NoOrder(String),
-    /// No figure before the comparison.
+    /// The figure before the comparison is missing.
     #[error("`{0}` names no figure: expected such as `controller.position_error_m <= 1e-3`")]
     NoFigure(String),
 }
@@ -91,7 +91,7 @@ impl Comparison {
 }
 
 impl Expectation {
-    /// Creates the expectation that a figure meets a condition, such as `<= 1e-3`.
+    /// Creates the expectation that a figure satisfies a condition, such as `<= 1e-3`.
     ///
     /// # Errors
     /// The condition does not parse.
@@ -120,18 +120,18 @@ impl Expectation {
         Ok(Self { figure, comparison, bound })
     }
 
-    /// Name of the figure's component.
+    /// Returns the name of the figure's component.
     pub fn component(&self) -> &str {
         self.figure.split('.').next().unwrap_or_default()
     }
 
-    /// The condition alone, such as `<= 0.001`.
+    /// Returns the condition without the figure, such as `<= 0.001`.
     pub fn condition(&self) -> String {
         format!("{} {}", self.comparison.sign(), self.bound)
     }
 
-    /// Returns `true` if a value meets it. A missing value, a non-number where a number is expected, or a
-    /// value that is not finite does not.
+    /// Returns `true` if `value` satisfies the condition. A missing value, a value that is not finite, or a
+    /// non-number where a number is expected does not.
     pub fn is_met_by(&self, value: &serde_json::Value) -> bool {
         if value.is_null() {
             return false;
@@ -177,7 +177,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn comparisons_hold_on_their_side_of_the_bound() {
+    fn comparisons_are_true_on_their_side_of_the_bound() {
         let met = |condition: &str| {
             let expectation = Expectation::new("a.b", condition).unwrap();
             [1, 2, 3].map(|value| expectation.is_met_by(&json!(value)))
@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn an_expectation_survives_the_plan() {
+    fn expectation_survives_serialisation() {
         let expectation: Expectation = "a.b.0 >= -1.5e-3".parse().unwrap();
         let text = serde_json::to_string(&expectation).unwrap();
         assert_eq!(serde_json::from_str::<Expectation>(&text).unwrap(), expectation);

@@ -1,4 +1,4 @@
-//! The consequences of faults of one component: late and failed steps, death, hanging.
+//! Consequences of faults of one component: late and failed steps, crashes, hangs.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnOverrun {
-    /// Drop the releases that have passed; go on with the next future one of the grid.
+    /// Drop the missed releases; continue with the next future release on the grid.
     Skip,
-    /// Run the missed releases immediately, one after the other, until the grid is met again.
+    /// Run the missed releases immediately, one after the other, until the component is back on the grid.
     CatchUp,
     /// Restart the grid at the end of the late step.
     Rephase,
@@ -28,17 +28,17 @@ pub enum OnError {
     Hold,
 }
 
-/// Policy for a component that failed and is not restarted, or no longer.
+/// Policy for a component that failed and is not restarted, or not again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnFailure {
     /// Bring the whole graph to its safe state and end the run.
     SafeStop,
-    /// Go on without the component.
+    /// Continue without the component.
     Ignore,
 }
 
-/// The condition of a restart.
+/// Condition of a restart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RestartWhen {
@@ -63,12 +63,12 @@ pub struct RestartPlan {
     pub within_ns: u64,
 }
 
-/// Limits of one component on standing still, on computing, and on losing steps.
+/// Limits of one component on time without a step, computing time and lost steps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LivenessPlan {
     /// Time without a due step after which it counts as hung, ns.
     pub hang_after_ns: u64,
-    /// Time it may compute without waiting before the kernel ends it, ns; `None` unless its class is
+    /// Time it may compute without waiting before the kernel kills it, ns; `None` unless its class is
     /// `SCHED_FIFO`.
     pub cpu_limit_ns: Option<u64>,
     /// Share of lost steps, 0 to 1, above which there is a warning.
@@ -76,7 +76,7 @@ pub struct LivenessPlan {
 }
 
 impl Default for LivenessPlan {
-    /// Limits that nothing reaches.
+    /// Returns unreachable limits.
     fn default() -> Self {
         Self { hang_after_ns: u64::MAX, cpu_limit_ns: None, lost_steps: 1.0 }
     }

@@ -1,7 +1,7 @@
-//! A plan: a graph file with everything resolved and checked, as the launcher, the workers and the tools use
-//! it.
+//! Plans: resolved and checked graph files, as used by the launcher, the workers and the tools.
 //!
-//! Plans are made by `graph::load`, travel to the worker processes as JSON, and are never written by hand.
+//! `graph::load` creates a plan, which is passed to the worker processes as JSON. Plans are never written by
+//! hand.
 
 mod expectation;
 mod faults;
@@ -21,7 +21,7 @@ pub(crate) use safety::EMERGENCY_STOP_PORT;
 pub use safety::{ActuatorSafety, GateRules, LimitPolicy, ResumeRule, SafeState, SafetyPlan};
 pub use topics::{LatencyPlan, OnMiss, TopicPlan};
 
-/// A graph, resolved.
+/// A resolved graph.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// Name of the graph.
@@ -56,19 +56,19 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The safety of an actuator: its own, or the graph's.
+    /// Returns the safety rules of an actuator: its own, or else the graph's.
     pub fn safety_of(&self, component: &ComponentPlan) -> ActuatorSafety {
         component.safety.unwrap_or_else(|| self.safety.of_actuators())
     }
 
-    /// Longest time for which an actuator stays in its safe state before it is stopped, ns: at least the
-    /// graph's.
+    /// Returns the longest time that an actuator stays in its safe state before it is stopped, ns: at least
+    /// the graph's.
     pub fn settle_ns(&self) -> u64 {
         let own = self.components.iter().filter_map(|component| Some(component.safety?.settle_ns));
         own.fold(self.safety.settle_ns, u64::max)
     }
 
-    /// The component that begins the episodes of a run in real time.
+    /// Returns the component that begins the episodes of a run in real time.
     pub fn episode_driver(&self) -> Option<&ComponentPlan> {
         self.components.iter().find(|component| component.begins_episodes)
     }
@@ -84,14 +84,14 @@ pub struct EpisodesPlan {
 }
 
 impl EpisodesPlan {
-    /// The seed of an episode in a run with this seed.
+    /// Returns the seed of episode `index` in a run with seed `of_run`.
     pub fn seed(self, of_run: u64, index: u64) -> u64 {
         if self.vary_seed { of_run.wrapping_add(index) } else { of_run }
     }
 }
 
-/// Seed of one component for a run or episode with this seed. It depends on the component's name rather than
-/// its position, so adding a component does not change the others.
+/// Returns the seed of a component for a run or episode with this seed. It depends on the component's name
+/// rather than its position, so adding a component does not change the other seeds.
 pub(crate) fn component_seed(seed: u64, name: &str) -> u64 {
     let mut digest = Digest::default();
     digest.write_u64(seed);
@@ -99,7 +99,7 @@ pub(crate) fn component_seed(seed: u64, name: &str) -> u64 {
     digest.finish()
 }
 
-/// The treatment of real-time requests that the system denies.
+/// Policy for real-time requests that the system denies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnDenied {
@@ -114,13 +114,13 @@ pub enum OnDenied {
 pub struct SchedulingPlan {
     /// Cores of everything that is not real-time: launcher, tools, components of class `Normal`.
     pub shared_cores: Vec<usize>,
-    /// The treatment of denied requests.
+    /// Policy for denied requests.
     pub on_denied: OnDenied,
     /// Maximum exit latency of idle states while the graph runs in real time, ns.
     pub idle_exit_ns: u64,
 }
 
-/// Time before a release at which a component stops sleeping and spins.
+/// Time before a release at which a component stops sleeping and starts spinning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Spin {
@@ -137,7 +137,7 @@ pub enum Spin {
 }
 
 impl Spin {
-    /// The longest possible time, ns.
+    /// Returns the longest possible time, ns.
     pub fn at_most_ns(self) -> u64 {
         match self {
             Self::Fixed { ns } | Self::Tuned { at_most_ns: ns } => ns,
@@ -196,7 +196,7 @@ pub enum Activation {
 }
 
 impl Activation {
-    /// Nominal time between two steps, ns: of a sporadic component the shortest.
+    /// Returns the nominal time between two steps, ns; the shortest one for a sporadic component.
     pub fn period_ns(&self) -> u64 {
         match *self {
             Self::Periodic { period_ns, .. } | Self::Triggered { period_ns, .. } => period_ns,
@@ -216,15 +216,15 @@ impl Activation {
 pub enum SchedulingClass {
     /// `SCHED_FIFO` with this priority, 1 to 99.
     Fifo(u8),
-    /// `SCHED_DEADLINE`: the kernel gives it its time in every period, before all `SCHED_FIFO` threads, but
-    /// no more. It runs on any core.
+    /// `SCHED_DEADLINE`: the kernel gives the component this time in every period, ahead of all `SCHED_FIFO`
+    /// threads, and no more. It runs on any core.
     Deadline {
         /// CPU time in each period, ns.
         runtime_ns: u64,
-        /// The period, and the deadline in it, ns.
+        /// Period and relative deadline, ns.
         period_ns: u64,
     },
-    /// The system's normal time sharing.
+    /// The system's default time sharing.
     Normal,
 }
 
@@ -250,7 +250,7 @@ pub struct ParameterPlan {
     pub initial: ParameterValue,
 }
 
-/// One component, resolved.
+/// A resolved component.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ComponentPlan {
     /// Its name in the graph.
@@ -261,17 +261,17 @@ pub struct ComponentPlan {
     pub activation: Activation,
     /// Execution time allowed per step, ns.
     pub budget_ns: Option<u64>,
-    /// Longest time for which a step waits for an answer from outside of the graph, without the core, ns.
+    /// Longest time that a step waits for an answer from outside the graph, without using the core, ns.
     #[serde(default)]
     pub waits_ns: u64,
-    /// Core it is pinned to; if `None`, any of the shared cores, or any core at all with `SCHED_DEADLINE`.
+    /// Core it is pinned to; `None` for any of the shared cores, or for any core with `SCHED_DEADLINE`.
     pub core: Option<usize>,
     /// Spinning before a release. A triggered component does not spin.
     pub spin: Spin,
     /// Scheduling class.
     pub class: SchedulingClass,
-    /// Increment of its priority over the head of its trigger chain on its core: a triggered component runs
-    /// before its trigger's component continues.
+    /// Increment of its priority over the head of its trigger chain on its core, so that a triggered
+    /// component runs before the component that triggered it continues.
     #[serde(default)]
     pub rise: u8,
     /// Inputs in the order of declaration.
@@ -284,7 +284,7 @@ pub struct ComponentPlan {
     pub parameters: Vec<ParameterPlan>,
     /// The `config` table.
     pub config: serde_json::Value,
-    /// Folder in which relative paths of the `config` table start.
+    /// Folder that relative paths in the `config` table refer to.
     #[serde(default)]
     pub folder: PathBuf,
     /// The robot it works on.
@@ -315,16 +315,16 @@ pub struct ComponentPlan {
     pub on_overrun: OnOverrun,
     /// Limits on time without a step, computing time and lost steps.
     pub liveness: LivenessPlan,
-    /// Late steps, minus later punctual ones, above which the graph enters its safe state; `None` for any
-    /// number.
+    /// Number of late steps, minus later punctual ones, above which the graph enters its safe state; `None`
+    /// for no limit.
     pub overruns_tolerated: Option<u32>,
     /// The consequence of a failed step.
     pub on_error: OnError,
-    /// The consequence of its failure for good.
+    /// The consequence of its permanent failure.
     pub on_failure: OnFailure,
     /// Its restart policy.
     pub restart: RestartPlan,
-    /// Time it may take to stop before it is killed; default [`STOP_WITHIN_NS`].
+    /// Time within which it must stop before it is killed; default [`STOP_WITHIN_NS`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stop_within_ns: Option<u64>,
     /// Position in the fixed order of a lockstep tick: writers before the readers they trigger.
@@ -335,9 +335,9 @@ pub struct ComponentPlan {
 pub const STOP_WITHIN_NS: u64 = 2_000_000_000;
 
 impl Plan {
-    /// Returns the component that can block another one's core longest by computing endlessly, and the limit
-    /// at which the kernel ends it, ns. `None` if there is none: lower priorities never block it, and
-    /// `SCHED_DEADLINE` components only get their budget in every period.
+    /// Returns the component that can block this component's core longest by computing endlessly, and the
+    /// limit at which the kernel kills it, ns. Returns `None` if there is none: lower priorities never block
+    /// a core, and `SCHED_DEADLINE` components only get their budget in every period.
     pub fn longest_hold_up(&self, component: usize) -> Option<(usize, u64)> {
         let held = &self.components[component];
         let priority = |component: &ComponentPlan| match component.class {
@@ -352,20 +352,21 @@ impl Plan {
         limits.max_by_key(|(_, limit)| *limit)
     }
 
-    /// Emergency-stop topics read by the gates of actuators: one, unless `subscribe` tables name others.
+    /// Returns the emergency-stop topics read by the gates of actuators: one, unless `subscribe` tables name
+    /// others.
     pub(crate) fn emergency_stops(&self) -> impl Iterator<Item = usize> {
         let actuators = self.components.iter().filter(|component| component.actuator);
         let ports = actuators.flat_map(|component| &component.inputs);
         ports.filter(|port| port.port == EMERGENCY_STOP_PORT).filter_map(|port| port.topic)
     }
 
-    /// True if a value of this topic can be an emergency stop.
+    /// Returns `true` if a value of this topic can be an emergency stop.
     pub(crate) fn is_emergency_stop(&self, topic: usize) -> bool {
         self.emergency_stops().any(|stop| stop == topic)
     }
 
-    /// The edges of the graph, as topic and reader, in the order of topics and then of readers: a component
-    /// that reads a topic through several ports is one edge.
+    /// Returns the edges of the graph as pairs of topic and reader, ordered by topic and then by reader. A
+    /// component that reads a topic through several ports is one edge.
     pub fn edges(&self) -> Vec<(usize, usize)> {
         let mut edges = Vec::new();
         for (index, topic) in self.topics.iter().enumerate() {
@@ -378,8 +379,8 @@ impl Plan {
         edges
     }
 
-    /// Number of an input among the readers of its topic, counted by ports: the pin that it uses. 0 for an
-    /// unwired one.
+    /// Returns the pin that an input uses: its index among the ports that read its topic. 0 for an unwired
+    /// input.
     pub fn pin(&self, component: usize, input: usize) -> usize {
         let inputs = &self.components[component].inputs;
         let Some(topic) = inputs[input].topic else { return 0 };
@@ -388,7 +389,7 @@ impl Plan {
         ports.map(|(pin, _)| pin).nth(before).unwrap_or_default()
     }
 
-    /// True if all components that a topic triggers are pinned to the core of its writer.
+    /// Returns `true` if all components that a topic triggers are pinned to the core of its writer.
     pub fn stays_on_core(&self, topic: usize) -> bool {
         let topic = &self.topics[topic];
         let core = |component: usize| self.components[component].core;
@@ -398,7 +399,7 @@ impl Plan {
 }
 
 impl ComponentPlan {
-    /// Nominal time between two steps, ns.
+    /// Returns the nominal time between two steps, ns.
     pub fn period_ns(&self) -> u64 {
         self.activation.period_ns()
     }

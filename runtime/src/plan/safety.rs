@@ -1,8 +1,8 @@
-//! Safety of a plan: safe state, ages, limits, and recovery.
+//! Safety of a plan: safe state, ages, limits and recovery.
 
 use serde::{Deserialize, Serialize};
 
-/// The state that an actuator applies when commands fail.
+/// State that an actuator applies when commands fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SafeState {
@@ -16,7 +16,7 @@ pub enum SafeState {
     Brake,
 }
 
-/// The treatment of a command beyond a limit of its joint.
+/// Policy for a command beyond a limit of its joint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LimitPolicy {
@@ -35,7 +35,7 @@ pub enum ResumeRule {
     Near,
     /// Stay in the safe state until `motorium resume`; then like `near`.
     Latch,
-    /// Apply them immediately, however far away they are.
+    /// Apply them immediately, at any distance.
     AtOnce,
 }
 
@@ -47,7 +47,7 @@ pub(crate) const EMERGENCY_STOP_PORT: &str = "emergency_stop";
 pub struct GateRules {
     /// State applied in place of commands.
     pub safe_state: SafeState,
-    /// The treatment of commands beyond a limit.
+    /// Policy for commands beyond a limit.
     pub limits: LimitPolicy,
     /// Recovery from the safe state.
     pub resume: ResumeRule,
@@ -65,10 +65,11 @@ pub struct SafetyPlan {
     pub gate: GateRules,
     /// Time that actuators stay in the safe state before they are stopped, at every end of a run, ns.
     pub settle_ns: u64,
-    /// The newest value of the emergency-stop topic may be this old, ns; 0 for any age.
+    /// Maximum age of the newest value of the emergency-stop topic, ns; 0 for any age.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub emergency_stop_max_age_ns: u64,
-    /// If true, a robot whose commands fail takes the other robots of its actuator to their safe state.
+    /// If true, the failure of one robot's commands puts the other robots of its actuator into their safe
+    /// state, too.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub stop_together: bool,
 }
@@ -83,7 +84,7 @@ pub struct ActuatorSafety {
     /// The rules of its gates.
     #[serde(flatten)]
     pub gate: GateRules,
-    /// Time for which it stays in the safe state when it has to end without the launcher, ns.
+    /// Time that it stays in the safe state when it has to end without the launcher, ns.
     pub settle_ns: u64,
 }
 
@@ -92,7 +93,7 @@ fn is_zero(number: &u64) -> bool {
 }
 
 impl SafetyPlan {
-    /// The safety of an actuator for which the graph says nothing else.
+    /// Returns the safety rules of actuators that the graph does not override.
     pub(crate) fn of_actuators(&self) -> ActuatorSafety {
         ActuatorSafety {
             stale_after_ns: self.stale_after_ns,
@@ -102,7 +103,7 @@ impl SafetyPlan {
         }
     }
 
-    /// The defaults of a graph, for plans that tests make by hand.
+    /// Returns the defaults of a graph, for plans that tests build by hand.
     #[cfg(test)]
     pub(crate) fn for_tests() -> Self {
         Self {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::declare::TopicPattern;
 use crate::state::TypeLayout;
 
-/// One topic, resolved.
+/// A resolved topic.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TopicPlan {
     /// Name, such as `panda/joint_state`.

@@ -9,8 +9,7 @@ use crate::transport::latest::StateReader;
 use crate::transport::stream::StreamReader;
 use crate::transport::{Connect, InputPlace, Participant, PortError, refused};
 
-/// An input port that reads the newest value of a topic of any type, in place, as bytes in the topic's
-/// layout.
+/// An input port that reads the newest value of a topic of any type in place, as bytes in the topic's layout.
 ///
 /// For code that forwards values without knowing their type. Declare it with
 /// [`Declare::raw_input`](crate::declare::Declare::raw_input).
@@ -21,7 +20,7 @@ pub struct RawInput {
     effects: ReadEffects,
 }
 
-/// The memory that the input reads.
+/// Memory that the input reads.
 #[derive(Debug)]
 enum Source {
     Unwired,
@@ -29,10 +28,10 @@ enum Source {
     Stream(StreamReader<u8>),
 }
 
-/// A value in shared memory, as it was when its input was read.
+/// A value in shared memory, unchanged since the input was read.
 #[derive(Debug, Clone, Copy)]
 pub struct RawReading<'a> {
-    /// The time and the publisher of the value.
+    /// Time and publisher of the value.
     pub stamp: &'a Stamp,
     /// The value, in the layout of the topic.
     pub bytes: &'a [u8],
@@ -61,12 +60,12 @@ impl RawInput {
         if let Source::Stream(queue) = &self.source { Some(queue.connection()) } else { None }
     }
 
-    /// Name of the topic, if the graph wires this input.
+    /// Returns the name of the topic, if the graph wires this input.
     pub fn topic(&self) -> Option<&str> {
         self.topic.as_ref().map(|(name, _)| name.as_str())
     }
 
-    /// Layout of the topic's values, if the graph wires this input.
+    /// Returns the layout of the topic's values, if the graph wires this input.
     pub fn layout(&self) -> Option<&TypeLayout> {
         self.topic.as_ref().map(|(_, layout)| layout)
     }
@@ -102,7 +101,7 @@ impl RawInput {
         Some(reading)
     }
 
-    /// The value read last, without looking for a newer one.
+    /// Returns the value read last, without checking for a newer one.
     pub fn current(&self) -> Option<RawReading<'_>> {
         if !self.effects.is_of_this_episode() {
             return None;

@@ -1,4 +1,4 @@
-//! Ports for types that are known at run time only.
+//! Ports for types that are only known at run time.
 //!
 //! [`RawInput`] and [`RawOutput`] carry states as bytes, [`RawStreamInput`] and [`RawStreamOutput`] streams
 //! of values and of slices. Layouts are compared as for typed ports, and published content is checked by its

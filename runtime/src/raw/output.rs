@@ -16,7 +16,7 @@ use crate::transport::{
 /// An output port that writes a state whose layout is given at run time. It is the only writer of its topic.
 ///
 /// Declare it with [`Declare::raw_output`](crate::declare::Declare::raw_output). Values published on an
-/// output that the graph leaves unconnected are checked, but nobody reads them.
+/// unwired output are checked and discarded.
 #[derive(Debug)]
 pub struct RawOutput {
     layout: TypeLayout,
@@ -25,31 +25,31 @@ pub struct RawOutput {
     context: Rc<Context>,
 }
 
-/// The reason why a value was not published. Holds no heap memory.
+/// Error of publishing a value. Owns no heap memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum RawError {
-    /// Its content must not reach a reader.
+    /// The content is invalid.
     #[error(transparent)]
     Content(#[from] ContentDefect),
-    /// A slice is longer than its output declares, or a stream of single values was given another number of
-    /// them.
+    /// The slice is longer than the output declares, or not a single value was given to a stream of single
+    /// values.
     #[error("{found} elements, expected {}", if *longest == 1 { "1".to_string() } else { format!("at most {longest}") })]
     Length {
-        /// Elements found.
+        /// Number of elements found.
         found: usize,
-        /// Elements that fit.
+        /// Maximum number of elements.
         longest: usize,
     },
-    /// Readers hold all samples of the stream.
+    /// Readers still use all samples of the stream.
     #[error("the sample was not sent")]
     NotSent,
     /// The step is past its deadline, and the component's `on_overrun` is `hold`.
     #[error("the step is past its deadline")]
     Late,
-    /// The given source time lies in the future.
+    /// The source time is in the future.
     #[error("its source time is {ahead_ns} ns in the future")]
     SourceInFuture {
-        /// Distance from the present, ns.
+        /// Time ahead of the clock, ns.
         ahead_ns: u64,
     },
 }
@@ -80,12 +80,12 @@ impl RawOutput {
         Ok(output)
     }
 
-    /// Name of the topic, if the graph wires this output.
+    /// Returns the name of the topic, if the graph wires this output.
     pub fn topic(&self) -> Option<&str> {
         self.wired.as_ref().map(|(name, ..)| name.as_str())
     }
 
-    /// Layout of the values.
+    /// Returns the layout of the values.
     pub fn layout(&self) -> &TypeLayout {
         &self.layout
     }
@@ -101,17 +101,17 @@ impl RawOutput {
     /// Publishes a copy of a value with a stamp of this component and wakes the components that it triggers.
     ///
     /// # Errors
-    /// The value is not published if it holds a number that is not finite or a count that exceeds its array,
-    /// has a different size from the type, or comes too late.
+    /// The value is not published if a number is not finite, a count exceeds its array, its size differs from
+    /// the type's, or the step is past its deadline.
     pub fn publish(&mut self, bytes: &[u8]) -> Result<(), RawError> {
         self.finish(bytes, None)
     }
 
-    /// As [`publish`](Self::publish), with the source time of the value, ns on the clock of stamps: see
+    /// Like [`publish`](Self::publish), with the source time of the value, ns on the clock of stamps: see
     /// [`Loan::publish_from`](crate::transport::Loan::publish_from).
     ///
     /// # Errors
-    /// As [`publish`](Self::publish), and if the source time is more than 1 ms in the future.
+    /// Same as [`publish`](Self::publish), or the source time is more than 1 ms in the future.
     pub fn publish_from(&mut self, bytes: &[u8], source_ns: u64) -> Result<(), RawError> {
         self.finish(bytes, Some(source_ns))
     }
@@ -119,13 +119,13 @@ impl RawOutput {
     #[inline(always)]
     fn finish(&mut self, bytes: &[u8], source_ns: Option<u64>) -> Result<(), RawError> {
         let Self { check, wired, context, .. } = self;
-        // Before the copy, because bytes of another size do not fit the slot.
+        // Checked before the copy, because bytes of another size do not fit the slot.
         checked(context, check.check(bytes))?;
         let Some((_, state, topic)) = wired else { return Ok(()) };
         let stop = || bytes.first_chunk().map_or(0, |stop| u64::from_ne_bytes(*stop));
         topic.latch_if_pressed(context, stop);
-        // SAFETY: this output is the one user of its writer's slot, and borrowed mutably; the reference ends
-        // here.
+        // SAFETY: this output is the only user of its writer's slot and is borrowed mutably; the reference
+        // ends here.
         unsafe { state.bytes_mut() }.copy_from_slice(bytes);
         let digest = |bytes: &&[u8], digest: &mut _| check.digest(bytes, digest);
         let check = |_: &_| Ok::<(), ContentDefect>(());

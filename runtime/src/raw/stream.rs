@@ -1,4 +1,4 @@
-//! Streams and slices whose type is known at run time only.
+//! Streams and slices whose type is only known at run time.
 
 use std::rc::Rc;
 
@@ -43,9 +43,9 @@ struct Wired {
 /// A value of a stream, or a slice, in shared memory.
 #[derive(Debug, Clone, Copy)]
 pub struct RawSlice<'a> {
-    /// The time and the publisher of the value.
+    /// Time and publisher of the value.
     pub stamp: &'a Stamp,
-    /// All elements one after the other, each in the layout of the topic.
+    /// All elements in sequence, each in the layout of the topic.
     pub bytes: &'a [u8],
     /// Number of elements; 1 in a stream of single values.
     pub count: usize,
@@ -75,28 +75,29 @@ impl RawStreamInput {
         Ok(Self { wired: Some(wired), effects: place.effects(participant) })
     }
 
-    /// The connection to be made before the first step.
+    /// Returns the connection to make before the first step.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
         self.wired.as_ref().map(|wired| wired.queue.connection())
     }
 
-    /// Name of the topic, if the graph wires this input.
+    /// Returns the name of the topic, if the graph wires this input.
     pub fn topic(&self) -> Option<&str> {
         self.wired.as_ref().map(|wired| wired.topic.as_str())
     }
 
-    /// Layout of a value, or of one element of a slice, if the graph wires this input.
+    /// Returns the layout of a value or of one element of a slice, if the graph wires this input.
     pub fn layout(&self) -> Option<&TypeLayout> {
         self.wired.as_ref().map(|wired| &wired.layout)
     }
 
-    /// Pattern of the topic, if the graph wires this input: with the length of the longest slice.
+    /// Returns the pattern of the topic, including the length of the longest slice, if the graph wires this
+    /// input.
     pub fn pattern(&self) -> Option<TopicPattern> {
         self.wired.as_ref().map(|wired| wired.pattern)
     }
 
-    /// The next value that was not read, in order. It stays where it is until the next call. One whose
-    /// content must not reach a reader is refused and counted.
+    /// Returns the next unread value, in order. It stays in place until the next call. Values with invalid
+    /// content are skipped and counted as refused.
     pub fn next_unread(&mut self) -> Option<RawSlice<'_>> {
         let begins = self.effects.begins_episode();
         let Wired { check, queue, .. } = self.wired.as_mut()?;
@@ -112,14 +113,14 @@ impl RawStreamInput {
         Some(reading)
     }
 
-    /// The value read last.
+    /// Returns the value read last.
     pub fn current(&self) -> Option<RawSlice<'_>> {
         let wired = self.wired.as_ref().filter(|_| self.effects.is_of_this_episode())?;
         let (stamp, bytes) = wired.queue.current()?;
         Some(RawSlice { stamp, bytes, count: bytes.len() / wired.layout.size.max(1) })
     }
 
-    /// Values that were overwritten before they were read.
+    /// Returns the number of values that were overwritten before they were read.
     pub fn lost(&self) -> u64 {
         self.wired.as_ref().map_or(0, |wired| wired.queue.lost())
     }
@@ -128,8 +129,8 @@ impl RawStreamInput {
 /// An output port that writes every value of a stream, or slices, of a layout given at run time.
 ///
 /// Declare it with [`Declare::raw_stream_output`](crate::declare::Declare::raw_stream_output) or
-/// [`Declare::raw_slice_output`](crate::declare::Declare::raw_slice_output). Values published on an output
-/// that the graph leaves unwired are checked, and read by nobody.
+/// [`Declare::raw_slice_output`](crate::declare::Declare::raw_slice_output). Values published on an unwired
+/// output are checked and discarded.
 #[derive(Debug)]
 pub struct RawStreamOutput {
     layout: TypeLayout,
@@ -164,22 +165,22 @@ impl RawStreamOutput {
         Ok(output)
     }
 
-    /// The connection to be made before the first step.
+    /// Returns the connection to make before the first step.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
         self.wired.as_ref().map(|(_, stream, _)| stream.connection())
     }
 
-    /// Name of the topic, if the graph wires this output.
+    /// Returns the name of the topic, if the graph wires this output.
     pub fn topic(&self) -> Option<&str> {
         self.wired.as_ref().map(|(name, ..)| name.as_str())
     }
 
-    /// Layout of a value, or of one element of a slice.
+    /// Returns the layout of a value or of one element of a slice.
     pub fn layout(&self) -> &TypeLayout {
         &self.layout
     }
 
-    /// The longest slice, elements; 1 for a stream of single values.
+    /// Returns the maximum number of elements of a slice; 1 for a stream of single values.
     pub fn longest(&self) -> usize {
         if let TopicPattern::Slices { longest, .. } = self.pattern { longest } else { 1 }
     }
@@ -187,7 +188,7 @@ impl RawStreamOutput {
     /// Checks the content of a value, or of all elements of a slice, without publishing it.
     ///
     /// # Errors
-    /// The first defect, or another number of elements than the port carries.
+    /// Returns the first defect, or an error if the number of elements does not fit the port.
     pub fn check(&self, bytes: &[u8]) -> Result<(), RawError> {
         let found = bytes.len() / self.layout.size.max(1);
         let fits = match self.pattern {
@@ -200,22 +201,22 @@ impl RawStreamOutput {
         Ok(self.check.check_all(bytes)?)
     }
 
-    /// Publishes a copy of a value, or of all elements of a slice, under a stamp of this component and wakes
+    /// Publishes a copy of a value or of all elements of a slice, with a stamp of this component, and wakes
     /// the components that it triggers.
     ///
     /// # Errors
-    /// The value is not published if it has a number that is not finite or a count that does not fit, is
-    /// longer than declared, is not a whole number of elements, or comes too late; or if readers hold all
-    /// samples.
+    /// The value is not published if its content is invalid, that is, if a number is not finite or a count
+    /// exceeds its array. It is not published either if it is longer than declared or not a whole number of
+    /// elements, if the step is past its deadline, or if readers still use all samples.
     pub fn publish(&mut self, bytes: &[u8]) -> Result<(), RawError> {
         self.finish(bytes, None)
     }
 
-    /// As [`publish`](Self::publish), with the source time of the value, ns on the clock of stamps: see
+    /// Like [`publish`](Self::publish), with the source time of the value, ns on the clock of stamps: see
     /// [`Loan::publish_from`](crate::transport::Loan::publish_from).
     ///
     /// # Errors
-    /// As [`publish`](Self::publish); and the source time is in the future by more than 1 ms.
+    /// Same as [`publish`](Self::publish), or the source time is more than 1 ms in the future.
     pub fn publish_from(&mut self, bytes: &[u8], source_ns: u64) -> Result<(), RawError> {
         self.finish(bytes, Some(source_ns))
     }

@@ -5,14 +5,14 @@ use crate::state::{StateBuffer, Wrench};
 use crate::transport::tests::Bench;
 use crate::transport::{InputPlace, SliceInput};
 
-/// The reading side of the topic of a bench, as bytes.
+/// Opens the input of a bench's topic as bytes.
 fn raw_input(bench: &Bench) -> RawStreamInput {
     let topic = bench.topic();
     let place = InputPlace { index: 0, topic, port: "input", pin: 0, is_cause: false, edge: Some(0) };
     RawStreamInput::open(&bench.participant(1), &place).unwrap()
 }
 
-/// Its writing side.
+/// Opens the output of a bench's topic as bytes.
 fn raw_output(bench: &Bench) -> RawStreamOutput {
     let topic = bench.topic();
     let (pattern, layout) = (topic.pattern, topic.layout.clone());
@@ -25,7 +25,7 @@ fn bytes_of(values: &[f32]) -> Vec<u8> {
 }
 
 #[test]
-fn raw_slices_meet_typed_ones_in_place() {
+fn raw_slices_are_read_as_typed_ones_in_place() {
     let bench = Bench::new(f32::layout(), TopicPattern::Slices { capacity: 4, longest: 8 });
     let (mut output, mut input) = (raw_output(&bench), raw_input(&bench));
     let topic = bench.topic();
@@ -45,7 +45,7 @@ fn raw_slices_meet_typed_ones_in_place() {
     assert_eq!(long.to_string(), "9 elements, expected at most 8");
     assert!(matches!(output.publish(&bytes_of(&[f32::NAN])), Err(RawError::Content(_))));
     assert!(matches!(output.publish(&[0; 7]), Err(RawError::Content(_))));
-    assert!(input.next_unread().is_none(), "nothing of it is published");
+    assert!(input.next_unread().is_none(), "no part of it is published");
 }
 
 #[test]
@@ -70,7 +70,7 @@ fn raw_ports_lose_none_of_a_million_values() {
 }
 
 #[test]
-fn a_raw_stream_refuses_an_empty_value() {
+fn raw_stream_refuses_an_empty_value() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::Stream { capacity: 16 });
     assert!(matches!(raw_output(&bench).publish(&[]), Err(RawError::Length { found: 0, longest: 1 })));
 }

@@ -1,4 +1,4 @@
-//! The accounts of a control block: components, topics, edges and latency budgets.
+//! Blocks of a control block for components, topics, edges and latency budgets.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64};
@@ -43,7 +43,7 @@ pub struct Misses {
 }
 
 impl Misses {
-    /// Missed steps of all causes.
+    /// Returns the number of missed steps of all causes.
     pub fn missed(&self) -> u64 {
         [self.long_step, self.stolen, self.late_input].into_iter().fold(self.late_wake, u64::saturating_add)
     }
@@ -62,8 +62,7 @@ pub struct Stalls {
     pub longest_ns: u64,
 }
 
-/// The state and the counters of one component. Written by its worker, except where a field names another
-/// writer.
+/// State and counters of one component. Written by its worker, unless a field names another writer.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct ComponentBlock {
@@ -76,24 +75,26 @@ pub struct ComponentBlock {
     pub(crate) held: AtomicU32,
     /// Restarts. Written by the launcher.
     pub restarts: AtomicU32,
-    /// Lockstep: number of calls to a tick: the word that it sleeps on. Written by the giver of the turn.
+    /// Lockstep: number of calls to a tick, which is the word that the component sleeps on. Written by the
+    /// giver of the turn.
     tick_calls: AtomicU32,
     /// Lockstep: simulated time of the tick, ns. Written by the giver of the turn.
     pub tick_time_ns: AtomicU64,
     /// Lockstep: 1 if the tick is a reset for the episode in the header, 0 if it is a step. Written by the
     /// giver of the turn.
     pub tick_resets: AtomicU32,
-    /// 1 if replaced by the program that launched the run: it gets no ticks. Written by the launcher.
+    /// 1 if the program that launched the run replaces the component, which then gets no ticks. Written by
+    /// the launcher.
     pub played: AtomicU32,
-    /// Steps done before the present episode of simulated time.
+    /// Steps done before the current episode of simulated time.
     pub episode_first: AtomicU64,
-    /// Number of the episode that it has entered last.
+    /// Index of the episode entered last.
     pub(crate) episode: AtomicU64,
     /// Lockstep: publications of its trigger at its last tick. Written by the giver of the turn.
     pub trigger_seen: AtomicU64,
-    /// Steps begun, through restarts: one more than `steps` while it steps.
+    /// Steps begun, across restarts: one more than `steps` during a step.
     pub begun: AtomicU64,
-    /// Steps done, through restarts.
+    /// Steps done, across restarts.
     pub steps: AtomicU64,
     /// Start of the first step, on the run's clock, ns.
     pub first_step_ns: AtomicU64,
@@ -152,14 +153,14 @@ pub struct ComponentBlock {
     pub execution: Histogram,
     /// CPU time of each step, with its waiting and waking, without its spinning, ns.
     pub cpu: Histogram,
-    /// The account of an actuator's command gate.
+    /// Statistics of an actuator's command gate.
     pub gate: GateBlock,
     /// Numbers from which a restarted component may resume.
     pub(crate) checkpoint: CheckpointBlock,
 }
 
 impl ComponentBlock {
-    /// The phase.
+    /// Returns the phase.
     pub fn phase(&self) -> Phase {
         Phase::from_word(self.phase.load(Acquire))
     }
@@ -170,25 +171,25 @@ impl ComponentBlock {
         crate::os::futex_wake(&self.phase);
     }
 
-    /// The word to wait on for the next phase.
+    /// Returns the word to wait on for the next phase.
     pub fn phase_word(&self) -> &AtomicU32 {
         &self.phase
     }
 
-    /// Number of calls to a tick so far, to wait for the next one.
+    /// Returns the number of calls to a tick so far, to wait for the next one.
     #[inline]
     pub(crate) fn tick_calls(&self) -> u32 {
         self.tick_calls.load(Acquire)
     }
 
-    /// Passes it the turn.
+    /// Calls the component to its tick.
     #[inline]
     pub(crate) fn call(&self) {
         self.tick_calls.fetch_add(1, Release);
         crate::os::futex_wake(&self.tick_calls);
     }
 
-    /// Sleeps until it gets the turn again, at most for a time.
+    /// Sleeps until the next call to a tick or a timeout.
     pub(crate) fn await_call(&self, calls: u32, timeout: Duration) {
         crate::os::futex_wait(&self.tick_calls, calls, Some(timeout));
     }
@@ -204,7 +205,7 @@ impl ComponentBlock {
         add(cell, 1);
     }
 
-    /// Missed steps so far.
+    /// Returns the missed steps so far.
     pub fn misses(&self) -> Misses {
         Misses {
             late_wake: self.late_wake.load(Relaxed),
@@ -230,7 +231,7 @@ impl ComponentBlock {
         }
     }
 
-    /// The stalls so far.
+    /// Returns the stalls so far.
     pub fn stalls(&self) -> Stalls {
         Stalls {
             watched_ns: self.stall_watched_ns.load(Relaxed),
@@ -258,7 +259,7 @@ impl ComponentBlock {
         head.store(word, Release);
     }
 
-    /// The saved failure of the component, if there is one.
+    /// Returns the saved failure of the component, if there is one.
     pub fn failure(&self) -> Option<Failure> {
         let head = self.end[0].load(Acquire);
         let words = core::array::from_fn(|at| if at == 0 { head } else { self.end[at].load(Relaxed) });
@@ -284,15 +285,15 @@ impl ComponentBlock {
     }
 }
 
-/// The counters of one topic. Written by its publisher.
+/// Counters of one topic. Written by its publisher.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct TopicBlock {
-    /// Samples published in the present episode, through restarts of the publisher.
+    /// Samples published in the current episode, across restarts of the publisher.
     pub published: AtomicU64,
     /// Time of the last publication, on the run's clock, ns.
     pub last_publish_ns: AtomicU64,
-    /// Lockstep: digest of everything published.
+    /// Lockstep: digest of all published values.
     pub digest: AtomicU64,
     /// Samples that readers of a stream lost.
     pub dropped: AtomicU64,

@@ -1,22 +1,22 @@
-//! Memory for a component's state that outlives a crash of the component.
+//! Memory for a component's state that survives a crash of the component.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 
 use crate::atomics::{Atomics, Native, Site, Word};
 
-/// The most bytes a checkpoint holds.
+/// Capacity of a checkpoint, bytes.
 pub const CHECKPOINT_BYTES: usize = 4096;
 const WORDS: usize = CHECKPOINT_BYTES / 8;
 
-/// A component's saved state in the control block of the run.
+/// Saved state of a component in the control block of the run.
 pub(crate) type CheckpointBlock = Checkpoints<Native, WORDS>;
 
-/// A double buffer of saved numbers with one writer. While one copy is written the other is whole, whenever
-/// the writer is killed.
+/// A double buffer of saved numbers with one writer. While one copy is written, the other is complete, so the
+/// writer may be killed at any time.
 #[derive(Debug)]
 #[repr(C)]
 pub(crate) struct Checkpoints<A: Atomics, const N: usize> {
-    /// Checkpoints saved so far; the newest whole one is in copy `saved % 2`.
+    /// Number of checkpoints saved so far; the newest complete one is in copy `saved % 2`.
     saved: A::U64,
     copies: [[A::U64; N]; 2],
 }
@@ -41,7 +41,7 @@ impl<A: Atomics, const N: usize> Checkpoints<A, N> {
         true
     }
 
-    /// Forgets all that was saved.
+    /// Deletes the saved checkpoints.
     pub(crate) fn forget(&self) {
         self.saved.store(0, A::ordering(Site::Save, Release));
     }

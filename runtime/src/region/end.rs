@@ -1,4 +1,4 @@
-//! The end of a component: a typed cause in the control block, and its words.
+//! The end of a component: a typed cause in the control block, and its text.
 //!
 //! Every decision about an end matches on [`End`]. The text of an error or a panic is only for display.
 
@@ -16,7 +16,7 @@ pub(super) const END_WORDS: usize = 3;
 pub enum End {
     /// Its process exited with this code. Threads and hosted components that stopped count as 0.
     Exited(i32),
-    /// The signal of this number killed its process.
+    /// The signal with this number killed its process.
     Killed(i32),
     /// The launcher killed its process.
     KilledByLauncher,
@@ -42,7 +42,7 @@ pub enum PanicOrigin {
     SharedMemory,
 }
 
-/// A hang, as its watchdog found it.
+/// A hang found by the watchdog.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Hang {
     /// `true` within a step, `false` between two steps.
@@ -72,7 +72,7 @@ pub enum Activity {
 }
 
 impl Activity {
-    /// The state that the kernel shows as this letter.
+    /// Converts the kernel's letter for the state of a thread.
     pub fn from_kernel(state: Option<char>) -> Self {
         match state {
             Some('T' | 't') => Self::Stopped,
@@ -91,7 +91,7 @@ impl Activity {
     }
 }
 
-/// Kinds of encoded ends; 0 is the absence of one.
+/// Kinds of encoded ends; 0 means no end.
 mod kind {
     pub(super) const EXITED: u32 = 1;
     pub(super) const KILLED: u32 = 2;
@@ -103,7 +103,7 @@ mod kind {
 }
 
 impl End {
-    /// Encodes it for the control block. The first word is not 0.
+    /// Encodes the end for the control block. The first word is not 0.
     pub(super) fn to_words(self) -> [u64; END_WORDS] {
         let (kind, detail, first, second) = match self {
             Self::Exited(code) => (kind::EXITED, code as u32, 0, 0),
@@ -165,7 +165,7 @@ impl From<ExitStatus> for End {
     }
 }
 
-/// Writes the end without the text of its error or panic.
+/// Formats the end without the text of its error or panic.
 impl fmt::Display for End {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -218,30 +218,30 @@ pub struct Failure {
     pub tick: u64,
     /// The kind of the failure.
     pub end: End,
-    /// Text of the error or panic; empty if the kind says it all.
+    /// Text of the error or panic; empty if the kind is sufficient.
     pub text: String,
 }
 
 impl Failure {
-    /// An error with its text.
+    /// Creates an error with its text.
     pub fn error(tick: u64, text: String) -> Self {
         Self { tick, end: End::Failed, text }
     }
 
-    /// An end that needs no text.
+    /// Creates an end that needs no text.
     pub fn without_text(tick: u64, end: End) -> Self {
         Self { tick, end, text: String::new() }
     }
 }
 
-/// Writes the text, or the kind if there is no text.
+/// Formats the text, or the kind if there is no text.
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.text.is_empty() { self.end.fmt(f) } else { f.write_str(&self.text) }
     }
 }
 
-/// A panic at a place in a source file, with its text.
+/// Returns the end and text of a panic at a location in a source file.
 pub(crate) fn panic_end(location: Option<&Location<'_>>, message: Option<&str>) -> (End, String) {
     let message = message.unwrap_or("a value that is not text");
     let Some(location) = location else {
@@ -251,7 +251,8 @@ pub(crate) fn panic_end(location: Option<&Location<'_>>, message: Option<&str>) 
     (End::Panicked(origin(location.file())), text)
 }
 
-/// Recognises the sources of iceoryx2 and its parts by the folder of their crate.
+/// Determines the origin of a panic. Sources of iceoryx2 and its parts are recognised by the folder of their
+/// crate.
 fn origin(file: &str) -> PanicOrigin {
     let mut folders = std::path::Path::new(file).iter();
     match folders.any(|folder| folder.as_encoded_bytes().starts_with(b"iceoryx2")) {
@@ -308,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn texts_of_errors_never_decide() {
+    fn error_texts_do_not_affect_decisions() {
         let failure = Failure::error(7, "killed by signal 11 (SIGSEGV) in iceoryx2".to_string());
         assert!(!failure.end.suggests_damage());
         assert_eq!(failure.to_string(), failure.text);
@@ -337,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn panics_keep_place_and_message() {
+    fn panics_keep_location_and_message() {
         let here = Location::caller();
         let (end, text) = panic_end(Some(here), Some("no camera"));
         assert_eq!(end, End::Panicked(PanicOrigin::Component));

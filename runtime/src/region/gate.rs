@@ -1,4 +1,4 @@
-//! The account of a command gate: its state, and the commands it limited and refused.
+//! Statistics of a command gate: its state, and the commands it limited and refused.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64};
@@ -40,7 +40,7 @@ pub enum Latch {
 }
 
 impl Latch {
-    /// Decodes a word of flags: the gravest of them.
+    /// Decodes a word of flags to the most severe one.
     pub fn from_word(word: u32) -> Option<Self> {
         [Self::EmergencyStop, Self::Stop, Self::SafeState].into_iter().find(|latch| word & *latch as u32 != 0)
     }
@@ -117,7 +117,7 @@ impl Refusal {
     ];
 }
 
-/// The account of the command gate of one actuator. Written by its worker.
+/// Statistics of the command gate of one actuator. Written by its worker.
 #[derive(Debug)]
 #[repr(C)]
 pub struct GateBlock {
@@ -132,7 +132,8 @@ pub struct GateBlock {
     entries: AtomicU64,
     /// Start of the current state, on the clock of stamps, ns; 0 before the first step.
     since_ns: AtomicU64,
-    /// Earlier time in the safe state, since the first command and not caused by `motorium stop --now`, ns.
+    /// Earlier time in the safe state since the first command, excluding safe states caused by
+    /// `motorium stop --now`, ns.
     safe_ns: AtomicU64,
     refused: [AtomicU64; Refusal::ALL.len()],
     limited: [[AtomicU64; LimitKind::ALL.len()]; MAX_JOINTS],
@@ -140,7 +141,7 @@ pub struct GateBlock {
 }
 
 impl GateBlock {
-    /// Opens the account for joints of these names.
+    /// Opens the statistics for joints with these names.
     pub fn open<'a>(&self, names: impl Iterator<Item = &'a str>) {
         let mut count = 0;
         for (cells, name) in self.names.iter().zip(names) {
@@ -185,29 +186,30 @@ impl GateBlock {
         self.moves.load(Relaxed) != 0
     }
 
-    /// Number of safe states in which the joints did not come to rest in time.
+    /// Returns the number of safe states in which the joints did not come to rest in time.
     pub fn unsettled(&self) -> u32 {
         self.unsettled.load(Relaxed)
     }
 
-    /// Number of resumes longer than [`RESUME_WITHIN`](crate::safety::RESUME_WITHIN).
+    /// Returns the number of resumes longer than [`RESUME_WITHIN`](crate::safety::RESUME_WITHIN).
     pub fn late_resumes(&self) -> u32 {
         self.late_resumes.load(Relaxed)
     }
 
-    /// Returns to the safe state without counting an entry, since the new episode has no applied command yet.
+    /// Returns to the safe state without counting an entry, because the new episode has no applied command
+    /// yet.
     pub fn begin_episode(&self) {
         self.state.store(GateState::Safe as u32, Relaxed);
         self.since_ns.store(0, Relaxed);
     }
 
-    /// True once a command has been applied.
+    /// Returns `true` once a command has been applied.
     pub fn has_followed(&self) -> bool {
         self.has_followed.load(Relaxed) != 0
     }
 
-    /// Time in the safe state until `now_ns`, since the first command and not caused by `motorium stop
-    /// --now`, ns.
+    /// Returns the time in the safe state from the first command until `now_ns`, ns, excluding safe states
+    /// caused by `motorium stop --now`.
     pub fn safe_ns(&self, now_ns: u64) -> u64 {
         let before_ns = self.safe_ns.load(Relaxed);
         let since_ns = self.since_ns.load(Relaxed);
@@ -230,7 +232,7 @@ impl GateBlock {
         add(&self.refused[reason as usize], 1);
     }
 
-    /// The state.
+    /// Returns the state.
     pub fn state(&self) -> GateState {
         match self.state.load(Relaxed) {
             1 => GateState::Resuming,
@@ -239,22 +241,22 @@ impl GateBlock {
         }
     }
 
-    /// The latch.
+    /// Returns the latch.
     pub fn latch(&self) -> Option<Latch> {
         Latch::from_word(self.latch.load(Relaxed))
     }
 
-    /// Refused commands so far, in the order of [`Refusal::ALL`].
+    /// Returns the number of refused commands so far, in the order of [`Refusal::ALL`].
     pub fn refusals(&self) -> [u64; Refusal::ALL.len()] {
         core::array::from_fn(|reason| self.refused[reason].load(Relaxed))
     }
 
-    /// Number of entries into the safe state after applied commands.
+    /// Returns the number of entries into the safe state after applied commands.
     pub fn entries(&self) -> u64 {
         self.entries.load(Relaxed)
     }
 
-    /// Returns the account so far; `None` if the component opened none.
+    /// Returns the statistics so far; `None` if the component has not opened them.
     pub fn report(&self) -> Option<GateReport> {
         let joints = (self.joints.load(Acquire) as usize).min(MAX_JOINTS);
         if joints == 0 {

@@ -1,5 +1,5 @@
-//! The head of a control block: the commands of the launcher, the phases of components, the latches of a run,
-//! its episode.
+//! The header of a control block: the commands of the launcher, the phases of components, the latches of a
+//! run, and its episode.
 
 use std::sync::atomic::Ordering::{AcqRel, Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU32, AtomicU64};
@@ -46,7 +46,7 @@ pub enum Phase {
 macro_rules! from_word {
     ($type:ident, $fallback:ident, $($variant:ident),*) => {
         impl $type {
-            /// Decodes a word of the control block; an unknown value reads as the most careful variant.
+            /// Decodes a word of the control block. An unknown value is read as the most cautious variant.
             #[inline]
             pub fn from_word(word: u32) -> Self {
                 $( if word == Self::$variant as u32 { return Self::$variant; } )*
@@ -58,7 +58,7 @@ macro_rules! from_word {
 from_word!(Command, Stop, Configure, Connect, Run, SafeStop, Stop);
 from_word!(Phase, Faulted, Created, Ready, Connected, Running, Faulted, Stopped);
 
-/// The head of a control block. Written by the launcher, and by the guard once the launcher is dead.
+/// The header of a control block. Written by the launcher, and by the guard once the launcher is dead.
 #[derive(Debug, Default)]
 #[repr(C, align(64))]
 pub struct Header {
@@ -72,7 +72,7 @@ pub struct Header {
     command: AtomicU32,
     /// Start of the run on `CLOCK_MONOTONIC`, ns.
     pub start_ns: AtomicU64,
-    /// Number of the episode. On the line that workers read in every step.
+    /// Index of the episode, on the cache line that workers read in every step.
     pub episode: AtomicU64,
     /// Process id of the launcher.
     pub launcher: AtomicU32,
@@ -89,17 +89,17 @@ pub struct Header {
     pub guard_alive_ns: AtomicU64,
     /// Time at which the safe stop was ordered, `CLOCK_MONOTONIC` ns; 0 before.
     pub safe_stop_ns: AtomicU64,
-    /// The starts of the present episode and of the one before, by the last bit of their numbers.
+    /// Starts of the current and the previous episode, by the last bit of their indices.
     episode_starts: [StartBlock; 2],
-    /// Real time: number of the episode that the launcher has noted last.
+    /// Real time: index of the episode that the launcher has recorded last.
     episode_noted: AtomicU64,
-    /// One more than the number of the episode that a component has ended last. Written by that component.
+    /// One more than the index of the episode that a component has ended last. Written by that component.
     episode_over: AtomicU64,
-    /// 1 while simulated time is held. Written by tools, and by the program that drives the run.
+    /// 1 while simulated time is paused. Written by tools, and by the program that drives the run.
     paused: AtomicU32,
-    /// Rounds of simulated time that a held run may still make, since its start. Written by tools.
+    /// Number of rounds granted to a paused run, since its start. Written by tools.
     pub rounds_granted: AtomicU64,
-    /// Rounds that a held run has made, since its start.
+    /// Number of rounds that a paused run has done, since its start.
     pub rounds_taken: AtomicU64,
     /// Lockstep: simulated time reached in the episode, ns.
     pub reached_ns: AtomicU64,
@@ -107,7 +107,7 @@ pub struct Header {
     pub turn: TurnBlock,
 }
 
-/// The start of an episode. Written before its number is.
+/// The start of an episode. Written before the index of the episode.
 #[derive(Debug, Default)]
 #[repr(C)]
 struct StartBlock {
@@ -118,7 +118,7 @@ struct StartBlock {
 /// The start of an episode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EpisodeStart {
-    /// Number of the episode, from 0.
+    /// Index of the episode, from 0.
     pub index: u64,
     /// Seed of the episode.
     pub seed: u64,
@@ -126,35 +126,35 @@ pub struct EpisodeStart {
     pub began_ns: u64,
 }
 
-/// Attempts to read the start of an episode while others begin.
+/// Maximum number of attempts to read the start of an episode while others begin.
 const READ_ATTEMPTS: u32 = 8;
 
 impl Header {
-    /// The current command.
+    /// Returns the current command.
     #[inline]
     pub fn command(&self) -> Command {
         Command::from_word(self.command.load(Acquire))
     }
 
-    /// The word that workers wait on for the next command.
+    /// Returns the word that workers wait on for the next command.
     pub fn command_word(&self) -> &AtomicU32 {
         &self.command
     }
 
-    /// Orders a command of all workers. A command is never replaced by a lower one: a late safe stop, of a
+    /// Gives a command to all workers. A command is never replaced by a lower one, so a late safe stop, by a
     /// component or the guard, does not replace a stop.
     pub fn order(&self, command: Command) {
         self.command.fetch_max(command as u32, AcqRel);
         crate::os::futex_wake(&self.command);
     }
 
-    /// Ends an episode when the round is over. One that has ended already does not end its successor: in real
-    /// time a component enters it at its next step.
+    /// Ends an episode when the round is over. If that episode has already ended, this does not end its
+    /// successor, which a component in real time may not have entered yet.
     pub fn end_episode(&self, episode: u64) {
         self.episode_over.store(episode.wrapping_add(1), Relaxed);
     }
 
-    /// True if a component has ended the episode.
+    /// Returns `true` if a component has ended the episode.
     #[inline]
     pub fn is_episode_over(&self) -> bool {
         self.episode_over.load(Relaxed) == self.episode.load(Relaxed).wrapping_add(1)
@@ -166,7 +166,7 @@ impl Header {
         self.reached_ns.store(0, Relaxed);
     }
 
-    /// Begins an episode of this number: workers see it at their next step.
+    /// Begins an episode with this index, which workers enter at their next step.
     fn start_episode(&self, start: EpisodeStart) {
         let block = &self.episode_starts[start.index as usize % 2];
         block.seed.store(start.seed, Release);
@@ -174,9 +174,8 @@ impl Header {
         self.episode.store(start.index, Release);
     }
 
-    /// Begins the next episode in real time. For its one driver. Returns false, and does nothing, while the
-    /// launcher has not
-    /// [noted](Self::note_episode) the present one.
+    /// Begins the next episode in real time. Only for the single driver of episodes. Returns `false` and has
+    /// no effect until the launcher has [recorded](Self::note_episode) the current one.
     pub(crate) fn begin_next_episode(&self, seed: u64, now_ns: u64) -> bool {
         let index = self.episode.load(Relaxed);
         let is_noted = self.episode_noted.load(Acquire) == index;
@@ -186,13 +185,13 @@ impl Header {
         is_noted
     }
 
-    /// Allows the next episode to begin: this one is in the account of the launcher.
+    /// Allows the next episode to begin, after the launcher has recorded this one.
     pub(crate) fn note_episode(&self, index: u64) {
         self.episode_noted.store(index, Release);
     }
 
-    /// The start of the present episode. `None` while others begin faster than they can be read: only in a
-    /// damaged control block.
+    /// Returns the start of the current episode; `None` if episodes begin faster than they can be read, which
+    /// only happens in a damaged control block.
     pub fn episode_start(&self) -> Option<EpisodeStart> {
         for _ in 0..READ_ATTEMPTS {
             let index = self.episode.load(Acquire);
@@ -205,12 +204,12 @@ impl Header {
         None
     }
 
-    /// Holds simulated time, or lets it go on.
+    /// Pauses or continues simulated time.
     pub fn pause(&self, paused: bool) {
         self.paused.store(u32::from(paused), Release);
     }
 
-    /// True if simulated time is held.
+    /// Returns `true` if simulated time is paused.
     pub fn is_paused(&self) -> bool {
         self.paused.load(Acquire) != 0
     }
@@ -222,7 +221,7 @@ impl Header {
         }
     }
 
-    /// The latch of the run, the gravest if there are several.
+    /// Returns the latch of the run, or the most severe one if there are several.
     #[inline]
     pub fn latched(&self) -> Option<Latch> {
         match self.latch.load(Acquire) {
@@ -237,7 +236,7 @@ impl Header {
         self.resumes.fetch_add(1, AcqRel);
     }
 
-    /// Number of releases so far.
+    /// Returns the number of releases so far.
     #[inline]
     pub fn resumes(&self) -> u32 {
         self.resumes.load(Acquire)
@@ -249,11 +248,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_episode_waits_until_the_one_before_is_noted() {
+    fn episode_waits_until_the_previous_one_is_recorded() {
         let header = Header::default();
         assert!(header.begin_next_episode(7, 100));
         assert_eq!(header.episode_start(), Some(EpisodeStart { index: 1, seed: 7, began_ns: 100 }));
-        assert!(!header.begin_next_episode(8, 200), "the launcher has not seen episode 1");
+        assert!(!header.begin_next_episode(8, 200), "the launcher has not recorded episode 1");
         header.end_episode(1);
         header.note_episode(1);
         assert!(header.begin_next_episode(8, 300));

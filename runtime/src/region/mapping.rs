@@ -1,6 +1,6 @@
 //! The mapped file of a control block.
 
-#![allow(unsafe_code)] // the one place where mapped bytes become blocks
+#![allow(unsafe_code)] // the only place where mapped bytes become blocks
 
 use std::fs::OpenOptions;
 use std::os::unix::fs::OpenOptionsExt as _;
@@ -16,10 +16,10 @@ use crate::plan::Plan;
 /// First word of every control block; the low digits are the version of its layout.
 const MAGIC: u64 = 0x6d6f_746f_7269_000b;
 
-/// Error of making or opening a control block.
+/// Error of creating or opening a control block.
 #[derive(Debug, thiserror::Error)]
 pub enum RegionError {
-    /// The file system refused it.
+    /// A file operation failed.
     #[error("{path}: {source}")]
     Io {
         /// The file.
@@ -27,12 +27,12 @@ pub enum RegionError {
         /// The error of the system.
         source: std::io::Error,
     },
-    /// The file is no control block, is one of another version of motorium, or is cut short.
+    /// The file is not a control block of this version of motorium, or is truncated.
     #[error("{path}: {found}; expected the shared memory of a run made by this version of motorium")]
     NotARegion {
         /// The file.
         path: PathBuf,
-        /// The value found.
+        /// Description of the found content.
         found: String,
     },
 }
@@ -44,7 +44,7 @@ struct Counts {
     topics: usize,
     latencies: usize,
     edges: usize,
-    /// Events of the trace of each component: a power of two, or 0.
+    /// Number of events in the trace of each component: a power of two, or 0.
     traced: usize,
 }
 
@@ -83,7 +83,7 @@ impl Counts {
         self.latencies_at() + self.latencies * size_of::<LatencyBlock>()
     }
 
-    /// The heads of the rings, followed by the slots of each ring.
+    /// Returns the offset of the heads of the rings, which are followed by the slots of each ring.
     fn trace_at(self) -> usize {
         self.edges_at() + self.edges * size_of::<EdgeBlock>()
     }
@@ -102,7 +102,8 @@ pub struct Region {
     counts: Counts,
 }
 
-/// A digest of the layout of all parts of a control block: programs that share one have the same.
+/// Returns a digest of the layout of all parts of a control block, which is equal in programs that can share
+/// one.
 pub fn layout_digest() -> String {
     let mut digest = crate::state::Digest::default();
     digest.write_u64(MAGIC);
@@ -129,12 +130,12 @@ pub fn layout_digest() -> String {
 }
 
 impl Region {
-    /// The size of the control block of a plan, bytes.
+    /// Returns the size of the control block of a plan, bytes.
     pub fn bytes(plan: &Plan) -> usize {
         Counts::from_plan(plan).bytes()
     }
 
-    /// Returns `true` if it has the blocks of this plan; a damaged one may not.
+    /// Returns `true` if it has the blocks of this plan; a damaged control block may not.
     pub fn fits(&self, plan: &Plan) -> bool {
         self.counts == Counts::from_plan(plan)
     }
@@ -168,7 +169,7 @@ impl Region {
     /// Opens the control block of a run.
     ///
     /// # Errors
-    /// The file cannot be opened, or is no control block of this version.
+    /// The file cannot be opened, or is not a control block of this version.
     pub fn open(path: &Path) -> Result<Self, RegionError> {
         let io = |source| RegionError::Io { path: path.to_path_buf(), source };
         let wrong = |found: String| RegionError::NotARegion { path: path.to_path_buf(), found };
@@ -203,43 +204,43 @@ impl Region {
         Ok(region)
     }
 
-    /// The header.
+    /// Returns the header.
     #[inline]
     pub fn header(&self) -> &Header {
-        // SAFETY: the mapping is page-aligned and at least a header long (checked when it was made or
-        // opened); a header is all atomics, valid for any bytes and shareable between processes.
+        // SAFETY: the mapping is page-aligned and at least a header long (checked on creation and opening); a
+        // header consists of atomics, valid for any bytes and shareable between processes.
         unsafe { &*self.memory.as_ptr().cast::<Header>() }
     }
 
-    /// The log of events.
+    /// Returns the event log.
     pub fn events(&self) -> &EventLog {
         &self.blocks(size_of::<Header>(), 1)[0]
     }
 
-    /// The block of each component, in the order of the plan.
+    /// Returns the block of each component, in the order of the plan.
     #[inline]
     pub fn components(&self) -> &[ComponentBlock] {
         self.blocks(Counts::COMPONENTS_AT, self.counts.components)
     }
 
-    /// The block of each topic, in the order of the plan.
+    /// Returns the block of each topic, in the order of the plan.
     #[inline]
     pub fn topics(&self) -> &[TopicBlock] {
         self.blocks(self.counts.topics_at(), self.counts.topics)
     }
 
-    /// The block of each latency budget, in the order of the plan.
+    /// Returns the block of each latency budget, in the order of the plan.
     pub fn latencies(&self) -> &[LatencyBlock] {
         self.blocks(self.counts.latencies_at(), self.counts.latencies)
     }
 
-    /// The block of each edge, in the order of [`Plan::edges`].
+    /// Returns the block of each edge, in the order of [`Plan::edges`].
     #[inline]
     pub fn edges(&self) -> &[EdgeBlock] {
         self.blocks(self.counts.edges_at(), self.counts.edges)
     }
 
-    /// The ring of a component's trace, if the run is traced.
+    /// Returns the ring of a component's trace, if the run is traced.
     #[inline]
     pub(super) fn trace(&self, component: usize) -> Option<TraceRing<'_>> {
         if self.counts.traced == 0 || component >= self.counts.components {
@@ -253,8 +254,9 @@ impl Region {
     #[inline]
     fn blocks<T>(&self, offset: usize, count: usize) -> &[T] {
         debug_assert!(offset + count * size_of::<T>() <= self.memory.len());
-        // SAFETY: in bounds (the size was checked against the counts), aligned (all blocks and the header are
-        // aligned to 64 bytes and so are their sizes), all atomics and so valid for any bytes and shareable.
+        // SAFETY: in bounds (the size was checked against the counts), aligned (the header and all blocks
+        // have sizes and alignments in multiples of 64 bytes), and consisting of atomics, which are valid for
+        // any bytes and shareable.
         unsafe { core::slice::from_raw_parts(self.memory.as_ptr().add(offset).cast::<T>(), count) }
     }
 }

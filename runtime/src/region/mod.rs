@@ -1,8 +1,8 @@
-//! The control block of a run: its lifecycle, the ticks of lockstep, its measurements, in shared memory.
+//! The control block of a run in shared memory: its lifecycle, the ticks of lockstep, and its measurements.
 //!
-//! One file in the run's folder, mapped by the launcher, every worker, the guard and the tools. All of it is
-//! atomics, for which zero bytes are valid; each part has one writer, named in its docs, but the log of
-//! events, which has several.
+//! It is a file in the run's folder, mapped by the launcher, every worker, the guard and the tools. It
+//! consists of atomics, for which zero bytes are valid. Each part has one writer, named in its docs, except
+//! for the event log, which has several.
 
 mod blocks;
 mod checkpoint;

@@ -1,9 +1,9 @@
-//! Trace of a run: a ring of step events per component, in the control block of a traced run.
+//! The trace of a run: a ring of step events per component, in the control block of a traced run.
 //!
-//! A ring is wait-free, with one writer, the worker of its component, and any number of readers. An event is
-//! four words, and `written` counts the complete ones. The next event goes into the slot of the oldest one: a
-//! reader accepts an event only if `written`, read after the words, shows that its slot was not the next to
-//! be written.
+//! A ring is wait-free, with one writer, the worker of its component, and any number of readers. An event has
+//! four words, and `written` counts complete events. The next event replaces the oldest one. A reader
+//! therefore accepts an event only if `written`, read after the words, shows that its slot was not the next
+//! to be written.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU64, fence};
@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU64, fence};
 pub(super) const MOST_EVENTS: usize = 1 << 20;
 /// Words of an event.
 const WORDS: usize = 4;
-/// Bits of the first word below the kind of the event.
+/// Position of the kind of an event in its first word, bits.
 const KIND_AT: u32 = 56;
 
 /// The head of a ring. Written by the worker of its component.
@@ -23,7 +23,7 @@ pub(super) struct TraceHead {
     pub(super) written: AtomicU64,
 }
 
-/// The place of one event.
+/// Slot of one event.
 #[derive(Debug, Default)]
 #[repr(C)]
 pub(super) struct TraceSlot(pub(super) [AtomicU64; WORDS]);
@@ -32,22 +32,22 @@ pub(super) struct TraceSlot(pub(super) [AtomicU64; WORDS]);
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TraceRing<'a> {
     pub(super) head: &'a TraceHead,
-    /// A power of two of them.
+    /// Slots, whose number is a power of two.
     pub(super) slots: &'a [TraceSlot],
 }
 
-/// An event in the trace of a component. A step follows everything published and read in it.
+/// An event in the trace of a component. A step follows all publications and reads in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TraceEvent {
     /// A step has ended.
     Step {
-        /// Number of the step, from 0, through restarts and episodes.
+        /// Index of the step, from 0, across restarts and episodes.
         number: u64,
         /// Release time, ns on the clock of stamps: simulated time in lockstep.
         release_ns: u64,
-        /// Its beginning, `CLOCK_MONOTONIC` ns.
+        /// Start of the step, `CLOCK_MONOTONIC` ns.
         begin_ns: u64,
-        /// Its end, `CLOCK_MONOTONIC` ns.
+        /// End of the step, `CLOCK_MONOTONIC` ns.
         end_ns: u64,
     },
     /// A sample was published.
@@ -92,7 +92,7 @@ impl TraceEvent {
         }
     }
 
-    /// `None` if the words are not an event: the ring is damaged.
+    /// Decodes an event. Returns `None` if the words are not an event, because the ring is damaged.
     pub(super) fn decode([first, a, b, c]: [u64; WORDS]) -> Option<Self> {
         let number = first & ((1 << KIND_AT) - 1);
         let index = number as usize;
@@ -106,17 +106,17 @@ impl TraceEvent {
 }
 
 impl TraceRing<'_> {
-    /// Writes the event of this number, counted from 0, in place of the oldest one.
+    /// Writes the event with this number, counted from 0, over the oldest one.
     #[inline(always)]
     pub(super) fn write(self, number: u64, event: TraceEvent) {
-        // Readers that see parts of the next words also see the number of the previous event.
+        // Readers that see any of the following words also see the number of the previous event.
         fence(Release);
         let slot = &self.slots[number as usize & (self.slots.len() - 1)];
         event.encode().into_iter().zip(&slot.0).for_each(|(word, cell)| cell.store(word, Relaxed));
         self.head.written.store(number + 1, Release);
     }
 
-    /// Reads the event of a number below `written`; `None` if it was overwritten.
+    /// Reads the event with a number below `written`; `None` if it was overwritten.
     pub(super) fn read(self, number: u64) -> Option<[u64; WORDS]> {
         let slot = &self.slots[number as usize & (self.slots.len() - 1)];
         let words = core::array::from_fn(|word| slot.0[word].load(Relaxed));

@@ -1,4 +1,4 @@
-//! The two ends of a component's trace: its writer in the worker, its readers elsewhere.
+//! The writer of a component's trace in its worker, and the readers elsewhere.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -19,7 +19,7 @@ impl TraceWriter {
     /// Opens the writer of a component, continuing after its predecessor; `None` without a trace.
     pub(crate) fn open(region: &Rc<Region>, component: usize) -> Option<Self> {
         let ring = region.trace(component)?;
-        // Maps the pages before the first step by a write that changes nothing.
+        // A write that changes nothing maps the pages before the first step.
         ring.slots.iter().for_each(|slot| {
             slot.0[0].fetch_or(0, Relaxed);
         });
@@ -60,7 +60,7 @@ pub struct TraceReader {
 }
 
 impl TraceReader {
-    /// A reader of the component of this index in the plan, from its first event on.
+    /// Creates a reader for the component with this index in the plan, from its first event on.
     pub fn new(component: usize) -> Self {
         Self { component, read: 0, lost: 0 }
     }
@@ -71,7 +71,7 @@ impl TraceReader {
         let written = ring.head.written.load(Acquire);
         // Numbers only increase, except in a damaged ring.
         self.read = self.read.min(written);
-        // The event being written occupies the oldest one's slot.
+        // The event being written replaces the oldest one.
         let oldest = written.saturating_sub(ring.slots.len() as u64 - 1);
         self.lost += oldest.saturating_sub(self.read);
         self.read = self.read.max(oldest);
@@ -82,7 +82,7 @@ impl TraceReader {
         events
     }
 
-    /// Number of events overwritten before this reader read them.
+    /// Returns the number of events overwritten before this reader read them.
     pub fn lost(&self) -> u64 {
         self.lost
     }

@@ -1,8 +1,9 @@
-//! The turn of lockstep: the right to step, held by one component or the launcher at a time.
+//! The turn of lockstep, which is the right to step, held by one component or the launcher at a time.
 //!
 //! The launcher passes the turn to the first component of a round. After its step, each holder passes it to
-//! the next due component, in this round or the next, without waking the launcher, or back to the launcher if
-//! it may not continue. If a process dies with the turn, the launcher detects this and takes the turn back.
+//! the next due component in this round or the next, without waking the launcher. A holder that may not
+//! continue returns it to the launcher. If a process dies with the turn, the launcher detects this and takes
+//! the turn back.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU32, AtomicU64};
@@ -10,7 +11,7 @@ use std::time::Duration;
 
 use crate::os::{futex_wait, futex_wake};
 
-/// The turn of a run. Written by its holder, and by the launcher for a holder that is dead.
+/// The turn of a run. Written by its holder, or by the launcher in place of a dead holder.
 #[derive(Debug, Default)]
 #[repr(C)]
 pub struct TurnBlock {
@@ -21,7 +22,7 @@ pub struct TurnBlock {
     until_ns: AtomicU64,
     /// Number of further rounds that may start without the launcher.
     rounds_left: AtomicU64,
-    /// Number of calls of the launcher: the word on which it sleeps.
+    /// Number of calls of the launcher, which is the word it sleeps on.
     called: AtomicU32,
 }
 
@@ -46,27 +47,27 @@ impl Turn {
 }
 
 impl TurnBlock {
-    /// The present turn.
+    /// Returns the current turn.
     #[inline]
     pub(crate) fn now(&self) -> Turn {
         Turn::from_word(self.word.load(Acquire))
     }
 
-    /// Passes the turn to a party that still has to be called. By the holder only.
+    /// Passes the turn to a party that still has to be called. Only for the holder.
     #[inline]
     pub(crate) fn pass(&self, giver: Option<usize>, holder: Option<usize>) {
         let number = self.now().number.wrapping_add(1);
         self.word.store(Turn { number, giver, holder }.word(), Release);
     }
 
-    /// Returns the turn to the launcher, and wakes it.
+    /// Returns the turn to the launcher and wakes it.
     pub(crate) fn give_back(&self, giver: usize) {
         self.pass(Some(giver), None);
         self.called.fetch_add(1, Release);
         futex_wake(&self.called);
     }
 
-    /// Sleeps until the launcher is called or a timeout, unless it has the turn.
+    /// Sleeps until the launcher is called or a timeout, unless the launcher has the turn.
     pub(crate) fn await_call(&self, timeout: Duration) {
         let called = self.called.load(Acquire);
         if self.now().holder.is_some() {
@@ -80,7 +81,7 @@ impl TurnBlock {
         self.rounds_left.store(rounds, Relaxed);
     }
 
-    /// Returns `true` if the round of a time may start without the launcher.
+    /// Returns `true` if the round at a time may start without the launcher.
     #[inline]
     pub(crate) fn may_begin(&self, round_ns: u64) -> bool {
         round_ns < self.until_ns.load(Relaxed) && self.rounds_left.load(Relaxed) > 0
@@ -92,7 +93,7 @@ impl TurnBlock {
         self.rounds_left.store(self.rounds_left.load(Relaxed).saturating_sub(1), Relaxed);
     }
 
-    /// Number of further rounds that may start.
+    /// Returns the number of further rounds that may start.
     pub(crate) fn rounds_left(&self) -> u64 {
         self.rounds_left.load(Relaxed)
     }
@@ -103,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_turn_has_one_holder_and_each_is_another() {
+    fn every_turn_is_distinct_and_has_one_holder() {
         let block = TurnBlock::default();
         assert_eq!((block.now().giver, block.now().holder), (None, None), "at the start the launcher has it");
         block.pass(None, Some(511));
@@ -113,7 +114,7 @@ mod tests {
         assert_ne!(block.now(), first, "the same party again is another turn");
         block.give_back(511);
         assert_eq!((block.now().giver, block.now().holder), (Some(511), None));
-        block.await_call(Duration::from_secs(60)); // returns at once: the launcher has it
+        block.await_call(Duration::from_secs(60)); // returns immediately, because the launcher has it
     }
 
     #[test]

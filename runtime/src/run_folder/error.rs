@@ -8,7 +8,7 @@ use crate::region::RegionError;
 /// Error of a run's folder.
 #[derive(Debug, thiserror::Error)]
 pub enum RunFolderError {
-    /// The file system refused.
+    /// A file operation failed.
     #[error("{path}: {source}")]
     Io {
         /// The file or folder.
@@ -16,7 +16,7 @@ pub enum RunFolderError {
         /// The error of the system.
         source: std::io::Error,
     },
-    /// Other users could reach into the folder.
+    /// Other users could access the folder.
     #[error("{path} is {found}: the runs of a user must be private to them; {advice}", path = .path.display())]
     NotPrivate {
         /// The folder.
@@ -26,7 +26,7 @@ pub enum RunFolderError {
         /// Advice, in one sentence.
         advice: String,
     },
-    /// The plan is not one this version reads.
+    /// This version cannot read the plan.
     #[error("{path} is not a plan of this version of motorium: {reason}")]
     Plan {
         /// The plan's file.

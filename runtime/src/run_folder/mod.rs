@@ -19,14 +19,14 @@ use crate::plan::Plan;
 use crate::region::Region;
 use error::io;
 
-/// Age below which a folder without a holder may still be under construction.
+/// Age below which a folder without a lock holder may still be under construction.
 const YOUNG: Duration = Duration::from_secs(5);
 
-/// The folder of one run: `$XDG_RUNTIME_DIR/motorium/RUN` if the system provides it for this user, else
+/// The folder of one run: `$XDG_RUNTIME_DIR/motorium/RUN` if the system sets that variable, else
 /// `/dev/shm/motorium-UID/RUN`. It is in memory, private to the user, and removed when the run ends.
 ///
-/// The launcher and its guard hold a [lock](Lock) on it, which ends with them. The lock shows whether a run
-/// is alive, in any process namespace.
+/// The launcher and its guard hold a [lock](Lock) on it, which the system releases when they end. The lock
+/// shows in any process namespace whether a run is alive.
 #[derive(Debug, Clone)]
 pub struct RunFolder {
     path: PathBuf,
@@ -35,23 +35,24 @@ pub struct RunFolder {
     locks: Option<Arc<[Lock; 2]>>,
 }
 
-/// Writes a file that its owner alone can read.
+/// Writes a file that only its owner can read.
 fn write_private(path: &Path, content: &[u8]) -> std::io::Result<()> {
     let mut file = fs::OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(path)?;
     file.write_all(content)
 }
 
-/// Returns a random name of ten unambiguous letters and digits: 50 random bits.
+/// Returns a random name of ten unambiguous letters and digits, which is 50 random bits.
 fn unguessable() -> std::io::Result<String> {
     const LETTERS: &[u8; 32] = b"0123456789abcdefghjkmnpqrstvwxyz";
     Ok(random_bytes::<10>()?.iter().map(|byte| char::from(LETTERS[usize::from(byte % 32)])).collect())
 }
 
 impl RunFolder {
-    /// Makes the folder of a new run of a plan, with the plan and an empty control block in it, and holds it.
+    /// Creates the folder of a new run of a plan, containing the plan and an empty control block, and locks
+    /// it.
     ///
     /// # Errors
-    /// Shared memory is full or forbidden, or the folder of this user's runs is not private.
+    /// Shared memory is full or inaccessible, or the folder of this user's runs is not private.
     pub fn create(plan: &Plan) -> Result<(Self, Region), RunFolderError> {
         let name: String = plan.name.chars().take(24).collect();
         let id = format!("{name}-{}", unguessable().map_err(io(Path::new("the random source")))?);
@@ -62,9 +63,9 @@ impl RunFolder {
         let runs = place::make()?;
         let mut this = Self { path: runs.join(&id), id: id.clone(), locks: None };
         let made = this.domain().and_then(|domain| Ok(domain.prepare()?)).and_then(|()| {
-            // From here on others see the run, and may join its domain.
+            // From here on the run is visible, and other programs may join its domain.
             this.path = match make(runs.clone()) {
-                // The last other run has just ended, and its folder was removed.
+                // The last other run has just ended and removed the folder.
                 Err(error) if error.kind() == std::io::ErrorKind::NotFound => make(place::make()?),
                 made => made,
             }
@@ -88,7 +89,7 @@ impl RunFolder {
         Ok(region)
     }
 
-    /// Holds the run: while this value or a clone of it exists, the run is alive.
+    /// Locks the run: while this value or a clone of it exists, the run is alive.
     ///
     /// # Errors
     /// The folder no longer exists, or no descriptor is available.
@@ -99,19 +100,19 @@ impl RunFolder {
         Ok(())
     }
 
-    /// Files whose locks indicate that the folder, and the domain's objects, are in use. Two, since a
-    /// container may share only one of the locations with its host.
+    /// Returns the files whose locks indicate that the folder and the domain's objects are in use. There are
+    /// two, because a container may share only one of the locations with its host.
     fn lock_files(&self) -> Result<(PathBuf, PathBuf), RunFolderError> {
         Ok((self.path.join("lock"), self.domain()?.lock_file()))
     }
 
-    /// The folder of an existing run.
+    /// Opens the folder of an existing run.
     pub fn open(path: &Path) -> Self {
         let id = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         Self { path: path.to_path_buf(), id, locks: None }
     }
 
-    /// Returns the folder for new runs, checked if it exists.
+    /// Returns the folder for new runs, and checks it if it exists.
     ///
     /// # Errors
     /// The folder is not private to this user.
@@ -125,14 +126,14 @@ impl RunFolder {
         }
     }
 
-    /// The run of this user with this id.
+    /// Finds the run of this user with this id.
     pub fn find(id: &str) -> Option<Self> {
         Self::list().into_iter().find(|run| run.id == id)
     }
 
     /// Returns all runs of this user, newest first, alive or abandoned by a crash.
     pub fn list() -> Vec<Self> {
-        // A location that others could have written contains no run of this user.
+        // A location that other users could have written to contains no run of this user.
         let places = place::all().into_iter().filter(|path| place::check(path).is_ok());
         let mut runs: Vec<(SystemTime, Self)> = places
             .filter_map(|place| fs::read_dir(place).ok())
@@ -148,17 +149,17 @@ impl RunFolder {
         runs.into_iter().map(|(_, run)| run).collect()
     }
 
-    /// Name of the run: the graph's name and a number.
+    /// Returns the id of the run: the graph's name and a random suffix.
     pub fn id(&self) -> &str {
         &self.id
     }
 
-    /// Path of the folder.
+    /// Returns the path of the folder.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The run's plan.
+    /// Reads the run's plan.
     ///
     /// # Errors
     /// The plan cannot be read.
@@ -169,7 +170,7 @@ impl RunFolder {
             .map_err(|error| RunFolderError::Plan { path: file, reason: error.to_string() })
     }
 
-    /// The run's control block.
+    /// Maps the run's control block.
     ///
     /// # Errors
     /// The control block cannot be mapped.
@@ -177,10 +178,10 @@ impl RunFolder {
         Ok(Region::open(&self.path.join("region"))?)
     }
 
-    /// The run's iceoryx2 domain.
+    /// Returns the run's iceoryx2 domain.
     ///
     /// # Errors
-    /// The run's name cannot name a domain.
+    /// The run's name is not a valid name of a domain.
     pub fn domain(&self) -> Result<Domain, RunFolderError> {
         Ok(Domain::new(&self.path, &self.id)?)
     }
@@ -190,7 +191,7 @@ impl RunFolder {
         self.lock_files().is_ok_and(|(folder, objects)| is_held(&folder) || is_held(&objects))
     }
 
-    /// Returns `true` if it was abandoned: nobody holds it, and it is not under construction.
+    /// Returns `true` if the run was abandoned: it is not locked and not under construction.
     pub fn is_abandoned(&self) -> bool {
         let made = fs::metadata(&self.path).and_then(|metadata| metadata.modified());
         let is_old = made.is_ok_and(|made| made.elapsed().is_ok_and(|age| age > YOUNG));
@@ -207,7 +208,7 @@ impl RunFolder {
         write_private(&file, result.to_string().as_bytes()).map_err(io(&file))
     }
 
-    /// The result that a component saved.
+    /// Returns the saved result of a component.
     pub fn result(&self, component: &str) -> Option<serde_json::Value> {
         serde_json::from_slice(&fs::read(self.result_file(component)).ok()?).ok()
     }
@@ -217,7 +218,7 @@ impl RunFolder {
     }
 
     /// Removes the run from shared memory: the domain's objects, the control block, the folder. Returns the
-    /// removed objects of the domain. Only for a run without processes.
+    /// removed objects of the domain. Only for runs without processes.
     pub fn remove(&self) -> Vec<PathBuf> {
         let removed = self.domain().map(|domain| domain.remove()).unwrap_or_default();
         let _ = fs::remove_dir_all(&self.path);

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use super::error::{RunFolderError, io};
 
-/// Returns the folder for new runs of this user: `$XDG_RUNTIME_DIR/motorium` if the system provides it, else
-/// `/dev/shm/motorium-UID`. It is created if missing.
+/// Returns the folder for new runs of this user: `$XDG_RUNTIME_DIR/motorium` if the system sets that
+/// variable, else `/dev/shm/motorium-UID`. It is created if missing.
 ///
 /// # Errors
 /// The folder cannot be created, or others could access it.
@@ -21,22 +21,22 @@ pub(super) fn make() -> Result<PathBuf, RunFolderError> {
     Ok(path)
 }
 
-/// Restricts a folder of this user that others can read but not write: iceoryx2 creates such a folder when a
-/// program joins the last run just as it ends. Others cannot have created anything in it.
+/// Restricts access to a folder of this user that other users can read but not write. iceoryx2 creates such a
+/// folder when a program joins the last run just as it ends. Other users cannot have created anything in it.
 fn close(path: &Path) {
     let Ok(metadata) = fs::symlink_metadata(path) else { return };
     let is_own = metadata.is_dir() && metadata.uid() == rustix::process::getuid().as_raw();
     if is_own && metadata.mode() & 0o077 != 0 && metadata.mode() & 0o022 == 0 {
-        // What stays open is refused.
+        // A folder that remains accessible is refused later.
         let _ = fs::set_permissions(path, fs::Permissions::from_mode(0o700));
     }
 }
 
-/// All folders that may contain runs of this user, the one for new runs first.
+/// Returns all folders that may contain runs of this user, the folder for new runs first.
 pub(super) fn all() -> Vec<PathBuf> {
     let user = rustix::process::getuid().as_raw();
     let named = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
-    // A shell without the variable, such as with `sudo` or in a service, still finds the runs.
+    // This finds the runs in a shell without the variable, too, such as with `sudo` or in a service.
     let usual = PathBuf::from(format!("/run/user/{}", outer(user)));
     let named_first = named.into_iter().map(|path| (path, true)).chain([(usual, false)]);
     let mut places: Vec<(PathBuf, bool)> = Vec::new();
@@ -52,12 +52,12 @@ pub(super) fn all() -> Vec<PathBuf> {
     named.into_iter().map(inside).chain([shared]).chain(unnamed.into_iter().map(inside)).collect()
 }
 
-/// User id outside this user namespace, since shared memory is global.
+/// Returns the user id outside this user namespace, because shared memory is global.
 fn outer(user: u32) -> u32 {
     mapped(user, &fs::read_to_string("/proc/self/uid_map").unwrap_or_default()).unwrap_or(user)
 }
 
-/// Maps an id to the outer one by the lines of a map: first inside, first outside, count.
+/// Maps an id to the outer one by the lines of a map: first inner id, first outer id, count.
 fn mapped(user: u32, map: &str) -> Option<u32> {
     map.lines().find_map(|line| {
         let mut numbers = line.split_whitespace().map(|number| number.parse::<u32>().ok());
@@ -76,7 +76,10 @@ pub(super) fn check(path: &Path) -> Result<(), RunFolderError> {
     };
     if !metadata.is_dir() {
         let found = if metadata.is_symlink() { "a symbolic link" } else { "no folder" };
-        return refuse(found.into(), format!("look who made it, and remove it: `rm {}`", path.display()));
+        return refuse(
+            found.into(),
+            format!("find out who created it, then remove it: `rm {}`", path.display()),
+        );
     }
     if metadata.uid() != user {
         let advice = if is_mapped_elsewhere() {
@@ -91,7 +94,7 @@ pub(super) fn check(path: &Path) -> Result<(), RunFolderError> {
         let found = format!("open to other users (mode {:o})", metadata.mode() & 0o7777);
         return refuse(
             found,
-            format!("look whether anything in it is not yours, then `chmod 700 {}`", path.display()),
+            format!("check that all of its content is yours, then `chmod 700 {}`", path.display()),
         );
     }
     Ok(())

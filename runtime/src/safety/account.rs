@@ -1,14 +1,14 @@
-//! The account of the gates in the control block of their actuator.
+//! Statistics of the gates in the control block of their actuator.
 
 use core::cell::Cell;
 
 use crate::region::{ComponentBlock, LimitKind, Refusal, add};
 
-/// The account of limited and refused commands.
+/// Statistics of limited and refused commands.
 pub trait Account {
-    /// A command exceeded a limit of a joint.
+    /// Counts a command that exceeded a limit of a joint.
     fn limited(&self, joint: usize, kind: LimitKind);
-    /// A command was refused.
+    /// Counts a refused command.
     fn refused(&self, reason: Refusal);
 }
 
@@ -23,22 +23,22 @@ impl Account for ComponentBlock {
     }
 }
 
-/// The part of an actuator's account that one gate writes.
+/// The part of an actuator's statistics that one gate writes.
 pub(super) struct GroupAccount<'a> {
     block: &'a ComponentBlock,
     first: usize,
-    /// The command that was offered has been refused.
+    /// True if the offered command was refused.
     pub(super) has_refused: Cell<bool>,
 }
 
 impl<'a> GroupAccount<'a> {
-    /// The account of a gate whose first joint has this number among those of the actuator.
+    /// Creates the statistics of a gate whose first joint has this index among the actuator's joints.
     pub(super) fn new(block: &'a ComponentBlock, first: usize) -> Self {
         Self { block, first, has_refused: Cell::new(false) }
     }
 }
 
-/// An account of a command that is only looked at.
+/// Discards the statistics of a command that is only evaluated.
 pub(super) struct NoAccount;
 
 impl Account for NoAccount {

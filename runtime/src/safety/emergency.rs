@@ -11,11 +11,11 @@ use crate::transport::Input;
 /// The emergency stop at one step of an actuator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum StopSignal {
-    /// The newest value is fresh and does not stop.
+    /// The newest value is fresh and does not stop the robot.
     Released,
-    /// No value has been published yet, and the first one is not overdue: nothing may move.
+    /// No value has been published yet, and the first one is not overdue. Nothing may move.
     Awaited,
-    /// The newest value stops, or no value has come for longer than `emergency_stop_max_age`.
+    /// The newest value stops the robot, or is older than `emergency_stop_max_age`.
     Pressed,
 }
 
@@ -26,18 +26,18 @@ pub(super) struct StopInput {
     silence: Silence,
 }
 
-/// The time for which the topic may stay silent.
+/// Monitors the age of the newest value.
 #[derive(Debug, Clone, Copy)]
 struct Silence {
-    /// Longest age of the newest value, ns; 0 for any.
+    /// Maximum age of the newest value, ns; 0 for any age.
     max_age_ns: u64,
-    /// Time of the first step, from which the first value is awaited, ns; 0 before.
+    /// Time of the first step, from which the age of a missing first value counts, ns; 0 before.
     since_ns: u64,
 }
 
 impl StopInput {
-    /// Opens the input that `[safety] emergency_stop` gives every actuator; `None` if the graph names no
-    /// topic.
+    /// Opens the input that every actuator has because of `[safety] emergency_stop`. Returns `None` if the
+    /// graph names no topic.
     pub(super) fn open(setup: &mut Setup) -> Result<Option<Self>, ConfigureError> {
         if !setup.has_input(EMERGENCY_STOP_PORT) {
             return Ok(None);
@@ -47,7 +47,7 @@ impl StopInput {
         Ok(Some(Self { input, silence: Silence { max_age_ns, since_ns: 0 } }))
     }
 
-    /// Forgets when it began to listen, for a new episode.
+    /// Restarts the wait for the first value, for a new episode.
     pub(super) fn reset(&mut self) {
         self.silence.since_ns = 0;
     }
@@ -61,14 +61,14 @@ impl StopInput {
 }
 
 impl Silence {
-    /// Judges the newest value: whether it stops, and when it was published, ns.
+    /// Evaluates the newest value, given as a flag (`true` to stop) and its publication time, ns.
     #[inline]
     fn judge(&mut self, newest: Option<(bool, u64)>, now_ns: u64) -> StopSignal {
         if self.since_ns == 0 {
             self.since_ns = now_ns.max(1);
         }
-        // A value from before the first step, such as before a restart of the actuator, is given its time
-        // again.
+        // The age of a value from before the first step, such as before a restart of the actuator, counts
+        // from that step.
         let heard_ns = newest.map_or(0, |(_, published_ns)| published_ns).max(self.since_ns);
         let is_silent = self.max_age_ns != 0 && now_ns.saturating_sub(heard_ns) > self.max_age_ns;
         match newest {
@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn a_silent_feeder_counts_as_pressed_after_max_age() {
+    fn silent_publisher_counts_as_pressed_after_max_age() {
         let mut silence = silence();
         assert_eq!(silence.judge(Some((false, 1_000 * MS)), 1_001 * MS), StopSignal::Released);
         assert_eq!(silence.judge(Some((false, 1_050 * MS)), 1_150 * MS), StopSignal::Released);
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn a_restarted_actuator_grants_the_feeder_its_time_again() {
+    fn restarted_actuator_restarts_the_age_of_the_value() {
         let mut silence = silence();
         assert_eq!(silence.judge(Some((false, 1)), 900 * MS), StopSignal::Released);
         assert_eq!(silence.judge(Some((false, 1)), 1_001 * MS), StopSignal::Pressed);

@@ -1,39 +1,40 @@
-//! The age of a command: by its publication and by its measurement, on a clock that counts suspend.
+//! The age of a command since its publication and since its measurement, on a clock that includes suspend.
 
 use crate::region::Refusal;
 use crate::state::{FUTURE_TOLERANCE_NS, Stamp};
 
-/// A difference of the two clocks beyond which the machine was suspended, ns.
+/// Change of the difference between the clocks that indicates a suspend, ns.
 const SUSPENDED_NS: u64 = 1_000_000;
 
-/// The present, on the clock of stamps.
+/// The current time on the clock of stamps, with suspends included.
 ///
-/// Stamps are taken on `CLOCK_MONOTONIC`, which stands still while the machine is suspended: a command from
-/// before would look fresh after it. So the present is read on `CLOCK_BOOTTIME`, less the distance between
-/// the two clocks, which only a suspend changes: one reading of one clock, as before. When a command looks
-/// stale, the distance is taken again; if it has grown, the machine was suspended, and no command from before
-/// is fresh ever again.
+/// Stamps use `CLOCK_MONOTONIC`, which stops while the machine is suspended, so a command from before a
+/// suspend would look fresh after it. Therefore the current time is read from `CLOCK_BOOTTIME`, minus the
+/// difference between the two clocks, which only a suspend changes. This still reads only one clock. When a
+/// command looks stale, the difference is measured again. If it has grown, the machine was suspended, and all
+/// commands from before are stale permanently.
 #[derive(Debug, Clone, Copy)]
 pub struct SuspendClock {
-    /// `CLOCK_BOOTTIME` less `CLOCK_MONOTONIC`, ns.
+    /// `CLOCK_BOOTTIME` minus `CLOCK_MONOTONIC`, ns.
     ahead_ns: u64,
-    /// Time at which the end of a suspend was found, ns on `CLOCK_MONOTONIC`; no command from before counts.
+    /// Time at which the end of a suspend was detected, ns on `CLOCK_MONOTONIC`; commands from before are
+    /// stale.
     resumed_ns: u64,
 }
 
 impl SuspendClock {
-    /// A clock that starts now, at these readings of the two clocks.
+    /// Creates a clock at these readings of the two clocks.
     pub fn new(monotonic_ns: u64, boottime_ns: u64) -> Self {
         Self { ahead_ns: boottime_ns.saturating_sub(monotonic_ns), resumed_ns: 0 }
     }
 
-    /// The present on the clock of stamps, with suspends since the last comparison added, ns.
+    /// Returns the current time on the clock of stamps plus suspends since the last comparison, ns.
     #[inline]
     pub fn now_ns(&self, boottime_ns: u64) -> u64 {
         boottime_ns.saturating_sub(self.ahead_ns)
     }
 
-    /// Compares the clocks again; whether the machine was suspended since the last time.
+    /// Compares the clocks again. Returns `true` if the machine was suspended since the last comparison.
     pub fn compare(&mut self, monotonic_ns: u64, boottime_ns: u64) -> bool {
         let ahead_ns = boottime_ns.saturating_sub(monotonic_ns);
         let suspended = ahead_ns > self.ahead_ns + SUSPENDED_NS;
@@ -43,28 +44,28 @@ impl SuspendClock {
         suspended
     }
 
-    /// True if a stamp is from before the last suspend.
+    /// Returns `true` if a stamp is from before the last suspend.
     #[inline]
     pub fn is_from_before(&self, publish_ns: u64) -> bool {
         publish_ns < self.resumed_ns
     }
 }
 
-/// The verdict on a stamp.
+/// Result of checking a stamp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Age {
-    /// Young enough.
+    /// Not older than the limits.
     Fresh,
     /// Published too long ago.
     Stale,
-    /// Not to be applied, however young.
+    /// Must not be applied, regardless of its age.
     Refused(Refusal),
 }
 
-/// The check of stamps: age, future and order.
+/// Checks stamps for age, future times and order.
 #[derive(Debug, Clone, Copy)]
 pub struct Freshness {
-    /// A command published longer ago is stale, ns.
+    /// A command published longer ago than this is stale, ns.
     pub stale_after_ns: u64,
     /// A command computed from a measurement older than this is refused, ns.
     pub source_stale_after_ns: u64,
@@ -72,20 +73,20 @@ pub struct Freshness {
 }
 
 impl Freshness {
-    /// A check that has seen no command.
+    /// Creates a check that has seen no command.
     pub fn new(stale_after_ns: u64, source_stale_after_ns: u64) -> Self {
         Self { stale_after_ns, source_stale_after_ns, last: None }
     }
 
-    /// Forgets all commands, for a new episode.
+    /// Clears the state for a new episode.
     pub fn reset(&mut self) {
         self.last = None;
     }
 
     /// Checks a stamp at `now_ns`.
     ///
-    /// The age by publication finds a dead controller, the age by source a live one that computes from a dead
-    /// sensor.
+    /// The age since publication detects a dead controller. The age of the source detects a live controller
+    /// that computes from a dead sensor's data.
     #[inline]
     pub fn check(&mut self, stamp: &Stamp, now_ns: u64) -> Age {
         let latest = now_ns.saturating_add(FUTURE_TOLERANCE_NS);
@@ -136,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn a_command_is_fresh_until_it_is_older_than_stale_after() {
+    fn command_is_fresh_until_it_is_older_than_stale_after() {
         let mut check = check();
         let stamp = published(100 * MS, 100 * MS, 1);
         assert_eq!(check.check(&stamp, 105 * MS), Age::Fresh);
@@ -144,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_live_controller_on_a_dead_sensor_is_refused() {
+    fn live_controller_on_a_dead_sensor_is_refused() {
         let mut check = check();
         assert_eq!(check.check(&published(120 * MS, 100 * MS, 1), 120 * MS), Age::Fresh);
         let verdict = check.check(&published(121 * MS, 100 * MS, 2), 121 * MS);
@@ -189,8 +190,8 @@ mod tests {
     }
 
     #[test]
-    fn a_suspend_ages_earlier_commands_only() {
-        // Monotonic 100 ms, booted 7 s before; the machine sleeps for an hour between the steps.
+    fn suspend_ages_earlier_commands_only() {
+        // Monotonic 100 ms, boot time 7 s ahead; the machine is suspended for an hour between the steps.
         let (before, hour) = (100 * MS, 3_600_000 * MS);
         let mut clock = SuspendClock::new(before, 7_000 * MS);
         assert_eq!(clock.now_ns(7_000 * MS + 2 * MS), 102 * MS);
@@ -198,7 +199,7 @@ mod tests {
         let stamp = published(102 * MS, 102 * MS, 1);
         assert_eq!(check().check(&stamp, clock.now_ns(boottime)), Age::Stale);
         assert!(clock.compare(monotonic, boottime));
-        assert!(clock.is_from_before(102 * MS), "although it is 1 ms old on the clock that slept");
+        assert!(clock.is_from_before(102 * MS), "although it is 1 ms old on the monotonic clock");
         assert_eq!(clock.now_ns(boottime + MS), 104 * MS);
         assert!(!clock.is_from_before(104 * MS));
         assert!(!clock.compare(monotonic + MS, boottime + MS), "no second suspend");

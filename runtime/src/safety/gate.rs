@@ -1,4 +1,4 @@
-//! The command gate as pure logic: limits, safe states and the way back, without ports and processes.
+//! The command gate as pure logic: limits, safe states and recovery, without ports and processes.
 
 use motorium_drive::JointSetpoint;
 
@@ -13,19 +13,19 @@ use crate::plan::{GateRules, LimitPolicy, ResumeRule, SafeState};
 use crate::region::{GateState, Refusal};
 use crate::state::Field as _;
 
-/// Time for which the positions of a command go on with its velocities where the next one is late, s, at
-/// least. Without it a late command would brake the robot harder than any safe state.
+/// Minimum time for which the positions of a command are extrapolated with its velocities if the next one is
+/// late, s. Without extrapolation a late command would brake the robot harder than any safe state.
 const GOES_ON_FOR: f64 = 0.02;
 
-/// Fraction of the velocity limits for a command and the difference that fades towards it.
+/// Fraction of the velocity limits for a command plus a fading difference.
 const FADING_SHARE: f64 = 0.95;
 
-/// The command gate of one actuator: a state machine over the joints.
+/// The command gate of one actuator, a state machine over its joints.
 ///
-/// Each step offers it the newest fresh command ([`offer`](Self::offer)), or none
-/// ([`make_safe`](Self::make_safe)); then [`setpoints`](Self::setpoints) are what the drives apply. A command
-/// within all limits passes to the last bit; while the next one is awaited, its positions go on with its
-/// velocities.
+/// Each step passes the newest fresh command to [`offer`](Self::offer), or calls
+/// [`make_safe`](Self::make_safe) if there is none. The drives then apply [`setpoints`](Self::setpoints). A
+/// command within all limits is forwarded bit for bit. Until the next command arrives, its positions are
+/// extrapolated with its velocities.
 ///
 /// ```
 /// use motorium::plan::{GateRules, LimitPolicy, ResumeRule, SafeState};
@@ -45,16 +45,16 @@ pub struct Gate {
     joints: Vec<JointLimits>,
     rules: GateRules,
     state: GateState,
-    /// The safe state has been entered and not left.
+    /// True from entering the safe state until leaving it.
     in_safe: bool,
-    /// The safe state stays until [`release`](Self::release).
+    /// True if the safe state stays until [`release`](Self::release).
     latched: bool,
-    /// Time since the newest command was new, s.
+    /// Time since the newest command arrived, s.
     held_for: f64,
-    /// Time for which its positions go on with its velocities, s.
+    /// Time for which its positions are extrapolated with its velocities, s.
     goes_on_for: f64,
     setpoints: Vec<JointSetpoint>,
-    /// Those of the step that is being computed.
+    /// Setpoints of the step that is being computed.
     next: Vec<JointSetpoint>,
     gravity: Vec<f64>,
     envelope: Envelope,
@@ -64,7 +64,7 @@ pub struct Gate {
 }
 
 impl Gate {
-    /// A gate for these joints, in the order of the commands.
+    /// Creates a gate for these joints, in the order of the commands.
     pub fn new(mut joints: Vec<JointLimits>, rules: GateRules) -> Self {
         let count = joints.len();
         joints.iter_mut().for_each(|joint| joint.velocity = joint.velocity.max(SLOWEST_LIMIT));
@@ -86,7 +86,7 @@ impl Gate {
         }
     }
 
-    /// Goes back to the state in which it was made: safe, not latched, without setpoints.
+    /// Resets to the initial state: safe, not latched, without setpoints.
     pub fn reset(&mut self) {
         (self.state, self.in_safe, self.latched) = (GateState::Safe, false, false);
         self.setpoints.fill(JointSetpoint::default());
@@ -96,42 +96,42 @@ impl Gate {
         self.rest = Rest::default();
     }
 
-    /// The joints and their limits.
+    /// Returns the joints and their limits.
     pub fn joints(&self) -> &[JointLimits] {
         &self.joints
     }
 
-    /// The setpoints that the drives apply in this step.
+    /// Returns the setpoints that the drives apply in this step.
     pub fn setpoints(&self) -> &[JointSetpoint] {
         &self.setpoints
     }
 
-    /// The memory of the common step: what it reads, and what it writes. It stays where it is.
+    /// Returns the memory that a common step reads and writes. Its address does not change.
     pub(super) fn memory(&self) -> (&[Bounds], &[JointSetpoint]) {
         (self.envelope.bounds(), &self.setpoints)
     }
 
-    /// The state.
+    /// Returns the state.
     pub fn state(&self) -> GateState {
         self.state
     }
 
-    /// True if the safe state stays until [`release`](Self::release).
+    /// Returns `true` if the safe state stays until [`release`](Self::release).
     pub fn is_latched(&self) -> bool {
         self.latched
     }
 
-    /// Keeps the safe state until [`release`](Self::release), where the graph says `resume = "latch"`.
+    /// Keeps the safe state until [`release`](Self::release) if the graph sets `resume = "latch"`.
     pub fn latch(&mut self) {
         self.latched = self.rules.resume == ResumeRule::Latch;
     }
 
-    /// Leaves the latch.
+    /// Releases the latch.
     pub fn release(&mut self) {
         self.latched = false;
     }
 
-    /// Offers the newest fresh command, `dt` s after the step before.
+    /// Offers the newest fresh command, `dt` s after the previous step.
     pub fn offer(
         &mut self,
         offer: Offer<'_>,
@@ -151,13 +151,14 @@ impl Gate {
         verdict
     }
 
-    /// A command's positions go on with its velocities from now on, for as long as the next one may take.
+    /// Starts extrapolating the command's positions with its velocities, for the time until the next one is
+    /// due.
     #[inline]
     fn take_time(&mut self, offer: &Offer<'_>) {
         (self.held_for, self.goes_on_for) = (0.0, GOES_ON_FOR.max(2.0 * offer.ahead));
     }
 
-    /// The verdict on a command that is looked at joint by joint.
+    /// Checks a command joint by joint and returns the verdict.
     #[cold]
     #[inline(never)]
     pub(super) fn check_command(
@@ -182,7 +183,7 @@ impl Gate {
         match self.state {
             GateState::Following => self.follow(&offer, measured, dt, account),
             GateState::Safe => {
-                // A process that has not been in its safe state yet begins in it.
+                // A process starts in its safe state.
                 if !self.in_safe {
                     self.enter_safe(measured.position, measured.velocity, measured.gravity);
                 }
@@ -193,7 +194,7 @@ impl Gate {
         }
     }
 
-    /// Applies the safe state, `dt` s after the step before.
+    /// Applies the safe state, `dt` s after the previous step.
     #[cold]
     #[inline(never)]
     pub fn make_safe(&mut self, measured: Measured<'_>, dt: f64) -> Verdict {
@@ -203,7 +204,7 @@ impl Gate {
         if entered {
             self.enter_safe(measured.position, measured.velocity, measured.gravity);
         } else if matches!(state, SafeState::Hold | SafeState::Brake) {
-            // The pose changes until the joints are at rest, and gravity with it.
+            // The pose, and therefore gravity, changes until the joints are at rest.
             (measured.gravity)(&mut self.gravity);
             for (i, (setpoint, limits)) in self.setpoints.iter_mut().zip(&self.joints).enumerate() {
                 let joint =
@@ -219,17 +220,17 @@ impl Gate {
         Verdict::Safe { state, entered }
     }
 
-    /// True while a joint moves that the safe state should bring to rest.
+    /// Returns `true` while a joint moves that the safe state should bring to rest.
     pub fn is_moving_in_safe_state(&self) -> bool {
         self.state == GateState::Safe && self.rest.moves()
     }
 
-    /// True unless a joint still moves although its safe state should have brought it to rest.
+    /// Returns `false` if a joint still moves although its safe state should have brought it to rest.
     pub fn is_safe_state_reached(&self) -> bool {
         self.state != GateState::Safe || self.rest.is_reached()
     }
 
-    /// Sets the velocities beyond which the drives brake, from where the joints are.
+    /// Sets the velocities beyond which the drives brake, depending on the joint positions.
     #[inline]
     pub(super) fn bound_velocities(&mut self, position: &[f64]) {
         if self.state == GateState::Safe && self.rules.safe_state == SafeState::ZeroTorque {
@@ -247,9 +248,9 @@ impl Gate {
             let last = *setpoint;
             *setpoint = enter(self.rules.safe_state, &joint, limits, &last);
             if followed && self.rules.safe_state == SafeState::Hold {
-                // Without a jump of the effort, which would be one of the acceleration.
+                // Without a step in the effort, which would be a step in the acceleration.
                 let (q, v) = (joint.position, joint.velocity);
-                // Damping that is not kept may have shaken the joint: its effort of this moment is arbitrary.
+                // Damping that is not kept may have shaken the joint, so its current effort is arbitrary.
                 let last = JointSetpoint { kd: last.kd.min(setpoint.kd), ..last };
                 let jump = last.effort_at(q, v, limits.effort) - setpoint.effort_at(q, v, f64::INFINITY);
                 setpoint.effort = (setpoint.effort + jump).clamp(-limits.effort, limits.effort);
@@ -261,8 +262,8 @@ impl Gate {
         }
     }
 
-    /// Takes the command into `next`, with what does not depend on the step before clamped; the reason if it
-    /// is refused.
+    /// Copies the command to `next`, with all values clamped that do not depend on the previous step. Returns
+    /// the reason if the command is refused.
     #[inline]
     pub(super) fn take(&mut self, offer: &Offer<'_>, account: &impl Account) -> Result<(), Refusal> {
         let command = offer.command;
@@ -304,7 +305,7 @@ impl Gate {
         if exceeds && self.rules.limits == LimitPolicy::Refuse { Err(Refusal::Limits) } else { Ok(()) }
     }
 
-    /// Applies the command in `next`, with what is left of the way back, as fast as the rates allow.
+    /// Applies the command in `next` plus any fading difference, as fast as the rate limits allow.
     #[inline]
     fn follow(
         &mut self,
@@ -314,19 +315,19 @@ impl Gate {
         account: &impl Account,
     ) -> Verdict {
         let over = if offer.is_new { offer.ahead.max(dt) } else { dt };
-        // The difference that fades is no fault of the command.
+        // The command is not at fault for the fading difference.
         let fades = self.state == GateState::Resuming;
         self.resume.fade(&mut self.next, dt);
         let mut exceeds = false;
         for (i, (next, limits)) in self.next.iter_mut().zip(&self.joints).enumerate() {
             let last = &self.setpoints[i];
-            // A drive without a gain held no setpoint: it is where it is measured.
+            // A drive without a gain follows no setpoint, so the measured position is used.
             let before = Before {
                 position: if last.kp > 0.0 { last.position } else { measured.position[i] },
                 velocity: if last.kd > 0.0 { last.velocity } else { measured.velocity[i] },
                 effort: last.effort,
             };
-            // Command and difference together may come to the limit, which a drive overshoots.
+            // The sum of command and difference may reach the limit, which a drive would overshoot.
             let share = if fades { FADING_SHARE } else { 1.0 };
             if fades {
                 let fastest = share * limits.velocity;
@@ -353,13 +354,13 @@ impl Gate {
         Verdict::Applied
     }
 
-    /// True if it has been resuming for longer than [`RESUME_WITHIN`](super::RESUME_WITHIN).
+    /// Returns `true` if it has been resuming for longer than [`RESUME_WITHIN`](super::RESUME_WITHIN).
     pub fn is_resuming_late(&self) -> bool {
         self.state == GateState::Resuming && self.resume.is_late()
     }
 
-    /// Leaves the safe state for the command in `next`: at once where it is within reach, else on the way
-    /// back.
+    /// Leaves the safe state for the command in `next`: immediately if it is near, else by an approach at
+    /// limited rates.
     fn leave_safe(&mut self, measured: Measured<'_>, dt: f64) -> Verdict {
         self.in_safe = false;
         let joints = self.setpoints.iter().enumerate().map(|(i, setpoint)| {
@@ -382,7 +383,7 @@ impl Gate {
         Verdict::Applied
     }
 
-    /// One step of the way back to the command in `next`.
+    /// Performs one step of the approach to the command in `next`.
     fn approach(&mut self, measured: Measured<'_>, dt: f64) -> Verdict {
         (measured.gravity)(&mut self.gravity);
         let mut all_met = true;

@@ -1,31 +1,31 @@
-//! The gates of one actuator: one for each robot that it moves, one account for all.
+//! The gates of one actuator: one for each robot that it moves, with common statistics.
 
 use core::cell::Cell;
 
 use crate::region::{GateState, Latch};
 
-/// Time for which all robots must have had good commands before those that stop together go on together, ns.
-/// Without it a robot whose commands are refused now and then would throw the others into the safe state and
-/// out of it each time.
+/// Time for which all robots must have had good commands before robots that stop together resume, ns. Without
+/// it, a robot with occasionally refused commands would make the others enter and leave the safe state each
+/// time.
 pub(super) const GO_ON_AFTER_NS: u64 = 500_000_000;
 
-/// State that the gates of one actuator share. Used by one thread.
+/// State shared by the gates of one actuator. Used by one thread.
 #[derive(Debug)]
 pub(super) struct Group {
     gates: Vec<Member>,
-    /// A robot without a good command stops the others.
+    /// True if a robot without a good command stops the others.
     together: bool,
-    /// Time from which on the robots may go on, ns; `None` while one of them has no good command.
+    /// Time from which the robots may resume, ns; `None` while one of them has no good command.
     go_on_ns: Cell<Option<u64>>,
-    /// All had good commands before: the start is no outage.
+    /// True once all robots have had good commands; the start does not count as an outage.
     went_on: Cell<bool>,
 }
 
 #[derive(Debug)]
 struct Member {
-    /// The first of its joints among all of the actuator.
+    /// Index of its first joint among all joints of the actuator.
     first: usize,
-    /// The newest command of its input is fresh, for its joints, and was not refused.
+    /// True if the newest command of its input is fresh, matches its joints, and was not refused.
     good: Cell<bool>,
     state: Cell<GateState>,
     latch: Cell<Option<Latch>>,
@@ -33,7 +33,7 @@ struct Member {
 }
 
 impl Group {
-    /// Gates for so many joints each.
+    /// Creates the group of gates with these numbers of joints.
     pub(super) fn new(joints: impl Iterator<Item = usize>, together: bool) -> Self {
         let mut first = 0;
         let member = |count: usize| {
@@ -55,12 +55,12 @@ impl Group {
         self.gates.len() == 1
     }
 
-    /// True if a robot without a good command stops others.
+    /// Returns `true` if a robot without a good command stops others.
     pub(super) fn stops_together(&self) -> bool {
         self.together && !self.is_alone()
     }
 
-    /// Notes at `now_ns` whether the newest command of a gate could be applied.
+    /// Records at `now_ns` whether the newest command of a gate could be applied.
     pub(super) fn set_good(&self, place: usize, good: bool, now_ns: u64) {
         self.gates[place].good.set(good);
         if !self.gates.iter().all(|gate| gate.good.get()) {
@@ -71,7 +71,7 @@ impl Group {
         }
     }
 
-    /// Sets a gate back for a new episode.
+    /// Resets a gate for a new episode.
     pub(super) fn reset(&self, place: usize) {
         let gate = &self.gates[place];
         gate.good.set(false);
@@ -82,13 +82,13 @@ impl Group {
         self.went_on.set(false);
     }
 
-    /// True if a gate must stay in its safe state at `now_ns`: another one has no good command, or they do
-    /// not go on yet.
+    /// Returns `true` if gates must stay in their safe state at `now_ns`, because one has no good command or
+    /// [`GO_ON_AFTER_NS`] has not passed yet.
     pub(super) fn holds(&self, now_ns: u64) -> bool {
         self.stops_together() && self.go_on_ns.get().is_none_or(|go_on_ns| now_ns < go_on_ns)
     }
 
-    /// The state and latch that the account shows: the safest of all gates.
+    /// Combines the states and latches of all gates to the safest one, for the statistics.
     pub(super) fn show(
         &self,
         place: usize,
@@ -102,13 +102,13 @@ impl Group {
         (safest, self.gates.iter().find_map(|gate| gate.latch.get()))
     }
 
-    /// Notes whether the robot of a gate still moves in its safe state; returns whether any does.
+    /// Records whether the robot of a gate still moves in its safe state. Returns `true` if any robot does.
     pub(super) fn show_moves(&self, place: usize, moves: bool) -> bool {
         self.gates[place].moves.set(moves);
         self.gates.iter().any(|gate| gate.moves.get())
     }
 
-    /// Number of a gate's first joint among those of the actuator.
+    /// Returns the index of a gate's first joint among the actuator's joints.
     pub(super) fn first_joint(&self, place: usize) -> usize {
         self.gates[place].first
     }
@@ -121,7 +121,7 @@ mod tests {
     const MS: u64 = 1_000_000;
 
     #[test]
-    fn a_gate_is_held_by_another_that_stops_with_it() {
+    fn gate_without_a_command_stops_the_other() {
         let joints = || [7, 7].into_iter();
         let (alone, together) = (Group::new(joints(), false), Group::new(joints(), true));
         for group in [&alone, &together] {
@@ -129,7 +129,7 @@ mod tests {
         }
         assert!(!alone.holds(MS) && together.holds(MS), "the other has no command yet");
         together.set_good(1, true, 2 * MS);
-        assert!(!together.holds(2 * MS), "the start is no outage");
+        assert!(!together.holds(2 * MS), "the start is not an outage");
         together.set_good(1, false, 3 * MS);
         assert!(together.holds(3 * MS));
     }
@@ -141,19 +141,19 @@ mod tests {
         group.set_good(0, false, MS);
         group.set_good(0, true, 2 * MS);
         assert!(group.holds(2 * MS) && group.holds(MS + GO_ON_AFTER_NS));
-        // Refused once more meanwhile: the time begins anew.
+        // Another refusal meanwhile restarts the time.
         group.set_good(0, false, 300 * MS);
         group.set_good(0, true, 301 * MS);
         assert!(group.holds(300 * MS + GO_ON_AFTER_NS));
         assert!(!group.holds(301 * MS + GO_ON_AFTER_NS));
         group.reset(0);
-        assert!(group.holds(900 * MS), "a new episode begins without commands");
+        assert!(group.holds(900 * MS), "a new episode starts without commands");
         group.set_good(0, true, 900 * MS);
-        assert!(!group.holds(900 * MS), "and its start is no outage");
+        assert!(!group.holds(900 * MS), "and its start is not an outage");
     }
 
     #[test]
-    fn the_account_shows_the_safest_gate() {
+    fn statistics_show_the_safest_gate() {
         let group = Group::new([1, 2].into_iter(), false);
         assert_eq!(group.show(0, GateState::Following, None).0, GateState::Safe);
         assert_eq!(group.show(1, GateState::Resuming, None).0, GateState::Resuming);

@@ -1,24 +1,24 @@
-//! Limits of a joint, and the check of a setpoint against them.
+//! Limits of a joint, and checks of setpoints against them.
 
 use motorium_drive::{JointSetpoint, within_range, within_rate};
 
 use crate::region::LimitKind;
 
-/// Position gain at which a drive gives its full effort at ten milliradians (or millimetres), per effort
-/// limit. A stiffer joint shakes at full effort, and with it the weaker ones that it carries.
+/// Position gain per effort limit at which a drive applies its full effort at an error of ten milliradians
+/// (or millimetres). A stiffer joint shakes at full effort, and shakes the weaker joints that it carries.
 const KP_PER_EFFORT: f64 = 1e2;
-/// Velocity gain at which a drive gives its full effort at a thousandth of its velocity limit, per effort
-/// limit and velocity limit.
+/// Velocity gain per effort limit and velocity limit at which a drive applies its full effort at a thousandth
+/// of its velocity limit.
 const KD_PER_EFFORT: f64 = 1e3;
 /// Largest gain of a drive without an effort limit.
 const LARGEST_GAIN: f64 = 1e9;
-/// Velocity limit of a joint whose model says zero, rad/s or m/s: drives brake between a limit and 1.05 times
-/// it, and that band must not be empty.
+/// Velocity limit of a joint whose model specifies zero, rad/s or m/s. Drives brake between the limit and
+/// 1.05 times the limit, and that band must not be empty.
 pub(super) const SLOWEST_LIMIT: f64 = 1e-3;
 
-/// The limits of one joint and of its drive, and the gains of its safe states.
+/// Limits of one joint and its drive, and the gains of its safe states.
 ///
-/// The actuator takes them from the robot's model. Infinity stands for no limit.
+/// The actuator reads them from the robot's model. Infinity means no limit.
 ///
 /// ```
 /// use motorium::safety::JointLimits;
@@ -36,7 +36,7 @@ pub struct JointLimits {
     pub lower: f64,
     /// Highest position, rad or m.
     pub upper: f64,
-    /// Largest velocity, rad/s or m/s. A gate takes 0.001 for a smaller one.
+    /// Largest velocity, rad/s or m/s; smaller values than 0.001 count as 0.001.
     pub velocity: f64,
     /// Largest acceleration, rad/s^2 or m/s^2.
     pub acceleration: f64,
@@ -47,19 +47,17 @@ pub struct JointLimits {
     /// Largest position gain, N m/rad or N/m.
     pub max_kp: f64,
     /// Largest velocity gain, N m s/rad or N s/m. A drive that computes its effort once per `dt` from the
-    /// velocity at the beginning is stable up to `2 inertia / dt`; one that knows its inertia states that
-    /// here.
+    /// initial velocity is stable up to `2 inertia / dt`. Set that value if the inertia is known.
     pub max_kd: f64,
-    /// Position gain of the safe states, N m/rad or N/m. `hold` keeps the last command's where that is
-    /// larger, up to 16 times this one.
+    /// Position gain of the safe states, N m/rad or N/m. `hold` keeps a larger gain of the last command, up
+    /// to 16 times this one.
     pub kp: f64,
-    /// Velocity gain of the safe states, N m s/rad or N s/m. `hold` keeps the last command's where that is
-    /// larger, up to 20 times this one.
+    /// Velocity gain of the safe states, N m s/rad or N s/m. `hold` keeps a larger gain of the last command,
+    /// up to 5 times this one.
     pub kd: f64,
 }
 
-/// The limits of one joint as the numbers with which each of its commands is compared, one after the other in
-/// memory.
+/// Limits of one joint as consecutive numbers in memory, with which each of its commands is compared.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(16))]
 pub(super) struct Bounds {
@@ -71,16 +69,16 @@ pub(super) struct Bounds {
     pub(super) upper: f64,
     pub(super) velocity: f64,
     pub(super) acceleration: f64,
-    /// Distance to the end of the range from which the velocity limit is smaller than the joint's: from there
-    /// on the joint can only just be brought to rest before the end.
+    /// Distance to the end of the range below which the velocity limit is reduced, so that the joint can
+    /// still be brought to rest before the end.
     distance: f64,
     twice_acceleration: f64,
 }
 
-/// Acceleration of a joint whose model gives none: the velocity limit within this time, s.
+/// Time in which a joint without an acceleration limit in its model reaches its velocity limit, s.
 pub(super) const FULL_SPEED: f64 = 0.2;
-/// Fraction of the velocity limit that a joint may have at the very end of its range, or it could never leave
-/// it.
+/// Fraction of the velocity limit allowed at the very end of the range, without which a joint could never
+/// leave it.
 const CREEP: f64 = 0.05;
 
 impl Bounds {
@@ -104,7 +102,7 @@ impl Bounds {
         }
     }
 
-    /// Lowest and highest velocity that the joint may have at position `q`.
+    /// Returns the lowest and highest velocity allowed at position `q`.
     #[inline]
     pub(super) fn velocities_at(&self, q: f64) -> (f64, f64) {
         let (below, above) = (q - self.lower, self.upper - q);
@@ -114,7 +112,7 @@ impl Bounds {
         (-self.velocity, self.velocity)
     }
 
-    /// The velocity limit towards an end of the range that is so far away.
+    /// Returns the velocity limit towards an end of the range at this distance.
     #[cold]
     #[inline(never)]
     fn velocity_towards(&self, distance: f64) -> f64 {
@@ -126,7 +124,7 @@ impl Bounds {
     }
 }
 
-/// The setpoint of the step before, as far as rates are taken from it.
+/// The values of the previous setpoint that rates are computed from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Before {
     pub(super) position: f64,
@@ -135,7 +133,7 @@ pub(super) struct Before {
 }
 
 impl JointLimits {
-    /// A joint without limits and without gains.
+    /// Creates a joint without limits and gains.
     pub fn new(name: &str) -> Self {
         Self {
             name: name.to_string(),
@@ -152,14 +150,14 @@ impl JointLimits {
         }
     }
 
-    /// The acceleration limit, or where there is none, the velocity limit in 0.2 s.
+    /// Returns the acceleration limit, or without one, the acceleration to the velocity limit in 0.2 s.
     pub(super) fn usual_acceleration(&self) -> f64 {
         if self.acceleration.is_finite() { self.acceleration } else { self.velocity / FULL_SPEED }
     }
 
-    /// Sets the effort limit, N m or N, and with it the largest gains that mean anything: a position gain
-    /// that gives the full effort at 10 mrad (or mm), and a velocity gain that gives it at a thousandth of
-    /// the velocity limit.
+    /// Sets the effort limit, N m or N, and derives the largest useful gains from it. These apply the full
+    /// effort at a position error of 10 mrad (or mm) and at a velocity error of a thousandth of the velocity
+    /// limit.
     #[must_use]
     pub fn with_effort(mut self, effort: f64) -> Self {
         self.effort = effort;
@@ -169,8 +167,8 @@ impl JointLimits {
         self
     }
 
-    /// Clamps what does not depend on the step before: position, velocity, effort and gains. Values within
-    /// the limits stay as they are, to the last bit.
+    /// Clamps the values that do not depend on the previous step: position, velocity, effort and gains.
+    /// Values within the limits are unchanged, bit for bit.
     #[inline]
     pub(super) fn clamp(&self, setpoint: &mut JointSetpoint, mut exceeded: impl FnMut(LimitKind)) {
         if setpoint.kp > self.max_kp {
@@ -185,7 +183,7 @@ impl JointLimits {
             setpoint.effort = self.effort.copysign(setpoint.effort);
             exceeded(LimitKind::Effort);
         }
-        // Without its gain a setpoint means nothing, and may be anything.
+        // Without its gain a setpoint has no effect and may have any value.
         if setpoint.kp > 0.0
             && let Some(position) = within_range(setpoint.position, self.lower, self.upper)
         {
@@ -198,7 +196,7 @@ impl JointLimits {
         }
     }
 
-    /// Lets the position go on with the velocity for `time` s, not farther than the range of the joint.
+    /// Extrapolates the position with the velocity for `time` s, within the range of the joint.
     #[inline]
     pub(super) fn go_on(&self, setpoint: &mut JointSetpoint, time: f64) {
         if setpoint.kp > 0.0 && setpoint.kd > 0.0 {

@@ -1,12 +1,12 @@
-//! The command gate: the last check of every command before an actuator applies it, and the safe states it
-//! applies instead.
+//! The command gate: the last check of every command before an actuator applies it, and the safe states
+//! applied otherwise.
 //!
 //! # Layers
 //!
-//! [`Gate`] is the logic, a state machine over the joints without ports or clocks; [`Freshness`] and
-//! [`SuspendClock`] decide on stamps; [`enter`] and [`stay`] are the law of the safe states; [`CommandGate`]
-//! joins them to the input of an actuator, to the run's latch and to the account in the control block. An
-//! actuator uses [`CommandGate`] alone.
+//! [`Gate`] is the logic, a state machine over the joints without ports or clocks. [`Freshness`] and
+//! [`SuspendClock`] check stamps. [`enter`] and [`stay`] are the control laws of the safe states.
+//! [`CommandGate`] connects them to the input of an actuator, to the run's latch and to the statistics in the
+//! control block. An actuator only uses [`CommandGate`].
 //!
 //! # Order of the checks
 //!
@@ -15,8 +15,8 @@
 //! 3. The content: finite, the right count, gains that are not negative.
 //! 4. The limits: position, velocity, effort, gains, rates of change.
 //!
-//! A command that fails 1 to 3 is not applied: the safe state is. One that fails 4 is clamped, or refused
-//! where the graph says `limits = "refuse"`.
+//! If a command fails checks 1 to 3, the safe state is applied instead. A command that fails check 4 is
+//! clamped, or refused if the graph sets `limits = "refuse"`.
 
 mod account;
 mod emergency;

@@ -1,16 +1,16 @@
-//! One step of a gate: the command that it is offered, the robot as it is measured, and the verdict.
+//! One step of a gate: the offered command, the measured state of the robot, and the verdict.
 
 use crate::plan::SafeState;
 use crate::state::JointCommand;
 
-/// The robot as its actuator measures it at the beginning of a step.
+/// State of the robot as measured by its actuator at the beginning of a step.
 pub struct Measured<'a> {
     /// Positions of the joints, rad or m.
     pub position: &'a [f64],
     /// Velocities of the joints, rad/s or m/s.
     pub velocity: &'a [f64],
-    /// Writes the effort of each joint against gravity, N m or N. Called only where the gate needs it: in the
-    /// safe states `hold` and `brake`, at the entry into the others, and while resuming.
+    /// Writes the effort of each joint against gravity, N m or N. Only called if the gate needs it: in the
+    /// safe states `hold` and `brake`, on entry to the others, and while resuming.
     pub gravity: &'a mut dyn FnMut(&mut [f64]),
 }
 
@@ -24,7 +24,7 @@ impl core::fmt::Debug for Measured<'_> {
     }
 }
 
-/// The verdict of one step.
+/// Verdict of one step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// The newest command is applied, within the limits.
@@ -40,13 +40,13 @@ pub enum Verdict {
     },
 }
 
-/// One command as it is offered to the gate.
+/// A command offered to the gate.
 #[derive(Debug, Clone, Copy)]
 pub struct Offer<'a> {
     /// The command.
     pub command: &'a JointCommand,
-    /// True if it was not offered in the step before.
+    /// True if it was not offered in the previous step.
     pub is_new: bool,
-    /// Time that its setpoints are ahead of those of the command before, s: rates are taken over it.
+    /// Time between its setpoints and the previous command's, s, over which rates are computed.
     pub ahead: f64,
 }

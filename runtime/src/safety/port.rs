@@ -1,4 +1,4 @@
-//! The command gate of an actuator: the logic joined to its input, the run's latch and the account.
+//! The command gate of an actuator: the logic connected to its input, the run's latch and the statistics.
 
 use motorium_drive::JointSetpoint;
 use std::rc::Rc;
@@ -18,27 +18,28 @@ use crate::region::{Command, GateState, Latch, MissCause};
 use crate::state::{JointCommand, MAX_JOINTS, Stamp};
 use crate::transport::Input;
 
-/// Lines of each part of a gate's memory that are fetched before a step: those of the largest arm.
+/// Number of cache lines of each part of a gate's memory that are prefetched before a step, enough for the
+/// largest arm.
 const GATE_LINES: usize = 12;
 
-/// The state of a gate as the control block shows it.
+/// State of a gate as shown in the control block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Shown {
     state: GateState,
     latch: Option<Latch>,
-    /// Joints move that the safe state should bring to rest.
+    /// True if joints move that the safe state should bring to rest.
     moves: bool,
-    /// They still do when they should be at rest.
+    /// True if they still move when they should be at rest.
     unsettled: bool,
-    /// It has been resuming for too long.
+    /// True if the gate has been resuming for too long.
     late: bool,
 }
 
-/// The gate through which the commands of an actuator pass, at every step.
+/// The gate that checks the commands of an actuator at every step.
 ///
-/// A command is applied only while it is fresh, valid and within the limits, and the run is neither stopping
-/// nor latched, whichever other processes still live. Otherwise the gate applies the safe state of the graph.
-/// One gate serves one command input; an actuator with two inputs makes two.
+/// A command is only applied while it is fresh, valid and within the limits, and the run is neither stopping
+/// nor latched. This does not depend on any other process being alive. Otherwise the gate applies the safe
+/// state of the graph. Each gate serves one command input; an actuator with two inputs needs two gates.
 ///
 /// ```
 /// use motorium::prelude::*;
@@ -74,47 +75,48 @@ pub struct CommandGate {
     freshness: Freshness,
     clock: SuspendClock,
     emergency_stop: Option<StopInput>,
-    /// A command has been applied before: from then on a stale one is a miss.
+    /// True once a command has been applied; from then on a stale command counts as a miss.
     armed: bool,
     /// Number of `motorium resume` that this gate has seen.
     resumes: u32,
-    /// The actuator has tripped by itself, until the next resume.
+    /// True from [`trip`](Self::trip) until the next resume.
     tripped: bool,
-    /// The command offered last: publisher, number and the time its state is for.
+    /// Stamp of the command offered last.
     offered: Option<Stamp>,
     period_ns: u64,
-    /// Time of the last step whose duration was asked for, ns.
+    /// Time of the last step whose duration was computed, ns.
     stepped_ns: u64,
-    /// Time of the last step in which a command was checked, ns: a step counts as one miss, however many
-    /// periods it makes up for.
+    /// Time of the last step in which a command was checked, ns. A step counts as one miss, regardless of the
+    /// number of periods it catches up.
     checked_ns: u64,
     shown: Option<Shown>,
-    /// Its memory is noted among the lines that a step needs first.
+    /// True if its memory is recorded among the lines that a step needs first.
     is_noted: bool,
-    /// The gates of the same actuator, and this one's place among them.
+    /// The gates of the same actuator, and this gate's index among them.
     group: Rc<Group>,
     place: usize,
-    /// What the group says once and for all, at hand: a stale command of another gate stops this one, and the
-    /// number of the first joint among all of the actuator.
+    /// Copies of constants of the group: whether a stale command of another gate stops this one, and the
+    /// index of the first joint among the actuator's joints.
     stops_together: bool,
     first_joint: usize,
 }
 
 impl Setup {
-    /// The gate of a command input, for the joints in the order of its commands. For components that declared
-    /// [`actuator`](crate::declare::Declare::actuator).
+    /// Creates the gate of a command input, for the joints in the order of its commands. For components that
+    /// declared [`actuator`](crate::declare::Declare::actuator).
     ///
     /// # Errors
-    /// There are no joints or more than a command holds, or the emergency-stop topic cannot be joined.
+    /// There are no joints or more than [`MAX_JOINTS`], or the emergency-stop topic cannot be joined.
     pub fn command_gate(&mut self, joints: Vec<JointLimits>) -> Result<CommandGate, ConfigureError> {
         Ok(self.command_gates(vec![joints])?.swap_remove(0))
     }
 
-    /// The gates of the command inputs of an actuator that moves several robots, for the joints of each. A
-    /// stale command stops its own robot, or, as `[safety] stop_together` has it, all of them.
+    /// Creates the gates of an actuator that moves several robots, with one command input for the joints of
+    /// each. A stale command stops its own robot, or all of them with `[safety] stop_together`.
     ///
     /// # Errors
-    /// As [`command_gate`](Self::command_gate); and all gates have more joints than a command holds.
+    /// Same as [`command_gate`](Self::command_gate), or all gates together have more than [`MAX_JOINTS`]
+    /// joints.
     pub fn command_gates(
         &mut self,
         robots: Vec<Vec<JointLimits>>,
@@ -141,7 +143,7 @@ impl Setup {
         let context = self.context().clone();
         let mut gate = Gate::new(joints, safety.gate);
         if context.restart_count() > 0 {
-            // The robot was without its actuator: under `resume = "latch"` a person decides.
+            // The robot was without its actuator. With `resume = "latch"` an operator must release it.
             gate.latch();
         }
         Ok(CommandGate {
@@ -168,29 +170,29 @@ impl Setup {
 }
 
 impl CommandGate {
-    /// The setpoints that the drives apply in this step, one per joint.
+    /// Returns the setpoints that the drives apply in this step, one per joint.
     pub fn setpoints(&self) -> &[JointSetpoint] {
         self.gate.setpoints()
     }
 
-    /// The joints and their limits.
+    /// Returns the joints and their limits.
     pub fn joints(&self) -> &[JointLimits] {
         self.gate.joints()
     }
 
-    /// Number of `motorium resume` that it has seen. An actuator with a latch of its own, such as one whose
-    /// drive reported a fault, releases it when this number changes.
+    /// Returns the number of `motorium resume` commands seen so far. An actuator with its own latch, such as
+    /// after a fault of a drive, releases it when this number changes.
     pub fn resumes(&self) -> u32 {
         self.resumes
     }
 
-    /// Keeps the safe state until `motorium resume`, for a reason of the actuator's own, such as a drive that
-    /// reported a fault. The run shows it as latched.
+    /// Keeps the safe state until `motorium resume` for a reason known to the actuator, such as a fault of a
+    /// drive. The run is shown as latched.
     pub fn trip(&mut self) {
         self.tripped = true;
     }
 
-    /// Goes back to the state in which it was made, for a new episode. The account of the run goes on.
+    /// Resets to the initial state for a new episode. The statistics of the run continue.
     pub fn reset(&mut self) {
         self.gate.reset();
         self.freshness.reset();
@@ -201,15 +203,15 @@ impl CommandGate {
         (self.offered, self.stepped_ns, self.checked_ns, self.shown) = (None, 0, 0, None);
     }
 
-    /// True while it keeps the safe state until `motorium resume` under `resume = "latch"`, such as after a
-    /// restart of the actuator: a motion that it does not judge, such as the homing of a drive, waits until
-    /// then.
+    /// Returns `true` while the gate keeps the safe state until `motorium resume` with `resume = "latch"`,
+    /// such as after a restart of the actuator. Motions that bypass the gate, such as the homing of a drive,
+    /// must wait until then.
     pub fn is_latched(&self) -> bool {
         self.gate.is_latched()
     }
 
-    /// Begins anew with joints of which it was not known where they were, such as after a homing. As
-    /// [`reset`](Self::reset), but a latch stays.
+    /// Resets the gate after the joint positions were unknown, such as after homing. Like
+    /// [`reset`](Self::reset), but keeps the latch.
     pub fn relocate(&mut self) {
         let latched = self.gate.is_latched();
         self.reset();
@@ -218,9 +220,9 @@ impl CommandGate {
         }
     }
 
-    /// Sets the [`setpoints`](Self::setpoints) of the safe state, whatever is commanded: a step in which no
-    /// command may be judged, for it is not known where the joints are. An emergency stop and `motorium
-    /// resume` are seen. Call it instead of [`check`](Self::check).
+    /// Sets the [`setpoints`](Self::setpoints) of the safe state regardless of the command. Call it instead
+    /// of [`check`](Self::check) while the joint positions are unknown and no command can be checked. It
+    /// still reacts to an emergency stop and `motorium resume`.
     pub fn withhold(&mut self, measured: Measured<'_>) -> Verdict {
         let dt = self.step_time();
         let latch = self.latch();
@@ -229,7 +231,7 @@ impl CommandGate {
         verdict
     }
 
-    /// Checks the newest command, and sets the [`setpoints`](Self::setpoints) of this step. Call it once a
+    /// Checks the newest command and sets the [`setpoints`](Self::setpoints) of this step. Call it once per
     /// step.
     pub fn check(&mut self, input: &mut Input<JointCommand>, measured: Measured<'_>) -> Verdict {
         let dt = self.step_time();
@@ -237,7 +239,7 @@ impl CommandGate {
     }
 
     /// Checks the newest command for a period of `dt` s of simulated time. An actuator that simulates several
-    /// periods in one step, because it was late, calls it for each of them.
+    /// periods in one late step calls it for each of them.
     pub fn check_for(&mut self, input: &mut Input<JointCommand>, measured: Measured<'_>, dt: f64) -> Verdict {
         let stopping = self.context.is_stopping() || self.context.region().header().command() != Command::Run;
         let step_ns = self.context.clock().step_ns();
@@ -318,7 +320,8 @@ impl CommandGate {
         }
     }
 
-    /// Time since the step before, s, between half a period and the age at which a command is stale.
+    /// Returns the time since the previous step, s, clamped to between half a period and the age at which a
+    /// command is stale.
     #[inline]
     fn step_time(&mut self) -> f64 {
         let now_ns = self.context.clock().step_ns();
@@ -328,7 +331,7 @@ impl CommandGate {
         elapsed_ns.max(self.period_ns / 2).min(longest_ns) as f64 * 1e-9
     }
 
-    /// The latch of the run, with a look at the emergency stop.
+    /// Reads the emergency stop and returns the latch of the run.
     #[inline]
     fn latch(&mut self) -> Option<Latch> {
         let header = self.context.region().header();
@@ -348,7 +351,7 @@ impl CommandGate {
         header.latched().or(awaited)
     }
 
-    /// Writes the state into the control block where it changed.
+    /// Writes changes of the state to the control block.
     #[inline]
     fn show(&mut self, latch: Option<Latch>, verdict: Verdict) {
         let safe = matches!(verdict, Verdict::Safe { .. });
@@ -368,8 +371,8 @@ impl CommandGate {
         }
     }
 
-    /// Notes the memory of the common step among the lines that a step needs first, once the gate lies where
-    /// it stays.
+    /// Records the memory of a common step among the lines that a step needs first, once the gate has its
+    /// final address.
     fn note_first_lines(&mut self) {
         if core::mem::replace(&mut self.is_noted, true) {
             return;
@@ -380,13 +383,13 @@ impl CommandGate {
         lines.note_values(setpoints, Access::Write, GATE_LINES);
     }
 
-    /// Writes the state into the control block.
+    /// Writes the state to the control block.
     #[cold]
     #[inline(never)]
     fn write(&self, shown: Shown, before: Option<Shown>, verdict: Verdict) {
         let block = self.context.block();
         let (state, latch) = self.group.show(self.place, shown.state, shown.latch);
-        // Before the state, so that nobody finds it reached too early.
+        // Before the state, so that no reader considers it reached too early.
         block.gate.set_moves(self.group.show_moves(self.place, shown.moves));
         if shown.unsettled && !before.is_some_and(|before| before.unsettled) {
             block.gate.count_unsettled();
@@ -395,7 +398,8 @@ impl CommandGate {
             block.gate.count_late_resume();
         }
         block.gate.set(state, latch, self.context.clock().step_ns());
-        // Of this process: its predecessor may have been killed in the safe state and left the flag set.
+        // Set by this process, because its predecessor may have been killed in the safe state and left the
+        // flag set.
         if let Verdict::Safe { entered: true, .. } = verdict {
             block.safe_since_ns.store(monotonic_ns(), Relaxed);
         }

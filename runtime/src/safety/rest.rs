@@ -5,24 +5,24 @@ use crate::plan::SafeState;
 
 /// Speed below which a joint counts as at rest, rad/s or m/s.
 pub const REST_SPEED: f64 = 0.05;
-/// Time in which `hold` and `brake` bring every joint to rest, s. A joint that is faster after it has not
-/// reached its safe state.
+/// Time in which `hold` and `brake` bring every joint to rest, s. A joint that is still faster than
+/// [`REST_SPEED`] then has not reached its safe state.
 pub const REST_WITHIN: f64 = 1.0;
 
-/// Reversals of a joint per second from which on it shakes: a structure oscillates more slowly, and a drive
-/// whose gains are too high for its period reverses at every step.
+/// Reversals per second above which a joint shakes. A structure oscillates more slowly, and a drive whose
+/// gains are too high for its period reverses at every step.
 const SHAKES: f64 = 100.0;
 /// Time over which reversals are counted, s.
 const MEMORY: f64 = 0.1;
-/// Time for which every joint must stay slower than [`REST_SPEED`] once one was faster, s: a joint that
-/// oscillates is slow at each turn.
+/// Time for which every joint must stay slower than [`REST_SPEED`] once one was faster, s. An oscillating
+/// joint is slow at each reversal.
 const CALM_FOR: f64 = 0.02;
 
 /// Time in a safe state, and the joints that are still moving.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Rest {
     elapsed: f64,
-    /// Time for which all joints have been slow, s; infinite where none was ever fast.
+    /// Time for which all joints have been slow, s; infinite if none was ever fast.
     calm_for: f64,
 }
 
@@ -33,7 +33,7 @@ impl Default for Rest {
 }
 
 impl Rest {
-    /// Notes a step of `dt` s in a safe state, with the joints at these velocities.
+    /// Records a step of `dt` s in a safe state with these joint velocities.
     ///
     /// A velocity that is not finite is unknown, and an unknown joint is not at rest.
     pub(super) fn step(
@@ -46,36 +46,36 @@ impl Rest {
         let stops = matches!(state, SafeState::Hold | SafeState::Brake);
         self.elapsed = if entered { 0.0 } else { self.elapsed + dt };
         self.calm_for = if entered || !stops { f64::INFINITY } else { self.calm_for + dt };
-        // A joint without a gain is not held: a rotor, or a pole that swings freely.
+        // A joint without a gain is not held, such as a rotor or a freely swinging pole.
         let mut held = velocity.iter().zip(joints).filter(|(_, joint)| joint.kp > 0.0);
         if stops && held.any(|(velocity, _)| is_moving(*velocity)) {
             self.calm_for = 0.0;
         }
     }
 
-    /// True while a joint moves that the safe state should bring to rest.
+    /// Returns `true` while a joint moves that the safe state should bring to rest.
     pub(super) fn moves(&self) -> bool {
         self.calm_for < CALM_FOR
     }
 
-    /// False where a joint still moves after [`REST_WITHIN`]. `damp` and `zero_torque` let joints move, and
-    /// are reached at their entry.
+    /// Returns `false` if a joint still moves after [`REST_WITHIN`]. `damp` and `zero_torque` let joints move
+    /// and are reached on entry.
     pub(super) fn is_reached(&self) -> bool {
         !self.moves() || self.elapsed < REST_WITHIN
     }
 }
 
-/// The reversals of a joint in a safe state.
+/// Counts the reversals of a joint in a safe state.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Reversals {
     velocity: f64,
-    /// Reversals within [`MEMORY`], those long ago counting less.
+    /// Number of reversals within [`MEMORY`], with exponentially decreasing weight.
     count: f64,
 }
 
 impl Reversals {
-    /// Notes the velocity, `dt` s after the one before. True for a joint that shakes: it reverses more than a
-    /// hundred times per second, or at more than half of the steps of a slower actuator.
+    /// Records the velocity, `dt` s after the previous one. Returns `true` if the joint shakes: it reverses
+    /// more than a hundred times per second, or at more than half of the steps of a slower actuator.
     pub(super) fn step(&mut self, velocity: f64, dt: f64) -> bool {
         let reverses = velocity * self.velocity < 0.0 && is_moving(velocity) && is_moving(self.velocity);
         self.count *= 1.0 - (dt / MEMORY).min(1.0);
@@ -85,7 +85,7 @@ impl Reversals {
     }
 }
 
-/// True for a joint that is not at rest. An unknown velocity is not rest.
+/// Returns `true` if a joint is not at rest. A joint with an unknown velocity is not at rest.
 fn is_moving(velocity: f64) -> bool {
     velocity.is_nan() || velocity.abs() >= REST_SPEED
 }
@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_joint_shakes_where_it_reverses_at_every_step() {
+    fn joint_that_reverses_at_every_step_shakes() {
         let shakes = |hertz: f64, dt: f64, speed: f64| {
             let mut reversals = Reversals::default();
             let steps = (0.5 / dt) as usize;
@@ -121,7 +121,7 @@ mod tests {
         }
         assert!(!rest.is_reached());
         rest.step(SafeState::Hold, (&[0.0, 0.049], &joints), 1e-3, false);
-        assert!(!rest.is_reached(), "a joint that oscillates is slow at each turn");
+        assert!(!rest.is_reached(), "an oscillating joint is slow at each reversal");
         for _ in 0..21 {
             rest.step(SafeState::Hold, (&[0.0, 0.049], &joints), 1e-3, false);
         }

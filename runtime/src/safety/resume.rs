@@ -1,81 +1,81 @@
-//! The way out of a safe state: from the held pose to the commanded setpoint, at limited rates.
+//! Recovery from a safe state: from the held pose to the commanded setpoint, at limited rates.
 //!
-//! It has two parts. On the *approach* the reference of each joint moves towards its command, within limits
-//! of velocity, acceleration and jerk. When all joints have come near their commands, commands are followed,
-//! and the remaining difference *fades*, without a step in position, velocity or effort.
+//! Recovery has two phases. In the *approach* the reference of each joint moves towards its command, within
+//! limits of velocity, acceleration and jerk. When all joints are near their commands, commands are followed,
+//! and the remaining difference *fades* without a step in position, velocity or effort.
 //!
-//! A command that keeps accelerating is never near. Therefore the limits of the approach rise after
-//! [`GENTLE_FOR`], and from then on it ends as soon as the difference can fade within [`LONGEST_FADE`]. After
-//! [`PATIENT_FOR`] longer fades are allowed, up to the remainder of [`RESUME_WITHIN`], with a larger share of
-//! the limits.
+//! A reference never gets near a command that keeps accelerating. Therefore the limits of the approach rise
+//! after [`GENTLE_FOR`], and from then on the approach ends as soon as the difference can fade within
+//! [`LONGEST_FADE`]. After [`PATIENT_FOR`] longer fades are allowed, up to the rest of [`RESUME_WITHIN`],
+//! with a larger share of the limits.
 
 use motorium_drive::JointSetpoint;
 
 use super::limits::JointLimits;
 use super::states::{HOLD_EFFORT_BLEND, Joint};
 
-/// Fraction of the limits that the approach uses at first: a drive overshoots its reference, and joints that
-/// turn round at once push one another.
+/// Initial fraction of the limits used by the approach, because drives overshoot their reference, and joints
+/// that reverse simultaneously disturb one another.
 const SHARE: f64 = 0.5;
-/// Fraction of the limits that the approach uses at last.
+/// Final fraction of the limits used by the approach.
 const LAST_SHARE: f64 = 0.6;
-/// Time for which the approach keeps to [`SHARE`], s.
+/// Time for which the approach uses [`SHARE`], s.
 const GENTLE_FOR: f64 = 0.6;
 /// Time in which its share of the limits rises to [`LAST_SHARE`], s.
 const RISES_FOR: f64 = 0.4;
-/// Longest time in which the remaining difference fades where the command was not met, s.
+/// Longest time in which the remaining difference fades if the command was not met, s.
 const LONGEST_FADE: f64 = 0.3;
 /// Time after which larger differences may fade, s.
 const PATIENT_FOR: f64 = 1.0;
 /// Time in which the additional share of a fade rises to its full value, s.
 const LOSES_PATIENCE_FOR: f64 = 0.5;
-/// Fraction of the limits that a fade may use in addition then.
+/// Additional fraction of the limits that a fade may then use.
 const MORE_FADE: f64 = 0.3;
 /// Growth of the longest fade, seconds per second.
 const FADE_GROWTH: f64 = 0.7;
-/// Time after which the approach ends for a command that it cannot meet otherwise, s.
+/// Time after which the approach ends for a command that it cannot meet, s.
 const URGENT_AFTER: f64 = 3.0;
-/// Fraction of the limits of an approach that lasts longer.
+/// Fraction of the limits for an approach that lasts longer than [`URGENT_AFTER`].
 const URGENT_SHARE: f64 = 0.9;
-/// Longest time in which the difference fades then, s.
+/// Longest time in which the difference fades after [`URGENT_AFTER`], s.
 const URGENT_FADE: f64 = 0.9;
 /// Time within which commands are followed again unless they are too far away for the limits, s. A gate that
 /// takes longer is reported.
 pub const RESUME_WITHIN: f64 = 2.0;
 /// Time constant of the last part of the approach, s.
 const APPROACH: f64 = 0.08;
-/// Speed at which the reference gains on a near command, as a time at the acceleration of the approach, s. A
-/// controller that computes from the measured pose runs ahead of an arm that is slower than it expects, and
-/// turns back late: an arm that gained faster would overshoot, and swing to and fro.
+/// Speed at which the reference closes in on a near command, as a time at the acceleration of the approach,
+/// s. A controller that computes from the measured pose leads an arm that is slower than expected, and
+/// reverses late. An arm that closed in faster would overshoot and oscillate.
 const GAIN_FOR: f64 = 0.07;
-/// Time constant of the gain on a command that is far, s: farther than a controller runs ahead.
+/// Time constant for closing in on a far command, s: farther than the lead of a controller.
 const FAR: f64 = 0.5;
 /// Time constant of the velocity of the approach, s.
 const VELOCITY_LAG: f64 = 0.02;
 /// Time in which the acceleration of the approach rises to its limit, s.
 const RAMP: f64 = 0.01;
-/// Time over which the feed-forward effort goes over to that of the command, s.
+/// Time over which the feed-forward effort blends to the command's, s.
 const EFFORT_BLEND: f64 = 0.5;
-/// Fraction of the velocity limit, and of the effort limit, by which a setpoint that is met may still differ.
+/// Difference at which a setpoint counts as met, as a fraction of the velocity limit and of the effort limit.
 const MET: f64 = 0.02;
 /// Time for which the setpoint must stay met, s.
 const MET_FOR: f64 = 0.01;
-/// Time in which the remaining difference fades where the command was met, s.
+/// Time in which the remaining difference fades if the command was met, s.
 const FADE: f64 = 0.1;
 /// Fraction of the acceleration limit that the fading may use.
 const FADE_SHARE: f64 = 0.25;
 
-/// The reference of one joint on its way back.
+/// The reference of one joint during the approach.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct Reference {
     position: f64,
     velocity: f64,
     acceleration: f64,
-    /// Excess of the feed-forward of the safe state over gravity that has not faded yet, N m or N.
+    /// Feed-forward of the safe state in excess of gravity that has not faded yet, N m or N.
     effort: f64,
 }
 
-/// The difference of a setpoint from its command where the approach ends.
+/// The difference between a setpoint and its command at the end of the approach.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct Rest {
     position: f64,
@@ -83,21 +83,21 @@ struct Rest {
     effort: f64,
 }
 
-/// The way back of all joints.
+/// Recovery of all joints.
 #[derive(Debug, Clone)]
 pub(super) struct Resume {
     references: Vec<Reference>,
     rests: Vec<Rest>,
     elapsed: f64,
     met_for: f64,
-    /// Time since the end of the approach, s; infinite where nothing fades.
+    /// Time since the end of the approach, s; infinite if nothing fades.
     faded_for: f64,
     /// Duration of the fading, s.
     fade_time: f64,
 }
 
 impl Reference {
-    /// The joint's reference in a safe state: where it is held, or where it moves.
+    /// Returns the joint's reference in a safe state, whether it is held or moving.
     fn from_setpoint(setpoint: &JointSetpoint, joint: &Joint) -> Self {
         let (position, velocity, effort) = match setpoint.kp > 0.0 {
             true => (setpoint.position, setpoint.velocity, setpoint.effort - joint.gravity),
@@ -106,19 +106,19 @@ impl Reference {
         Self { position, velocity, acceleration: 0.0, effort }
     }
 
-    /// True if the rest of the difference changes the effort by little, and can fade within the acceleration
-    /// limit.
+    /// Returns `true` if the remaining difference changes the effort only slightly and can fade within the
+    /// acceleration limit.
     fn meets(&self, command: &JointSetpoint, limits: &JointLimits) -> bool {
         let fading = FADE_SHARE * limits.usual_acceleration() * FADE;
-        // A quintic accelerates by 5.8 times its height, and by about 4 times its slope, in units of its
-        // duration.
+        // The peak acceleration of a quintic is 5.8 times its height, and about 4 times its slope, in units
+        // of its duration.
         let position = (MET * limits.effort / command.kp).min(fading * FADE / 5.8);
         let velocity = (MET * limits.velocity).min(fading / 4.0);
         (command.kp == 0.0 || (command.position - self.position).abs() <= position)
             && (command.kd == 0.0 || (command.velocity - self.velocity).abs() <= velocity)
     }
 
-    /// Moves towards the command for `dt` s. A joint without a gain goes where it goes.
+    /// Moves towards the command for `dt` s. A joint without a gain moves freely.
     fn advance(
         &mut self,
         command: &JointSetpoint,
@@ -136,11 +136,11 @@ impl Reference {
         let (fastest, largest) = (share * limits.velocity, share * limits.usual_acceleration());
         let commanded = if command.kd > 0.0 { command.velocity } else { 0.0 };
         let distance = if command.kp > 0.0 { command.position - self.position } else { 0.0 };
-        // Actuators with long periods have longer time constants, or they would swing from step to step.
+        // Actuators with long periods need longer time constants, or they would oscillate from step to step.
         let lag = VELOCITY_LAG.max(dt);
         let approach = APPROACH.max(4.0 * lag);
         let fastest_gain = (largest * GAIN_FOR).max(distance.abs() / FAR);
-        // Half of the deceleration is kept for a setpoint that turns round.
+        // Half of the deceleration is reserved for a setpoint that reverses.
         let gain = (largest * distance.abs()).sqrt().min(distance.abs() / approach).min(fastest_gain);
         let velocity = (commanded + gain.copysign(distance)).max(-fastest).min(fastest);
         let acceleration = ((velocity - self.velocity) / lag).max(-largest).min(largest);
@@ -154,8 +154,8 @@ impl Reference {
 }
 
 impl Rest {
-    /// The difference of a setpoint from its command. Without its gain a setpoint means nothing, and may be
-    /// anything.
+    /// Returns the difference between a setpoint and its command. Without its gain a setpoint has no effect
+    /// and may have any value.
     fn from_difference(position: f64, velocity: f64, effort: f64, command: &JointSetpoint) -> Self {
         Self {
             position: if command.kp > 0.0 { position - command.position } else { 0.0 },
@@ -164,22 +164,22 @@ impl Rest {
         }
     }
 
-    /// Shortest fading in which the difference changes by no more than these shares of the velocity limit and
-    /// of the acceleration limit, s. A joint that may not move at all has no say.
+    /// Returns the shortest fading time in which the difference stays within these shares of the velocity
+    /// limit and the acceleration limit, s. A joint that must not move at all is ignored.
     fn shortest_fade(&self, limits: &JointLimits, velocity_share: f64, acceleration_share: f64) -> f64 {
         let (fastest, largest) =
             (velocity_share * limits.velocity, acceleration_share * limits.usual_acceleration());
         if fastest <= 0.0 || largest <= 0.0 {
             return 0.0;
         }
-        // A quintic accelerates by 5.8 times its height, and by about 4 times its slope, in units of its
-        // duration; its slope is at most 1.875 times its height.
+        // The peak acceleration of a quintic is 5.8 times its height, and about 4 times its slope, in units
+        // of its duration; its slope is at most 1.875 times its height.
         let (height, slope) = (5.8 * self.position.abs() / largest, 2.0 * self.velocity.abs() / largest);
         (slope + (slope * slope + height).sqrt()).max(1.875 * self.position.abs() / fastest)
     }
 
-    /// The difference at the share `s` of a fading that lasts `duration` s: the quintic that begins at this
-    /// difference and ends at zero, without acceleration at either end.
+    /// Returns the difference at the fraction `s` of a fading of `duration` s: a quintic from this difference
+    /// to zero, without acceleration at either end.
     fn faded(&self, s: f64, duration: f64) -> Self {
         let (s2, left) = (s * s, 1.0 - s);
         let height = 1.0 - s2 * s * (10.0 - 15.0 * s + 6.0 * s2);
@@ -206,7 +206,7 @@ impl Resume {
         }
     }
 
-    /// Begins at the setpoints of the safe state.
+    /// Begins the approach at the setpoints of the safe state.
     pub(super) fn begin<'a>(&mut self, safe: impl Iterator<Item = (&'a JointSetpoint, Joint)>) {
         (self.elapsed, self.met_for, self.faded_for) = (0.0, 0.0, f64::INFINITY);
         for (reference, (setpoint, joint)) in self.references.iter_mut().zip(safe) {
@@ -214,7 +214,8 @@ impl Resume {
         }
     }
 
-    /// True if a command is near enough to its setpoint in the safe state that the difference can fade.
+    /// Returns `true` if a command is near enough to its setpoint in the safe state for the difference to
+    /// fade.
     pub(super) fn is_near(
         &self,
         index: usize,
@@ -226,7 +227,7 @@ impl Resume {
             && self.references[index].meets(command, limits)
     }
 
-    /// Lets the difference of these commands from the safe state fade.
+    /// Begins to fade the difference between these commands and the safe state.
     pub(super) fn begin_fading(&mut self, commands: &[JointSetpoint], safe: &[JointSetpoint]) {
         let pairs = commands.iter().zip(safe).zip(&self.references);
         for (rest, ((command, safe), reference)) in self.rests.iter_mut().zip(pairs) {
@@ -239,7 +240,7 @@ impl Resume {
         self.elapsed > URGENT_AFTER
     }
 
-    /// Fraction of the limits that the approach uses now.
+    /// Returns the fraction of the limits that the approach uses now.
     fn share(&self) -> f64 {
         if self.is_urgent() {
             return URGENT_SHARE;
@@ -247,12 +248,12 @@ impl Resume {
         SHARE + (LAST_SHARE - SHARE) * ((self.elapsed - GENTLE_FOR) / RISES_FOR).clamp(0.0, 1.0)
     }
 
-    /// Progress of the additional share, from 0 before [`PATIENT_FOR`] to 1.
+    /// Returns the progress of the additional share, from 0 before [`PATIENT_FOR`] to 1.
     fn impatience(&self) -> f64 {
         ((self.elapsed - PATIENT_FOR) / LOSES_PATIENCE_FOR).clamp(0.0, 1.0)
     }
 
-    /// Longest time in which a difference may fade that starts to fade now, s.
+    /// Returns the longest fading time of a difference that starts to fade now, s.
     fn longest_fade(&self) -> f64 {
         if self.is_urgent() {
             return URGENT_FADE;
@@ -261,7 +262,7 @@ impl Resume {
         grown.min(RESUME_WITHIN - self.elapsed).max(LONGEST_FADE)
     }
 
-    /// One joint's setpoint on the way to `command`; whether it is met.
+    /// Computes one joint's setpoint on the approach to `command`. Returns `true` if the command is met.
     pub(super) fn advance(
         &mut self,
         index: usize,
@@ -287,8 +288,9 @@ impl Resume {
         (setpoint, effort && reference.meets(command, limits))
     }
 
-    /// Ends a step of `dt` s in which all joints were met, or not. The remaining difference fades from the
-    /// end of the approach on. Returns true if the commands were met, and count as followed while it fades.
+    /// Ends a step of `dt` s, in which all commands were met if `all_met`. The remaining difference fades
+    /// from the end of the approach on. Returns `true` if the commands were met and count as followed during
+    /// the fading.
     pub(super) fn end_step(&mut self, all_met: bool, limits: &[JointLimits], dt: f64) -> bool {
         self.elapsed += dt;
         self.met_for = if all_met { self.met_for + dt } else { 0.0 };
@@ -314,19 +316,19 @@ impl Resume {
         false
     }
 
-    /// True if it has lasted longer than [`RESUME_WITHIN`].
+    /// Returns `true` if the recovery has lasted longer than [`RESUME_WITHIN`].
     #[inline]
     pub(super) fn is_late(&self) -> bool {
         self.elapsed > RESUME_WITHIN
     }
 
-    /// True if something has not faded yet.
+    /// Returns `true` while a difference is fading.
     #[inline]
     pub(super) fn fades(&self) -> bool {
         self.faded_for.is_finite()
     }
 
-    /// Adds to the commands what has not faded, `dt` s after the step before.
+    /// Adds the remaining difference to the commands, `dt` s after the previous step.
     pub(super) fn fade(&mut self, commands: &mut [JointSetpoint], dt: f64) {
         self.faded_for += dt;
         self.elapsed += dt;
@@ -352,7 +354,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_offset_fades_smoothly_with_its_derivative() {
+    fn offset_fades_smoothly_with_its_derivative() {
         let rest = Rest { position: 3e-3, velocity: -0.04, effort: 1.7 };
         let (begin, end) = (rest.faded(0.0, FADE), rest.faded(1.0, FADE));
         assert_eq!(begin, rest);

@@ -1,33 +1,34 @@
-//! The law of the safe states.
+//! Control laws of the safe states.
 
 use motorium_drive::JointSetpoint;
 
 use super::limits::JointLimits;
 use crate::plan::SafeState;
 
-/// Damping of the brake, N m s/rad or N s/m: so large that the effort limit acts until the joint stands.
+/// Damping of the brake, N m s/rad or N s/m: large enough that the effort limit applies until the joint
+/// stops.
 const BRAKE: f64 = 1e6;
 
-/// Fraction of the acceleration limit at which `hold` brings a moving joint to rest: the drives follow with
-/// some overshoot.
+/// Fraction of the acceleration limit with which `hold` brings a moving joint to rest, because the drives
+/// follow with some overshoot.
 const STOPPING_SHARE: f64 = 0.7;
 
-/// Time in which the feed-forward of `hold` goes over from the effort before to that against gravity, to a
+/// Time in which the feed-forward of `hold` blends from the previous effort to gravity compensation, to a
 /// third, s.
 pub(super) const HOLD_EFFORT_BLEND: f64 = 0.03;
 
-/// A joint slower than this counts as standing, rad/s or m/s.
+/// Speed below which a joint counts as stopped, rad/s or m/s.
 const STANDS: f64 = 1e-3;
 
-/// Largest position gain of `hold`, in units of the profile's: four times its bandwidth.
+/// Largest position gain of `hold` relative to the profile's, which is four times the bandwidth.
 const MOST_STIFFNESS: f64 = 16.0;
 
-/// Largest velocity gain of `hold`, in units of the profile's: five times its damping ratio at
-/// [`MOST_STIFFNESS`]. A sampled drive oscillates where `kd dt` exceeds twice the inertia, which only the
-/// profile knows.
-const MOST_DAMPING: f64 = 20.0;
+/// Largest velocity gain of `hold` relative to the profile's, which is 1.25 times the damping ratio at
+/// [`MOST_STIFFNESS`]. A sampled drive oscillates if `kd dt` exceeds twice the inertia, which only the
+/// profile accounts for.
+const MOST_DAMPING: f64 = 5.0;
 
-/// A joint as it is measured.
+/// Measured state of a joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Joint {
     /// Position, rad or m.
@@ -39,7 +40,8 @@ pub struct Joint {
 }
 
 impl Joint {
-    /// Joint `i` as it is measured; a reading that is not finite counts as the setpoint, at rest.
+    /// Returns the measured state of joint `i`. A reading that is not finite is replaced by the setpoint at
+    /// rest.
     pub(super) fn measured(
         position: &[f64],
         velocity: &[f64],
@@ -56,18 +58,18 @@ impl Joint {
     }
 }
 
-/// The setpoint with which a joint enters a safe state: a pure function of the joint as it is measured, its
-/// limits and the setpoint `last` that was applied before.
+/// Returns the setpoint with which a joint enters a safe state: a pure function of the measured joint, its
+/// limits and the previously applied setpoint `last`.
 ///
 /// | state | position | gains | feed-forward |
 /// |---|---|---|---|
-/// | `hold` | current; under an acceleration limit, where 0.7 times it stops the joint | held gains | gravity |
+/// | `hold` | current; with an acceleration limit, stop at 0.7 times the limit | held gains | gravity |
 /// | `damp` | none | `kd` of the safe states | none |
 /// | `zero_torque` | none | none | none |
-/// | `brake` | none, then where the joint has come to stand | 10^6 N m s/rad, then those of the safe states | gravity |
+/// | `brake` | none, then where the joint stopped | 10^6 N m s/rad, then the safe states' gains | gravity |
 ///
 /// Held gains are the larger of the last command's and the profile's, separately for `kp` and `kd`, but at
-/// most 16 times the profile's `kp` and 20 times its `kd`. With a larger `kp` than the profile's, `kd` is at
+/// most 16 times the profile's `kp` and 5 times its `kd`. If `kp` is larger than the profile's, `kd` is at
 /// least as large as the profile's damping ratio requires.
 ///
 /// ```
@@ -82,15 +84,15 @@ impl Joint {
 pub fn enter(state: SafeState, joint: &Joint, limits: &JointLimits, last: &JointSetpoint) -> JointSetpoint {
     let none = JointSetpoint { position: joint.position, ..JointSetpoint::default() };
     match state {
-        // With gravity compensation, or the arm would sag; and never softer than the profile, since a
-        // compliant controller's gains may be too low to stop the arm; nor much stiffer, since a stiff
-        // controller's may be unstable.
+        // Gravity compensation keeps the arm from sagging. The gains are never softer than the profile's,
+        // because a compliant controller's may be too low to stop the arm, and not much stiffer, because a
+        // stiff controller's may be unstable.
         SafeState::Hold => {
             let held = |last: f64, profile: f64, most: f64| {
                 if profile > 0.0 { last.min(most * profile).max(profile) } else { last }
             };
             let kp = held(last.kp, limits.kp, MOST_STIFFNESS);
-            // A stiffer drive needs more damping to stop the joint without swinging.
+            // A stiffer drive needs more damping to stop the joint without oscillation.
             let stiffer = if limits.kp > 0.0 { (kp / limits.kp).sqrt() } else { 1.0 };
             let kd = held(last.kd, limits.kd, MOST_DAMPING).max(stiffer * limits.kd);
             let velocity = if limits.acceleration.is_finite() { joint.velocity } else { 0.0 };
@@ -104,8 +106,8 @@ pub fn enter(state: SafeState, joint: &Joint, limits: &JointLimits, last: &Joint
 
 /// Returns the setpoint of a step in a safe state, `dt` s after `setpoint`.
 ///
-/// `hold` brings a moving joint to rest within its range, and its feed-forward to the gravity at the measured
-/// pose. `brake` compensates gravity and holds a joint once it stands.
+/// `hold` brings a moving joint to rest within its range, and blends its feed-forward to gravity compensation
+/// at the measured pose. `brake` compensates gravity and holds a joint once it has stopped.
 pub fn stay(
     state: SafeState,
     joint: &Joint,
@@ -139,8 +141,8 @@ pub fn stay(
     }
 }
 
-/// Lowers the gains of `hold` to the profile's for a joint that they shake, without a step of its effort. A
-/// gain that the profile does not have stays.
+/// Lowers the gains of `hold` to the profile's for a joint that shakes, without a step in its effort. Gains
+/// that the profile does not define are unchanged.
 pub(super) fn soften(setpoint: &mut JointSetpoint, joint: &Joint, limits: &JointLimits) {
     if limits.kp > 0.0 && setpoint.kp > limits.kp {
         let pull = (setpoint.kp - limits.kp) * (setpoint.position - joint.position);

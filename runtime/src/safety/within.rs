@@ -1,11 +1,11 @@
-//! The common step of a gate: a new command within all limits, which is applied as it is.
+//! The common step of a gate: a new command within all limits, which is applied unchanged.
 
 use motorium_drive::{JointSetpoint, ROUNDING};
 
 use super::limits::{Bounds, JointLimits};
 use crate::state::{Field as _, JointCommand};
 
-/// The limits of all joints as the common step reads them: numbers alone, one after the other.
+/// Limits of all joints as consecutive numbers, as read by the common step.
 #[derive(Debug)]
 pub(super) struct Envelope {
     bounds: Vec<Bounds>,
@@ -16,16 +16,16 @@ impl Envelope {
         Self { bounds: joints.iter().map(Bounds::from_limits).collect() }
     }
 
-    /// The numbers as they lie in memory.
+    /// Returns the numbers in memory order.
     pub(super) fn bounds(&self) -> &[Bounds] {
         &self.bounds
     }
 
-    /// Applies a new command to the setpoints that are followed, if it is valid and within all limits, those
-    /// of its rates over `over` s included. The joints are measured at positions `q` and velocities `v`.
-    /// False if it is not: nothing has changed then, and the joints are to be looked at one by one.
+    /// Applies a new command to the setpoints if it is valid and within all limits, including the rate limits
+    /// over `over` s. `q` and `v` are the measured joint positions and velocities. Returns `false` without
+    /// any change if it is not; the command must then be checked joint by joint.
     ///
-    /// All comparisons of a joint are made, without a branch between them.
+    /// All comparisons of a joint are made without branches between them.
     #[inline]
     pub(super) fn apply(
         &self,
@@ -44,7 +44,7 @@ impl Envelope {
         let mut exceeds = false;
         for i in 0..count {
             let (bounds, last) = (&self.bounds[i], &setpoints[i]);
-            // A drive without a gain held no setpoint: it is where it is measured.
+            // A drive without a gain follows no setpoint, so the measured position is used.
             let position_before = if last.kp > 0.0 { last.position } else { q[i] };
             let velocity_before = if last.kd > 0.0 { last.velocity } else { v[i] };
             let beyond = |step: f64, rate: f64| step.abs() > rate * over * (1.0 + ROUNDING);
@@ -53,7 +53,7 @@ impl Envelope {
                 | beyond(position[i] - position_before, bounds.velocity);
             let velocity_exceeds = (velocity[i].abs() > bounds.velocity)
                 | beyond(velocity[i] - velocity_before, bounds.acceleration);
-            // Without its gain a setpoint means nothing, and may be anything.
+            // Without its gain a setpoint has no effect and may have any value.
             exceeds |= (kp[i] < 0.0)
                 | (kd[i] < 0.0)
                 | (kp[i] > bounds.max_kp)
@@ -81,7 +81,7 @@ impl Envelope {
         true
     }
 
-    /// Sets the velocities beyond which the drives brake, from where the joints are.
+    /// Sets the velocities beyond which the drives brake, depending on the joint positions.
     pub(super) fn bound_velocities(&self, setpoints: &mut [JointSetpoint], position: &[f64]) {
         for ((setpoint, bounds), q) in setpoints.iter_mut().zip(&self.bounds).zip(position) {
             (setpoint.min_velocity, setpoint.max_velocity) = bounds.velocities_at(*q);

@@ -41,7 +41,7 @@ impl Admission {
         self.verdict == Verdict::Exceeds
     }
 
-    /// The bounds that do not hold.
+    /// Returns the bounds that do not hold.
     pub fn refusals(&self) -> impl Iterator<Item = &Problem> {
         self.problems.iter().filter(|problem| problem.severity == Severity::Error)
     }

@@ -3,7 +3,7 @@
 //! [`admit`] is the check before a launch. Its model and assumptions are:
 //!
 //! * Real-time components are `SCHED_FIFO` threads on one core each, or `SCHED_DEADLINE` threads. The latter
-//!   precede all priorities and run on any core; each core is assumed to run all of them. Components that
+//!   run ahead of all priorities and on any core; each core is assumed to run all of them. Components that
 //!   trigger one another on one core at one priority are one task ([`StaticPlan`]); the response time of each
 //!   of its stages is bounded, across cores and priorities by release jitter.
 //! * Phases are considered: tasks on the common clock whose releases never coincide do not delay each other.
@@ -15,13 +15,13 @@
 //! * Equal priorities: a chain ahead in the queue is counted as a whole. A clock-released component moves to
 //!   the end of the queue again when it first gets the core, so that components woken by a publication
 //!   meanwhile run first.
-//! * A component publishes at the end of its step (this matters for latencies only). The worker's subsequent
+//! * A component publishes at the end of its step (this only matters for latencies). The worker's subsequent
 //!   work delays components triggered on its core, unless they are more urgent.
 //! * A step that waits for an external answer without the core ([`waits`](crate::declare::Declare::waits))
 //!   lasts that long itself, but occupies the core for its budget only.
-//! * An unknown time counts as zero, and every bound that depends on it as not provable.
+//! * An unknown time counts as zero, and every bound that depends on it is not provable.
 //!
-//! [`timeline()`] simulates one hyperperiod in which all budgets are used up, without waiting for answers.
+//! [`timeline()`] simulates one hyperperiod in which all budgets are used up and no step waits for answers.
 //! [`assign`] chooses priorities and cores that a graph does not specify.
 
 mod admission;
@@ -47,8 +47,8 @@ use analysis::unknown::Unknown;
 use analysis::{Analysis, response};
 use explain::{latency, load, problems, task};
 
-/// Checks whether a graph meets its timing on a machine with these overheads and this limit of real-time
-/// threads.
+/// Checks that a graph meets its timing requirements on a machine with these overheads and this limit on
+/// real-time threads.
 pub fn admit(plan: &Plan, overheads: &Overheads, rt_limit: RtLimit) -> Admission {
     let mut admission = Admission {
         verdict: Verdict::BestEffort,

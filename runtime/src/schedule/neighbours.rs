@@ -3,8 +3,8 @@
 use crate::plan::{Activation, OnOverrun, Plan};
 
 /// Returns the plan of a graph extended by the components of other running graphs, for
-/// [`admit`](super::admit) only. Their components are named `RUN/component`, and may be released at any time,
-/// since their runs started at other times. Only real-time graphs are considered.
+/// [`admit`](super::admit) only. Their components are named `RUN/component` and may be released at any time,
+/// because their runs started at other times. Only real-time graphs are considered.
 ///
 /// `others` contains the names and plans of the runs.
 pub fn beside(plan: &Plan, others: &[(String, Plan)]) -> Plan {
@@ -54,7 +54,7 @@ mod tests {
     use crate::schedule::tests::graphs::{When, graph, node};
     use crate::schedule::{Overheads, RtLimit, Verdict, admit};
 
-    /// Physics and a triggered controller, with these budgets on core 0.
+    /// Returns a plan of physics and a triggered controller with these budgets on core 0.
     fn chain(physics_us: u64, controller_us: u64) -> Plan {
         let mut nodes =
             [node("physics", When::Every(1_000_000, 0), 1), node("controller", When::After(0), 1)];
@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn graphs_sharing_a_core_must_hold_together() {
+    fn graphs_on_one_core_are_admitted_together() {
         let (light, heavy) = (chain(100, 200), chain(300, 400));
         let runs = |plan: &Plan| vec![("other-1".to_string(), plan.clone())];
         assert_eq!([verdict(&light), verdict(&heavy)], [Verdict::Holds; 2]);
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn a_graph_in_lockstep_takes_no_time_from_one_in_real_time() {
+    fn lockstep_graph_is_no_load_for_a_real_time_graph() {
         let mut lockstep = chain(900, 50);
         lockstep.clock = ClockKind::Lockstep;
         let own = chain(100, 200);

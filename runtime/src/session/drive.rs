@@ -1,4 +1,4 @@
-//! A session driven to the end of its plan: through episodes, pauses, and at a pace.
+//! A session driven to the end of its plan, with episodes, pauses and a pace.
 
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
@@ -9,12 +9,12 @@ use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, EpisodesPlan, Plan};
 use crate::worker::Registry;
 
-/// Longest time between two looks at a run that is held, ns.
+/// Longest time between two checks of a paused run, ns.
 const LOOK_NS: u64 = 20_000_000;
 
 impl Session<'_> {
-    /// Runs the plan to its end: its duration, in each of its episodes. How the run ended is in the report of
-    /// [`stop`](Self::stop).
+    /// Runs the plan to its end: its duration in each of its episodes. The report of [`stop`](Self::stop)
+    /// contains the exit.
     ///
     /// # Errors
     /// A component cannot be reset between two episodes.
@@ -54,7 +54,7 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// Goes on towards `end`, at most so far that a pause is noticed soon.
+    /// Continues towards `end`, but only so far that a pause is noticed soon.
     fn run_on(&mut self, end: Duration) -> Result<(), SessionError> {
         if self.launch.plan().clock == ClockKind::Realtime {
             return self.step_until(end);
@@ -65,7 +65,7 @@ impl Session<'_> {
         self.step_until(end.min(self.time() + Duration::from_millis(100)))
     }
 
-    /// Makes the rounds that were granted to a held run, or waits for such a grant.
+    /// Runs the rounds granted to a paused run, or waits for such a grant.
     fn step_held(&mut self) -> Result<(), SessionError> {
         let header = self.launch.region().header();
         let taken = header.rounds_taken.load(Relaxed);
@@ -105,7 +105,7 @@ impl Session<'_> {
             }
         }
         let over = self.is_episode_over();
-        // The time up to the end of the part passes, too.
+        // The time until the end of the interval passes, too.
         while let Some(pace) = self.pace.filter(|_| !over && until_ns < u64::MAX) {
             let (due_ns, now_ns) = (pace.due_ns(until_ns), monotonic_ns());
             if now_ns >= due_ns {
@@ -126,11 +126,11 @@ impl Session<'_> {
 /// Runs a plan to its end: its duration in each of its episodes, a signal, or a failure that its policies do
 /// not tolerate.
 ///
-/// `observe` is called with every [`Event`] while the graph runs; with a status about 20 times a second.
+/// `observe` is called with every [`Event`] while the graph runs, including a status about 20 times a second.
 ///
 /// # Errors
-/// The graph did not start; nothing is left behind then. A graph that ran and failed is no error: its report
-/// says how it ended.
+/// The graph did not start; nothing is left behind then. A graph that ran and failed is not an error; its
+/// report contains the exit.
 pub fn run(
     plan: Plan,
     registry: &Registry,

@@ -1,30 +1,30 @@
-//! The error of a session.
+//! Errors of a session.
 
 use crate::launcher::{Exit, LaunchError};
 use crate::os::OtherProcess;
 use crate::parameter::ParameterError;
 use crate::transport::PortError;
 
-/// The error of driving a run.
+/// Error of driving a run.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
     /// The graph did not start; nothing is left behind.
     #[error(transparent)]
     Launch(#[from] LaunchError),
-    /// The run has ended: a signal came, or something failed and the actuators went to their safe state. What
-    /// remains is to stop the session.
+    /// The run has ended: it received a signal, or a component failed and the actuators entered their safe
+    /// state. The only remaining operation is to stop the session.
     #[error("the run has ended: {}", describe(.0))]
     Ended(Exit),
     /// The session belongs to the process that this one was forked from.
     #[error("the session: {0}")]
     OtherProcess(#[from] OtherProcess),
-    /// Only simulated time can be held, set back or made to pass faster.
+    /// Only simulated time can be paused, reset or sped up.
     #[error("{what}: the run is in real time; launch it with the clock `lockstep`")]
     RealTime {
         /// The requested value.
         what: &'static str,
     },
-    /// Simulated time is set back for an episode.
+    /// In lockstep an episode requires a reset of simulated time.
     #[error("{what}: the run is in lockstep; use `Session::reset`")]
     SimulatedTime {
         /// The operation.
@@ -47,7 +47,7 @@ pub enum SessionError {
         /// The component.
         component: String,
     },
-    /// A factor of time that is not above zero, or not finite.
+    /// The factor of time is not above zero, or not finite.
     #[error("simulated time cannot run at {0} times real time; expected a factor above 0")]
     Pace(f64),
     /// The graph has no such topic.
@@ -55,10 +55,10 @@ pub enum SessionError {
     NoTopic {
         /// The requested topic.
         topic: String,
-        /// The topics there are, or the one that was probably meant.
+        /// The most similar topic, or all topics.
         advice: String,
     },
-    /// A topic that another component writes.
+    /// Another component writes the topic.
     #[error(
         "topic `{topic}` is written by component `{writer}`; to write it launch with \
          `Options::standing_in_for(\"{writer}\")`"
@@ -69,7 +69,7 @@ pub enum SessionError {
         /// Its writer.
         writer: String,
     },
-    /// A topic that cannot be read or written so, or a value that holds a number that is not finite.
+    /// The topic cannot be read or written this way, or a number of the value is not finite.
     #[error("topic `{topic}`: {reason}")]
     Topic {
         /// The topic.

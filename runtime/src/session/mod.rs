@@ -1,29 +1,31 @@
-//! A run that a program drives: launched, stepped, read, set back and ended by its owner.
+//! A run driven by a program, which launches, steps, reads, resets and ends it.
 //!
-//! A [`Session`] belongs to one thread. A program may have several at once, each in a separate thread and
-//! on a core of its choice: roll-outs of a learner, say. `motorium run` is [`run`], a loop over a session.
+//! A [`Session`] belongs to one thread. A program may have several sessions, each in a separate thread and on
+//! a core of its choice, for example for roll-outs of a learner. `motorium run` is [`run`], a loop over a
+//! session.
 //!
 //! # Time
-//! In lockstep time passes only within [`step_until`](Session::step_until), [`step`](Session::step) and
-//! [`run`](Session::run): as fast as the machine allows, or at a [`pace`](Session::pace). In real time it
-//! passes by itself, `step_until` waits, and the components are supervised while it does.
+//! In lockstep, time only passes within [`step_until`](Session::step_until), [`step`](Session::step) and
+//! [`run`](Session::run), as fast as the machine allows or at a [`pace`](Session::pace). In real time,
+//! `step_until` waits and supervises the components meanwhile.
 //!
 //! # Episodes
-//! In lockstep [`reset`](Session::reset) sets all components and simulated time back. What an episode
-//! publishes depends on its seed, on parameters, and on what the session publishes and when, on nothing else:
-//! with the same it is equal to the last bit.
+//! In lockstep, [`reset`](Session::reset) resets all components and simulated time. The values that an
+//! episode publishes depend only on its seed, on parameters, and on the values and times of the session's own
+//! publications. Episodes with equal inputs are bitwise equal.
 //!
-//! In real time [`begin_episode`](Session::begin_episode) begins the next numbered stretch of the run.
+//! In real time, [`begin_episode`](Session::begin_episode) begins the next numbered section of the run.
 //! Nothing is reset.
 //!
 //! # Forks
-//! A session belongs to the process that launched it. In a forked child, of Python's `multiprocessing` say,
-//! every call is an error ([`SessionError::OtherProcess`]) and dropping it does nothing: the run of the
-//! parent continues. The same holds for its readers and [taps](crate::transport::Tap).
+//! A session belongs to the process that launched it. In a forked child, such as of Python's
+//! `multiprocessing`, every call is an error ([`SessionError::OtherProcess`]). Dropping the session there has
+//! no effect, and the run of the parent continues. The same applies to its readers and
+//! [taps](crate::transport::Tap).
 //!
 //! # Ending
-//! [`stop`](Session::stop) ends a run in good order and reports it. Dropping a session ends its components at
-//! once. Neither leaves anything in shared memory.
+//! [`stop`](Session::stop) ends a run in an orderly way and returns its report. Dropping a session ends its
+//! components immediately. Neither leaves anything in shared memory.
 
 mod drive;
 mod error;
@@ -50,7 +52,7 @@ use crate::worker::Registry;
 use pace::Pace;
 use ports::Ports;
 
-/// A run that its owner drives. See [the module](self).
+/// A run driven by its owner. See [the module](self).
 ///
 /// ```
 /// use std::time::Duration;
@@ -114,7 +116,7 @@ pub struct Session<'o> {
     observe: Box<dyn FnMut(Event<'_>) + 'o>,
     exit: Option<Exit>,
     pace: Option<Pace>,
-    /// The present episode, its seed, and the steps done before it.
+    /// The current episode's seed, and the number of steps before it.
     episode: (u64, u64),
     episodes: Vec<EpisodeReport>,
     events: EventReader,
@@ -138,11 +140,11 @@ impl Session<'static> {
 }
 
 impl<'o> Session<'o> {
-    /// Launches a plan and calls `observe` with every [`Event`]; with a status about 20 times a second while
-    /// time passes.
+    /// Launches a plan and calls `observe` with every [`Event`], including a status about 20 times a second
+    /// while time passes.
     ///
     /// # Errors
-    /// As for [`launch`](Session::launch).
+    /// Same as [`launch`](Session::launch).
     pub fn observed(
         plan: Plan,
         registry: &Registry,
@@ -158,49 +160,51 @@ impl<'o> Session<'o> {
         Ok(Self { ports, parameters, launch, observe, exit, pace, episode, episodes, events })
     }
 
-    /// The plan that runs.
+    /// Returns the plan of the run.
     pub fn plan(&self) -> &Plan {
         self.launch.plan()
     }
 
-    /// Name of the run, by which commands find it.
+    /// Returns the id of the run, by which commands find it.
     pub fn id(&self) -> &str {
         self.launch.folder().id()
     }
 
-    /// Time since the start of the run, or of its present episode: simulated in lockstep.
+    /// Returns the time since the start of the run or of its current episode; simulated time in lockstep.
     pub fn time(&self) -> Duration {
         Duration::from_nanos(self.launch.time_ns().saturating_sub(self.launch.episode_ns()))
     }
 
-    /// Number of the present episode, from 0.
+    /// Returns the index of the current episode, from 0.
     pub fn episode(&self) -> u64 {
         self.launch.region().header().episode.load(Relaxed)
     }
 
-    /// True if a component has ended the present episode.
+    /// Returns `true` if a component has ended the current episode.
     pub fn is_episode_over(&self) -> bool {
         self.launch.region().header().is_episode_over()
     }
 
-    /// Digest of everything published in the present episode; equal for equal episodes, in lockstep.
+    /// Returns the digest of all values published in the current episode. In lockstep it is equal for equal
+    /// episodes.
     pub fn state_hash(&self) -> String {
         self.launch.state_hash()
     }
 
-    /// The events of the run since the last call, oldest first: all that are still in its log at the first
-    /// call.
+    /// Returns the events of the run since the last call, oldest first. The first call returns all events
+    /// that are still in the log.
     pub fn events(&mut self) -> Vec<LoggedEvent> {
         self.launch.events(&mut self.events)
     }
 
-    /// Number of events that were overwritten in the log before [`events`](Self::events) came to them.
+    /// Returns the number of events that were overwritten in the log before [`events`](Self::events) read
+    /// them.
     pub fn lost_events(&self) -> u64 {
         self.events.lost()
     }
 
-    /// Lets time pass until [`time`](Self::time) has reached `time`: in lockstep all rounds before it, in
-    /// real time it waits. Returns earlier if a component ends the episode.
+    /// Lets time pass until [`time`](Self::time) has reached `time`. In lockstep it runs all rounds before
+    /// that time; in real time it waits. Returns earlier if a component ends the episode.
     ///
     /// # Errors
     /// The run has ended.
@@ -220,7 +224,7 @@ impl<'o> Session<'o> {
         self.ended(exit)
     }
 
-    /// Makes one round: all components that are due at the next time at which one is, in lockstep.
+    /// Runs one round in lockstep: all components that are due at the next release time.
     ///
     /// # Errors
     /// The run is in real time, or has ended.
@@ -231,10 +235,10 @@ impl<'o> Session<'o> {
         self.ended(exit)
     }
 
-    /// Sets all components and simulated time back, for an episode with this seed: the first had that of the
-    /// plan.
+    /// Resets all components and simulated time for an episode with this seed. The first episode has the
+    /// plan's seed.
     ///
-    /// Parameters keep their values. Afterwards there is nothing to read, and time is zero.
+    /// Parameters keep their values. Afterwards all topics are empty, and time is zero.
     ///
     /// # Errors
     /// The run is in real time or has ended, or a component cannot be reset.
@@ -255,13 +259,13 @@ impl<'o> Session<'o> {
         self.ended(exit)
     }
 
-    /// Begins the next episode in real time, with this seed: a numbered section of the run without a reset.
-    /// Returns its number.
+    /// Begins the next episode in real time with this seed: a numbered section of the run without a reset.
+    /// Returns its index.
     ///
-    /// Each component sees it at its next step: stamps carry its number, weights that wait for an episode are
-    /// taken, and [`Component::begin_episode`](crate::component::Component::begin_episode) is called.
-    /// [`time`](Self::time) restarts at zero; robots, topics, parameters and
-    /// [`Tick::time_ns`](crate::component::Tick::time_ns) continue as they are.
+    /// Each component enters it at its next step: its stamps have the new index, weights that wait for an
+    /// episode are applied, and [`Component::begin_episode`](crate::component::Component::begin_episode) is
+    /// called. [`time`](Self::time) restarts at zero. Robots, topics, parameters and
+    /// [`Tick::time_ns`](crate::component::Tick::time_ns) continue unchanged.
     ///
     /// ```no_run
     /// # use std::time::Duration;
@@ -278,7 +282,7 @@ impl<'o> Session<'o> {
     /// ```
     ///
     /// # Errors
-    /// The run is in lockstep, a component begins its episodes, or it has ended.
+    /// The run is in lockstep or has ended, or a component begins its episodes.
     pub fn begin_episode(&mut self, seed: u64) -> Result<u64, SessionError> {
         self.launch.check()?;
         if self.launch.plan().clock == ClockKind::Lockstep {
@@ -291,11 +295,11 @@ impl<'o> Session<'o> {
         Ok(self.launch.begin_episode(seed, &mut *self.observe))
     }
 
-    /// Sets a parameter of a component, such as `1.5`, `3`, `true`, `"trot"` or `[0.0, 0.5]`. It takes effect
-    /// at the component's next step, and persists through resets.
+    /// Sets a parameter of a component to a value such as `1.5`, `3`, `true`, `"trot"` or `[0.0, 0.5]`. It
+    /// takes effect at the component's next step and persists through resets.
     ///
     /// # Errors
-    /// There is no such parameter, or the value has another type or is out of range.
+    /// The parameter does not exist, or the value has the wrong type or is out of range.
     pub fn set(
         &mut self,
         component: &str,
@@ -305,11 +309,11 @@ impl<'o> Session<'o> {
         self.set_many(component, [(parameter, value.into())])
     }
 
-    /// Sets several parameters of a component at once: it sees all of them from its next step on, or none if
+    /// Sets several parameters of a component together. All of them take effect at its next step, or none if
     /// one cannot be set.
     ///
     /// # Errors
-    /// As [`set`](Self::set).
+    /// Same as [`set`](Self::set).
     pub fn set_many<'a>(
         &mut self,
         component: &str,
@@ -330,7 +334,7 @@ impl<'o> Session<'o> {
         Ok(())
     }
 
-    /// Has simulated time pass at this multiple of real time; `None`: as fast as the machine allows.
+    /// Makes simulated time pass at this multiple of real time, or as fast as the machine allows for `None`.
     ///
     /// # Errors
     /// The run is in real time, or the factor is not above zero.
@@ -344,20 +348,20 @@ impl<'o> Session<'o> {
         Ok(())
     }
 
-    /// Holds simulated time in [`run`](Self::run), or lets it go on; `motorium step` does the same from
-    /// another terminal. [`step`](Self::step) and [`step_until`](Self::step_until) go on in a held run: a
-    /// program that calls them means it.
+    /// Pauses simulated time in [`run`](Self::run), or continues it. `motorium step` does the same from
+    /// another terminal. [`step`](Self::step) and [`step_until`](Self::step_until) also work in a paused run,
+    /// because the program calls them explicitly.
     ///
     /// # Errors
-    /// The run is in real time, which cannot be held.
+    /// The run is in real time, which cannot be paused.
     pub fn pause(&mut self, held: bool) -> Result<(), SessionError> {
         self.in_lockstep("a pause")?;
         self.launch.region().header().pause(held);
         Ok(())
     }
 
-    /// Ends the run in good order: actuators go to their safe state, components save their results. In a
-    /// forked child it ends nothing: the report is of the run so far.
+    /// Ends the run in an orderly way: actuators enter their safe state, components save their results. In a
+    /// forked child it does not end the run, and the report covers the run so far.
     pub fn stop(mut self) -> Report {
         if let Err(error) = self.launch.check() {
             return self.launch.report_so_far(Exit::SafeStop { reason: format!("the session: {error}") });
@@ -375,7 +379,7 @@ impl<'o> Session<'o> {
         report
     }
 
-    /// Adds the present episode to the report.
+    /// Adds the current episode to the report.
     fn note_episode(&mut self) {
         let (index, seed) = self.episode;
         let blocks = self.launch.region().components();
@@ -409,8 +413,8 @@ impl<'o> Session<'o> {
         }
     }
 
-    /// The present on the clock of [`Stamp`](crate::state::Stamp)s, ns: `CLOCK_MONOTONIC` in real time,
-    /// simulated time in lockstep.
+    /// Returns the current time on the clock of [`Stamp`](crate::state::Stamp)s, ns: `CLOCK_MONOTONIC` in
+    /// real time, simulated time in lockstep.
     pub fn stamp_ns(&self) -> u64 {
         match self.launch.plan().clock {
             ClockKind::Lockstep => self.launch.time_ns(),

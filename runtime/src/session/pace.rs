@@ -1,9 +1,9 @@
 //! The pace of simulated time, as a pure function of the machine's clock.
 
-/// Simulated time behind which it may fall before it is no longer made up for, ns of the machine's clock.
+/// Longest delay that is caught up, ns of the machine's clock.
 const BEHIND_NS: u64 = 100_000_000;
 
-/// Simulated time that passes at a multiple of real time, from an anchor on both clocks.
+/// A pace of simulated time as a multiple of real time, from an anchor on both clocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Pace {
     factor: f64,
@@ -12,23 +12,23 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    /// A pace from now on; `None` unless the factor is above zero and finite.
+    /// Creates a pace from now on. Returns `None` unless the factor is above zero and finite.
     pub(super) fn new(factor: f64, wall_ns: u64, simulated_ns: u64) -> Option<Self> {
         (factor > 0.0 && factor.is_finite()).then_some(Self { factor, wall_ns, simulated_ns })
     }
 
-    /// Returns the pace from another moment on.
+    /// Returns the same pace with another anchor.
     pub(super) fn anchored(self, wall_ns: u64, simulated_ns: u64) -> Self {
         Self { wall_ns, simulated_ns, ..self }
     }
 
-    /// Time on the machine's clock at which a simulated time is due, ns.
+    /// Returns the time on the machine's clock at which a simulated time is due, ns.
     pub(super) fn due_ns(&self, simulated_ns: u64) -> u64 {
         let since = simulated_ns.saturating_sub(self.simulated_ns) as f64 / self.factor;
         self.wall_ns.saturating_add(since as u64)
     }
 
-    /// True if a time that was due at `due_ns` is so late that it is not made up for: the run goes on at its
+    /// Returns `true` if a time due at `due_ns` is too late to be caught up; the run then continues at its
     /// pace from here.
     pub(super) fn has_fallen_behind(&self, due_ns: u64, wall_ns: u64) -> bool {
         wall_ns > due_ns.saturating_add(BEHIND_NS)
@@ -49,12 +49,12 @@ mod tests {
     }
 
     #[test]
-    fn a_factor_at_which_time_would_not_pass_is_none() {
+    fn factor_at_which_time_would_not_pass_is_rejected() {
         assert!([0.0, -1.0, f64::NAN, f64::INFINITY].iter().all(|factor| Pace::new(*factor, 0, 0).is_none()));
     }
 
     #[test]
-    fn a_short_delay_is_made_up_for_and_a_long_one_is_not() {
+    fn short_delay_is_caught_up_and_a_long_one_is_not() {
         let pace = Pace::new(1.0, 0, 0).unwrap();
         assert!(!pace.has_fallen_behind(1_000, 50_001_000));
         assert!(pace.has_fallen_behind(1_000, 200_000_000));

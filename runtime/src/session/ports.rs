@@ -18,7 +18,7 @@ pub(super) struct Ports {
 }
 
 impl Ports {
-    /// Begins an episode: there is nothing to read, and nothing was published.
+    /// Begins an episode: inputs are empty and outputs have published nothing.
     pub(super) fn begin_episode(&mut self, index: u64) {
         self.readers.iter_mut().for_each(|(_, reader)| reader.begin_episode());
         self.writers.iter().for_each(|(.., context)| context.begin_episode(index));

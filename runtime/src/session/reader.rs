@@ -19,12 +19,12 @@ use crate::transport::{PortError, TopicMemory, open_queue, refused, same_layout,
 
 /// A reader of the newest value of a topic, in place, for programs outside the graph.
 ///
-/// The writer does nothing for it and never waits for it. [`poll`](Self::poll) pins the newest value; the
-/// value stays valid and unchanged until the next `poll`, whatever its size and however long the reader
-/// takes. A topic has places for four readers from outside at a time, shared with
-/// [taps](crate::transport::Tap); the place of a killed program is free at once.
+/// The writer does nothing for it and never waits for it. [`poll`](Self::poll) pins the newest value, which
+/// stays valid and unchanged until the next `poll`, regardless of its size and of the time between polls. A
+/// topic supports four readers from outside at a time, including [taps](crate::transport::Tap). The place of
+/// a killed program is released immediately.
 ///
-/// Of a stream, `poll` skips to the newest value. Use a [`Tap`](crate::transport::Tap) to read every value.
+/// On a stream, `poll` skips to the newest value. Use a [`Tap`](crate::transport::Tap) to read every value.
 ///
 /// ```no_run
 /// # use motorium::{plan::Plan, state::JointState, session::TopicReader, transport::{Domain, PortError}};
@@ -38,9 +38,9 @@ use crate::transport::{PortError, TopicMemory, open_queue, refused, same_layout,
 pub struct TopicReader {
     topic: TopicPlan,
     source: Owned<Source>,
-    /// The type whose layout was last found to be the topic's.
+    /// The last type whose layout was found to match the topic's.
     known: Cell<Option<TypeId>>,
-    /// Held for as long as the pin is used; dropped after it.
+    /// Lock on the pin, dropped after its last use.
     _place: Owned<Option<Lock>>,
     _node: Owned<Option<Node<Shared>>>,
 }
@@ -55,14 +55,14 @@ impl TopicReader {
     /// Joins a topic. There is no value before the first [`poll`](Self::poll).
     ///
     /// # Errors
-    /// The run or the topic cannot be reached, or four other programs read it.
+    /// The run or the topic cannot be opened, or four other programs read it.
     pub fn open(domain: &Domain, topic: &TopicPlan) -> Result<Self, PortError> {
         let node = domain.node().map_err(|error| refused(&topic.name, "joining the run")(&error))?;
         let reader = Self::join(domain, &node, topic)?;
         Ok(Self { _node: Owned::new(Some(node)), ..reader })
     }
 
-    /// As [`open`](Self::open), through a node of the domain that outlives the reader.
+    /// Like [`open`](Self::open), through a node of the domain that outlives the reader.
     pub(crate) fn join(domain: &Domain, node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
         let (source, place) = match topic.pattern {
             TopicPattern::State => {
@@ -78,21 +78,21 @@ impl TopicReader {
         Ok(Self { topic, source, known: Cell::new(None), _place: Owned::new(place), _node: Owned::new(None) })
     }
 
-    /// The layout of the topic's values; of one element, where it carries slices.
+    /// Returns the layout of the topic's values, or of one element of its slices.
     pub fn layout(&self) -> &TypeLayout {
         &self.topic.layout
     }
 
-    /// Checks that this process has opened the reader: in a forked child it reads nothing, and dropping it
-    /// does nothing.
+    /// Checks that this process opened the reader. In a forked child a reader reads nothing, and dropping it
+    /// has no effect.
     ///
     /// # Errors
-    /// Another process has opened it.
+    /// Another process opened the reader.
     pub fn check(&self) -> Result<(), OtherProcess> {
         self.source.check()
     }
 
-    /// Pins the newest value. Returns true if it is another one than before.
+    /// Pins the newest value. Returns `true` if it differs from the previously pinned one.
     pub fn poll(&mut self) -> bool {
         if !self.source.is_own() {
             return false;
@@ -100,7 +100,7 @@ impl TopicReader {
         match &mut *self.source {
             Source::State(reader) => {
                 if reader.newest() < reader.seen() {
-                    // A new episode has begun and takes back what was published before.
+                    // A new episode has begun and withdraws earlier publications.
                     reader.begin_episode();
                 }
                 reader.look()
@@ -117,21 +117,22 @@ impl TopicReader {
         }
     }
 
-    /// The time and the publisher of the pinned value; `None` before the first publication.
+    /// Returns the time and publisher of the pinned value, or `None` before the first publication.
     pub fn stamp(&self) -> Option<&Stamp> {
         self.pinned().map(|(stamp, _)| stamp)
     }
 
-    /// The pinned value in the [layout](Self::layout) of the topic: all elements of a slice, one after the
-    /// other.
+    /// Returns the bytes of the pinned value in the [layout](Self::layout) of the topic; for a slice, all
+    /// consecutive elements.
     pub fn bytes(&self) -> Option<&[u8]> {
         self.pinned().map(|(_, bytes)| bytes)
     }
 
-    /// The pinned value as a type; `None` before the first publication.
+    /// Returns the pinned value as `T`, or `None` before the first publication.
     ///
     /// # Errors
-    /// The topic has another layout than `T`, or carries slices; or this process is a forked child.
+    /// The layout of the topic differs from `T`'s, the topic carries slices, or this process is a forked
+    /// child.
     pub fn value<T: StateBuffer>(&self) -> Result<Option<&T>, PortError> {
         self.check().map_err(|error| refused(&self.topic.name, "reading a value")(&error))?;
         if self.known.get() != Some(TypeId::of::<T>()) {
@@ -148,7 +149,7 @@ impl TopicReader {
         Ok(self.bytes().map(|bytes| unsafe { &*bytes.as_ptr().cast::<T>() }))
     }
 
-    /// Forgets what was read in the episode before.
+    /// Releases the value read in the previous episode.
     pub(crate) fn begin_episode(&mut self) {
         match &mut *self.source {
             Source::State(reader) => reader.begin_episode(),

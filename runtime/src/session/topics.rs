@@ -1,4 +1,4 @@
-//! The topics of a session: reading the newest values, and publishing in the place of a component.
+//! The topics of a session: reading the newest values, and publishing in place of a component.
 
 use std::any::Any;
 use std::rc::Rc;
@@ -12,7 +12,7 @@ use crate::raw::{RawError, RawOutput};
 use crate::state::{Stamp, StateBuffer, TypeLayout};
 use crate::transport::{Connect, Output, OutputPlace, Participant, PortError, Tap};
 
-/// A value of a topic as it was when the session read it.
+/// A copy of a topic's value, made when the session read it.
 ///
 /// ```
 /// # use motorium::session::Value;
@@ -23,13 +23,13 @@ use crate::transport::{Connect, Output, OutputPlace, Participant, PortError, Tap
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Value<T> {
-    /// The time and the publisher of the value.
+    /// Time and publisher of the value.
     pub stamp: Stamp,
-    /// Its content.
+    /// Content of the value.
     pub value: T,
 }
 
-/// A writer of a topic in the place of a component, at the time at which [`Session::writer`] was called.
+/// A writer of a topic in place of a component, at the time of the call to [`Session::writer`].
 #[derive(Debug)]
 pub struct TopicWriter<'s> {
     output: &'s mut RawOutput,
@@ -38,7 +38,7 @@ pub struct TopicWriter<'s> {
 }
 
 impl TopicWriter<'_> {
-    /// Layout of the topic's values.
+    /// Returns the layout of the topic's values.
     pub fn layout(&self) -> &TypeLayout {
         self.output.layout()
     }
@@ -47,16 +47,16 @@ impl TopicWriter<'_> {
     /// next round.
     ///
     /// # Errors
-    /// The value has another size, a number that is not finite, or a count that does not fit.
+    /// The value has the wrong size, a number is not finite, or a count exceeds its array.
     pub fn publish(&mut self, bytes: &[u8]) -> Result<(), SessionError> {
         self.finish(|output| output.publish(bytes))
     }
 
-    /// As [`publish`](Self::publish), with the time at which the value was measured, ns on the clock of
+    /// Like [`publish`](Self::publish), with the time at which the value was measured, ns on the clock of
     /// [`Session::stamp_ns`].
     ///
     /// # Errors
-    /// As [`publish`](Self::publish), and a time more than 1 ms ahead.
+    /// Same as [`publish`](Self::publish), or the time is more than 1 ms ahead.
     pub fn publish_from(&mut self, bytes: &[u8], source_ns: u64) -> Result<(), SessionError> {
         self.finish(|output| output.publish_from(bytes, source_ns))
     }
@@ -80,11 +80,11 @@ impl TopicWriter<'_> {
 type Opened = (Box<dyn Any>, Option<Rc<dyn Connect>>);
 
 impl Session<'_> {
-    /// A copy of the newest value of a topic in this episode; `None` before the first publication. Of a
-    /// stream, the newest value since the first call.
+    /// Returns a copy of the newest value of a topic in this episode, or `None` before the first publication.
+    /// For a stream, it is the newest value since the first call.
     ///
     /// # Errors
-    /// The graph has no such topic, it holds another type, or it carries slices.
+    /// The topic does not exist, has a different type, or carries slices.
     pub fn read<T: StateBuffer>(&mut self, topic: &str) -> Result<Option<Value<T>>, SessionError> {
         let index = self.topic(topic)?;
         crate::transport::same_layout::<T>(&self.launch.plan().topics[index], "the session")?;
@@ -98,8 +98,8 @@ impl Session<'_> {
         Ok(value.zip(reader.stamp()).map(|(value, stamp)| Value { stamp: *stamp, value: *value }))
     }
 
-    /// A reader of the newest value of a topic in place, without knowing its type. It belongs to the thread
-    /// that opens it.
+    /// Opens a reader of the newest value of a topic, in place and without knowing its type. It belongs to
+    /// the thread that opens it.
     ///
     /// ```no_run
     /// # use motorium::session::{Session, SessionError};
@@ -122,8 +122,8 @@ impl Session<'_> {
         Ok(TopicReader::open(&domain, &self.launch.plan().topics[index])?)
     }
 
-    /// A reader of every value of a topic from now on, in order. Of slices, each value is the bytes of all
-    /// elements. It belongs to the thread that opens it.
+    /// Opens a reader of every value of a topic from now on, in order. On a topic of slices, each value is
+    /// the bytes of all elements. It belongs to the thread that opens it.
     ///
     /// ```no_run
     /// # use motorium::session::{Session, SessionError};
@@ -144,19 +144,20 @@ impl Session<'_> {
         Ok(Tap::open(&domain, &self.launch.plan().topics[index])?)
     }
 
-    /// Publishes a value in the place of the component that writes the topic, at the present time of the run.
+    /// Publishes a value in place of the component that writes the topic, at the current time of the run.
     ///
     /// Components that the topic triggers step in the next round.
     ///
     /// # Errors
     /// The session does not stand in for the writer of the topic ([`Options`](crate::launcher::Options)), the
-    /// topic holds another type, or the value holds a number that is not finite.
+    /// topic has a different type, or a number of the value is not finite.
     pub fn publish<T: StateBuffer>(&mut self, topic: &str, value: &T) -> Result<(), SessionError> {
         self.publish_at(topic, value, None)
     }
 
-    /// As [`publish`](Self::publish), with the time at which the value was measured, received or recorded, ns
-    /// on the clock of [`stamp_ns`](Self::stamp_ns): latencies and the ages of commands count from it.
+    /// Like [`publish`](Self::publish), with the time at which the value was measured, received or recorded,
+    /// ns on the clock of [`stamp_ns`](Self::stamp_ns). Latencies and the ages of commands count from this
+    /// time.
     ///
     /// ```no_run
     /// # use motorium::{session::{Session, SessionError}, state::PoseTarget};
@@ -168,7 +169,7 @@ impl Session<'_> {
     /// ```
     ///
     /// # Errors
-    /// As [`publish`](Self::publish), and a time that lies more than 1 ms ahead.
+    /// Same as [`publish`](Self::publish), or the time is more than 1 ms ahead.
     pub fn publish_from<T: StateBuffer>(
         &mut self,
         topic: &str,
@@ -178,8 +179,8 @@ impl Session<'_> {
         self.publish_at(topic, value, Some(source_ns))
     }
 
-    /// A writer of a topic whose type is known at run time only, in the place of the component that writes
-    /// it, at the present time of the run.
+    /// Opens a writer of a topic whose type is only known at run time, in place of the component that writes
+    /// it, at the current time of the run.
     ///
     /// ```no_run
     /// # use motorium::session::{Session, SessionError};
@@ -193,7 +194,7 @@ impl Session<'_> {
     ///
     /// # Errors
     /// The session does not stand in for the writer of the topic ([`Options`](crate::launcher::Options)), the
-    /// topic is no state, or was published as a type before.
+    /// topic is not a state, or it was already published as a typed value.
     pub fn writer(&mut self, topic: &str) -> Result<TopicWriter<'_>, SessionError> {
         self.check_alive()?;
         let index = self.topic(topic)?;
@@ -260,7 +261,7 @@ impl Session<'_> {
         })
     }
 
-    /// The iceoryx2 domain of the run, joined when it is first needed.
+    /// Joins the iceoryx2 domain of the run when it is first needed.
     fn join(&mut self) -> Result<(), SessionError> {
         if self.ports.node.is_none() {
             let domain = self.launch.folder().domain().map_err(LaunchError::from)?;

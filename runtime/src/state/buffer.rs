@@ -12,12 +12,12 @@ pub trait StateBuffer: Field + ZeroCopySend {
     /// Name of the type for other languages and processes, such as `motorium.JointState`.
     const NAME: &'static str;
 
-    /// Names, offsets and types of the fields.
+    /// Returns the names, offsets and types of the fields.
     fn layout() -> TypeLayout;
 }
 
 impl TypeLayout {
-    /// The layout of a type.
+    /// Returns the layout of a type.
     pub fn of<T: StateBuffer>() -> Self {
         let mut fields = Vec::new();
         T::describe("", 0, &mut fields);

@@ -11,8 +11,8 @@ crate::state_buffer! {
     /// assert_eq!(frame.flags & CanFrame::EXTENDED, 0);
     /// ```
     pub struct CanFrame as "motorium.CanFrame" {
-        /// Time at which the kernel or the adapter received it, ns of the monotonic clock; 0 for one to be
-        /// sent.
+        /// Time at which the kernel or the adapter received it, ns of the monotonic clock; 0 for a frame to
+        /// be sent.
         pub receive_time: u64,
         /// Identifier, 11 or 29 bits.
         pub id: u32,
@@ -36,7 +36,7 @@ impl CanFrame {
     pub const BIT_RATE_SWITCH: u32 = 4;
     /// A request for a frame, without data.
     pub const REMOTE: u32 = 8;
-    /// A report of an error of the bus, in the form of Linux.
+    /// An error frame in the format of Linux.
     pub const ERROR: u32 = 16;
     /// A packet of a serial line; the identifier is the number of the sending or addressed device.
     pub const PACKET: u32 = 32;
@@ -61,15 +61,15 @@ crate::state_buffer! {
         pub sent: u64,
         /// Number of frames not sent in time.
         pub unsent: u64,
-        /// Number of received frames lost before the graph.
+        /// Number of received frames lost before they reached the graph.
         pub dropped: u64,
         /// Number of device answers that did not arrive in time.
         pub unanswered: u64,
         /// Errors of the bus.
         pub errors: u64,
-        /// Times that the controller left the bus.
+        /// Number of times that the controller went bus-off.
         pub bus_off: u64,
-        /// Fraction of the time in which the bus carried bits, 0 to 1.
+        /// Fraction of time in which the bus carried bits, 0 to 1.
         pub load: f64,
     }
 }
@@ -77,13 +77,13 @@ crate::state_buffer! {
 impl BusHealth {
     /// Not started.
     pub const STOPPED: u32 = 0;
-    /// Error active: it sends and receives.
+    /// Error active: the controller sends and receives.
     pub const ACTIVE: u32 = 1;
-    /// Error passive: it has seen many errors, and reports none actively.
+    /// Error passive: the controller has counted many errors and no longer signals them actively.
     pub const PASSIVE: u32 = 2;
-    /// Bus-off: it has left the bus.
+    /// Bus-off: the controller has left the bus.
     pub const BUS_OFF: u32 = 3;
-    /// Error warning: it has counted many errors, but still sends and receives.
+    /// Error warning: the controller has counted many errors, but still sends and receives.
     pub const WARNING: u32 = 4;
     /// The interface is down or missing.
     pub const DOWN: u32 = 5;

@@ -71,7 +71,7 @@ impl Number {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("field `{field}` of {type_name} is {kind} at byte {offset}, which no state buffer has")]
 pub struct UnknownKind {
-    /// The type of the buffer.
+    /// Type of the buffer.
     pub type_name: String,
     /// The field.
     pub field: String,
@@ -84,12 +84,12 @@ pub struct UnknownKind {
 /// A defect of a buffer checked by its layout. Owns no heap memory, since it is created on the hot path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum ContentDefect {
-    /// The buffer has another size than its type.
+    /// The size of the buffer differs from its type's.
     #[error("{found} bytes, but the type has {expected}")]
     Size {
-        /// Bytes found.
+        /// Number of bytes found.
         found: usize,
-        /// Bytes of the type.
+        /// Size of the type, bytes.
         expected: usize,
     },
     /// A number is NaN or infinite.
@@ -107,7 +107,7 @@ pub enum ContentDefect {
         field: usize,
         /// The count found.
         found: usize,
-        /// Entries of the array.
+        /// Number of entries of the array.
         capacity: usize,
     },
 }
@@ -162,16 +162,16 @@ impl ContentCheck {
         Ok(())
     }
 
-    /// As [`check`](Self::check), of any number of elements of the layout one after the other.
+    /// Like [`check`](Self::check), for any number of consecutive elements of the layout.
     ///
     /// # Errors
-    /// The first defect; the indices of fields and entries are of its element.
+    /// Returns the first defect; its indices of field and entry are relative to the element.
     pub fn check_all(&self, bytes: &[u8]) -> Result<(), ContentDefect> {
         if self.size == 0 || !bytes.len().is_multiple_of(self.size) {
             return Err(ContentDefect::Size { found: bytes.len(), expected: self.size });
         }
         match self.number() {
-            // Pictures and maps: one pass over all numbers.
+            // Images and maps are checked in one pass over all numbers.
             Some(part) => match part.not_finite(bytes) {
                 Some(_) => Err(ContentDefect::NotFinite { field: 0, index: 0 }),
                 None => Ok(()),
@@ -180,7 +180,7 @@ impl ContentCheck {
         }
     }
 
-    /// The part of a layout that is a single number.
+    /// Returns the only part of a layout that is a single number.
     fn number(&self) -> Option<&Part> {
         match self.parts.as_slice() {
             [part] if part.count.is_none() && part.number.bytes() == self.size => Some(part),
@@ -188,7 +188,7 @@ impl ContentCheck {
         }
     }
 
-    /// Adds the meaningful content of checked elements, one after the other, to a digest.
+    /// Adds the meaningful content of consecutive checked elements to a digest.
     pub(crate) fn digest_all(&self, bytes: &[u8], digest: &mut Digest) {
         match self.number() {
             Some(_) => digest.write(bytes),
@@ -203,20 +203,20 @@ impl ContentCheck {
 }
 
 impl Part {
-    /// Entries in use.
+    /// Returns the number of entries in use.
     fn used(&self, bytes: &[u8]) -> usize {
         let Some(place) = self.count else { return self.entries };
         let count = bytes.get(place..).and_then(|rest| rest.first_chunk());
         count.map_or(usize::MAX, |count| u32::from_ne_bytes(*count) as usize)
     }
 
-    /// The bytes in use.
+    /// Returns the bytes in use.
     fn content<'a>(&self, bytes: &'a [u8]) -> &'a [u8] {
         let used = self.used(bytes).min(self.entries) * self.number.bytes();
         bytes.get(self.offset..self.offset + used).unwrap_or_default()
     }
 
-    /// Index of the first number that is not finite.
+    /// Returns the index of the first number that is not finite.
     fn not_finite(&self, content: &[u8]) -> Option<usize> {
         match self.number {
             Number::Double => {
@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn elements_are_checked_one_by_one_and_numbers_at_once() {
+    fn elements_are_checked_singly_and_numbers_in_one_pass() {
         let numbers = [1.0_f32, -2.0, f32::NAN];
         let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_ne_bytes()).collect();
         let check = check::<f32>();
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn a_count_beyond_its_array_is_a_defect() {
+    fn count_beyond_its_array_is_a_defect() {
         let mut bytes = bytes(&JointCommand::default());
         bytes[..4].copy_from_slice(&65u32.to_ne_bytes());
         let defect = ContentDefect::Count { field: 2, found: 65, capacity: 64 };
@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn a_layout_with_a_field_beyond_the_buffer_is_refused() {
+    fn layout_with_a_field_beyond_the_buffer_is_refused() {
         let mut layout = PoseTarget::layout();
         layout.fields.push(FieldLayout::new("beyond", layout.size, "f64", 8));
         assert_eq!(ContentCheck::new(&layout).unwrap_err().field, "beyond");

@@ -4,19 +4,19 @@
 
 use super::{Defect, Digest, Field, FieldLayout};
 
-/// The most tasks of one [`ControlDiagnostics`].
+/// Maximum number of tasks in [`ControlDiagnostics`].
 pub const MAX_TASKS: usize = 32;
-/// The most active constraints that one [`ControlDiagnostics`] lists.
+/// Maximum number of active constraints listed in [`ControlDiagnostics`].
 pub const MAX_ACTIVE: usize = 96;
 
 crate::state_buffer! {
     @layout
-    /// Figures of one step of a controller that solves an optimisation: task residuals, active constraints,
+    /// Diagnostics of one step of an optimisation-based controller: task residuals, active constraints,
     /// relaxations and solver statistics.
     ///
     /// `residual` has an entry for each task, in the order of the configuration. `constraint`, `index` and
     /// `side` have one for each active constraint: its kind, the joint or contact point that it limits, and
-    /// which limit it is.
+    /// the side of the limit.
     ///
     /// ```
     /// use motorium::state::ControlDiagnostics;
@@ -35,7 +35,7 @@ crate::state_buffer! {
         pub status: u32,
         /// Iterations of the solver, in the first level.
         pub iterations: u32,
-        /// Number of levels below the first left undecided.
+        /// Number of levels below the first that remain undecided.
         pub undecided: u32,
         /// Number of active constraints, including those beyond the lists.
         pub constraints: u32,
@@ -62,10 +62,10 @@ impl ControlDiagnostics {
 
     /// Torque limit of the joint `index`.
     pub const TORQUE: u32 = 1;
-    /// Friction of the contact point `index`, counted over all contacts: four of a sole, one of any other.
+    /// Friction of the contact point `index`, counted over all contacts: four for a sole, one for any other.
     pub const FRICTION: u32 = 2;
-    /// Normal force of the contact point `index`, in the same numbering: it would pull (`LOWER`), or is at
-    /// its maximum (`UPPER`).
+    /// Normal force of the contact point `index`, in the same numbering: it would be negative (`LOWER`), or
+    /// is at its maximum (`UPPER`).
     pub const FORCE: u32 = 3;
     /// Position, velocity or acceleration limit of the joint `index`.
     pub const JOINT: u32 = 4;
@@ -74,7 +74,7 @@ impl ControlDiagnostics {
     /// A contact at rest: `index` is six times the contact's index, plus 0 to 2 along x, y, z, or 3 to 5
     /// about them.
     pub const MOTION: u32 = 6;
-    /// Row `index` of the limits of combinations of velocities, in the order of the configuration.
+    /// Row `index` of the limits on linear combinations of velocities, in the order of the configuration.
     pub const ROW: u32 = 7;
 
     /// The lower limit.
@@ -82,7 +82,7 @@ impl ControlDiagnostics {
     /// The upper limit.
     pub const UPPER: i32 = 1;
 
-    /// Number of tasks, never more than there is room for.
+    /// Returns the number of tasks, at most [`MAX_TASKS`].
     pub fn count(&self) -> usize {
         (self.count as usize).min(MAX_TASKS)
     }
@@ -96,18 +96,18 @@ impl ControlDiagnostics {
         self.count = count as u32;
     }
 
-    /// `|A x - b|` of each task, in the units of the task.
+    /// Returns `|A x - b|` of each task, in the units of the task.
     pub fn residual(&self) -> &[f64] {
         &self.residual[..self.count()]
     }
 
-    /// `|A x - b|` of each task, to be written.
+    /// Returns `|A x - b|` of each task, to be written.
     pub fn residual_mut(&mut self) -> &mut [f64] {
         let count = self.count();
         &mut self.residual[..count]
     }
 
-    /// Adds an active constraint; beyond [`MAX_ACTIVE`] it is only counted.
+    /// Adds an active constraint. Constraints beyond [`MAX_ACTIVE`] are only counted.
     pub fn push_active(&mut self, constraint: u32, index: usize, side: i32) {
         self.constraints = self.constraints.saturating_add(1);
         let place = self.active as usize;
@@ -119,27 +119,27 @@ impl ControlDiagnostics {
         }
     }
 
-    /// Forgets the active constraints.
+    /// Removes all active constraints.
     pub fn clear_active(&mut self) {
         (self.active, self.constraints) = (0, 0);
     }
 
-    /// Number of constraints in the lists.
+    /// Returns the number of listed constraints.
     fn listed(&self) -> usize {
         (self.active as usize).min(MAX_ACTIVE)
     }
 
-    /// Kinds of the active constraints.
+    /// Returns the kinds of the active constraints.
     pub fn constraint(&self) -> &[u32] {
         &self.constraint[..self.listed()]
     }
 
-    /// Joints or contact points of the active constraints.
+    /// Returns the joints or contact points of the active constraints.
     pub fn index(&self) -> &[u32] {
         &self.index[..self.listed()]
     }
 
-    /// Sides of the active constraints: `LOWER`, `UPPER`, or 0 for one-sided ones.
+    /// Returns the sides of the active constraints: `LOWER`, `UPPER`, or 0 for one-sided constraints.
     pub fn side(&self) -> &[i32] {
         &self.side[..self.listed()]
     }

@@ -25,7 +25,7 @@ macro_rules! counted_buffer {
         }
 
         impl $name {
-            /// Number of entries in use, never more than the arrays have.
+            /// Returns the number of entries in use, at most the capacity of the arrays.
             pub fn count(&self) -> usize {
                 (self.count as usize).min($capacity)
             }
@@ -33,7 +33,7 @@ macro_rules! counted_buffer {
             /// Sets the number of entries in use. New entries keep their previous values.
             ///
             /// # Panics
-            /// If `count` exceeds the arrays; check sizes during configuration.
+            /// If `count` exceeds the capacity of the arrays; check sizes during configuration.
             pub fn set_count(&mut self, count: usize) {
                 assert!(count <= $capacity, "{count} entries, but a buffer holds {}", $capacity);
                 self.count = count as u32;

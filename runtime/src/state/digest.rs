@@ -2,12 +2,12 @@
 
 use twox_hash::xxhash3_64::{DEFAULT_SECRET_LENGTH, RawHasher, SecretBuffer};
 
-/// A running 64-bit digest (XXH3) of published content, equal for equal runs.
+/// An incremental 64-bit digest (XXH3) of published content, equal for equal runs.
 pub struct Digest(RawHasher<&'static [u8; DEFAULT_SECRET_LENGTH]>);
 
 impl Default for Digest {
     fn default() -> Self {
-        // Without heap memory, since an output starts a new one in a step.
+        // Without heap memory, because outputs create digests during steps.
         Self(RawHasher::new(SecretBuffer::default()))
     }
 }
@@ -23,7 +23,7 @@ impl Digest {
         self.write(&value.to_le_bytes());
     }
 
-    /// The digest of everything written so far.
+    /// Returns the digest of all bytes written so far.
     pub fn finish(&self) -> u64 {
         core::hash::Hasher::finish(&self.0)
     }

@@ -1,10 +1,10 @@
 //! The emergency stop.
 
 crate::state_buffer! {
-    /// An emergency stop: of a button, a supervisor, a light curtain.
+    /// An emergency stop, for example from a button, a supervisor or a light curtain.
     ///
-    /// The topic that `[safety] emergency_stop` names carries it. Once a value stops, every actuator of the
-    /// graph stays in its safe state until `motorium resume`, also if its publisher dies.
+    /// It is published on the topic named by `[safety] emergency_stop`. After a value with `stop` set, every
+    /// actuator of the graph stays in its safe state until `motorium resume`, even if the publisher dies.
     ///
     /// ```
     /// use motorium::state::EmergencyStop;
@@ -13,13 +13,13 @@ crate::state_buffer! {
     /// assert!(!EmergencyStop::default().is_pressed());
     /// ```
     pub struct EmergencyStop as "motorium.EmergencyStop" {
-        /// Anything but 0 stops.
+        /// Stops if not 0.
         pub stop: u64,
     }
 }
 
 impl EmergencyStop {
-    /// True if this value stops.
+    /// Returns `true` if this value stops the robot.
     pub fn is_pressed(&self) -> bool {
         self.stop != 0
     }

@@ -4,10 +4,10 @@ use super::decode::{PADDING, Scalar, parse};
 use super::{ContentCheck, FieldLayout, TypeLayout};
 use crate::nearest::suggest;
 
-/// The text is not a value of the type. Each error names the field and the expectation.
+/// The text is not a value of the type. Every error names the field and the expected form.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum EncodeError {
-    /// A part is not of the form `field=value`.
+    /// A part does not have the form `field=value`.
     #[error("`{0}` is not of the form field=value, such as position=[0.4, 0.0, 0.3]")]
     Form(String),
     /// The type has no such field.
@@ -15,25 +15,25 @@ pub enum EncodeError {
     Field {
         /// The type.
         type_name: String,
-        /// The field that was written.
+        /// Name found in the text.
         field: String,
-        /// The field that was probably meant, or all fields.
+        /// The most similar field, or all fields.
         advice: String,
     },
-    /// A field stands there twice.
-    #[error("`{0}` stands there twice")]
+    /// A field occurs twice.
+    #[error("`{0}` is given twice")]
     Twice(String),
-    /// A value of another type.
+    /// The value has the wrong type.
     #[error("`{field}` is {found}, expected {kind}{}", if kind.starts_with('f') { ", finite" } else { "" })]
     Number {
         /// The field.
         field: String,
-        /// The text that was written.
+        /// Text of the value.
         found: String,
         /// Its type, such as `f64`.
         kind: String,
     },
-    /// A number for an array, or an array for a number.
+    /// A number was given for an array, or an array for a number.
     #[error("`{field}` is {kind}, written as {form}")]
     Shape {
         /// The field.
@@ -43,17 +43,17 @@ pub enum EncodeError {
         /// An example.
         form: &'static str,
     },
-    /// An array of another length.
+    /// The array has the wrong length.
     #[error("`{field}` has {found} entries, expected {expected}")]
     Length {
         /// The field.
         field: String,
-        /// Entries written.
+        /// Number of entries found.
         found: usize,
-        /// Entries of the type.
+        /// Expected number of entries.
         expected: String,
     },
-    /// The layout cannot be written.
+    /// The layout cannot be written as text.
     #[error("values of {0} cannot be written as text")]
     Layout(String),
 }
@@ -71,7 +71,7 @@ pub enum EncodeError {
 /// ```
 ///
 /// # Errors
-/// Returns the first mistake, with the field and the expectation.
+/// Returns the first error, with the field and the expected form.
 pub fn encode(layout: &TypeLayout, text: &str) -> Result<Vec<u8>, EncodeError> {
     let mut bytes = vec![0; layout.size];
     let mut written: Vec<(&FieldLayout, usize)> = Vec::new();
@@ -97,7 +97,7 @@ fn find<'l>(layout: &'l TypeLayout, name: &str) -> Result<&'l FieldLayout, Encod
     })
 }
 
-/// Names and values: values end at a space outside of brackets and quotes.
+/// Splits the text into names and values. Values end at a space outside brackets and quotes.
 fn parts(text: &str) -> Result<Vec<(&str, &str)>, EncodeError> {
     let mut parts = Vec::new();
     let mut rest = text.trim_start();
@@ -122,7 +122,7 @@ fn parts(text: &str) -> Result<Vec<(&str, &str)>, EncodeError> {
     Ok(parts)
 }
 
-/// Writes one field; gives the number of its entries.
+/// Writes one field and returns the number of its entries.
 fn write(
     field: &FieldLayout,
     value: &str,
@@ -181,7 +181,8 @@ fn write(
     Ok(entries.len())
 }
 
-/// Sets the counts of arrays to the numbers of their entries; arrays of one count have as many each.
+/// Sets the counts of arrays to the number of their entries. Arrays that share a count must have equal
+/// lengths.
 fn counts(
     layout: &TypeLayout,
     written: &[(&FieldLayout, usize)],
@@ -243,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn mistake_is_reported_with_field_and_expectation() {
+    fn errors_name_the_field_and_the_expected_form() {
         for (text, answer) in [
             ("position", "`position` is not of the form field=value, such as position=[0.4, 0.0, 0.3]"),
             (
@@ -258,7 +259,7 @@ mod tests {
             ("goal=[1]", "`goal` is u64, written as one number, such as 1"),
             ("goal=-1", "`goal` is -1, expected u64"),
             ("goal=1.5", "`goal` is 1.5, expected u64"),
-            ("goal=1 goal=2", "`goal` stands there twice"),
+            ("goal=1 goal=2", "`goal` is given twice"),
         ] {
             assert_eq!(refused::<PoseTarget>(text), answer);
         }

@@ -5,20 +5,20 @@
 use super::finite::{self, Numbers, are_finite};
 use super::{Digest, FieldLayout};
 
-/// Number of bytes written before they are checked, small enough for the nearest cache.
+/// Number of bytes written before they are checked; fits the L1 cache.
 const PART: usize = 8 * 1024;
 
 /// A value that may be part of a state buffer.
 ///
 /// # Safety
-/// The type must be valid for every bit pattern, contain no pointer or reference, need no `Drop`, and
+/// The type must be valid for every bit pattern, contain no pointer or reference, and not need `Drop`.
 /// `describe` must report every field at its true offset. A type whose `NUMBERS` are not
-/// [`Mixed`](Numbers::Mixed) consists of such numbers alone, without padding.
+/// [`Mixed`](Numbers::Mixed) must consist of these numbers only, without padding.
 pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
     /// The value whose bytes are all zero.
     const ZERO: Self;
 
-    /// Kind of the numbers of which it consists.
+    /// Kind of the numbers it consists of.
     const NUMBERS: Numbers = Numbers::Mixed;
 
     /// Appends the layout of this field (or of its parts) under the name `prefix`, at `offset` bytes.
@@ -28,7 +28,7 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
     /// capacity.
     fn check(&self) -> Result<(), Defect>;
 
-    /// Like [`check`](Self::check), without the part that was checked while it was written.
+    /// Like [`check`](Self::check), except for the part that was checked while it was written.
     #[inline]
     fn check_rest(&self, checked: &Checked) -> Result<(), Defect> {
         let _ = checked;
@@ -51,8 +51,8 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
         Ok(())
     }
 
-    /// Writes values to their places, from the first one, until either end, and checks each while it is in
-    /// registers. Returns the number of written values, and whether all of them may reach a reader.
+    /// Writes values to consecutive places until either runs out, and checks each value while it is in
+    /// registers. Returns the number of written values, and `true` if all of them are valid.
     fn write_checked(places: &mut [Self], values: impl Iterator<Item = Self>) -> (usize, bool) {
         let (mut values, mut count) = (values, 0);
         for part in places.chunks_mut((PART / size_of::<Self>().max(1)).max(1)) {
@@ -60,7 +60,7 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
             let written = part.iter_mut().zip(values.by_ref()).map(|(place, value)| *place = value).count();
             count += written;
             if Self::check_all(&part[..written]).is_err() {
-                // The check of the rest finds nothing.
+                // The rest needs no check.
                 let rest = places[count..].iter_mut().zip(values).map(|(place, value)| *place = value);
                 return (count + rest.count(), false);
             }
@@ -89,8 +89,8 @@ fn are_plainly_finite<T: Field>(values: &[T]) -> bool {
     match T::NUMBERS {
         Numbers::Whole => true,
         Numbers::Mixed => false,
-        // SAFETY: by the promise of `Field` the values are these numbers, one after the other without
-        // padding, and so aligned like them.
+        // SAFETY: by the contract of `Field` the values are consecutive numbers of this type without padding,
+        // with the same alignment.
         Numbers::Double => are_finite(unsafe { core::slice::from_raw_parts(first.cast::<f64>(), bytes / 8) }),
         // SAFETY: as above.
         Numbers::Single => are_finite(unsafe { core::slice::from_raw_parts(first.cast::<f32>(), bytes / 4) }),
@@ -100,7 +100,7 @@ fn are_plainly_finite<T: Field>(values: &[T]) -> bool {
 /// A part of a value whose numbers were found finite while being written.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Checked {
-    /// Addresses of the first byte and after the last; empty if equal.
+    /// Addresses of the first byte and one past the last; empty if equal.
     from: usize,
     to: usize,
     /// True if the numbers are `f32`.
@@ -108,7 +108,8 @@ pub struct Checked {
 }
 
 impl Checked {
-    /// The part covered by these values; empty unless they consist of one kind of floating-point numbers.
+    /// Returns the part covered by these values; empty unless they consist of one kind of floating-point
+    /// numbers.
     pub(crate) fn from_values<T: Field>(values: &[T]) -> Self {
         let from = values.as_ptr().addr();
         match T::NUMBERS {
@@ -125,7 +126,7 @@ impl Checked {
         self.from == self.to
     }
 
-    /// True if these values lie within the part.
+    /// Returns `true` if these values are within the part.
     #[inline]
     pub fn covers<T: Field>(&self, values: &[T]) -> bool {
         let asked = Self::from_values(values);
@@ -146,7 +147,7 @@ pub enum Defect {
         /// The value found.
         value: f64,
     },
-    /// A count is larger than the buffer behind it.
+    /// A count exceeds its array.
     #[error("`{field}` counts {found} entries, but the buffer holds at most {capacity}")]
     Count {
         /// The field's name.
@@ -159,7 +160,7 @@ pub enum Defect {
 }
 
 impl Defect {
-    /// Names the field in which the defect was found; the innermost name wins.
+    /// Sets the name of the field with the defect; the innermost name wins.
     #[must_use]
     pub fn inside(self, name: &'static str) -> Self {
         match self {
@@ -182,7 +183,7 @@ pub(super) fn all_finite(field: &'static str, values: &[f64]) -> Result<(), Defe
 
 macro_rules! number {
     ($($type:ident),*) => { $(
-        // SAFETY: a primitive number is valid for every bit pattern and holds no pointer.
+        // SAFETY: a primitive number is valid for every bit pattern and contains no pointer.
         unsafe impl Field for $type {
             const ZERO: Self = 0 as $type;
             const NUMBERS: Numbers = number!(@numbers $type);
@@ -210,7 +211,7 @@ macro_rules! number {
 
             fn digest_all(values: &[Self], digest: &mut Digest) {
                 if cfg!(target_endian = "little") {
-                    // SAFETY: numbers without padding: every byte is initialised, and bytes have no
+                    // SAFETY: numbers without padding: every byte is initialised, and bytes need no
                     // alignment.
                     digest.write(unsafe {
                         core::slice::from_raw_parts(values.as_ptr().cast::<u8>(), size_of_val(values))
@@ -247,7 +248,7 @@ macro_rules! number {
 
 number!(f64, f32, u8, u16, u32, u64, i8, i16, i32, i64);
 
-// SAFETY: an array of values that are valid for every bit pattern is too.
+// SAFETY: an array of values that are valid for every bit pattern is itself valid for every bit pattern.
 unsafe impl<T: Field, const N: usize> Field for [T; N] {
     const ZERO: Self = [T::ZERO; N];
     const NUMBERS: Numbers = T::NUMBERS;

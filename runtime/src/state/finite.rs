@@ -1,10 +1,10 @@
-//! The check for finite numbers: of numbers at rest, and of numbers while they are written.
+//! Checks for finite numbers, in memory and while they are written.
 
 #![allow(unsafe_code)] // wide instructions where the processor has them
 
 use core::ops::BitOr;
 
-/// Minimum number of values for wide instructions, which are in a separate function and therefore page.
+/// Minimum number of values for SIMD instructions, which are in a separate function on another page.
 #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
 const WIDE: usize = 256;
 
@@ -13,7 +13,7 @@ pub(super) trait Float: Copy {
     /// Its bits.
     type Bits: Copy + Default + PartialEq + BitOr<Output = Self::Bits>;
 
-    /// The bits of the number minus itself: 0 for a finite number, otherwise a NaN's.
+    /// Returns the bits of the number minus itself: 0 for a finite number, otherwise the bits of a NaN.
     fn excess(self) -> Self::Bits;
 }
 
@@ -31,10 +31,10 @@ macro_rules! floats {
 }
 floats!(f64 => u64, f32 => u32);
 
-/// The gathered bits of all numbers less themselves: 0 if all of them are finite.
+/// Returns the OR of the bits of `x - x` over all numbers: 0 if all of them are finite.
 ///
-/// One pass without branches: this runs at every publication. Bits, unlike a sum, may be gathered in any
-/// order: several numbers at a time.
+/// This runs at every publication, so it is one pass without branches. Unlike a floating-point sum, the OR
+/// may be computed in any order, several numbers at a time.
 #[inline(always)]
 fn gathered_portably<F: Float>(values: &[F]) -> F::Bits {
     values.iter().fold(F::Bits::default(), |bits, value| bits | value.excess())
@@ -46,7 +46,7 @@ fn gathered_by_four<F: Float>(values: &[F]) -> F::Bits {
     gathered_portably(values)
 }
 
-/// True if all numbers are finite.
+/// Returns `true` if all numbers are finite.
 #[inline]
 pub(super) fn are_finite<F: Float>(values: &[F]) -> bool {
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
@@ -57,8 +57,8 @@ pub(super) fn are_finite<F: Float>(values: &[F]) -> bool {
     gathered_portably(values) == F::Bits::default()
 }
 
-/// Writes numbers to their places, from the first one, and accumulates their bits like [`gathered_portably`],
-/// without reading them again. Returns the number of written values.
+/// Writes numbers to consecutive places and accumulates their bits like [`gathered_portably`], without
+/// reading them again. Returns the number of written values.
 #[inline(always)]
 fn written_portably<F: Float>(places: &mut [F], values: impl Iterator<Item = F>) -> (usize, F::Bits) {
     places.iter_mut().zip(values).fold((0, F::Bits::default()), |(count, bits), (place, value)| {
@@ -73,8 +73,8 @@ fn written_by_four<F: Float>(places: &mut [F], values: impl Iterator<Item = F>) 
     written_portably(places, values)
 }
 
-/// Writes numbers to their places, from the first one, until either end. Returns the number of written
-/// values, and whether all of them are finite.
+/// Writes numbers to consecutive places until either runs out. Returns the number of written values, and
+/// `true` if all of them are finite.
 #[inline]
 pub(super) fn write<F: Float>(places: &mut [F], values: impl Iterator<Item = F>) -> (usize, bool) {
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
@@ -87,16 +87,16 @@ pub(super) fn write<F: Float>(places: &mut [F], values: impl Iterator<Item = F>)
     (count, bits == F::Bits::default())
 }
 
-/// Numbers that a value consists of.
+/// Kind of the numbers that a value consists of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Numbers {
-    /// `f64` alone, without padding.
+    /// `f64` only, without padding.
     Double,
-    /// `f32` alone, without padding.
+    /// `f32` only, without padding.
     Single,
-    /// Integers alone: any content is valid.
+    /// Integers only: any content is valid.
     Whole,
-    /// Several kinds, or some that are valid only up to a count.
+    /// Several kinds, or entries that are only valid up to a count.
     Mixed,
 }
 
@@ -139,7 +139,7 @@ mod tests {
         }
     }
 
-    /// Any bits: finite numbers, subnormal ones, infinities, NaNs of every payload.
+    /// Generates any bits: finite and subnormal numbers, infinities, NaNs with any payload.
     fn any_f64() -> impl Strategy<Value = f64> {
         prop_oneof![
             20 => any::<u64>().prop_map(f64::from_bits),
@@ -170,7 +170,7 @@ mod tests {
         }
 
         #[test]
-        fn single_numbers_are_checked_as_one_by_one(
+        fn numbers_in_bulk_are_checked_as_one_by_one(
             values in proptest::collection::vec(any::<u32>().prop_map(f32::from_bits), 0..600),
         ) {
             let mut places = vec![0.0; values.len()];
@@ -180,7 +180,7 @@ mod tests {
         }
 
         #[test]
-        fn points_are_checked_together_as_one_by_one(
+        fn points_in_bulk_are_checked_as_one_by_one(
             bits in proptest::collection::vec(any::<[u32; 4]>(), 0..150),
             finite: bool,
         ) {

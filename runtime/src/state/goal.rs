@@ -7,12 +7,12 @@ use core::fmt::{Display, Write};
 use super::MAX_JOINTS;
 use super::counted::counted_buffer;
 
-/// The longest text of a [`GoalStatus`], bytes.
+/// Maximum length of the text of a [`GoalStatus`], bytes.
 pub const MAX_GOAL_TEXT: usize = 256;
 
 counted_buffer! {
-    /// A goal of a robot's joints: a pose of its end effector, positions of joints, or both. All other joints
-    /// keep their previous goal.
+    /// A goal for a robot's joints: a pose of its end effector, positions of joints, or both. All other
+    /// joints keep their previous goal.
     ///
     /// ```
     /// use motorium::state::MotionGoal;
@@ -25,14 +25,14 @@ counted_buffer! {
     /// ```
     pub struct MotionGoal as "motorium.MotionGoal", at most MAX_JOINTS {
         plain {
-            /// Number of the goal at its sender, repeated in [`GoalStatus`]. A goal that is sent again
+            /// Number of the goal assigned by its sender, repeated in [`GoalStatus`]. Sending a goal again
             /// without a change has no effect.
             number: u64;
             /// 1 if `position` is given, else 0.
             has_position: u64;
             /// Position of the end effector in the world, m.
             position: [f64; 3];
-            /// Orientation of the end effector in the world as a unit quaternion, x y z w. All zero: the
+            /// Orientation of the end effector in the world as a unit quaternion, x y z w. All zero keeps the
             /// orientation of the previous goal.
             orientation: [f64; 4];
             /// Bit `k`: joint `k` has a position. 0: all `count` joints have one.
@@ -103,7 +103,7 @@ counted_buffer! {
             error: f64;
         }
         counted {
-            /// The reason for which the goal was refused or missed, in UTF-8.
+            /// The reason why the goal was refused or missed, in UTF-8.
             text, text_mut: u8;
         }
     }
@@ -144,11 +144,11 @@ impl GoalStatus {
     /// Sets the text, cut after the last character that fits. Does not allocate.
     pub fn set_text(&mut self, text: impl Display) {
         self.set_count(0);
-        // an error only says that the text was cut
+        // the only error is that the text was cut
         let _ = write!(Tail(self), "{text}");
     }
 
-    /// Returns its text, up to the first byte that is not UTF-8.
+    /// Returns the text, up to the first byte that is not UTF-8.
     pub fn as_str(&self) -> &str {
         super::people::valid(self.text())
     }
@@ -172,7 +172,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn texts_of_a_status_are_cut_at_a_character() {
+    fn status_text_is_cut_at_a_character() {
         let mut status = GoalStatus::default();
         status.set_text("é".repeat(200));
         assert_eq!((status.count(), status.as_str()), (256, "é".repeat(128).as_str()));

@@ -3,7 +3,7 @@
 use super::TypeLayout;
 
 /// Parts of a slot that are in use. A joint state has capacity for 64 joints; with 8 joints, the cache lines
-/// of the other 56 are not fetched and displace nothing.
+/// of the other 56 are not prefetched and evict nothing.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct InUse(Box<[Part]>);
 
@@ -13,23 +13,23 @@ struct Part {
     /// Bytes from the beginning of the slot.
     offset: usize,
     size: usize,
-    /// The count of a counted array.
+    /// Count of a counted array.
     counted: Option<Counted>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Counted {
-    /// Place of the count in the value, bytes.
+    /// Offset of the count in the value, bytes.
     at: usize,
-    /// Bytes of an entry.
+    /// Size of an entry, bytes.
     entry: usize,
 }
 
 impl InUse {
-    /// Maximum number of prefetched bytes; for longer values the processor detects the pattern itself.
+    /// Maximum number of prefetched bytes; in longer values the hardware prefetcher detects the pattern.
     pub(crate) const MOST: usize = 1024;
 
-    /// Parts of a slot whose value, with this layout, starts at `value`.
+    /// Returns the parts of a slot whose value has this layout and starts at offset `value`.
     pub(crate) fn from_layout(layout: &TypeLayout, value: usize) -> Self {
         let counted = |name: &str, kind: &str, size: usize| {
             let count = layout.fields.iter().find(|field| field.name == name)?;
@@ -91,7 +91,7 @@ mod tests {
         parts
     }
 
-    /// Cache lines of a slot that is aligned to one.
+    /// Returns the number of cache lines of the parts in a line-aligned slot.
     fn lines(parts: &[(usize, usize)]) -> usize {
         let lines = parts.iter().flat_map(|(offset, size)| offset / 64..=(offset + size - 1) / 64);
         lines.collect::<std::collections::BTreeSet<_>>().len()
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_without_counted_arrays_is_one_part() {
+    fn value_without_counted_arrays_is_one_part() {
         let layout = PoseTarget::layout();
         assert_eq!(parts(&InUse::from_layout(&layout, 56), 7), [(0, 56 + layout.size)]);
     }

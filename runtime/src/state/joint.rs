@@ -5,14 +5,14 @@
 use super::field::all_finite;
 use super::{Defect, Digest, Field, FieldLayout};
 
-/// The most joints one joint buffer holds.
+/// Maximum number of joints of a joint buffer.
 pub const MAX_JOINTS: usize = 64;
 
 crate::state_buffer! {
     @layout
     /// Positions, velocities and efforts of a robot's joints, in the order of its model's `q`.
     ///
-    /// Only the first `count` entries mean anything; the accessors never show the others.
+    /// Only the first `count` entries are in use; the accessors exclude the others.
     pub struct JointState as "motorium.JointState" {
         count: u32,
         reserved: u32,
@@ -26,9 +26,9 @@ crate::state_buffer! {
     @layout
     /// Setpoints for a robot's joints, in the order of its model's `q`.
     ///
-    /// The actuator side applies `tau = kp (position - q) + kd (velocity - v) + effort`, clamped to the
-    /// effort limit. Position control is `kp, kd > 0`; velocity control is `kp = 0`; effort control is `kp =
-    /// kd = 0`.
+    /// The actuator applies `tau = kp (position - q) + kd (velocity - v) + effort`, clamped to the effort
+    /// limit. Position control is `kp, kd > 0`; velocity control is `kp = 0`; effort control is
+    /// `kp = kd = 0`.
     pub struct JointCommand as "motorium.JointCommand" {
         count: u32,
         reserved: u32,
@@ -43,7 +43,7 @@ crate::state_buffer! {
 macro_rules! joint_buffer {
     ($name:ident { $( $(#[$doc:meta])* $field:ident, $field_mut:ident );* $(;)? }) => {
         impl $name {
-            /// Number of joints, never more than [`MAX_JOINTS`].
+            /// Returns the number of joints, at most [`MAX_JOINTS`].
             pub fn count(&self) -> usize {
                 (self.count as usize).min(MAX_JOINTS)
             }

@@ -1,4 +1,4 @@
-//! The layout of a state buffer, on which all processes sharing it must agree.
+//! The layout of a state buffer, which must be the same in all processes that share it.
 
 use std::fmt::Write as _;
 
@@ -42,24 +42,25 @@ pub struct TypeLayout {
 }
 
 impl TypeLayout {
-    /// The layout of an input that reads topics of any type; see [`is_any`](Self::is_any).
+    /// Returns the layout of an input that reads topics of any type; see [`is_any`](Self::is_any).
     pub fn any() -> Self {
         Self { type_name: "any type".to_string(), size: 0, alignment: 1, fields: Vec::new() }
     }
 
-    /// True if this is a placeholder for the type that the writer of the topic declares.
+    /// Returns `true` if this is a placeholder for the type that the writer of the topic declares.
     pub fn is_any(&self) -> bool {
         self.size == 0 && self.fields.is_empty()
     }
 
-    /// A hash over the type's name and the names, offsets and types of all fields, as 16 hexadecimal digits.
+    /// Returns a hash of the type's name and of the names, offsets and types of all fields, as 16 hexadecimal
+    /// digits.
     pub fn hash(&self) -> String {
         let mut digest = Digest::default();
         digest.write(self.to_string().as_bytes());
         format!("{:016x}", digest.finish())
     }
 
-    /// Both layouts side by side, the differing lines marked, for an error message.
+    /// Formats both layouts side by side with the differing lines marked, for an error message.
     pub fn difference(&self, mine: &str, other: &Self, theirs: &str) -> String {
         let (left, right) = (self.to_string(), other.to_string());
         let width = left.lines().map(str::len).max().unwrap_or(0).max(mine.len());

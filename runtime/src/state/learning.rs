@@ -4,15 +4,15 @@
 
 use super::counted::counted_buffer;
 
-/// The most numbers of one block of [`Weights`].
+/// Maximum number of values in a block of [`Weights`].
 pub const MAX_WEIGHTS: usize = 4096;
-/// The most numbers of one [`Observation`].
+/// Maximum number of values in an [`Observation`].
 pub const MAX_OBSERVATION: usize = 512;
-/// The most numbers of one [`Action`].
+/// Maximum number of values in an [`Action`].
 pub const MAX_ACTION: usize = 64;
-/// The most numbers of one [`ActionChunk`].
+/// Maximum number of values in an [`ActionChunk`].
 pub const MAX_CHUNK: usize = 4096;
-/// The most numbers of one [`Randomisation`].
+/// Maximum number of values in a [`Randomisation`].
 pub const MAX_DRAWN: usize = 512;
 
 counted_buffer! {
@@ -29,7 +29,7 @@ counted_buffer! {
     /// ```
     pub struct Weights as "motorium.Weights", at most MAX_WEIGHTS {
         plain {
-            /// Grows with each change: all blocks of one version belong together.
+            /// Increases with each change; all blocks of one version belong together.
             version: u64;
             /// Index of this block.
             block: u32;
@@ -146,7 +146,7 @@ crate::state_buffer! {
         pub reward: f64,
         /// Sum of the rewards of the episode so far.
         pub total: f64,
-        /// 1 if the task ended by itself, so that no further reward is possible.
+        /// 1 if the task reached a terminal state, so that no further reward is possible.
         pub terminal: u64,
         /// 1 if the episode was cut off, for example by a time limit.
         pub truncated: u64,
@@ -154,7 +154,7 @@ crate::state_buffer! {
 }
 
 impl Reward {
-    /// True if this is the last step of its episode.
+    /// Returns `true` if this is the last step of its episode.
     pub fn is_last(&self) -> bool {
         self.terminal != 0 || self.truncated != 0
     }
@@ -177,7 +177,7 @@ counted_buffer! {
         plain {
             /// Index of the episode.
             episode: u64;
-            /// Seed of the component in this episode: the same one draws the same numbers.
+            /// Seed of the component in this episode; equal seeds sample equal numbers.
             seed: u64;
         }
         counted {
@@ -185,7 +185,8 @@ counted_buffer! {
             property, property_mut: u32;
             /// The body, joint or object that it belongs to, by its index in the robot or the world; else 0.
             part, part_mut: u32;
-            /// The number drawn: a factor, a coefficient, a displacement in m or rad, a time in s, or a seed.
+            /// The sampled value: a factor, a coefficient, a displacement in m or rad, a time in s, or a
+            /// seed.
             value, value_mut: f64;
         }
     }
@@ -263,7 +264,7 @@ impl Randomisation {
     /// The part of a property of the base of a robot.
     pub const BASE: u32 = u32::MAX;
 
-    /// The number drawn for a property of a part.
+    /// Returns the value sampled for a property of a part.
     pub fn find(&self, property: u32, part: u32) -> Option<f64> {
         let mut entries = self.property().iter().zip(self.part()).zip(self.value());
         entries.find(|((p, q), _)| (**p, **q) == (property, part)).map(|(_, value)| *value)

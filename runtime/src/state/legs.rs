@@ -4,7 +4,7 @@
 
 use super::counted::counted_buffer;
 
-/// The most feet of one [`FootContacts`] and one [`ContactSchedule`].
+/// Maximum number of feet in [`FootContacts`] and [`ContactSchedule`].
 pub const MAX_FEET: usize = 16;
 
 counted_buffer! {
@@ -21,17 +21,16 @@ counted_buffer! {
     /// ```
     pub struct FootContacts as "motorium.FootContacts", at most MAX_FEET {
         counted {
-            /// 1 when the foot touches something, else 0.
+            /// 1 if the foot is in contact, else 0.
             contact, contact_mut: u32;
-            /// Size of the force on the foot, N.
+            /// Magnitude of the force on the foot, N.
             force, force_mut: f64;
         }
     }
 }
 
 counted_buffer! {
-    /// Contacts of a robot's feet as a planner wants them, in the order of the names of the feet in its
-    /// profile.
+    /// Planned contacts of a robot's feet, in the order of the names of the feet in its profile.
     ///
     /// ```
     /// use motorium::state::ContactSchedule;
@@ -54,8 +53,8 @@ counted_buffer! {
 }
 
 crate::state_buffer! {
-    /// The estimated pose and velocity of a robot's base, the biases of its inertial measurement unit, and
-    /// how uncertain they are.
+    /// The estimated pose and velocity of a robot's base and the biases of its inertial measurement unit,
+    /// with their uncertainty.
     ///
     /// ```
     /// use motorium::state::BaseEstimate;

@@ -1,7 +1,7 @@
 //! State buffers: the plain-old-data types that components share, their layouts and their stamps.
 //!
-//! A state buffer is a `#[repr(C)]` type without pointers and without padding of meaning, valid for every bit
-//! pattern, so that it can live in shared memory and be read in place by another process. Use
+//! A state buffer is a `#[repr(C)]` type without pointers or meaningful padding. It is valid for every bit
+//! pattern, so another process can read it in place in shared memory. Use
 //! [`state_buffer!`](crate::state_buffer) to define one.
 //!
 //! Two processes agree on a type only if their [`TypeLayout`]s agree: names, offsets and types of all fields.
@@ -63,7 +63,7 @@ pub use stamp::{FUTURE_TOLERANCE_NS, Stamp};
 #[doc(hidden)]
 pub use iceoryx2::prelude::ZeroCopySend as __ZeroCopySend;
 
-/// The layouts of all state buffers that the runtime defines, in the order of their numbers.
+/// Returns the layouts of all state buffers that the runtime defines, ordered by their numbers.
 ///
 /// ```
 /// let names: Vec<String> = motorium::state::built_in().into_iter().map(|layout| layout.type_name).collect();

@@ -37,8 +37,8 @@ crate::state_buffer! {
 }
 
 crate::state_buffer! {
-    /// Pose and velocity of the base of a robot: with the joints' state, the whole state of a robot whose
-    /// base moves freely.
+    /// Pose and velocity of the base of a robot. Together with the joint state, it is the whole state of a
+    /// floating-base robot.
     ///
     /// Position, orientation, then both velocities are the base's part of the `q` and `v` of
     /// `motorium-robots`.
@@ -66,11 +66,11 @@ crate::state_buffer! {
     pub struct Odometry as "motorium.Odometry" {
         /// Position of the base frame's origin along x and y of the world, m.
         pub position: [f64; 2],
-        /// Angle about z of the world, counted over whole turns, rad.
+        /// Angle about z of the world, unwrapped, rad.
         pub yaw: f64,
         /// Velocity of the base frame's origin along x and y of the base, m/s.
         pub velocity: [f64; 2],
-        /// Rate of the angle, rad/s.
+        /// Rate of change of the angle, rad/s.
         pub yaw_rate: f64,
         /// Covariance of x, y and yaw, row by row, m^2, m rad and rad^2.
         pub covariance: [f64; 9],

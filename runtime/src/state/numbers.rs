@@ -1,4 +1,4 @@
-//! Messages of the runtime with permanent numbers, by which files and other languages identify a type.
+//! Permanent numbers of the runtime's messages, by which files and other languages identify a type.
 
 use super::{
     Action, ActionChunk, Altitude, BaseEstimate, BaseState, BusHealth, CanFrame, CloudPoint, ContactImpulses,
@@ -10,7 +10,7 @@ use super::{
 
 macro_rules! numbers {
     ($($number:literal $type:ident),* $(,)?) => {
-        /// Numbers and layouts of all messages that the runtime defines, by number.
+        /// Returns the numbers and layouts of all messages that the runtime defines, ordered by number.
         ///
         /// ```
         /// let (number, layout) = motorium::state::numbered().remove(0);
@@ -20,7 +20,7 @@ macro_rules! numbers {
             vec![$( ($number, $type::layout()) ),*]
         }
 
-        /// The number of a message of the runtime.
+        /// Returns the number of a message of the runtime.
         ///
         /// ```
         /// assert_eq!(motorium::state::number("motorium.Wrench"), Some(5));

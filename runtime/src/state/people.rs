@@ -4,11 +4,11 @@
 
 use super::counted::counted_buffer;
 
-/// The most axes of one [`Controls`].
+/// Maximum number of axes of [`Controls`].
 pub const MAX_AXES: usize = 16;
-/// The longest [`Text`], bytes.
+/// Maximum length of a [`Text`], bytes.
 pub const MAX_TEXT: usize = 1024;
-/// The longest text of an [`Event`], bytes.
+/// Maximum length of the text of an [`Event`], bytes.
 pub const MAX_EVENT_TEXT: usize = 128;
 
 counted_buffer! {
@@ -24,7 +24,7 @@ counted_buffer! {
     /// ```
     pub struct Controls as "motorium.Controls", at most MAX_AXES {
         plain {
-            /// A bit for each button that is pressed, button 0 the lowest.
+            /// One bit for each pressed button; button 0 is the lowest bit.
             buttons: u64;
         }
         counted {
@@ -35,7 +35,7 @@ counted_buffer! {
 }
 
 impl Controls {
-    /// True if a button is pressed, counted from 0.
+    /// Returns `true` if a button, counted from 0, is pressed.
     pub fn is_pressed(&self, button: u32) -> bool {
         button < 64 && self.buttons >> button & 1 == 1
     }
@@ -101,9 +101,9 @@ counted_buffer! {
 }
 
 impl Event {
-    /// As planned.
+    /// Normal operation.
     pub const INFORMATION: u32 = 0;
-    /// Allowed, but probably not meant.
+    /// Allowed, but probably unintended.
     pub const WARNING: u32 = 1;
     /// A failure.
     pub const ERROR: u32 = 2;
@@ -117,7 +117,7 @@ impl Event {
         event
     }
 
-    /// Returns its text, up to the first byte that is not UTF-8.
+    /// Returns the text, up to the first byte that is not UTF-8.
     pub fn as_str(&self) -> &str {
         valid(self.text())
     }
@@ -127,7 +127,7 @@ impl Event {
 pub(super) fn valid(bytes: &[u8]) -> &str {
     match core::str::from_utf8(bytes) {
         Ok(text) => text,
-        // the bytes up to there were found valid
+        // the bytes before the error are valid
         Err(error) => core::str::from_utf8(&bytes[..error.valid_up_to()]).unwrap_or_default(),
     }
 }

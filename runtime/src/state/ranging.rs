@@ -1,12 +1,12 @@
-//! Measurements of sensors of distance, place and field.
+//! Measurements of range, position and magnetic field sensors.
 
 #![allow(unsafe_code)] // `Field` implementations that look only at the used part of their arrays
 
 use super::counted::counted_buffer;
 
-/// The most rays of one [`Ranges`].
+/// Maximum number of rays in [`Ranges`].
 pub const MAX_RANGES: usize = 2048;
-/// The most points of one [`HeightScan`].
+/// Maximum number of points in a [`HeightScan`].
 pub const MAX_HEIGHTS: usize = 1024;
 
 counted_buffer! {
@@ -54,11 +54,11 @@ counted_buffer! {
     /// ```
     pub struct HeightScan as "motorium.HeightScan", at most MAX_HEIGHTS {
         plain {
-            /// Points along x.
+            /// Number of points along x.
             rows: u32;
-            /// Points along y.
+            /// Number of points along y.
             columns: u32;
-            /// Distance of two points that are side by side, m.
+            /// Distance between adjacent points, m.
             spacing: f64;
             /// Minimum reported height, m; also used for points without a surface.
             least: f64;
@@ -109,7 +109,7 @@ crate::state_buffer! {
     pub struct Altitude as "motorium.Altitude" {
         /// Height above the reference of the sensor, m.
         pub height: f64,
-        /// Rate of the height, m/s.
+        /// Rate of change of the height, m/s.
         pub rate: f64,
     }
 }

@@ -4,9 +4,11 @@
 
 use super::StateBuffer;
 
-/// Reads a value from bytes in the layout of its type, with any alignment; `None` if the length differs.
+/// Reads a value from bytes in the layout of its type, with any alignment. Returns `None` if the length
+/// differs.
 ///
-/// For bytes of a tap or of a recording. They are not validated; use [`Field::check`](super::Field::check).
+/// Use it for bytes from a tap or a recording. They are not validated; use
+/// [`Field::check`](super::Field::check).
 ///
 /// ```
 /// use motorium::state::{JointState, StateBuffer, encode, from_bytes};
@@ -19,7 +21,6 @@ pub fn from_bytes<T: StateBuffer>(bytes: &[u8]) -> Option<T> {
     if bytes.len() != size_of::<T>() {
         return None;
     }
-    // SAFETY: there are as many bytes as the type has, and every bit pattern is a valid value of it
-    // (`Field`).
+    // SAFETY: the length matches the size of the type, and every bit pattern is a valid value (`Field`).
     Some(unsafe { bytes.as_ptr().cast::<T>().read_unaligned() })
 }

@@ -4,9 +4,9 @@
 
 use super::counted::counted_buffer;
 
-/// The most contacts of one [`Contacts`].
+/// Maximum number of contacts in [`Contacts`].
 pub const MAX_CONTACTS: usize = 64;
-/// The most objects of one [`ObjectPoses`].
+/// Maximum number of objects in [`ObjectPoses`].
 pub const MAX_OBJECTS: usize = 64;
 
 counted_buffer! {
@@ -22,13 +22,13 @@ counted_buffer! {
     /// ```
     pub struct Contacts as "motorium.Contacts", at most MAX_CONTACTS {
         plain {
-            /// Contact points without an entry, because the arrays are full. They are merged: two entries of
-            /// their link have their force and moment. With more than 32 links that touch some may be left
-            /// out; [`ContactImpulses`] has the sum of all.
+            /// Number of contact points without an entry, because the arrays are full. They are merged: two
+            /// entries of their link have their force and moment. With more than 32 touched links some may be
+            /// omitted; [`ContactImpulses`] has the sum of all.
             cut: u64;
         }
         counted {
-            /// The link that is touched, by its index among the links of the robot's model.
+            /// Index of the touched link in the robot's model.
             link, link_mut: u32;
             /// The other body: the index of an object of the world, or of a link plus 65536; 65535 for a link
             /// of another robot, 4294967295 for the ground, 4294967294 for a push of the graph.
@@ -51,13 +51,13 @@ counted_buffer! {
     }
 }
 
-/// The most links of one [`ContactImpulses`].
+/// Maximum number of links in [`ContactImpulses`].
 pub const MAX_IMPULSES: usize = 128;
 
 counted_buffer! {
-    /// Impulses of all contacts and pushes on links of a robot, added up since the start of the episode: of
-    /// two values the difference is the impulse between them, however many steps lie there. Vectors are in
-    /// the axes of the world.
+    /// Impulses of all contacts and pushes on links of a robot, added up since the start of the episode. The
+    /// difference of two values is the impulse between them, over any number of steps. Vectors are in the
+    /// axes of the world.
     ///
     /// ```
     /// use motorium::state::ContactImpulses;
@@ -73,7 +73,7 @@ counted_buffer! {
             cut: u64;
         }
         counted {
-            /// Index of the link among those of the robot's model. A link that has not been touched is not
+            /// Index of the link in the robot's model. A link that has not been touched is not
             /// listed.
             link, link_mut: u32;
             /// Impulse on the link, x, N s.
@@ -105,7 +105,7 @@ counted_buffer! {
     /// ```
     pub struct ObjectPoses as "motorium.ObjectPoses", at most MAX_OBJECTS {
         counted {
-            /// The object, by its index in `objects` of the world.
+            /// Index of the object in `objects` of the world.
             object, object_mut: u32;
             /// Position of its centre, x, m.
             position_x, position_x_mut: f64;
@@ -126,8 +126,8 @@ counted_buffer! {
 }
 
 crate::state_buffer! {
-    /// Size and form of the images of a camera, whose pixels are slices of `u8` on a topic of their own: rows
-    /// from the top, pixels from the left, `stride` bytes a row.
+    /// Size and format of the images of a camera, whose pixels are slices of `u8` on a separate topic: rows
+    /// from the top, pixels from the left, `stride` bytes per row.
     ///
     /// ```
     /// use motorium::state::ImageInfo;
@@ -142,7 +142,7 @@ crate::state_buffer! {
         pub height: u32,
         /// Bytes of a row.
         pub stride: u32,
-        /// Form of a pixel: one of the constants of this type.
+        /// Format of a pixel: one of the constants of this type.
         pub encoding: u32,
         /// Focal lengths along the rows and columns, pixels; 0 if unknown.
         pub focal_length: [f64; 2],

@@ -1,18 +1,18 @@
 //! A global allocator that counts the allocations of each thread.
 
-#![allow(unsafe_code)] // `GlobalAlloc` is an unsafe trait; every call goes straight to the system's allocator
+#![allow(unsafe_code)] // `GlobalAlloc` is an unsafe trait; every call is forwarded to the system's allocator
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-/// The system's allocator, with a count per thread. [`main!`](crate::main) installs it.
+/// The system's allocator with a count per thread. [`main!`](crate::main) installs it.
 #[derive(Debug, Default, Clone, Copy)]
 pub struct CountingAllocator;
 
 /// Heap allocations of one thread.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Allocations {
-    /// Allocations outside of [`set_apart`].
+    /// Allocations outside [`set_apart`].
     pub own: u64,
     /// Allocations within [`set_apart`].
     pub set_apart: u64,
@@ -56,25 +56,26 @@ unsafe impl GlobalAlloc for CountingAllocator {
     }
 }
 
-/// Address of the counts of the calling thread.
+/// Returns the address of the calling thread's counts.
 pub(crate) fn place_of_counts() -> *const u8 {
     OWN.with(|own| core::ptr::from_ref(own).cast())
 }
 
-/// Heap allocations of the calling thread so far; all zero unless [`CountingAllocator`] is installed.
+/// Returns the heap allocations of the calling thread so far; all zero unless [`CountingAllocator`] is
+/// installed.
 #[inline]
 pub fn allocations() -> Allocations {
     Allocations { own: OWN.get(), set_apart: SET_APART.get() }
 }
 
-/// True if [`CountingAllocator`] is installed in this program.
+/// Returns `true` if [`CountingAllocator`] is installed in this program.
 pub fn counts_allocations() -> bool {
     let before = allocations();
     drop(core::hint::black_box(Box::new(0u64)));
     allocations() != before
 }
 
-/// Runs a call to foreign code with known allocations, and counts them separately.
+/// Runs a call to foreign code with known allocations and counts these separately.
 pub fn set_apart<R>(call: impl FnOnce() -> R) -> R {
     let outer = APART.replace(true);
     let result = call();

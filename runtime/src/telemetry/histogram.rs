@@ -1,4 +1,4 @@
-//! A histogram of durations in shared memory: one writer, any readers, no locks.
+//! A lock-free histogram of durations in shared memory, with one writer and any number of readers.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -6,14 +6,14 @@ use super::snapshot::{Percentiles, Snapshot};
 
 /// Bits of precision within a power of two: buckets are at most 1/32 wide.
 const SUB_BITS: u32 = 5;
-/// Durations from 2^40 ns (18 minutes) on share the last bucket.
+/// Durations of 2^40 ns (18 minutes) or more share the last bucket.
 const MAX_BITS: u32 = 40;
 const BUCKETS: usize = ((MAX_BITS - SUB_BITS + 1) << SUB_BITS) as usize;
 
-/// Durations in nanoseconds, in buckets of 3 % relative width; extremes are exact.
+/// A histogram of durations, ns, in buckets of 3 % relative width; extremes are exact.
 ///
-/// Zero bytes are a valid empty histogram, so it may live in freshly mapped shared memory. It has one writer;
-/// readers see counts that are at most one record behind.
+/// Zero bytes are a valid empty histogram, so it can be used in freshly mapped shared memory. It has one
+/// writer; readers see counts that are at most one record behind.
 #[derive(Debug)]
 #[repr(C)]
 pub struct Histogram {
@@ -38,8 +38,7 @@ impl Histogram {
     /// Records one duration, ns.
     #[inline]
     pub fn record(&self, nanoseconds: u64) {
-        // With one writer, plain loads and stores suffice at a fraction of the cost of atomic
-        // read-modify-writes.
+        // With one writer, loads and stores suffice, at a fraction of the cost of atomic read-modify-writes.
         let add = |cell: &AtomicU64, value: u64| cell.store(cell.load(Relaxed).wrapping_add(value), Relaxed);
         add(&self.buckets[bucket(nanoseconds)], 1);
         add(&self.sum, nanoseconds);
@@ -49,17 +48,17 @@ impl Histogram {
         add(&self.count, 1);
     }
 
-    /// Number of recorded values.
+    /// Returns the number of recorded values.
     pub fn count(&self) -> u64 {
         self.count.load(Relaxed)
     }
 
-    /// Mean of the recorded values, ns.
+    /// Returns the mean of the recorded values, ns.
     pub fn mean(&self) -> f64 {
         self.sum.load(Relaxed) as f64 / self.count().max(1) as f64
     }
 
-    /// The usual percentiles.
+    /// Returns the usual percentiles.
     pub fn percentiles(&self) -> Percentiles {
         Percentiles {
             p50: self.quantile(0.5),
@@ -77,12 +76,13 @@ impl Histogram {
 
     /// Returns a copy for comparison with a later one.
     pub fn snapshot(&self) -> Snapshot {
-        // The maximum is written after its bucket; reading it after the buckets too, it is never below them.
+        // The maximum is written after its bucket, so if it is read after the buckets, it is never below
+        // them.
         let buckets = self.buckets().collect();
         Snapshot { buckets, sum: self.sum.load(Relaxed), max: self.max.load(Relaxed) }
     }
 
-    /// Smallest bucket bound that at least this share of all values does not exceed, ns.
+    /// Returns the smallest bucket bound that is not exceeded by at least this share of all values, ns.
     pub fn quantile(&self, share: f64) -> u64 {
         // Saturating, because damaged shared memory must not crash a reader.
         let total =

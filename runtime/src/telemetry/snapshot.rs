@@ -25,22 +25,22 @@ pub struct Snapshot {
 }
 
 impl Snapshot {
-    /// Total number of values in the buckets.
+    /// Returns the total number of values in the buckets.
     pub fn count(&self) -> u64 {
         self.buckets.iter().fold(0, |total, (_, count)| total.saturating_add(*count))
     }
 
-    /// Sum of all values, ns.
+    /// Returns the sum of all values, ns.
     pub fn sum(&self) -> u64 {
         self.sum
     }
 
-    /// Nonempty buckets: upper bound, ns, and number of values.
+    /// Returns the nonempty buckets: upper bound, ns, and number of values.
     pub fn buckets(&self) -> &[(u64, u64)] {
         &self.buckets
     }
 
-    /// The usual percentiles.
+    /// Returns the usual percentiles.
     pub fn percentiles(&self) -> Percentiles {
         Percentiles {
             p50: self.quantile(0.5),
@@ -50,7 +50,7 @@ impl Snapshot {
         }
     }
 
-    /// Smallest bucket bound that at least this share of all values does not exceed, ns.
+    /// Returns the smallest bucket bound that is not exceeded by at least this share of all values, ns.
     pub fn quantile(&self, share: f64) -> u64 {
         let wanted = (share * self.count() as f64).ceil() as u64;
         let mut seen = 0_u64;
@@ -110,7 +110,7 @@ mod tests {
         assert_eq!((got.count(), got.sum()), (expected.count(), expected.sum()));
         let (got, expected) = (got.percentiles(), expected.percentiles());
         assert_eq!((got.p50, got.p99), (expected.p50, expected.p99));
-        // The overall maximum is older; of the newer maximum only the bucket is known.
+        // The overall maximum is older; only the bucket of the newer maximum is known.
         assert!(
             got.max >= expected.max && got.max - expected.max <= expected.max / 32,
             "{got:?} {expected:?}"
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_maximum_is_exact_between_snapshots_too() {
+    fn new_maximum_is_exact_between_snapshots() {
         let histogram = Histogram::default();
         histogram.record(1_000);
         let before = histogram.snapshot();

@@ -13,7 +13,7 @@ use crate::declare::{ConfigError, Declare, StepError};
 pub(super) type Step = Box<dyn FnMut(&Tick) -> Result<(), StepError>>;
 type Open = Box<dyn FnOnce(&mut Setup) -> Result<Step, ConfigureError> + Send>;
 
-/// The closures of the parts of this process, by number: a graph file can hold the number only.
+/// Closures of the parts of this process by number, because a graph file can only contain the number.
 static CLOSURES: Mutex<BTreeMap<u64, Closures>> = Mutex::new(BTreeMap::new());
 static NEXT: AtomicU64 = AtomicU64::new(0);
 
@@ -28,7 +28,7 @@ struct Closures {
 pub(super) struct Part(u64);
 
 impl Part {
-    /// Keeps the closures of a part; `open` runs when its component is configured, and returns the step.
+    /// Registers the closures of a part. `open` runs when its component is configured and returns the step.
     pub(super) fn new(
         declare: fn(&mut Declare),
         open: impl FnOnce(&mut Setup) -> Result<Step, ConfigureError> + Send + 'static,
@@ -38,7 +38,7 @@ impl Part {
         Self(number)
     }
 
-    /// The number.
+    /// Returns the number.
     pub(super) fn number(&self) -> u64 {
         self.0
     }
@@ -51,7 +51,7 @@ impl Drop for Part {
     }
 }
 
-/// Locks a mutex, even if a panicking thread has held it.
+/// Locks a mutex, even if a thread panicked while holding it.
 pub(super) fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -11,10 +11,10 @@ use crate::launcher::{Options, Report};
 use crate::session::{self, SessionError};
 use crate::worker::{Kind, Registry, RobotSource};
 
-/// A graph built in code, or read from the text of a graph file, with the kinds of components it may name.
+/// A graph built in code or from the text of a graph file, with the kinds of components it may use.
 ///
-/// Its components run as threads of this process, in lockstep unless the graph says otherwise. Robots are not
-/// checked: any model's name is accepted. See [the module](super) for an example.
+/// Its components run as threads of this process, in lockstep unless the graph sets another clock. Robots are
+/// not checked: any name of a model is accepted. See [the module](super) for an example.
 #[derive(Debug)]
 pub struct Graph {
     text: String,
@@ -24,10 +24,10 @@ pub struct Graph {
     parts: Vec<Part>,
 }
 
-/// The graph did not run.
+/// Error of running a graph.
 #[derive(thiserror::Error)]
 pub enum RunError {
-    /// The graph is refused.
+    /// The graph is invalid.
     #[error("{}", .0.render(false))]
     Graph(#[from] GraphError),
     /// The graph did not start.
@@ -43,7 +43,7 @@ impl core::fmt::Debug for RunError {
 }
 
 impl Graph {
-    /// An empty graph in lockstep.
+    /// Creates an empty graph in lockstep.
     pub fn new(name: &str) -> Self {
         Self::from_toml(format!("name = {}\nclock = \"lockstep\"\n", toml::Value::from(name)))
     }
@@ -59,8 +59,8 @@ impl Graph {
         }
     }
 
-    /// Takes the graph for the content of this file: paths in it are relative to the file's folder. By
-    /// default it is `graph.toml` in the working directory.
+    /// Sets the path of the graph file, to whose folder paths in the graph are relative. The default is
+    /// `graph.toml` in the working directory.
     #[must_use]
     pub fn at_path(mut self, file: &Path) -> Self {
         self.file = file.to_path_buf();
@@ -100,17 +100,17 @@ impl Graph {
         self
     }
 
-    /// Sets a value like `--set path=value` of the command, such as `clock` or `realtime`.
+    /// Sets a value, such as `clock` or `realtime`, like `--set path=value` on the command line.
     #[must_use]
     pub fn set(mut self, path: &str, value: &str) -> Self {
         self.overrides.push(Override { path: path.to_string(), value: value.to_string() });
         self
     }
 
-    /// Checks the graph for this machine, as `motorium check` does.
+    /// Checks the graph for this machine, like `motorium check`.
     ///
     /// # Errors
-    /// All mistakes that were found.
+    /// Returns all errors found.
     pub fn check(&self) -> Result<Checked, GraphError> {
         graph::check(&self.file, self.text.clone(), &self.overrides, &self.registry(), &Machine::detect())
     }

@@ -4,7 +4,7 @@ use super::closure::Part;
 use crate::component::Component;
 use crate::worker::Kind;
 
-/// One component of a graph built in code.
+/// A component of a graph built in code.
 #[derive(Debug)]
 pub struct Instance {
     pub(super) name: String,
@@ -14,27 +14,27 @@ pub struct Instance {
 }
 
 impl Instance {
-    /// A component of a type. It needs [`rate`](Self::rate) or [`trigger`](Self::trigger).
+    /// Creates a component of type `C`. It needs [`rate`](Self::rate) or [`trigger`](Self::trigger).
     pub fn of<C: Component>(name: &str) -> Self {
         Self { name: name.to_string(), kind: Kind::of::<C>(), table: toml::Table::new(), part: None }
             .set("kind", C::KIND)
     }
 
-    /// Steps at a rate, such as `"1 kHz"`.
+    /// Sets the rate of its steps, such as `"1 kHz"`.
     #[must_use]
     pub fn rate(mut self, rate: &str) -> Self {
         self.table.remove("trigger");
         self.set("rate", rate)
     }
 
-    /// Steps whenever a topic is published; the component must subscribe to it.
+    /// Triggers a step at every publication of a topic, which the component must subscribe to.
     #[must_use]
     pub fn trigger(mut self, topic: &str) -> Self {
         self.table.remove("rate");
         self.set("trigger", topic)
     }
 
-    /// Works on a robot of the graph.
+    /// Assigns a robot of the graph.
     #[must_use]
     pub fn robot(self, name: &str) -> Self {
         self.set("robot", name)

@@ -4,7 +4,7 @@
 //! component is a thread of the test's process, by default in lockstep, so that a simulated second takes
 //! milliseconds and gives identical numbers every time. [`Source`] publishes the values of a closure,
 //! [`Function`] maps an input to an output, and [`Probe`] records its input. A test of a real-time graph
-//! holds the [`machine`] meanwhile.
+//! reserves the [`machine`].
 //!
 //! ```
 //! use motorium::prelude::*;

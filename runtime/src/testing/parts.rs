@@ -9,18 +9,18 @@ use crate::declare::{Declare, StepError};
 use crate::state::{Stamp, StateBuffer};
 use crate::telemetry::set_apart;
 
-/// A component that publishes the values of a closure on a topic, or nothing in a step for which it returns
-/// `None`. Default rate 1 kHz.
+/// A component that publishes the values of a closure on a topic, and nothing in steps for which the closure
+/// returns `None`. The default rate is 1 kHz.
 #[derive(Debug)]
 pub struct Source(Instance);
 
-/// A component that passes the newest sample of one topic to a closure (`None` before the first), and
-/// publishes its result on another. Default rate 1 kHz.
+/// A component that passes the newest sample of one topic to a closure (`None` before the first) and
+/// publishes the result on another topic. The default rate is 1 kHz.
 #[derive(Debug)]
 pub struct Function(Instance);
 
-/// A component that records each sample of a topic that it reads: at 1 kHz, or at every publication once
-/// [`triggered`](Self::triggered). Its clones share one record.
+/// A component that records each sample that it reads from a topic, at 1 kHz or, if
+/// [`triggered`](Self::triggered), at every publication. Its clones share one record.
 #[derive(Debug)]
 pub struct Probe<T: StateBuffer> {
     topic: String,
@@ -29,21 +29,21 @@ pub struct Probe<T: StateBuffer> {
     samples: Arc<Mutex<Vec<Sample<T>>>>,
 }
 
-/// A sample that a [`Probe`] has read.
+/// A sample read by a [`Probe`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample<T> {
     /// Step of the probe that first read it.
     pub tick: Tick,
-    /// Its stamp.
+    /// Stamp of the sample.
     pub stamp: Stamp,
     /// Time of the state, ns since the start of the run; see [`Reading::time_ns`](crate::transport::Reading).
     pub time_ns: u64,
-    /// Its content.
+    /// Content of the sample.
     pub value: T,
 }
 
 impl Source {
-    /// A source named `name` of a topic.
+    /// Creates a source named `name` of a topic.
     pub fn new<T: StateBuffer>(
         name: &str,
         topic: &str,
@@ -68,7 +68,7 @@ impl Source {
 }
 
 impl Function {
-    /// A function named `name` from one topic to another.
+    /// Creates a function named `name` from one topic to another.
     pub fn new<I: StateBuffer, O: StateBuffer>(
         name: &str,
         from: &str,
@@ -100,7 +100,7 @@ impl Function {
         Self(self.0.rate(rate))
     }
 
-    /// Steps at every publication of this topic, which it must read.
+    /// Triggers a step at every publication of this topic, which it must read.
     #[must_use]
     pub fn trigger(self, topic: &str) -> Self {
         Self(self.0.trigger(topic))
@@ -108,7 +108,7 @@ impl Function {
 }
 
 impl<T: StateBuffer> Probe<T> {
-    /// A probe of a topic, named `probe` and the topic.
+    /// Creates a probe of a topic, named after it with the prefix `probe`.
     pub fn for_topic(topic: &str) -> Self {
         let name = format!("probe-{}", topic.replace('/', "-"));
         Self { topic: topic.to_string(), name, rate: Some("1 kHz".to_string()), samples: Arc::default() }
@@ -128,12 +128,12 @@ impl<T: StateBuffer> Probe<T> {
         self
     }
 
-    /// The samples recorded so far.
+    /// Returns the samples recorded so far.
     pub fn samples(&self) -> Vec<Sample<T>> {
         lock(&self.samples).clone()
     }
 
-    /// The values of the samples recorded so far.
+    /// Returns the values of the samples recorded so far.
     pub fn values(&self) -> Vec<T> {
         lock(&self.samples).iter().map(|sample| sample.value).collect()
     }

@@ -1,4 +1,4 @@
-//! The topics of a plan without its launcher: for measurements and tests of the transport alone.
+//! The topics of a plan without a launcher, for measurements and tests of the transport.
 
 use std::path::Path;
 use std::rc::Rc;
@@ -15,8 +15,8 @@ use crate::transport::{
     Trigger, quieten,
 };
 
-/// The topics of a plan in shared memory, without a launcher and without components. A thread or a process
-/// joins as one of the components by an [`Endpoint`]. Dropping it removes everything.
+/// The topics of a plan in shared memory, without a launcher and without components. A thread or process
+/// joins as one of the components with an [`Endpoint`]. Dropping the set removes everything.
 #[derive(Debug)]
 pub struct TopicSet {
     folder: RunFolder,
@@ -25,7 +25,7 @@ pub struct TopicSet {
     _topics: Vec<TopicService>,
 }
 
-/// The topics of a plan could not be created or joined.
+/// Error of creating or joining the topics of a plan.
 #[derive(Debug, thiserror::Error)]
 pub enum TopicSetError {
     /// The run's folder could not be created or read.
@@ -46,10 +46,10 @@ pub enum TopicSetError {
 }
 
 impl TopicSet {
-    /// Makes the folder, the region and all topics of a plan.
+    /// Creates the folder, the control block and all topics of a plan.
     ///
     /// # Errors
-    /// `/dev/shm` is full or forbidden.
+    /// `/dev/shm` is full or inaccessible.
     pub fn create(plan: &Plan) -> Result<Self, TopicSetError> {
         quieten();
         let (folder, region) = RunFolder::create(plan)?;
@@ -68,7 +68,7 @@ impl TopicSet {
         }
     }
 
-    /// Folder of the topics, as required by [`Endpoint::join`].
+    /// Returns the folder of the topics, as required by [`Endpoint::join`].
     pub fn path(&self) -> &Path {
         self.folder.path()
     }

@@ -11,7 +11,7 @@ pub enum PortError {
         /// The port.
         port: String,
     },
-    /// The component opened the port with another type than declared.
+    /// The component opened the port with a type that differs from the declared one.
     #[error("port `{port}` was declared with one type and opened with another:\n{difference}")]
     TypeChanged {
         /// The port.
@@ -19,7 +19,7 @@ pub enum PortError {
         /// Both layouts.
         difference: String,
     },
-    /// The topic holds another type.
+    /// The topic has a different type.
     #[error("topic `{topic}` holds another type than port `{port}` expects:\n{difference}")]
     Layout {
         /// The topic.
@@ -29,12 +29,12 @@ pub enum PortError {
         /// Both layouts.
         difference: String,
     },
-    /// iceoryx2 refused.
+    /// iceoryx2 refused the operation.
     #[error(transparent)]
     Refused(#[from] ServiceError),
 }
 
-/// The error of an operation on a topic.
+/// Returns the error of an operation on a topic.
 pub(crate) fn refused(
     topic: &str,
     action: &'static str,

@@ -13,8 +13,8 @@ use crate::state::{Stamp, StateBuffer};
 
 /// An input port: reads one topic in place.
 ///
-/// A *state* provides its newest value ([`latest`](Self::latest)), which does not change until the next read;
-/// a *stream* provides every value in order ([`next_unread`](Self::next_unread)). An unwired input never has
+/// A *state* provides its newest value ([`latest`](Self::latest)), which does not change until the next read.
+/// A *stream* provides every value in order ([`next_unread`](Self::next_unread)). An unwired input never has
 /// a value.
 ///
 /// ```
@@ -34,7 +34,7 @@ pub struct Input<T: StateBuffer> {
     effects: ReadEffects,
 }
 
-/// The memory that an input reads.
+/// Memory that an input reads.
 #[derive(Debug)]
 enum Source<T: StateBuffer> {
     Unwired,
@@ -42,7 +42,7 @@ enum Source<T: StateBuffer> {
     Stream {
         queue: Box<StreamReader<T>>,
         memory: Rc<TopicMemory>,
-        /// Number of the newest publication at the last look.
+        /// Number of the newest publication at the last check.
         seen: u64,
     },
 }
@@ -64,19 +64,19 @@ impl<T: StateBuffer> core::ops::Deref for Reading<'_, T> {
 }
 
 impl<T: StateBuffer> Reading<'_, T> {
-    /// The time and the publisher of the value.
+    /// Returns the time and publisher of the value.
     pub fn stamp(&self) -> Stamp {
         *self.stamp
     }
 
-    /// Time of the state, ns since the start of the run: the scheduled release of the time-triggered step at
-    /// the head of the trigger chain. It is on the grid of that rate, so difference quotients over it do not
-    /// jitter; `Tick::time_ns` of a time-triggered component is on the same clock.
+    /// Returns the time of the state, ns since the start of the run: the scheduled release of the
+    /// time-triggered step at the head of the trigger chain. It is aligned to that step's rate, so difference
+    /// quotients do not jitter. `Tick::time_ns` of a time-triggered component is on the same clock.
     pub fn time_ns(&self) -> u64 {
         self.stamp.state_time.saturating_sub(self.context.clock().start_ns())
     }
 
-    /// Time since its publication, ns.
+    /// Returns the time since its publication, ns.
     pub fn age_ns(&self) -> u64 {
         self.context.clock().now_ns().saturating_sub(self.stamp.publish_time)
     }
@@ -109,7 +109,7 @@ impl<T: StateBuffer> Input<T> {
         Ok(Self { source, effects: place.effects(participant) })
     }
 
-    /// The connection to establish before the first step.
+    /// Returns the connection to make before the first step.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
         match &self.source {
             Source::Stream { queue, .. } => Some(queue.connection()),
@@ -117,13 +117,13 @@ impl<T: StateBuffer> Input<T> {
         }
     }
 
-    /// True if the graph wires this input.
+    /// Returns `true` if the graph wires this input.
     pub fn is_wired(&self) -> bool {
         !matches!(self.source, Source::Unwired)
     }
 
-    /// True if the topic was published since the last read of this input. For loops that poll: this reads one
-    /// word and does not disturb the publisher.
+    /// Returns `true` if the topic was published since the last read of this input. It is meant for polling
+    /// loops: it reads one word and does not disturb the publisher.
     #[inline]
     pub fn has_news(&self) -> bool {
         let (newest, seen) = match &self.source {
@@ -134,14 +134,14 @@ impl<T: StateBuffer> Input<T> {
         newest != if self.effects.is_of_this_episode() { seen } else { 0 }
     }
 
-    /// Waits for a publication after the last read of this input, for at most `longest`; returns `true` if
-    /// there is one. It may return early on a launcher command or a signal.
+    /// Waits up to `longest` for a publication after the last read of this input. Returns `true` if there is
+    /// one. It may return early on a launcher command or a signal.
     ///
-    /// For a step whose publication is answered by another component, such as a bus whose state a controller
-    /// converts to a command. Components triggered by the step are woken first, and this component sleeps and
-    /// leaves its core to them. The longest wait is declared by
-    /// [`Declare::waits`](crate::declare::Declare::waits). In lockstep one component steps at a time, so it
-    /// never waits.
+    /// Use it in a step that publishes a value and needs another component's reply, such as a bus that
+    /// publishes a state and needs the controller's command. Components triggered by the step are woken
+    /// first; this component then sleeps and leaves its core to them. Declare the longest wait with
+    /// [`Declare::waits`](crate::declare::Declare::waits). In lockstep only one component steps at a time, so
+    /// this never waits.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -177,8 +177,8 @@ impl<T: StateBuffer> Input<T> {
         self.read()
     }
 
-    /// The next value that was not read, in order: of a stream the next in the queue, of a state the newest
-    /// one if it is new.
+    /// Returns the next unread value: the next one in the queue of a stream, or the newest value of a state
+    /// if it is new.
     pub fn next_unread(&mut self) -> Option<Reading<'_, T>> {
         if self.advance() { self.read() } else { None }
     }
@@ -197,13 +197,13 @@ impl<T: StateBuffer> Input<T> {
         Some(Reading { stamp, payload, context: self.effects.context() })
     }
 
-    /// Number of stream values overwritten before they were read.
+    /// Returns the number of stream values overwritten before they were read.
     pub fn lost(&self) -> u64 {
         if let Source::Stream { queue, .. } = &self.source { queue.lost() } else { 0 }
     }
 
-    /// Advances to the next value: the next in the queue of a stream, the newest of a state. Returns `false`
-    /// if there is no new one.
+    /// Advances to the next value: the next one in the queue of a stream, the newest one of a state. Returns
+    /// `false` if there is no new value.
     #[inline]
     fn advance(&mut self) -> bool {
         let Source::State(state) = &mut self.source else { return self.advance_in_queue() };
@@ -217,8 +217,8 @@ impl<T: StateBuffer> Input<T> {
         is_new
     }
 
-    /// Like [`advance`](Self::advance), for streams; a separate function, so that the instructions of a step
-    /// are contiguous.
+    /// Like [`advance`](Self::advance), for streams. It is a separate function to keep the instructions of a
+    /// step contiguous.
     #[inline(never)]
     fn advance_in_queue(&mut self) -> bool {
         let Source::Stream { queue, memory, seen } = &mut self.source else { return false };
@@ -234,7 +234,7 @@ impl<T: StateBuffer> Input<T> {
         is_new
     }
 
-    /// Returns the current value; its source time is passed to the outputs if this input is their cause.
+    /// Returns the current value. Its source time is propagated to the outputs if this input is their cause.
     #[inline]
     fn read(&self) -> Option<Reading<'_, T>> {
         let reading = self.current()?;

@@ -1,10 +1,10 @@
-//! The place of an input in the graph.
+//! Wiring of an input in the graph.
 
 use super::Participant;
 use crate::context::ReadEffects;
 use crate::plan::TopicPlan;
 
-/// The place of an input in the graph.
+/// Wiring of an input in the graph.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct InputPlace<'a> {
     /// Index of the topic.
@@ -12,7 +12,7 @@ pub(crate) struct InputPlace<'a> {
     pub(crate) topic: &'a TopicPlan,
     /// Name of the port.
     pub(crate) port: &'a str,
-    /// Number of the port among the readers of the topic.
+    /// Index of the port among the readers of the topic.
     pub(crate) pin: usize,
     pub(crate) is_cause: bool,
     /// Index of the edge from the topic to the component, if its ages are recorded.
@@ -20,7 +20,7 @@ pub(crate) struct InputPlace<'a> {
 }
 
 impl InputPlace<'_> {
-    /// The effects of reading there.
+    /// Returns the effects of reading this input.
     pub(crate) fn effects(&self, participant: &Participant) -> ReadEffects {
         ReadEffects::new(participant.context().clone(), self.is_cause, self.edge)
     }

@@ -1,15 +1,15 @@
-//! The check that a port and its topic have one layout.
+//! Checks that a port and its topic have the same layout.
 
 use super::error::PortError;
 use crate::plan::TopicPlan;
 use crate::state::{StateBuffer, TypeLayout};
 
-/// Checks that the topic's layout is the one this program was built with.
+/// Checks that the topic's layout is the layout this program was built with.
 pub(crate) fn same_layout<T: StateBuffer>(topic: &TopicPlan, port: &str) -> Result<(), PortError> {
     fits(&T::layout(), topic, port)
 }
 
-/// Checks that the topic's layout matches that of a port.
+/// Checks that the topic's layout matches the port's.
 pub(crate) fn fits(mine: &TypeLayout, topic: &TopicPlan, port: &str) -> Result<(), PortError> {
     if mine.hash() == topic.layout.hash() {
         return Ok(());

@@ -1,14 +1,14 @@
-//! Topics and parameters in shared memory: made by the launcher, only opened by components.
+//! Topics and parameters in shared memory, created by the launcher and opened by components.
 //!
 //! | pattern | reader | mechanism |
 //! |---|---|---|
-//! | state | the newest value, in place, of any size | pinned slots ([`latest`]), in shared memory of iceoryx2 |
-//! | stream | every value, in order, losses counted | a queue per reader ([`stream`]), iceoryx2 publish-subscribe |
+//! | state | the newest value, in place, of any size | pinned slots ([`latest`]) in iceoryx2 memory |
+//! | stream | every value in order, losses counted | a queue per reader ([`stream`]) of iceoryx2 |
 //! | parameter | a typed value, taken between two steps | iceoryx2 blackboard |
 //!
-//! [`Input`] and [`Output`] are the ports that a component steps with, [`Trigger`] waits for a topic, [`Tap`]
-//! reads every value from outside of the graph. Ports for types known at run time are in [`raw`](crate::raw).
-//! [`Domain`] keeps runs apart; each topic is a service of it that `iox2` lists.
+//! [`Input`] and [`Output`] are the ports that a component uses in its steps, [`Trigger`] waits for a topic,
+//! and [`Tap`] reads every value from outside the graph. Ports for types known at run time are in
+//! [`raw`](crate::raw). Each run has its own [`Domain`], in which every topic is a service that `iox2` lists.
 
 mod error;
 mod input;

@@ -1,6 +1,6 @@
 //! The writing side of a topic.
 
-#![allow(unsafe_code)] // a loan is a place in shared memory that any bit pattern makes a valid value of
+#![allow(unsafe_code)] // a loan is a place in shared memory in which any bit pattern is a valid value
 
 use core::cell::UnsafeCell;
 use core::ptr::NonNull;
@@ -15,8 +15,8 @@ use crate::context::Context;
 use crate::declare::{StepError, TopicPattern};
 use crate::state::{Checked, Field, StateBuffer};
 
-/// An output port: the one writer of a topic. A value is filled where its readers will find it. Values
-/// published on an output that the graph leaves unwired are read by nobody.
+/// An output port: the only writer of a topic. A value is filled in place, in shared memory. Values published
+/// on an unwired output are discarded.
 ///
 /// ```
 /// # use motorium::prelude::*;
@@ -48,13 +48,13 @@ enum Sink<T: StateBuffer> {
 
 /// A value to fill in place and publish. Dropping it publishes nothing.
 ///
-/// It contains the data of an earlier value: write every field.
+/// It contains data of an earlier value, so write every field.
 #[derive(Debug)]
 pub struct Loan<'a, T: StateBuffer> {
     value: NonNull<T>,
     sample: Option<Lent<T>>,
     output: &'a mut Output<T>,
-    /// The part that was checked while it was written; valid until anything else is written.
+    /// Part that was checked while it was written; valid until anything else is written.
     checked: Checked,
 }
 
@@ -94,7 +94,7 @@ impl<T: StateBuffer> Output<T> {
         }
     }
 
-    /// True if the graph wires this output.
+    /// Returns `true` if the graph wires this output.
     pub fn is_wired(&self) -> bool {
         self.topic.is_some()
     }
@@ -102,7 +102,7 @@ impl<T: StateBuffer> Output<T> {
     /// Lends the memory of the next value.
     ///
     /// # Errors
-    /// Readers hold all samples of a stream, which cannot happen while every reader keeps to its limits.
+    /// Readers still use all samples of a stream, which cannot happen if every reader keeps to its limits.
     #[inline]
     pub fn loan(&mut self) -> Result<Loan<'_, T>, StepError> {
         let (value, sample) = match &mut self.sink {
@@ -122,7 +122,7 @@ impl<T: StateBuffer> Output<T> {
     /// Publishes a copy of a value.
     ///
     /// # Errors
-    /// As [`Loan::publish`].
+    /// Same as [`Loan::publish`].
     pub fn send(&mut self, value: &T) -> Result<(), StepError> {
         let mut loan = self.loan()?;
         *loan = *value;
@@ -151,14 +151,14 @@ impl<T: StateBuffer> core::ops::DerefMut for Loan<'_, T> {
 }
 
 impl<T: StateBuffer> Loan<'_, T> {
-    /// Fills an array of the value from its start, until the array is full or the numbers run out, and checks
-    /// each number as it is written, so that [`publish`](Self::publish) does not read the array a second
-    /// time. Returns how many numbers were written; the rest of a longer array keeps what it held.
+    /// Fills an array of the value from its start until the array is full or the numbers run out. Each number
+    /// is checked as it is written, so that [`publish`](Self::publish) does not read the array again. Returns
+    /// the number of values written; the rest of a longer array is unchanged.
     ///
-    /// Use it for arrays of `f64` and `f32` that are too large for the nearest cache, such as maps, weights
-    /// and images: for these the check takes as long as the filling. Only the last array filled this way is
-    /// exempt from the second check. Set counts and other fields beforehand, because any later write through
-    /// `&mut` makes `publish` check the whole value again.
+    /// Use it for arrays of `f64` and `f32` that are too large for the L1 cache, such as maps, weights and
+    /// images: checking these lasts as long as filling them. Only the last array filled this way is exempt
+    /// from the second check. Set counts and other fields beforehand, because any later write through `&mut`
+    /// makes `publish` check the whole value again.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -174,7 +174,7 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// ```
     ///
     /// # Panics
-    /// `array` returns numbers outside the value.
+    /// If `array` returns numbers outside the value.
     pub fn fill_from<E: Field>(
         &mut self,
         array: impl FnOnce(&T) -> &[E],
@@ -186,14 +186,14 @@ impl<T: StateBuffer> Loan<'_, T> {
         let offset = found.as_ptr().addr().wrapping_sub(whole);
         let inside = offset <= size_of::<T>() && bytes <= size_of::<T>() - offset;
         assert!(inside, "an array of {} bytes that is no part of {}", bytes, T::NAME);
-        // SAFETY: the `bytes` bytes from `offset` on lie within the value and held an array of this type; any
-        // bit pattern is valid for it and for whatever else the value holds there. Nobody else uses the
-        // value, as in `deref`, and the reference to it has ended.
+        // SAFETY: the `bytes` bytes from `offset` on are within the value and contained an array of this
+        // type; any bit pattern is valid for it and for any other field there. Nobody else uses the value, as
+        // in `deref`, and the reference to it has ended.
         let places = unsafe {
             core::slice::from_raw_parts_mut(self.value.cast::<E>().byte_add(offset).as_ptr(), length)
         };
         let (written, valid) = E::write_checked(places, values.into_iter());
-        // An invalid number is found again, and named, on publication.
+        // Publication finds an invalid number again and names it.
         let spared =
             if valid && written == length { Checked::from_values(places) } else { Checked::default() };
         self.checked = spared;
@@ -203,19 +203,19 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// Publishes the value and wakes the components that it triggers.
     ///
     /// # Errors
-    /// [`StepError::InvalidOutput`] if the value has a number that is not finite or a count that exceeds its
-    /// array; readers then keep the older value.
+    /// [`StepError::InvalidOutput`] if a number of the value is not finite or a count exceeds its array;
+    /// readers then keep the older value.
     pub fn publish(self) -> Result<(), StepError> {
         self.finish(None)
     }
 
-    /// As [`publish`](Self::publish), with the source time of the value: when it was measured, received or
-    /// recorded, in ns on the clock of [`Stamp`](crate::state::Stamp)s (`CLOCK_MONOTONIC`, or simulated time
-    /// in lockstep).
+    /// Like [`publish`](Self::publish), with the source time of the value, at which it was measured, received
+    /// or recorded, in ns on the clock of [`Stamp`](crate::state::Stamp)s (`CLOCK_MONOTONIC`, or simulated
+    /// time in lockstep).
     ///
     /// It replaces the source time of the step's input or, in a step without input, the time of publication.
     /// End-to-end latencies are measured from it, and a `CommandGate` refuses a command whose source is too
-    /// old. A source time up to 1 ms in the future is replaced by the present time.
+    /// old. A source time up to 1 ms in the future is replaced by the current time.
     ///
     /// ```
     /// # use motorium::component::RunClock;
@@ -229,8 +229,8 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// ```
     ///
     /// # Errors
-    /// As [`publish`](Self::publish); and [`StepError::SourceInFuture`] if the source time is later than
-    /// that: the value is not published, and is counted as refused.
+    /// Same as [`publish`](Self::publish), or [`StepError::SourceInFuture`] if the source time is more than 1
+    /// ms in the future. The value is then not published and is counted as refused.
     pub fn publish_from(self, source_ns: u64) -> Result<(), StepError> {
         self.finish(Some(source_ns))
     }
@@ -245,8 +245,8 @@ impl<T: StateBuffer> Loan<'_, T> {
         let send = |sample: Option<Lent<T>>, stamp| sample.is_some_and(|sample| sample.send(stamp));
         let published = match topic {
             Some(topic) => {
-                // SAFETY: as in `deref`; the emergency-stop topic carries an `EmergencyStop`, whose one field
-                // is this number.
+                // SAFETY: as in `deref`; the emergency-stop topic carries an `EmergencyStop`, whose only
+                // field is this number.
                 topic.latch_if_pressed(context, || unsafe { value.cast::<u64>().read() });
                 topic.publish((context, source_ns), sample, check, digest, send)
             }

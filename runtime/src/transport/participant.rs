@@ -1,4 +1,4 @@
-//! One component of a run among its topics.
+//! A component of a run as a participant in its topics.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -33,7 +33,7 @@ impl Participant {
         &self.context
     }
 
-    /// The memory of a topic.
+    /// Returns the memory of a topic.
     pub(crate) fn memory(&self, topic: &TopicPlan) -> Result<Rc<TopicMemory>, PortError> {
         let mut topics = self.topics.borrow_mut();
         if let Some((_, memory)) = topics.iter().find(|(name, _)| *name == topic.name) {
@@ -44,7 +44,7 @@ impl Participant {
         Ok(memory)
     }
 
-    /// The waiting side of a topic's wake-up.
+    /// Returns the waiting side of a topic.
     pub(crate) fn trigger(&self, topic: &TopicPlan) -> Result<Trigger, PortError> {
         Ok(Trigger::new(self.memory(topic)?, self.context.restart_count()))
     }

@@ -1,4 +1,4 @@
-//! The steps of a publication that are the same for every output: stamp, publish, wake, count.
+//! The stages of a publication that are common to all outputs: stamp, publish, wake, count.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -13,18 +13,18 @@ use crate::plan::{OnMiss, TopicPlan};
 use crate::region::{Command, Latch, Region, add};
 use crate::state::{Defect, Digest, Stamp};
 
-/// The place of an output in the graph.
+/// Wiring of an output in the graph.
 #[derive(Debug)]
 pub(crate) struct OutputPlace<'a> {
     /// Index of the topic.
     pub(crate) index: usize,
     pub(crate) topic: &'a TopicPlan,
-    /// The latency budgets that end at the output.
+    /// Latency budgets that end at the output.
     pub(crate) probes: Vec<Probe>,
-    /// True if a worker ends each step, and all components that the topic triggers run on its core: they are
-    /// woken then.
+    /// True if the triggered components are woken at the end of the step: a worker runs the steps, and all
+    /// triggered components run on its core.
     pub(crate) wakes_late: bool,
-    /// True of the emergency-stop topic of the graph.
+    /// True for the emergency-stop topic of the graph.
     pub(crate) is_emergency_stop: bool,
 }
 
@@ -36,7 +36,7 @@ pub(crate) struct Probe {
     pub(crate) on_miss: OnMiss,
 }
 
-/// The writing end of a topic, the same for all types.
+/// The writing end of a topic, common to all types.
 #[derive(Debug)]
 pub(crate) struct TopicWriter {
     topic: usize,
@@ -44,23 +44,24 @@ pub(crate) struct TopicWriter {
     wakes_late: bool,
     probes: Vec<Probe>,
     digest: Digest,
-    /// Values of this topic stop the robot.
+    /// True if values of this topic can stop the robot.
     is_emergency_stop: bool,
 }
 
-/// The reason why a value was not published.
+/// Reason why a value was not published.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Unpublished<D> {
-    /// Its content must not reach a reader.
+    /// The content is invalid.
     Invalid(D),
-    /// The context withholds it.
+    /// The context withholds the value.
     Withheld(Withheld),
-    /// iceoryx2 did not send it.
+    /// iceoryx2 did not send the value.
     NotSent,
 }
 
 impl Unpublished<Defect> {
-    /// The outcome for a step: a value that is withheld by its policy is counted, and no error.
+    /// Converts the reason to the outcome of the step. A value withheld by policy is counted, but is not an
+    /// error.
     pub(crate) fn for_step(self, port: &'static str) -> Result<(), StepError> {
         match self {
             Self::Invalid(defect) => Err(StepError::InvalidOutput { port, defect }),
@@ -74,7 +75,7 @@ impl Unpublished<Defect> {
 }
 
 impl TopicWriter {
-    /// The writing end of a topic: by its slots if `state` is given, else through queues.
+    /// Creates the writing end of a topic, which uses slots if `state` is given, or else queues.
     pub(crate) fn new(
         participant: &Participant,
         place: OutputPlace<'_>,
@@ -88,10 +89,10 @@ impl TopicWriter {
         Self { topic: index, after, wakes_late, probes, digest: Digest::default(), is_emergency_stop }
     }
 
-    /// Latches the emergency stop of the run if this is its topic and the value stops.
+    /// Latches the emergency stop of the run if this is its topic and `stop` returns a value other than 0.
     ///
-    /// A gate sees the newest value only: one that stops and is replaced before the gate steps, or is
-    /// withheld because its step is late, must stop the robot too.
+    /// A gate only reads the newest value. A stop that is replaced before the gate steps, or is withheld
+    /// because its step is late, must still stop the robot.
     #[inline]
     pub(crate) fn latch_if_pressed(&self, context: &Context, stop: impl FnOnce() -> u64) {
         if self.is_emergency_stop && stop() != 0 {
@@ -99,8 +100,8 @@ impl TopicWriter {
         }
     }
 
-    /// Publishes what was filled: the slot of a state, or otherwise `value`, which `send` sends. `check`
-    /// looks for content that must not reach a reader, and `digest` hashes the content.
+    /// Publishes the filled slot of a state, or else `value` through `send`. `check` validates the content
+    /// and `digest` hashes it.
     #[inline(always)]
     pub(crate) fn publish<V, D>(
         &mut self,
@@ -110,8 +111,8 @@ impl TopicWriter {
         digest: impl FnOnce(&V, &mut Digest),
         send: impl FnOnce(V, Stamp) -> bool,
     ) -> Result<(), Unpublished<D>> {
-        // Before the check: reading the clock waits for all earlier loads, and those of the check wait until
-        // the numbers just filled in have left for the cache.
+        // Read before the check: reading the clock waits for all earlier loads, and the loads of the check
+        // wait until the numbers just written have reached the cache.
         let now = context.clock().now_ns();
         checked(context, check(&value))?;
         let sequence = match &self.after.state {
@@ -129,11 +130,11 @@ impl TopicWriter {
         Ok(())
     }
 
-    /// Takes a value into the digest of everything published on the topic.
+    /// Adds a value to the digest of all values published on the topic.
     #[cold]
     fn digest(&mut self, context: &Context, stamp: &Stamp, value: impl FnOnce(&mut Digest)) {
         if stamp.sequence == 1 {
-            // The first of an episode.
+            // The first publication of an episode.
             self.digest = Digest::default();
         }
         self.digest.write_u64(stamp.sequence);
@@ -153,7 +154,7 @@ impl TopicWriter {
         }
         self.after.uncounted.set(Some((stamp.sequence, stamp.publish_time)));
         if self.wakes_late {
-            // The words of the control block would delay the waiters, because their lines may be in another
+            // Updating the control block here would delay the waiters, because its lines may be in another
             // core's cache.
             self.after.owes_wake.set(true);
         } else {
@@ -196,7 +197,7 @@ pub(crate) fn checked<D>(context: &Context, outcome: Result<(), D>) -> Result<()
     })
 }
 
-/// The work of one output at the end of a step.
+/// Work of one output at the end of a step.
 #[derive(Debug)]
 struct AfterOutput {
     /// Index of the topic.
@@ -206,7 +207,7 @@ struct AfterOutput {
     owes_wake: Cell<bool>,
     /// Number and time (ns) of the last publication until it is counted in the control block.
     uncounted: Cell<Option<(u64, u64)>>,
-    /// The first line of the slot to be filled next.
+    /// First line of the slot to be filled next.
     slot: Option<Line>,
 }
 

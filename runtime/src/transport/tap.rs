@@ -1,4 +1,4 @@
-//! Reading a topic from outside of the graph, by its layout alone.
+//! Reading a topic from outside the graph, by its layout only.
 
 use iceoryx2::node::Node;
 
@@ -11,12 +11,11 @@ use crate::os::{Lock, OtherProcess, Owned};
 use crate::plan::TopicPlan;
 use crate::state::{Digest, Stamp, TypeLayout};
 
-/// A reader of every value of a topic, in order, from outside the graph: for tools and recorders.
+/// A reader of every value of a topic, in order, from outside the graph, for tools and recorders.
 ///
-/// The writer does nothing for a tap and never waits for one. A state is read from the slots behind its
-/// newest value: as many as its `history`, plus a few. Values overwritten before they were read are counted
-/// ([`missed`](Self::missed)). A topic has room for four taps at a time; the place of a killed tap is free
-/// immediately.
+/// The writer does nothing for a tap and never waits for one. Older values of a state are read from its
+/// slots: as many as its `history`, plus a few. Values overwritten before they were read are counted
+/// ([`missed`](Self::missed)). A topic supports four taps at a time; a killed tap is released immediately.
 #[derive(Debug)]
 pub struct Tap {
     layout: TypeLayout,
@@ -29,7 +28,7 @@ enum Source {
     State(Box<latest::Tap>),
     Stream {
         queue: Queue,
-        /// Restart count and number of the last value read.
+        /// Restart count of the publisher and number of the last value read.
         last: (u32, u64),
         missed: u64,
     },
@@ -38,20 +37,20 @@ enum Source {
 /// A copy of a value that a tap has read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
-    /// The time and the publisher of the value.
+    /// Time and publisher of the value.
     pub stamp: Stamp,
-    /// Its bytes, in the layout of the topic.
+    /// Bytes of the value, in the layout of the topic.
     pub bytes: Vec<u8>,
 }
 
-/// Returns the first place of a topic among the places of all topics of a run.
+/// Returns the index of a topic's first place among the places of all topics of a run.
 fn first_place(topic: &str) -> u32 {
     let mut digest = Digest::default();
     digest.write(topic.as_bytes());
     (digest.finish() as u32 >> 4) * latest::SIDE_PINS as u32
 }
 
-/// Takes one of a topic's pins for readers outside the graph, with the lock that guards it. The system
+/// Claims one of a topic's pins for readers outside the graph, with the lock that guards it. The system
 /// releases the lock when this process ends.
 pub(crate) fn side_pin(
     domain: &Domain,
@@ -68,12 +67,12 @@ pub(crate) fn side_pin(
 }
 
 impl Tap {
-    /// Joins a topic. The first value is the newest one of a state, or the next one of a stream. Of slices,
-    /// such as images, the bytes of each value are the elements of a slice, one after the other, each in the
-    /// [layout](Self::layout).
+    /// Joins a topic. The first value is the newest one of a state, or the next one of a stream. On a topic
+    /// of slices, such as images, the bytes of each value are the consecutive elements of a slice, each in
+    /// the [layout](Self::layout).
     ///
     /// # Errors
-    /// The run or the topic cannot be reached, or four other programs read it.
+    /// The run or the topic cannot be opened, or four other programs read it.
     pub fn open(domain: &Domain, topic: &TopicPlan) -> Result<Self, PortError> {
         let node = domain.node().map_err(|error| refused(&topic.name, "joining the run")(&error))?;
         let source = if topic.pattern == TopicPattern::State {
@@ -86,7 +85,7 @@ impl Tap {
         Ok(Self { layout: topic.layout.clone(), source: Owned::new(source), _node: Owned::new(node) })
     }
 
-    /// The layout of the topic's values; of one element, where it carries slices.
+    /// Returns the layout of the topic's values, or of one element of its slices.
     pub fn layout(&self) -> &TypeLayout {
         &self.layout
     }
@@ -99,17 +98,17 @@ impl Tap {
         }
     }
 
-    /// Checks that this process has opened the tap: in a forked child it reads nothing, and dropping it does
-    /// nothing.
+    /// Checks that this process opened the tap. In a forked child a tap reads nothing, and dropping it has no
+    /// effect.
     ///
     /// # Errors
-    /// Another process has opened it.
+    /// Another process opened the tap.
     pub fn check(&self) -> Result<(), OtherProcess> {
         self.source.check()
     }
 
-    /// Hands the next unread value to `read` where it lies: its stamp and its bytes. False if there is none
-    /// yet.
+    /// Passes the stamp and bytes of the next unread value to `read`, in place. Returns `false` if there is
+    /// none yet.
     pub fn read(&mut self, read: impl FnOnce(&Stamp, &[u8])) -> bool {
         if !self.source.is_own() {
             return false;
@@ -129,7 +128,7 @@ impl Tap {
         }
     }
 
-    /// A copy of the next unread value, if there is one.
+    /// Returns a copy of the next unread value, if there is one.
     pub fn next_unread(&mut self) -> Option<Sample> {
         let mut sample = None;
         self.read(|stamp, bytes| sample = Some(Sample { stamp: *stamp, bytes: bytes.to_vec() }));

@@ -13,7 +13,7 @@ use crate::declare::TopicPattern;
 use crate::domain::Shared;
 use crate::plan::TopicPlan;
 
-/// The services of one topic, held by the launcher so that they outlive every component.
+/// Services of one topic, owned by the launcher so that they outlive every component.
 #[derive(Debug)]
 pub(crate) struct TopicService {
     samples: Samples,
@@ -22,7 +22,7 @@ pub(crate) struct TopicService {
 }
 
 impl TopicService {
-    /// Makes the services of a topic with the exact limits the plan implies.
+    /// Creates the services of a topic with the exact limits that the plan implies.
     pub(crate) fn create(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
         let depth = match topic.pattern {
             TopicPattern::State => 1,
@@ -37,7 +37,7 @@ impl TopicService {
             .subscriber_max_borrowed_samples(2)
             .history_size(1)
             .enable_safe_overflow(true)
-            // A few spare places: a killed publisher keeps its place until it is cleaned up.
+            // Spare places, because a killed publisher keeps its place until it is cleaned up.
             .max_publishers(4)
             .max_subscribers(2 * parties)
             .max_nodes(2 * parties + 4)
@@ -47,19 +47,19 @@ impl TopicService {
         Ok(Self { samples, memory, wakes: !topic.triggers.is_empty() })
     }
 
-    /// Drops the topic without reading what iceoryx2 keeps in shared memory, because its words may be
-    /// damaged. Everything is removed together with the domain.
+    /// Drops the topic without reading iceoryx2's data in shared memory, which may be damaged. Everything is
+    /// removed together with the domain.
     pub(crate) fn abandon(self) {
         self.samples.abandon();
     }
 
-    /// The memory of the topic.
+    /// Returns the memory of the topic.
     pub(crate) fn memory(&self) -> &TopicMemory {
         &self.memory
     }
 
-    /// Returns the topic's memory if components wait for it, to interrupt them so that they read the run's
-    /// command.
+    /// Returns the topic's memory if components wait for it, so that the launcher can interrupt them to read
+    /// the run's command.
     pub(crate) fn waited_for(&self) -> Option<Rc<TopicMemory>> {
         self.wakes.then(|| self.memory.clone())
     }

@@ -7,16 +7,16 @@ use super::latest::TopicMemory;
 use super::latest::protocol::{Newest, newest_with_time};
 use crate::os::{Backoff, current_core, monotonic_ns};
 
-/// Time for which a waiter polls the notifier of another core before it sleeps, ns: roughly the cost of being
-/// woken there.
+/// Time for which a waiter polls for a publication from another core before it sleeps, ns: roughly the cost
+/// of a wake-up from there.
 pub(crate) const SPIN_NS: u64 = 20_000;
 
 /// The waiting side of a topic: it sleeps until the next publication.
 ///
-/// When the publisher runs on another core, being woken costs far more than reading the data, so the waiter
-/// first polls for about that time before it sleeps. After a poll that found nothing, the next wait skips
-/// polling, then the next two, and so on up to 64, so that a component that waits for a millisecond at a time
-/// spends less than 0.1 % of its core on polling.
+/// If the publisher runs on another core, a wake-up costs far more than reading the data, so the waiter polls
+/// for about that time before it sleeps. After an unsuccessful poll the next wait skips polling, then the
+/// next two, and so on up to 64. A component that waits for a millisecond at a time thus spends less than 0.1
+/// % of its core on polling.
 #[derive(Debug)]
 pub struct Trigger {
     memory: Rc<TopicMemory>,
@@ -25,20 +25,19 @@ pub struct Trigger {
 }
 
 impl Trigger {
-    /// Waits for publications after those that a restarted component has missed; for a component that was
-    /// never restarted, from the very first one.
+    /// Creates a trigger that waits for publications from the first one on, or for later ones if the
+    /// component was restarted.
     pub(super) fn new(memory: Rc<TopicMemory>, restarts: u32) -> Self {
         let seen = if restarts == 0 { Newest::default() } else { memory.newest() };
         Self { memory, seen: Cell::new(seen), backoff: Backoff::default() }
     }
 
-    /// Waits for the topic to be published, for a command of the launcher, or for a signal.
+    /// Waits for a publication, a command of the launcher, or a signal.
     pub fn wait(&self) {
         self.wait_until(None);
     }
 
-    /// Like [`wait`](Self::wait), but at most until the clock reaches `until_ns`. Returns whether it went to
-    /// sleep.
+    /// Like [`wait`](Self::wait), but at most until the clock reaches `until_ns`. Returns `true` if it slept.
     #[inline(always)]
     pub(crate) fn wait_until(&self, until_ns: Option<u64>) -> bool {
         let seen = self.seen.get();
@@ -50,7 +49,7 @@ impl Trigger {
         sleeps
     }
 
-    /// Returns whether there was a publication since the last call or wait; never waits.
+    /// Returns `true` if there was a publication since the last call or wait. Never waits.
     pub fn is_due(&self) -> bool {
         let newest = self.memory.newest();
         self.seen.replace(newest).number() != newest.number()
@@ -61,14 +60,14 @@ impl Trigger {
         self.seen.get().number()
     }
 
-    /// Number and time (ns on the clock of stamps) of the newest publication.
+    /// Returns the number and time (ns on the clock of stamps) of the newest publication.
     #[inline]
     pub(crate) fn newest(&self) -> (u64, u64) {
         let (newest, time_ns) = newest_with_time(&*self.memory);
         (newest.number(), time_ns)
     }
 
-    /// Polls for a publication without sleeping, where that may be worthwhile.
+    /// Polls for a publication without sleeping, if that is likely to pay off.
     fn poll(&self, seen: Newest) -> bool {
         let elsewhere = self.memory.core().is_some_and(|core| core != current_core());
         if !elsewhere || !self.backoff.may_poll() {

@@ -1,4 +1,4 @@
-//! The accounts of one component: cost of its steps, late steps, causes.
+//! Statistics of one component: cost of its steps, late steps and their causes.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -8,11 +8,11 @@ use crate::os::{WaitedForCore, thread_cpu_ns, times_asleep};
 use crate::plan::{ComponentPlan, OnOverrun};
 use crate::region::{ComponentBlock, MissCause, add};
 
-/// Number of steps between two readings of the kernel's waiting and sleeping times, so that a miss is not
-/// charged with old waiting. A reading costs about as much as a short step.
+/// Number of steps between two readings of the kernel's waiting and sleeping times, which keeps old waiting
+/// from being attributed to a miss. A reading costs about as much as a short step.
 const REFRESH: u32 = 64;
 
-/// The accounts from step to step. All of it runs after a step has published, outside the hot path.
+/// Statistics from step to step. All of this runs after a step has published, outside the hot path.
 #[derive(Debug)]
 pub(super) struct Accounts {
     /// CPU time that a step may take, ns.
@@ -60,13 +60,13 @@ impl Accounts {
         }
     }
 
-    /// Starts counting; time used before belongs to the set-up.
+    /// Starts counting; earlier time belongs to the set-up.
     pub(super) fn open(&mut self) {
         self.cpu_ns = thread_cpu_ns();
         self.refresh();
     }
 
-    /// Notes that the worker slept before the coming step; any other sleep is attributed to the component.
+    /// Records that the worker slept before the next step; any other sleep is attributed to the component.
     pub(super) fn slept(&mut self) {
         self.waits += 1;
     }
@@ -76,7 +76,7 @@ impl Accounts {
         self.handed_over_ns += ns;
     }
 
-    /// Adds time spent spinning before the coming release, ns; it is not part of the step.
+    /// Adds time spent spinning before the next release, ns; it is not part of the step.
     pub(super) fn spun(&mut self, ns: u64) {
         self.spun_ns += ns;
     }
@@ -90,7 +90,7 @@ impl Accounts {
         cpu
     }
 
-    /// Enters a finished step in real time.
+    /// Records a finished step in real time.
     pub(super) fn enter(&mut self, block: &ComponentBlock, timing: Timing, end_ns: u64) -> Consequence {
         let cpu_ns = self.charge(block);
         block.lateness.record(timing.wake_ns.saturating_sub(timing.release_ns));

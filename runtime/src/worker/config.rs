@@ -50,14 +50,14 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_key_is_reported_with_the_existing_keys() {
+    fn unknown_key_is_reported_with_the_existing_keys() {
         let (key, message) = refused(json!({ "gain": 1.0, "gian": 2.0, "words": ["a: b"] }));
         assert_eq!(key.as_deref(), Some("gian"));
         assert_eq!(message, "unknown field `gian`, expected one of `gain`, `tasks`, `words`");
     }
 
     #[test]
-    fn a_key_in_a_list_is_reported_with_its_index() {
+    fn key_in_a_list_is_reported_with_its_index() {
         let tasks =
             |second: Json| json!({ "gain": 1.0, "tasks": [{ "weight": 1.0, "limits": [0.0, 1.0] }, second] });
         for (second, expected) in [
@@ -75,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_top_level_key_is_attributed_to_the_table() {
+    fn missing_top_level_key_is_attributed_to_the_table() {
         assert_eq!(refused(json!({ "words": [] })), (None, "missing field `gain`".to_string()));
         assert_eq!(read::<Config>(json!({ "gain": 0.1 })).unwrap().gain.to_bits(), 0.1f64.to_bits());
     }

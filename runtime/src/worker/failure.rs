@@ -15,7 +15,7 @@ pub(super) struct Cause {
 }
 
 impl Cause {
-    /// The failure at a step.
+    /// Converts the cause to a failure at a step.
     pub(super) fn into_failure(self, tick: u64) -> Failure {
         Failure { tick, end: self.end, text: self.text }
     }
@@ -53,7 +53,7 @@ pub(super) fn catch_panic_messages() {
     });
 }
 
-/// Runs a call into a component; a panic becomes an error.
+/// Runs a call into a component and converts a panic to an error.
 #[inline(always)]
 pub(super) fn guard<R, E: From<Cause>>(call: impl FnOnce() -> Result<R, E>) -> Result<R, E> {
     let outer = INSIDE.replace(true);

@@ -1,4 +1,4 @@
-//! The releases of a time-triggered component, as a pure function of time.
+//! Releases of a time-triggered component, as a pure function of time.
 
 use crate::plan::OnOverrun;
 
@@ -14,7 +14,7 @@ pub(super) struct Grid {
 pub(super) struct Next {
     /// True if the step ended after the following release.
     pub(super) overrun: bool,
-    /// Number of releases dropped.
+    /// Number of dropped releases.
     pub(super) skipped: u64,
 }
 
@@ -25,12 +25,12 @@ impl Grid {
         Self { period_ns, release_ns: origin_ns + passed * period_ns }
     }
 
-    /// The current release, ns.
+    /// Returns the current release, ns.
     pub(super) fn release_ns(&self) -> u64 {
         self.release_ns
     }
 
-    /// The release after the current one: the deadline of the current step, ns.
+    /// Returns the release after the current one, which is the deadline of the current step, ns.
     pub(super) fn deadline_ns(&self) -> u64 {
         self.release_ns + self.period_ns
     }
@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_in_time_leads_to_the_next_release() {
+    fn punctual_step_leads_to_the_next_release() {
         let mut grid = grid();
         assert_eq!(grid.advance(1_040, OnOverrun::Skip), Next { overrun: false, skipped: 0 });
         assert_eq!(grid.release_ns(), 1_100);
@@ -96,14 +96,14 @@ mod tests {
     }
 
     #[test]
-    fn rephase_starts_the_grid_anew_one_period_after_the_late_step() {
+    fn rephase_restarts_the_grid_a_period_after_a_late_step() {
         let mut grid = grid();
         assert_eq!(grid.advance(1_250, OnOverrun::Rephase), Next { overrun: true, skipped: 2 });
         assert_eq!(grid.release_ns(), 1_350);
     }
 
     #[test]
-    fn a_restarted_component_joins_at_the_next_grid_point() {
+    fn restarted_component_joins_at_the_next_grid_point() {
         assert_eq!(Grid::new(1_000, 100, 5_010).release_ns(), 5_100);
         assert_eq!(Grid::new(1_000, 100, 5_100).release_ns(), 5_100);
         assert_eq!(Grid::new(1_000, 100, 10).release_ns(), 1_000);

@@ -1,4 +1,4 @@
-//! A component of any type, opened so that another loop than its own steps it.
+//! A component of any type that is stepped by its host's loop.
 
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -21,7 +21,8 @@ pub(crate) struct Host<'a> {
     pub(crate) region: &'a Rc<Region>,
 }
 
-/// A component of any type that the caller steps in simulated time: hosting inline, many in one thread.
+/// A component of any type that the caller steps in simulated time, for hosting many components in one
+/// thread.
 pub(crate) trait Hosted {
     /// Connects the ports, once the ports of all components are open.
     fn connect(&mut self) -> Result<(), Failure>;
@@ -29,11 +30,11 @@ pub(crate) trait Hosted {
     /// Begins the run; steps may follow.
     fn begin(&mut self);
 
-    /// Runs the step that is due at `time_ns` and began at `began_ns` (on `CLOCK_MONOTONIC`). Returns its end
+    /// Runs the step that is due at `time_ns` and began at `began_ns` on `CLOCK_MONOTONIC`. Returns its end
     /// on that clock.
     fn step(&mut self, time_ns: u64, began_ns: u64) -> Result<u64, Failure>;
 
-    /// Resets the component, its ports and its clock for an episode of this index and seed.
+    /// Resets the component, its ports and its clock for an episode with this index and seed.
     fn reset(&mut self, index: u64, seed: u64) -> Result<(), Failure>;
 
     /// Stops the component and saves its result.

@@ -1,4 +1,4 @@
-//! The loop in lockstep: a tick of simulated time whenever the component has the turn.
+//! The loop in lockstep, which runs a tick of simulated time whenever the component has the turn.
 
 use std::rc::Rc;
 use std::sync::atomic::Ordering::{Acquire, Relaxed};
@@ -13,10 +13,10 @@ use crate::plan::Plan;
 use crate::region::Region;
 use crate::transport::Connect;
 
-/// Longest time between two looks at the command of the run.
+/// Longest time between two checks of the run's command.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// Steps whenever it is the component's turn and passes the turn on, until the run ends.
+/// Steps whenever it is the component's turn and then passes the turn, until the run ends.
 pub(super) fn run(
     stepper: &mut Stepper,
     ports: &[Rc<dyn Connect>],

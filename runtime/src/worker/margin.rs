@@ -1,8 +1,8 @@
-//! The time before its release at which a component stops sleeping and starts spinning.
+//! The time before a release at which a component stops sleeping and starts spinning.
 
 use crate::plan::Spin;
 
-/// Sleeps in a window; the second largest error of a window is about its 99.6th percentile.
+/// Number of sleeps in a window. The second largest error of a window is about its 99.6th percentile.
 const WINDOW: u32 = 256;
 /// Number of windows kept.
 const WINDOWS: usize = 8;
@@ -11,10 +11,10 @@ const BEGIN_NS: u64 = 100_000;
 /// Margin above the measured wake errors, ns: for reading the clock and entering the loop.
 const ROOM_NS: u64 = 2_000;
 
-/// The spin margin of one component; if the plan requires it, tuned to the measured wake errors.
+/// The spin margin of one component, which is tuned to the measured wake errors if the plan requires it.
 ///
-/// A tuned margin covers the second largest wake error of each of the last windows, and an eighth more:
-/// single stalls do not widen it. It never exceeds its share of the period.
+/// A tuned margin covers the second largest wake error of each of the last windows plus an eighth, so single
+/// stalls do not widen it. It never exceeds its share of the period.
 #[derive(Debug, Clone)]
 pub(super) struct Margin {
     spin: Spin,
@@ -34,7 +34,7 @@ impl Margin {
         Self { spin, margin_ns, largest: [0; 2], sleeps: 0, windows: [0; WINDOWS], next: 0 }
     }
 
-    /// The current margin, ns.
+    /// Returns the current margin, ns.
     pub(super) fn ns(&self) -> u64 {
         self.margin_ns
     }
@@ -69,24 +69,24 @@ mod tests {
     }
 
     #[test]
-    fn it_starts_at_the_maximum_and_shrinks_to_what_is_needed() {
+    fn margin_starts_at_the_maximum_and_shrinks_as_possible() {
         assert_eq!(Margin::new(Spin::Tuned { at_most_ns: AT_MOST }).ns(), AT_MOST);
         let usual = (0..256).map(|n| 20_000 + n * 40);
         assert_eq!(after(usual), 30_160 + 30_160 / 8 + ROOM_NS);
     }
 
     #[test]
-    fn a_single_stall_does_not_widen_it() {
+    fn single_stall_does_not_widen_the_margin() {
         assert_eq!(after((0..256).map(|n| if n == 77 { 9_000_000 } else { 20_000 })), 24_500);
     }
 
     #[test]
-    fn a_machine_that_often_wakes_late_gets_a_bounded_margin() {
+    fn frequent_late_wake_ups_give_a_bounded_margin() {
         assert_eq!(after((0..256).map(|n| if n % 10 == 0 { 500_000 } else { 20_000 })), AT_MOST);
     }
 
     #[test]
-    fn it_grows_at_once_and_forgets_after_eight_windows() {
+    fn margin_grows_immediately_and_decays_after_eight_windows() {
         let mut margin = Margin::new(Spin::Tuned { at_most_ns: AT_MOST });
         (0..256).for_each(|_| margin.woke(60_000));
         assert_eq!(margin.ns(), 69_500);
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fixed_margin_stays() {
+    fn fixed_margin_does_not_change() {
         let mut margin = Margin::new(Spin::Fixed { ns: 7 });
         (0..10_000).for_each(|_| margin.woke(50_000));
         assert_eq!(margin.ns(), 7);

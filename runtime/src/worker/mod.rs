@@ -1,6 +1,6 @@
 //! The loop of one component: wait, read, step, publish, account.
 //!
-//! The same loop serves a component in its own process and one hosted with others, in real time and in
+//! The same loop is used for a component in a separate process and for hosted components, in real time and in
 //! lockstep.
 
 mod account;
@@ -48,7 +48,7 @@ use crate::transport::{Connect, Trigger};
 use failure::Cause;
 use stepper::{AnyComponent, Stepper};
 
-/// One component of one run, ready to run.
+/// A component of a run, ready to run.
 #[derive(Debug)]
 pub struct Worker {
     folder: RunFolder,
@@ -58,17 +58,17 @@ pub struct Worker {
     own_process: bool,
 }
 
-/// The end of a component's life.
+/// Outcome of running a component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// The component ended in good order.
+    /// The component ended in an orderly way.
     Stopped,
-    /// The component failed; the reason is in its part of the control block.
+    /// The component failed; the reason is in its block of the control block.
     Failed,
 }
 
 impl Worker {
-    /// The worker of a component in a separate process.
+    /// Opens the worker of a component in a separate process.
     ///
     /// # Errors
     /// The run's folder cannot be read, or the run has no such component.
@@ -89,19 +89,19 @@ impl Worker {
         Ok(Self { folder, plan, region, index, own_process: true })
     }
 
-    /// Turns it into a component hosted in the launcher's process.
+    /// Converts the worker to one hosted in the launcher's process.
     pub(crate) fn hosted(mut self) -> Self {
         self.own_process = false;
         self
     }
 
-    /// The plan's entry of this component.
+    /// Returns the plan's entry for this component.
     pub fn component(&self) -> &crate::plan::ComponentPlan {
         &self.plan.components[self.index]
     }
 }
 
-/// Runs a component that is known at run time only, from configuration to its end.
+/// Runs a component that is only known at run time, from configuration to its end.
 pub(crate) fn run_dynamic(worker: Worker, component: Box<dyn DynamicComponent>) -> Outcome {
     let make = move |config: serde_json::Value| -> Result<Configure, ConfigError> {
         Ok(Box::new(move |setup: &mut Setup| {
@@ -226,7 +226,7 @@ fn live(
     stepper.finish(folder)
 }
 
-/// A configured component, and the ports that still have to be connected.
+/// A configured component and the ports that are not connected yet.
 struct Configured {
     stepper: Stepper,
     ports: Vec<Rc<dyn Connect>>,
@@ -239,13 +239,13 @@ const NO_DESCRIPTOR: &str =
 
 /// The type-specific part of a configuration: it reads the `config` table.
 type Make = Box<dyn FnOnce(serde_json::Value) -> Result<Configure, ConfigError>>;
-/// Creates the component from a configuration that was read, or returns the reason why it cannot.
+/// Creates the component from a parsed configuration, or returns the reason why it cannot be created.
 type Configure = Box<dyn FnOnce(&mut Setup) -> Result<Box<dyn AnyComponent>, String>>;
 
-/// As [`Make`], of a type.
+/// Like [`Make`], for one type.
 type MakeType = fn(serde_json::Value) -> Result<Configure, ConfigError>;
 
-/// Reads the configuration of a component. All around it is compiled once for all types.
+/// Reads the configuration of a component. The surrounding code is compiled once for all types.
 fn make<C: Component>(config: serde_json::Value) -> Result<Configure, ConfigError> {
     let config = config::read(config)?;
     Ok(Box::new(|setup| match C::configure(config, setup) {
@@ -254,7 +254,7 @@ fn make<C: Component>(config: serde_json::Value) -> Result<Configure, ConfigErro
     }))
 }
 
-/// Configures a component: its configuration is read, its ports are opened, its memory is allocated.
+/// Configures a component: reads its configuration, opens its ports, and allocates its memory.
 fn configure(
     folder: &RunFolder,
     plan: &Plan,
@@ -267,7 +267,7 @@ fn configure(
     let at_setup = |cause: Cause| cause.into_failure(tick);
     let configure = make(component.config.clone())
         .map_err(|error| Failure::error(tick, format!("its configuration: {}", error.message)))?;
-    // Before the lines of its ports: there is room for only so many.
+    // Before the lines of its ports, because the number of lines is limited.
     context.note_first_lines();
     let setup = failure::guard(|| Setup::new(folder, plan, index, context.clone()).map_err(Cause::from));
     let mut setup = setup.map_err(at_setup)?;
@@ -277,22 +277,22 @@ fn configure(
     Ok(Configured { stepper, ports, trigger, descriptor })
 }
 
-/// Connects the ports of a component; the ports of all components are open by now.
+/// Connects the ports of a component, after the ports of all components were opened.
 fn connect(ports: &[Rc<dyn Connect>]) -> Result<(), String> {
     ports.iter().try_for_each(|port| port.connect().map_err(|error| format!("connecting its ports: {error}")))
 }
 
-/// Keeps a component that is being configured off the real-time cores, at normal priority: a restarting
-/// component must not delay those that step.
+/// Keeps a component that is being configured off the real-time cores, at normal priority, so that a
+/// restarting component does not delay others.
 fn stand_aside(plan: &Plan, component: &ComponentPlan) {
     let class = crate::plan::SchedulingClass::Normal;
     let lock_memory = component.class != class;
     let cores = plan.scheduling.shared_cores.clone();
-    // What is denied here is denied again, and reported, before the first step.
+    // A denial is repeated, and then reported, before the first step.
     let _ = os::apply(&Request { class, cores, lock_memory });
 }
 
-/// Waits for the launcher's command; false if the run ends instead.
+/// Waits for the launcher's command. Returns `false` if the run ends instead.
 fn await_command(context: &Context, wanted: impl Fn(Command) -> bool) -> bool {
     let header = context.region().header();
     loop {
@@ -307,11 +307,11 @@ fn await_command(context: &Context, wanted: impl Fn(Command) -> bool) -> bool {
     }
 }
 
-/// Requests the class, core and locked memory of a component, and notes what was granted.
+/// Requests the class, core and locked memory of a component, and records the granted settings.
 fn apply_realtime(plan: &Plan, index: usize, region: &Region, own_process: bool) -> Vec<os::Denied> {
     let component = &plan.components[index];
     let block = &region.components()[index];
-    // In lockstep one process runs at a time; all share one core, where passing the turn is cheapest.
+    // In lockstep only one process runs at a time. All share one core, on which passing the turn is cheapest.
     let lockstep_core = plan.components.iter().find_map(|component| component.core);
     let core = if plan.clock == ClockKind::Lockstep { lockstep_core } else { component.core };
     let cores = core.map_or_else(|| plan.scheduling.shared_cores.clone(), |core| vec![core]);

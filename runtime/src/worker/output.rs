@@ -1,8 +1,7 @@
-//! The standard output and standard error of a component's process: printing neither aborts nor delays a
-//! step.
+//! Standard output and standard error of a component's process. Printing neither aborts nor delays a step.
 //!
-//! Both are pipes to the launcher. The process keeps its own reading end of each, so that printing after the
-//! launcher's death does not break the pipe; its watcher thread discards output that nobody reads.
+//! Both are pipes to the launcher. The process keeps a reading end of each, so that printing after the
+//! launcher's death does not break the pipe. The watcher thread discards output that is not read.
 
 use std::fs::File;
 use std::os::fd::{AsFd, AsRawFd as _, BorrowedFd};
@@ -27,14 +26,14 @@ struct Pipe {
 }
 
 impl Output {
-    /// Opens the pipes behind standard output and standard error; anything else than a pipe is left alone.
+    /// Opens the pipes behind standard output and standard error. Files other than pipes are not changed.
     pub(super) fn open() -> Self {
         let (stdout, stderr) = (std::io::stdout(), std::io::stderr());
         let pipes = [stdout.as_fd(), stderr.as_fd()].into_iter().filter_map(Pipe::behind).collect();
         Self { pipes }
     }
 
-    /// Discards the older half of a pipe that is nearly full: nobody reads it, and a full pipe would block
+    /// Discards the older half of a pipe that is nearly full because it is not read. A full pipe would block
     /// the next step that prints.
     pub(super) fn relieve(&mut self) {
         for pipe in &mut self.pipes {
@@ -46,7 +45,7 @@ impl Output {
         }
     }
 
-    /// Lets later output go nowhere, and frees a step that waits for room: the launcher is dead.
+    /// Discards later output and unblocks a waiting step, after the death of the launcher.
     pub(super) fn close(&mut self) {
         if self.pipes.is_empty() {
             return;
@@ -129,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn output_that_is_read_is_left_alone() {
+    fn output_that_is_read_is_not_discarded() {
         let (mut output, mut reader, mut writer) = pipe();
         writer.write_all(b"a line\n").expect("there is room");
         output.relieve();

@@ -16,24 +16,24 @@ pub const WORKER: &str = "motorium-worker";
 /// First argument of a program that should guard a run; the run's folder follows.
 pub const GUARD: &str = "motorium-guard";
 
-/// First argument of a program that should free the places of a run's dead processes; the run's folder
+/// First argument of a program that should release the slots of a run's dead processes; the run's folder
 /// follows.
 pub const CLEANER: &str = "motorium-cleaner";
 
 /// The request to a program to describe its component: JSON on standard input.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct DescribeRequest {
-    /// The kind of the component, of a program that hosts several.
+    /// The kind of the component, for a program that hosts several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub kind: Option<String>,
     /// The `config` table.
     pub config: serde_json::Value,
-    /// The robot the graph gives the component.
+    /// The robot that the graph assigns to the component by `robot`.
     pub robot: Option<RobotReference>,
-    /// The robots that the graph assigns to it with `robots`.
+    /// The robots that the graph assigns to the component by `robots`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub robots: Vec<RobotReference>,
-    /// Its place in the graph.
+    /// Its placement in the graph.
     #[serde(default)]
     pub placement: Placement,
 }
@@ -73,9 +73,9 @@ pub struct KindAnswer {
     pub name: String,
     /// One line of explanation.
     pub summary: String,
-    /// Its configuration has a key `world`, which takes its value from the graph's `[world]`.
+    /// True if its configuration has a key `world`, which defaults to the graph's `[world]`.
     pub reads_world: bool,
-    /// Its configuration has a key `gravity`, whose default is taken from the graph's `[world]`.
+    /// True if its configuration has a key `gravity`, which defaults to the gravity of the graph's `[world]`.
     pub reads_gravity: bool,
     /// The JSON Schema of its `config` table.
     pub schema: serde_json::Value,
@@ -103,7 +103,7 @@ impl KindAnswer {
 pub struct DescribeError {
     /// The key at fault.
     pub key: Option<String>,
-    /// The value found, and the values expected.
+    /// Found value and expected values.
     pub message: String,
     /// Advice, in one sentence.
     pub advice: Option<String>,

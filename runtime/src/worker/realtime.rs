@@ -1,4 +1,4 @@
-//! The loop in real time: steps at absolute times, or at another component's publication.
+//! The loop in real time, which steps at absolute times or at another component's publications.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -12,7 +12,7 @@ use crate::os::{monotonic_ns, sleep_until, yield_core};
 use crate::region::add;
 use crate::transport::Trigger;
 
-/// Gap between two readings of the clock, ns, above which a spinning thread counts as preempted; readings are
+/// Gap between two readings of the clock above which a spinning thread counts as preempted, ns. Readings are
 /// about 10 ns apart.
 const STALL_NS: u64 = 10_000;
 
@@ -86,8 +86,8 @@ fn wait_until(stepper: &mut Stepper, release_ns: u64, margin: &mut Margin, rest:
             }
             spinning = None;
         } else if !let_others_run {
-            // Components it has just woken on this core must get their turn, even if it is behind schedule
-            // and does not sleep, or was preempted on its way to sleep and then found the time already past.
+            // Components that it has just woken on this core must run, even if this thread is behind schedule
+            // and does not sleep, or was preempted before its sleep and then found the release already past.
             yield_core();
             let_others_run = true;
         } else {
@@ -101,8 +101,8 @@ fn wait_until(stepper: &mut Stepper, release_ns: u64, margin: &mut Margin, rest:
     }
 }
 
-/// Steps whenever a topic is published, until the run ends. With `longest_wait_ns`, as for an actuator, a
-/// step also begins after that time without a publication, and immediately when the run is stopping.
+/// Steps whenever a topic is published, until the run ends. With `longest_wait_ns`, as in an actuator, a step
+/// also begins after that time without a publication, and immediately when the run is stopping.
 pub(super) fn run_triggered(
     stepper: &mut Stepper,
     trigger: &Trigger,
@@ -120,7 +120,7 @@ pub(super) fn run_triggered(
     stepper.open_accounts();
     loop {
         stepper.look_for_episode();
-        // Ends on a publication, a command of the launcher or a signal; the memory shows which one it was.
+        // Ends on a publication, a command of the launcher or a signal; shared memory shows which.
         let slept = trigger.wait_until(until_ns);
         stepper.context().first_lines().fetch();
         let wake_ns = stepper.woke(monotonic_ns(), slept, &mut rest);
@@ -141,8 +141,8 @@ pub(super) fn run_triggered(
             // stopping.
             release_ns = wake_ns;
         }
-        // Publications that arrived while the last step was still running count as one wake-up; the newest
-        // sample is the one read.
+        // Publications that arrived during the last step count as one wake-up, and only the newest sample is
+        // read.
         let skipped = published.saturating_sub(seen).saturating_sub(1);
         if skipped > 0 {
             add(&stepper.context().block().skipped, skipped);

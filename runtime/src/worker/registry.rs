@@ -14,9 +14,9 @@ pub struct Kind {
     pub name: &'static str,
     /// One line of explanation.
     pub summary: &'static str,
-    /// Its configuration has a key `world`, which takes its value from the graph's `[world]`.
+    /// True if its configuration has a key `world`, which defaults to the graph's `[world]`.
     pub reads_world: bool,
-    /// Its configuration has a key `gravity`, whose default is taken from the graph's `[world]`.
+    /// True if its configuration has a key `gravity`, which defaults to the gravity of the graph's `[world]`.
     pub reads_gravity: bool,
     declare: DeclareFunction,
     schema: fn(&mut schemars::SchemaGenerator) -> schemars::Schema,
@@ -25,21 +25,21 @@ pub struct Kind {
 
 type DeclareFunction = fn(serde_json::Value, Declare) -> Result<Declaration, ConfigProblem>;
 
-/// A configuration that was refused.
+/// A refused configuration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConfigProblem {
-    /// True if it could not be read, so that the component has not seen it.
+    /// True if the configuration could not be parsed, so that the component has not seen it.
     pub unread: bool,
-    /// The value found, and the values expected, with the key at fault.
+    /// Found value and expected values, with the key at fault.
     pub error: ConfigError,
 }
 
 impl Kind {
-    /// The kind of a component type.
+    /// Returns the kind of a component type.
     ///
-    /// A library returns its kinds from a function that is `#[inline(never)]`, so that their steps are
-    /// compiled and optimised with the library. A short function would be inlined, and the steps compiled
-    /// with the optimisation of each caller.
+    /// A library should return its kinds from a function marked `#[inline(never)]`, so that their steps are
+    /// compiled and optimised with the library. A short function would be inlined, and the steps would be
+    /// compiled with the optimisation of each caller.
     pub const fn of<C: Component>() -> Self {
         Self {
             name: C::KIND,
@@ -55,7 +55,7 @@ impl Kind {
     /// Reads a configuration and declares the ports and parameters that follow from it.
     ///
     /// # Errors
-    /// The configuration cannot work; the error carries the place.
+    /// The configuration is invalid; the error names the key.
     pub fn declare(
         &self,
         config: serde_json::Value,
@@ -64,11 +64,11 @@ impl Kind {
         self.declare_in(config, Declare::new(robot))
     }
 
-    /// Like [`declare`](Self::declare), but into a declaration that already has its robots and its place in
-    /// the graph.
+    /// Like [`declare`](Self::declare), but into a declaration that already has its robots and its placement
+    /// in the graph.
     ///
     /// # Errors
-    /// The configuration cannot work, or a component of this kind works on one robot at most.
+    /// The configuration is invalid, or a component of this kind supports at most one robot.
     pub fn declare_in(
         &self,
         config: serde_json::Value,
@@ -87,14 +87,14 @@ impl Kind {
         super::hosted::open(host, index, Box::new(self.make))
     }
 
-    /// Returns the JSON Schema (draft 7) of the `config` table alone, and the definitions that it refers to.
+    /// Returns the JSON Schema (draft 7) of the `config` table, and the definitions that it refers to.
     pub fn config_schema(&self) -> (serde_json::Value, serde_json::Value) {
         let mut generator = schemars::generate::SchemaSettings::draft07().for_deserialize().into_generator();
         let schema = self.schema(&mut generator).to_value();
         (schema, serde_json::Value::Object(generator.take_definitions(true)))
     }
 
-    /// The JSON Schema of the `config` table.
+    /// Returns the JSON Schema of the `config` table.
     pub fn schema(&self, generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
         (self.schema)(generator)
     }
@@ -110,7 +110,7 @@ fn declare<C: Component>(
     declaration(declare, declared, C::KIND, C::RESETS)
 }
 
-/// Declares a component that is known at run time only.
+/// Declares a component that is only known at run time.
 pub(crate) fn declare_dynamic(
     component: &dyn DynamicComponent,
     config: &serde_json::Value,
@@ -121,7 +121,7 @@ pub(crate) fn declare_dynamic(
     declaration(declare, declared, component.kind(), resets)
 }
 
-/// The declaration of a component of a kind that has declared itself.
+/// Returns the collected declaration of a component of this kind.
 fn declaration(
     declare: Declare,
     declared: Result<(), ConfigError>,
@@ -137,14 +137,15 @@ fn declaration(
     Ok(Declaration { resets, ..declare.into_declaration() })
 }
 
-/// A check that the model of a robot exists and can be loaded, with its profile. Returns warnings; an error
-/// says why it cannot be used, with advice, and names the invalid key if that is not `urdf`.
+/// Checks that the model of a robot exists and can be loaded, with its profile. Returns warnings. The error
+/// contains the reason and advice, and names the invalid key if it is not `urdf`.
 pub type RobotCheck = fn(&RobotReference) -> Result<Vec<String>, ConfigError>;
 
-/// The gravity \[m/s^2\] of a file that a graph's `[world]` names. An error says why it cannot be read.
+/// Reads the gravity \[m/s^2\] from a file named by a graph's `[world]`. The error contains the reason why it
+/// cannot be read.
 pub type GravityOfFile = fn(&Path) -> Result<[f64; 3], ConfigError>;
 
-/// The robots that a program can load; the runtime itself provides none.
+/// Robots that a program can load. The runtime itself provides none.
 #[derive(Debug, Clone, Copy)]
 pub struct RobotSource {
     /// Checks a robot of the graph file.
@@ -156,16 +157,16 @@ pub struct RobotSource {
 /// The program is next to the one that checks the graph, or on `PATH`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sibling {
-    /// The first part of the names of its kinds: `view` of `view.web`.
+    /// First part of the names of its kinds, such as `view` of `view.web`.
     pub family: &'static str,
     /// Name of the program.
     pub program: &'static str,
-    /// The command that installs it from a checkout of motorium; `None` for a program that is not part of
+    /// Command that installs it from a checkout of motorium; `None` for a program that is not part of
     /// motorium.
     pub install: Option<&'static str>,
 }
 
-/// All component kinds that a program can host, the robots that it can load, and the programs that may host
+/// The component kinds that a program can host, the robots that it can load, and the programs that may host
 /// further kinds.
 #[derive(Debug, Clone)]
 pub struct Registry {
@@ -176,10 +177,10 @@ pub struct Registry {
 }
 
 impl Registry {
-    /// A registry of kinds, sorted by name.
+    /// Creates a registry of kinds, sorted by name.
     ///
     /// # Panics
-    /// Two kinds share a name, which is a mistake in the program.
+    /// If two kinds have the same name, which is an error in the program.
     pub fn new(robots: RobotSource, kinds: impl IntoIterator<Item = Kind>) -> Self {
         let mut kinds: Vec<Kind> = kinds.into_iter().collect();
         kinds.sort_by_key(|kind| kind.name);
@@ -189,7 +190,7 @@ impl Registry {
         Self { kinds, robots, siblings: &[], gravity_of_file: None }
     }
 
-    /// Returns the registry with programs that host kinds which this one does not.
+    /// Returns the registry with programs that host further kinds.
     #[must_use]
     pub fn with_siblings(self, siblings: &'static [Sibling]) -> Self {
         Self { siblings, ..self }
@@ -203,12 +204,12 @@ impl Registry {
         Self { gravity_of_file: Some(reader), ..self }
     }
 
-    /// The reader of the gravity of files of worlds.
+    /// Returns the reader for the gravity of world files.
     pub fn gravity_of_file(&self) -> Option<GravityOfFile> {
         self.gravity_of_file
     }
 
-    /// Returns the program that would host a kind of this name, unless this program does.
+    /// Returns the program that would host a kind with this name, unless this program does.
     pub fn sibling(&self, kind: &str) -> Option<&Sibling> {
         let (family, _) = kind.split_once('.')?;
         self.siblings.iter().find(|sibling| sibling.family == family)
@@ -219,17 +220,17 @@ impl Registry {
         self.siblings
     }
 
-    /// All kinds, sorted by name.
+    /// Returns all kinds, sorted by name.
     pub fn kinds(&self) -> &[Kind] {
         &self.kinds
     }
 
-    /// The kind of this name.
+    /// Returns the kind with this name.
     pub fn find(&self, name: &str) -> Option<&Kind> {
         self.kinds.binary_search_by_key(&name, |kind| kind.name).ok().map(|i| &self.kinds[i])
     }
 
-    /// The robots that the program can load.
+    /// Returns the robots that the program can load.
     pub fn robots(&self) -> RobotSource {
         self.robots
     }

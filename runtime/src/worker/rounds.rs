@@ -1,7 +1,7 @@
-//! The order of the ticks of lockstep: which component steps next, and at which time.
+//! The order of ticks in lockstep: the next component to step, and its time.
 //!
-//! Simulated time advances from round to round: a round is a time at which a time-triggered component is due.
-//! Within a round, each component is considered once, in the order of the plan: a time-triggered component
+//! Simulated time advances from round to round. A round is a time at which a time-triggered component is due.
+//! Within a round, each component is considered once, in the order of the plan. A time-triggered component
 //! steps if the round is one of its releases, a triggered component if its topic was published since its last
 //! tick.
 
@@ -10,7 +10,7 @@ use std::sync::atomic::Ordering::{Acquire, Relaxed};
 use crate::plan::{Activation, Plan};
 use crate::region::{Command, Phase, Region};
 
-/// The order of the ticks of a plan. All of its state is in the control block of the run.
+/// The order of ticks of a plan. Its state is in the control block of the run.
 #[derive(Debug, Clone)]
 pub(crate) struct Rounds {
     turns: Vec<Turn>,
@@ -30,14 +30,14 @@ enum Due {
         phase_ns: u64,
         period_ns: u64,
     },
-    /// After each publication of the topic of this index.
+    /// After each publication of the topic with this index.
     After(usize),
     /// Never: there are no events in simulated time, and `check` rejects such a graph.
     Never,
 }
 
 impl Rounds {
-    /// The order of the components of a plan that `takes_part`.
+    /// Creates the order of the components of a plan for which `takes_part` is true.
     pub(crate) fn new(plan: &Plan, takes_part: impl Fn(usize) -> bool) -> Self {
         let mut order: Vec<usize> = (0..plan.components.len()).filter(|index| takes_part(*index)).collect();
         order.sort_by_key(|index| plan.components[*index].order);
@@ -64,13 +64,13 @@ impl Rounds {
         self.turns.iter().map(next).min().unwrap_or(u64::MAX)
     }
 
-    /// Returns the place that follows a component's in the order.
+    /// Returns the position after a component in the order.
     pub(crate) fn place_after(&self, component: usize) -> usize {
         self.turns.iter().position(|turn| turn.component == component).map_or(0, |place| place + 1)
     }
 
-    /// Returns the index of the next component that is due in the round of `time_ns`, starting at a place in
-    /// the order.
+    /// Returns the index of the next component that is due in the round at `time_ns`, starting at a position
+    /// in the order.
     pub(crate) fn next_due(&self, region: &Region, time_ns: u64, from: usize) -> Option<usize> {
         let turns = self.turns.get(from..).unwrap_or_default();
         let is_due = |turn: &&Turn| match turn.due {
@@ -86,8 +86,8 @@ impl Rounds {
         turns.iter().find(is_due).map(|turn| turn.component)
     }
 
-    /// Notes the tick of a component in the round of `time_ns`; publications that triggered it until now are
-    /// used up.
+    /// Records the tick of a component in the round at `time_ns`, and consumes the publications that
+    /// triggered it so far.
     pub(crate) fn note(&self, region: &Region, component: usize, time_ns: u64) {
         let block = &region.components()[component];
         block.tick_time_ns.store(time_ns, Relaxed);
@@ -98,9 +98,9 @@ impl Rounds {
         }
     }
 
-    /// Passes the turn from the component `giver`, which has stepped at `time_ns`, to the next one that is
-    /// due: in the same round, or in the next one if it may begin without the launcher. Otherwise, or if that
-    /// component is not running, the launcher gets the turn.
+    /// Passes the turn from the component `giver`, which has stepped at `time_ns`, to the next due component.
+    /// That is in the same round, or in the next round if it may begin without the launcher. Otherwise, or if
+    /// that component is not running, the launcher gets the turn.
     pub(super) fn pass_on(&self, region: &Region, giver: usize, time_ns: u64) {
         let header = region.header();
         let next = self.next(region, giver, time_ns).filter(|(component, _)| {
@@ -121,7 +121,7 @@ impl Rounds {
         }
     }
 
-    /// Returns the component whose tick follows the one of `giver` at `time_ns`, and its time.
+    /// Returns the component whose tick follows the tick of `giver` at `time_ns`, and its time.
     fn next(&self, region: &Region, giver: usize, time_ns: u64) -> Option<(usize, u64)> {
         if let Some(component) = self.next_due(region, time_ns, self.place_after(giver)) {
             return Some((component, time_ns));

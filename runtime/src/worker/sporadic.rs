@@ -1,9 +1,9 @@
 //! The loop of a component that steps when its descriptor is readable.
 //!
-//! One system call waits for everything that can happen: the descriptor, a command of the launcher (as a
-//! signal, which is blocked except during the wait) and, for an actuator, the time at which its command
-//! becomes stale. Events within `min_interval` of the last release wait until that time has passed; all
-//! events until then make one release.
+//! One system call waits for all events: the descriptor, a command of the launcher and, in an actuator, the
+//! time at which its command becomes stale. The command is a signal, which is blocked except during the wait.
+//! Events within `min_interval` of the last release are deferred until that time has passed, and all events
+//! until then cause one release.
 
 use super::Failure;
 use super::rest::Rest;
@@ -12,10 +12,10 @@ use super::timing::Timing;
 use crate::os::{Readiness, monotonic_ns};
 use crate::region::add;
 
-/// Longest time, ns, of a wait that finds the descriptor readable and does not sleep.
+/// Longest duration of a wait that finds the descriptor readable and does not sleep, ns.
 const AT_ONCE_NS: u64 = 5_000;
 
-/// The releases of a sporadic task, as a pure function of its events.
+/// Releases of a sporadic task, as a pure function of its events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Releases {
     min_interval_ns: u64,
@@ -23,8 +23,8 @@ struct Releases {
 }
 
 impl Releases {
-    /// Returns the release of an event that was seen at `now_ns`. An event that was there before the wait
-    /// arrived at an unknown time while the last step was still running: the earliest possible time counts.
+    /// Returns the release of an event detected at `now_ns`. An event before the wait arrived at an unknown
+    /// time during the last step, so the earliest possible time counts.
     fn release_of_event(&self, now_ns: u64, waited_for: bool) -> u64 {
         match self.last_ns {
             None => now_ns,
@@ -36,7 +36,7 @@ impl Releases {
     }
 }
 
-/// Steps whenever the descriptor is readable, until the run ends. With `longest_wait_ns`, as for an actuator,
+/// Steps whenever the descriptor is readable, until the run ends. With `longest_wait_ns`, as in an actuator,
 /// a step also begins after that time without an event, and immediately when the run is stopping.
 pub(super) fn run(
     stepper: &mut Stepper,
@@ -46,7 +46,7 @@ pub(super) fn run(
 ) -> Result<(), Failure> {
     let min_interval_ns = stepper.period_ns();
     let mut releases = Releases { min_interval_ns, last_ns: None };
-    // The release of an event that came too early.
+    // Deferred release of an event that came too early.
     let mut deferred_to: Option<u64> = None;
     let mut last_end = 0;
     let mut until_ns = longest_wait_ns.map(|longest| monotonic_ns() + longest);
@@ -103,7 +103,7 @@ mod tests {
     const RELEASES: Releases = Releases { min_interval_ns: 100, last_ns: Some(1_000) };
 
     #[test]
-    fn the_first_event_is_released_when_it_is_seen() {
+    fn first_event_is_released_when_it_is_detected() {
         assert_eq!(Releases { last_ns: None, ..RELEASES }.release_of_event(5, true), 5);
         assert_eq!(Releases { last_ns: None, ..RELEASES }.release_of_event(5, false), 5);
     }
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn an_event_after_a_long_step_counts_from_its_earliest_time() {
+    fn event_during_a_step_counts_from_its_earliest_time() {
         assert_eq!(RELEASES.release_of_event(1_500, false), 1_100);
     }
 }

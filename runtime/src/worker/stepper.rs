@@ -18,15 +18,16 @@ use crate::region::{Command, EpisodeStart, add};
 use crate::run_folder::RunFolder;
 use crate::telemetry::{Allocations, allocations, counts_allocations};
 
-/// Number of steps after which a component counts as warmed up; allocations and page faults count from then
-/// on.
+/// Number of steps after which a component counts as warmed up. Allocations and page faults are counted from
+/// then on.
 pub(crate) const WARM_UP: u64 = 100;
 
-/// Number of cache lines of a component that are fetched when its thread wakes; they usually hold its ports.
+/// Number of cache lines of a component that are prefetched when its thread wakes; they usually contain its
+/// ports.
 const COMPONENT_LINES: usize = 8;
 
 /// A component of any type, so that the loops around its steps are compiled only once and their instructions
-/// lie together.
+/// are contiguous.
 pub(super) trait AnyComponent {
     fn step(&mut self, tick: &Tick) -> Result<(), StepError>;
     fn begin_episode(&mut self, episode: &Episode) -> Result<(), StepError>;
@@ -57,7 +58,7 @@ impl<C: Component> AnyComponent for C {
     }
 }
 
-/// A component that is known at run time only.
+/// A component that is only known at run time.
 pub(super) struct Dynamic(pub(super) Box<dyn DynamicComponent>);
 
 impl AnyComponent for Dynamic {
@@ -89,18 +90,18 @@ pub(super) struct Stepper {
     parameters: ParameterReader,
     plan: ComponentPlan,
     period: Duration,
-    /// Steps before the present episode of simulated time.
+    /// Number of steps before the current episode of simulated time.
     first: u64,
-    /// The episode that the next step begins, if it was found before.
+    /// Episode that the next step begins, if it was already detected.
     next_episode: Option<Episode>,
     own_steps: u64,
     faults_before: u64,
     accounts: Accounts,
-    /// Dropped after the component, which hands over data to them at its end.
+    /// Dropped after the component, which passes data to them at its end.
     helpers: Helpers,
 }
 
-/// A step that failed.
+/// Failure of a step.
 enum Wrong {
     Error(StepError),
     Panic(Cause),
@@ -123,7 +124,7 @@ impl Stepper {
         let period = Duration::from_nanos(plan.period_ns());
         let block = context.block();
         block.counts_allocations.store(u32::from(counts_allocations()), Relaxed);
-        // A predecessor may have died within a step.
+        // The previous process may have died within a step.
         block.begun.store(block.steps.load(Relaxed), Relaxed);
         let first = block.episode_first.load(Relaxed);
         let accounts = Accounts::new(plan);
@@ -156,20 +157,19 @@ impl Stepper {
         self.plan.on_overrun
     }
 
-    /// Looks for an episode of real time that has begun, and computes its seed, which the next step then need
-    /// not do.
+    /// Checks for a real-time episode that has begun and computes its seed ahead of the next step.
     pub(super) fn look_for_episode(&mut self) {
         if let Some(start) = self.context.new_episode() {
             self.next_episode = Some(self.episode(start));
         }
     }
 
-    /// The episode for the component.
+    /// Returns the episode for the component.
     fn episode(&self, start: EpisodeStart) -> Episode {
         Episode { index: start.index, seed: component_seed(start.seed, &self.plan.name) }
     }
 
-    /// The episode that this step begins, if any.
+    /// Returns the episode that this step begins, if any.
     #[inline(always)]
     fn begun_episode(&mut self) -> Option<Episode> {
         let index = self.context.new_episode_index()?;
@@ -181,7 +181,8 @@ impl Stepper {
 
     /// Runs one step and counts it. Returns its end, ns on `CLOCK_MONOTONIC` (simulated time in lockstep).
     ///
-    /// Part of each loop: after a sleep each page of instructions costs the translation of its address.
+    /// It is inlined into each loop, because after a sleep every page of instructions costs an address
+    /// translation.
     #[inline(always)]
     pub(super) fn step(&mut self, timing: Timing) -> Result<u64, Failure> {
         let begun = self.begun_episode();
@@ -243,7 +244,7 @@ impl Stepper {
         Ok(end)
     }
 
-    /// Resets the component, its ports and its clock for an episode of this index and seed.
+    /// Resets the component, its ports and its clock for an episode with this index and seed.
     pub(super) fn reset(&mut self, index: u64, seed: u64) -> Result<(), Failure> {
         let tick = self.context.block().steps.load(Relaxed);
         self.first = tick;
@@ -268,7 +269,7 @@ impl Stepper {
     #[cold]
     fn apply_error_policy(&self, wrong: Wrong, tick: u64) -> Result<(), Failure> {
         match wrong {
-            // A panic leaves the component in an unknown state: it cannot be tolerated.
+            // A panic cannot be tolerated, because it leaves the component in an unknown state.
             Wrong::Panic(cause) => Err(cause.into_failure(tick)),
             Wrong::Error(error) if self.plan.on_error == OnError::Fail => {
                 Err(Failure::error(tick, error.to_string()))
@@ -284,7 +285,7 @@ impl Stepper {
         }
     }
 
-    /// Starts the accounts before the first step.
+    /// Starts the statistics before the first step.
     pub(super) fn open_accounts(&mut self) {
         self.accounts.open();
     }
@@ -303,12 +304,12 @@ impl Stepper {
         if slept { wake_ns } else { os::monotonic_ns() }
     }
 
-    /// Notes that the worker slept before the coming step.
+    /// Records that the worker slept before the next step.
     pub(super) fn slept(&mut self) {
         self.accounts.slept();
     }
 
-    /// Adds time spent spinning before the coming release, ns.
+    /// Adds time spent spinning before the next release, ns.
     pub(super) fn spun(&mut self, margin_ns: u64, spun_ns: u64) {
         account::show_spin(self.context.block(), margin_ns, spun_ns);
         self.accounts.spun(spun_ns);
@@ -321,7 +322,7 @@ impl Stepper {
         }
     }
 
-    /// Records the length of a finished step in lockstep.
+    /// Records the duration of a finished step in lockstep.
     pub(super) fn account_lockstep(&mut self, execution_ns: u64) {
         let block = self.context.block();
         self.accounts.charge(block);
@@ -329,8 +330,8 @@ impl Stepper {
         block.lateness.record(0);
     }
 
-    /// Records the length of a finished step of a component that shares its thread with others: reading the
-    /// thread's CPU time would cost a system call a step.
+    /// Records the duration of a finished step of a component that shares its thread with others. Reading the
+    /// thread's CPU time would cost a system call per step.
     pub(super) fn account_inline(&mut self, execution_ns: u64) {
         let block = self.context.block();
         block.execution.record(execution_ns);

@@ -1,4 +1,4 @@
-//! The times of one step.
+//! Times of one step.
 
 /// Release, start and deadline of a step, ns on the clock of stamps.
 #[derive(Debug, Clone, Copy)]

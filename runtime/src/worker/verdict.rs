@@ -1,4 +1,4 @@
-//! The cause of a missed deadline, and the limit on such steps: pure functions of measured times.
+//! The cause of a missed deadline and the limit on such steps, as pure functions of measured times.
 
 use crate::region::MissCause;
 
@@ -11,26 +11,26 @@ pub(super) struct Evidence {
     pub(super) deadline_ns: u64,
     /// CPU time of the step.
     pub(super) cpu_ns: u64,
-    /// Time for which the component was ready to run while another thread of this system had its core; `None`
-    /// if the kernel does not measure it.
+    /// Time that the component was ready to run while another thread of this system had its core; `None` if
+    /// the kernel does not measure it.
     pub(super) waited_ns: Option<u64>,
-    /// True if the step slept: on a lock, a file, a clock.
+    /// True if the step slept, on a lock, a file or a clock.
     pub(super) blocked: bool,
-    /// Longest time for which the step may wait for an answer, as declared; sleeping up to that is intended.
+    /// Longest declared wait for an answer; sleep up to this time is intended.
     pub(super) waits_ns: u64,
     /// Cause of the previous step's overrun, if that step ended after this release.
     pub(super) behind: Option<MissCause>,
 }
 
 impl Evidence {
-    /// Duration of the step, wall-clock ns.
+    /// Returns the wall-clock duration of the step, ns.
     pub(super) fn execution_ns(&self) -> u64 {
         self.end_ns.saturating_sub(self.wake_ns)
     }
 
-    /// Returns the duration of the step without the time for which other threads had the core or the host had
-    /// the machine, ns. Its own sleep counts; for a component that may wait for an answer, at most its
-    /// declared time does.
+    /// Returns the duration of the step excluding the time in which other threads had the core or the host
+    /// had the machine, ns. The step's own sleep is included, for a component that may wait for an answer
+    /// only up to the declared time.
     pub(super) fn own_ns(&self) -> u64 {
         match (self.blocked, self.waits_ns) {
             (false, _) => self.execution_ns().min(self.cpu_ns),
@@ -39,12 +39,12 @@ impl Evidence {
         }
     }
 
-    /// The cause of a missed deadline; `None` if it was met.
+    /// Returns the cause of a missed deadline; `None` if it was met.
     ///
     /// Between its release and its end a step either runs, or waits for the core while other threads of this
-    /// system have it, or does not run although the core is free: then the host has the core or wakes the
-    /// step late. If the step would have been late without any waiting, it was too long; otherwise the larger
-    /// share of the waiting is the cause.
+    /// system have it, or does not run although the core is free. In the last case the host has the core or
+    /// wakes the step late. If the step would have been late without any waiting, it was too long. Otherwise
+    /// the larger share of the waiting is the cause.
     pub(super) fn cause(&self) -> Option<MissCause> {
         let over = self.end_ns.checked_sub(self.deadline_ns).filter(|over| *over > 0)?;
         if self.behind.is_some() {
@@ -64,13 +64,13 @@ impl Evidence {
 
 /// A counter of overruns that decreases again: each late step adds one, each step in time subtracts one.
 ///
-/// These are the semantics of the overrun counter of Orocos RTT: a component that is late now and then keeps
-/// running, one that is late more often than not is stopped.
+/// This is how the overrun counter of Orocos RTT works: a component that is occasionally late keeps running,
+/// and a component that is late more often than not is stopped.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct LeakyCounter(u32);
 
 impl LeakyCounter {
-    /// Counts a step; true if there are now more overruns than are tolerated.
+    /// Counts a step. Returns `true` if there are now more overruns than tolerated.
     pub(super) fn count(&mut self, overrun: bool, tolerated: Option<u32>) -> bool {
         self.0 = if overrun { self.0.saturating_add(1) } else { self.0.saturating_sub(1) };
         overrun && tolerated.is_some_and(|tolerated| self.0 > tolerated)
@@ -81,7 +81,7 @@ impl LeakyCounter {
 mod tests {
     use super::*;
 
-    /// Released at 1000 with a deadline of 2000; 100 of work.
+    /// Returns a step released at 1000 with a deadline of 2000 and 100 of work.
     fn in_time() -> Evidence {
         Evidence {
             release_ns: 1_000,
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_that_may_wait_is_not_charged_for_other_idle_time() {
+    fn declared_wait_does_not_cover_other_idle_time() {
         let answered = Evidence { end_ns: 1_900, blocked: true, waits_ns: 800, ..in_time() };
         assert_eq!((answered.cause(), answered.own_ns()), (None, 900));
         let stolen = Evidence { end_ns: 9_100, ..answered };
@@ -107,41 +107,41 @@ mod tests {
     }
 
     #[test]
-    fn a_step_that_ends_at_its_deadline_misses_nothing() {
+    fn step_that_ends_at_its_deadline_misses_nothing() {
         assert_eq!(in_time().cause(), None);
         assert_eq!(Evidence { end_ns: 2_000, cpu_ns: 1_000, ..in_time() }.cause(), None);
     }
 
     #[test]
-    fn a_step_that_works_past_its_deadline_is_too_long() {
+    fn step_that_works_past_its_deadline_is_too_long() {
         let long = Evidence { end_ns: 2_300, cpu_ns: 1_300, ..in_time() };
         assert_eq!(long.cause(), Some(MissCause::LongStep));
         assert_eq!(long.own_ns(), 1_300);
-        // also woken a little late, which by itself would not have mattered
+        // also woken a little late, which alone would not have mattered
         let both = Evidence { wake_ns: 1_050, end_ns: 2_350, cpu_ns: 1_300, ..in_time() };
         assert_eq!(both.cause(), Some(MissCause::LongStep));
     }
 
     #[test]
-    fn a_step_that_sleeps_past_its_deadline_is_also_too_long() {
+    fn step_that_sleeps_past_its_deadline_is_too_long() {
         let asleep = Evidence { end_ns: 9_100, cpu_ns: 100, blocked: true, ..in_time() };
         assert_eq!((asleep.cause(), asleep.own_ns()), (Some(MissCause::LongStep), 8_100));
     }
 
     #[test]
-    fn a_step_that_had_to_wait_for_its_core_was_woken_late() {
+    fn step_that_had_to_wait_for_its_core_was_woken_late() {
         let late = Evidence { wake_ns: 1_950, end_ns: 2_050, waited_ns: Some(940), ..in_time() };
         assert_eq!(late.cause(), Some(MissCause::LateWake));
     }
 
     #[test]
-    fn a_step_woken_late_on_a_free_core_lost_time_to_the_host() {
+    fn late_wake_up_on_a_free_core_is_caused_by_the_host() {
         let late = Evidence { wake_ns: 1_950, end_ns: 2_050, waited_ns: Some(10), ..in_time() };
         assert_eq!(late.cause(), Some(MissCause::Stolen));
     }
 
     #[test]
-    fn time_stolen_within_a_step_is_not_blamed_on_it() {
+    fn time_stolen_within_a_step_is_caused_by_the_host() {
         let stolen = Evidence { end_ns: 9_100, cpu_ns: 100, waited_ns: Some(0), ..in_time() };
         assert_eq!(stolen.cause(), Some(MissCause::Stolen));
         assert_eq!(stolen.own_ns(), 100);
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_late_due_to_the_previous_one_inherits_its_cause() {
+    fn step_late_due_to_the_previous_one_inherits_its_cause() {
         let behind = Evidence { end_ns: 2_050, behind: Some(MissCause::Stolen), ..in_time() };
         assert_eq!(behind.cause(), Some(MissCause::Stolen));
         let recovered = Evidence { behind: Some(MissCause::LongStep), ..in_time() };
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn overruns_leak_away() {
+    fn overruns_decay_with_punctual_steps() {
         let mut counter = LeakyCounter::default();
         let steps = [true, true, false, true, false, false, false, true, true];
         assert!(steps.iter().all(|overrun| !counter.count(*overrun, Some(2))));
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn none_tolerated_stops_at_the_first_and_no_limit_never_stops() {
+    fn zero_stops_at_the_first_overrun_and_no_limit_never_stops() {
         assert!(LeakyCounter::default().count(true, Some(0)));
         let mut counter = LeakyCounter::default();
         assert!((0..1_000).all(|_| !counter.count(true, None)));

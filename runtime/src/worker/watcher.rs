@@ -1,5 +1,5 @@
-//! The watcher thread of a component's process: it receives signals, notices the death of the launcher, and
-//! discards output that nobody reads.
+//! The watcher thread of a component's process, which receives signals, detects the death of the launcher,
+//! and discards output that is not read.
 
 use std::io::Read as _;
 use std::os::unix::net::UnixStream;
@@ -15,15 +15,15 @@ use super::output::Output;
 use crate::context::{Context, Signals};
 use crate::os::{Watch, interrupt_thread, monotonic_ns, thread_id};
 
-/// Time between two checks of the room left for output.
+/// Time between two checks of the space left for output.
 const LOOK: Timespec = Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
 
 /// Starts the watcher of the calling (stepping) thread. It runs at normal priority on any core.
 pub(super) fn start(context: &Context) -> std::io::Result<JoinHandle<()>> {
     let signals = context.signals().clone();
     let launcher = Watch::new(context.region().header().launcher.load(Relaxed))?;
-    // Ctrl-C reaches every process of the terminal, but only the launcher decides what it means. Ctrl-Z must
-    // not stop a process that moves a robot.
+    // Ctrl-C reaches every process of the terminal, but only the launcher acts on it. Ctrl-Z must not stop a
+    // process that moves a robot.
     let ignored = Arc::new(std::sync::atomic::AtomicBool::new(false));
     for signal in [SIGINT, SIGHUP, SIGTSTP, SIGTTIN, SIGTTOU] {
         signal_hook::flag::register(signal, ignored.clone())?;
@@ -31,7 +31,7 @@ pub(super) fn start(context: &Context) -> std::io::Result<JoinHandle<()>> {
     let (mut commands, sender) = UnixStream::pair()?;
     commands.set_nonblocking(true)?;
     signal_hook::low_level::pipe::register(SIGUSR2, sender.try_clone()?)?;
-    // Actions run in this order: the flag is up when the watcher is woken.
+    // Actions run in this order, so the flag is set when the watcher is woken.
     signal_hook::flag::register(SIGTERM, signals.terminated())?;
     signal_hook::low_level::pipe::register(SIGTERM, sender)?;
     let stepping = thread_id();
@@ -59,7 +59,7 @@ pub(super) fn start(context: &Context) -> std::io::Result<JoinHandle<()>> {
             }
             if launcher_alive && polled[1].revents().contains(PollFlags::IN) {
                 launcher_alive = false;
-                // First, because a step that prints from now on must not wait for a reader.
+                // First, because later prints of a step must not wait for a reader.
                 output.close();
                 signals.launcher_died(monotonic_ns());
             }
@@ -71,8 +71,8 @@ pub(super) fn start(context: &Context) -> std::io::Result<JoinHandle<()>> {
     })
 }
 
-/// Interrupts the stepping thread until it has seen the message; a signal just before it falls asleep would
-/// be lost.
+/// Interrupts the stepping thread until it has seen the message, because a signal just before it falls asleep
+/// would be lost.
 fn interrupt_until_seen(signals: &Signals, stepping: i32) {
     let message = signals.send();
     for _ in 0..2_000 {

@@ -1,4 +1,4 @@
-//! Declarations of components: what they are told, and what they may answer: warnings with their places.
+//! Declarations of components: their inputs, and their warnings with positions.
 
 use std::path::Path;
 
@@ -20,18 +20,18 @@ struct SurveyorConfig {
     least_period_ms: u64,
     /// A file.
     map: Option<String>,
-    /// Time that its declaration takes, ms.
+    /// Duration of its declaration, ms.
     slow_ms: u64,
     /// Reason why it cannot keep deadlines.
     not_real_time: Option<String>,
 }
 
-/// Names a port after its place in the graph.
+/// Names a port after its placement in the graph.
 struct Surveyor;
 
 impl Component for Surveyor {
     const KIND: &'static str = "test.surveyor";
-    const SUMMARY: &'static str = "declares what it is told";
+    const SUMMARY: &'static str = "declares its placement";
     type Config = SurveyorConfig;
 
     fn declare(config: &SurveyorConfig, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -56,7 +56,7 @@ impl Component for Surveyor {
         }
         declare.optional_input::<Wrench>("in", "input");
         declare.output::<Wrench>("out", "output");
-        declare.output::<Wrench>(&name, "what it was told");
+        declare.output::<Wrench>(&name, "its placement");
         Ok(())
     }
 
@@ -79,7 +79,7 @@ fn check(text: &str) -> Checked {
     check_at(Path::new("graph.toml"), text)
 }
 
-/// The port that says what each component was told.
+/// Returns the ports that show the placement of each component.
 fn declared_ports(checked: &Checked) -> Vec<String> {
     let last =
         |component: &motorium::plan::ComponentPlan| component.outputs.last().map(|port| port.port.clone());
@@ -87,7 +87,7 @@ fn declared_ports(checked: &Checked) -> Vec<String> {
 }
 
 #[test]
-fn a_component_knows_its_period_at_the_end_of_a_chain() {
+fn component_knows_its_period_at_the_end_of_a_chain() {
     let text = r#"
         name = "chain"
         [component.third]
@@ -108,12 +108,12 @@ fn a_component_knows_its_period_at_the_end_of_a_chain() {
     let lockstep = check(&text.replace("name = \"chain\"", "name = \"chain\"\nclock = \"lockstep\""));
     assert_eq!(declared_ports(&lockstep), ["lockstep-2500", "lockstep-2500", "lockstep-2500"]);
     for component in &lockstep.plan.components {
-        assert_eq!(component.period_ns(), 2_500_000, "as it is resolved after the declarations");
+        assert_eq!(component.period_ns(), 2_500_000, "as resolved after the declarations");
     }
 }
 
 #[test]
-fn a_component_that_is_not_real_time_is_normal() {
+fn component_that_is_not_real_time_is_normal() {
     let text = |schedule: &str| {
         format!(
             r#"
@@ -156,7 +156,7 @@ fn a_component_that_is_not_real_time_is_normal() {
 }
 
 #[test]
-fn a_component_without_a_known_period_is_asked_all_the_same() {
+fn component_without_a_known_period_is_still_declared() {
     let text = r#"
         name = "loop"
         [component.one]
@@ -178,7 +178,7 @@ fn a_component_without_a_known_period_is_asked_all_the_same() {
 }
 
 #[test]
-fn a_component_warning_is_shown_at_its_key_or_component() {
+fn component_warning_is_shown_at_its_key_or_component() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("graph.toml");
     let text = "name = \"doubts\"\n[component.mine]\nkind = \"test.surveyor\"\nrate = \"1 kHz\"\n\
@@ -200,7 +200,7 @@ fn a_component_warning_is_shown_at_its_key_or_component() {
 }
 
 #[test]
-fn the_time_of_each_declaration_is_measured() {
+fn declaration_times_are_measured() {
     let text = "name = \"times\"\n[component.quick]\nkind = \"test.surveyor\"\nrate = \"1 kHz\"\npublish = { out = \"a\" }\n\
                 [component.slow]\nkind = \"test.surveyor\"\nrate = \"1 kHz\"\npublish = { out = \"b\" }\nconfig = { slow_ms = 30 }\n";
     let declared = check(text).declared;
@@ -208,7 +208,7 @@ fn the_time_of_each_declaration_is_measured() {
     assert!(declared[1].wall_ns >= 30_000_000 && declared[1].wall_ns > declared[0].wall_ns, "{declared:?}");
 }
 
-/// Gravity as it stands in the configuration.
+/// Gravity in the configuration.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct FallerConfig {
@@ -226,7 +226,7 @@ struct Faller;
 
 impl Component for Faller {
     const KIND: &'static str = "test.faller";
-    const SUMMARY: &'static str = "reckons with gravity";
+    const SUMMARY: &'static str = "uses gravity";
     const READS_GRAVITY: bool = true;
     type Config = FallerConfig;
 
@@ -245,14 +245,14 @@ impl Component for Faller {
     }
 }
 
-/// Reads a file that holds one number.
+/// Reads a file with one number.
 fn downwards(path: &Path) -> Result<[f64; 3], ConfigError> {
     let text = std::fs::read_to_string(path).map_err(|_| ConfigError::new("there is no such world"))?;
     Ok([0.0, 0.0, -text.trim().parse::<f64>().expect("a number")])
 }
 
 #[test]
-fn a_kind_that_reads_gravity_gets_it_from_the_world_file() {
+fn kind_that_reads_gravity_gets_it_from_the_world_file() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("moon.txt"), "1.62").expect("written");
     let path = folder.path().join("graph.toml");
@@ -274,11 +274,11 @@ fn a_kind_that_reads_gravity_gets_it_from_the_world_file() {
     assert_eq!(gravities(&reading, text(file, "")), ["g1.62", "g1.62"]);
     assert_eq!(gravities(&reading, text(file, "gravity = [0.0, 0.0, -3.7]")), ["g3.7", "g3.7"]);
     assert_eq!(gravities(&reading, text(&format!("{file}\ngravity = [0, 0, -5.0]"), "")), ["g5", "g5"]);
-    // A file that is not there is told once, at its place.
+    // A missing file is reported once, at its position.
     let missing = check(&reading, text("file = \"mars.txt\"", "")).map(|_| ()).unwrap_err().render(false);
     assert_eq!(missing.matches("there is no such world").count(), 1, "{missing}");
     assert!(missing.contains("graph.toml:13:"), "{missing}");
-    // A program without a reader keeps what its kinds have, and says so.
+    // A program without a reader keeps the defaults of its kinds, with a warning.
     let checked = check(&plain(), text(file, "")).unwrap_or_else(|error| panic!("{}", error.render(false)));
     assert_eq!(declared_ports(&checked), ["g9.5", "g9.5"]);
     let warned =

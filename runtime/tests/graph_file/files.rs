@@ -1,18 +1,18 @@
-//! Whole files: broken ones with the exact error each must give, good ones with their plans.
+//! Complete files: broken files with their exact errors, good files with their plans.
 
 use motorium::severity::Severity;
 use serde_json::Value as Json;
 
 use super::{anywhere, good, graphs, load, stem};
 
-/// The graphs of a folder that are refused as they are read. One there is well-formed and asks for more time
-/// than there is: that it is refused too is tested where admission is.
+/// Returns the graphs of a folder that are refused when they are read. This excludes a well-formed graph that
+/// is refused by admission, which has its own test.
 fn refused(folder: &str) -> impl Iterator<Item = std::path::PathBuf> {
     graphs(folder).into_iter().filter(|path| stem(path) != "overloaded")
 }
 
 #[test]
-fn every_broken_graph_gives_its_error() {
+fn every_broken_graph_has_its_exact_error() {
     for folder in ["graphs/broken", "runtime/tests/graph_file/broken"] {
         for path in refused(folder) {
             let error = match load(&path) {
@@ -25,7 +25,7 @@ fn every_broken_graph_gives_its_error() {
 }
 
 #[test]
-fn every_error_has_its_place_and_advice() {
+fn every_error_has_position_and_advice() {
     for path in refused("graphs/broken") {
         let error = load(&path).expect_err("a broken graph");
         assert!(error.diagnostics().iter().any(|diagnostic| diagnostic.severity() == Severity::Error));
@@ -42,7 +42,7 @@ fn every_error_has_its_place_and_advice() {
 }
 
 #[test]
-fn an_error_as_data_says_what_its_text_says() {
+fn error_as_data_has_the_content_of_its_text() {
     let path =
         graphs("graphs/broken").into_iter().find(|path| stem(path) == "wrong-type").expect("that file");
     let error = load(&path).expect_err("a broken graph");
@@ -51,14 +51,14 @@ fn an_error_as_data_says_what_its_text_says() {
 }
 
 #[test]
-fn colours_are_added_only_when_wanted() {
+fn colours_are_optional() {
     let error = load(&graphs("graphs/broken")[0]).expect_err("a broken graph");
     assert!(error.render(true).contains('\u{1b}'));
     assert!(!error.render(false).contains('\u{1b}'));
 }
 
 #[test]
-fn what_is_allowed_but_not_meant_is_a_warning() {
+fn allowed_but_unintended_settings_are_warnings() {
     for path in graphs("runtime/tests/graph_file/warned") {
         let checked = load(&path).unwrap_or_else(|error| panic!("{}", error.render(false)));
         let warnings: Vec<String> = checked.warnings.iter().map(|warning| warning.render(false)).collect();
@@ -68,7 +68,7 @@ fn what_is_allowed_but_not_meant_is_a_warning() {
 }
 
 #[test]
-fn a_good_graph_gives_its_plan() {
+fn good_graphs_have_their_exact_plans() {
     for path in graphs("runtime/tests/graph_file/good") {
         let checked = load(&path).unwrap_or_else(|error| panic!("{}", error.render(false)));
         assert_eq!(checked.warnings, [], "{}", path.display());
@@ -79,7 +79,7 @@ fn a_good_graph_gives_its_plan() {
     }
 }
 
-/// Puts the name of a type in the place of its layout: the layouts have tests of their own.
+/// Replaces layouts by the names of their types, because layouts have separate tests.
 fn name_layouts(value: &mut Json) {
     match value {
         Json::Object(object) => {
@@ -96,14 +96,14 @@ fn name_layouts(value: &mut Json) {
 }
 
 #[test]
-fn a_file_that_is_not_there_is_answered_with_one_that_is() {
+fn missing_file_is_reported_with_a_similar_one() {
     let error = load(&good("panda-rech")).expect_err("no such file");
     assert!(error.render(false).contains("did you mean"), "{}", error.render(false));
     assert!(error.render(false).contains("panda-reach.toml"), "{}", error.render(false));
 }
 
 #[test]
-fn a_file_that_is_not_text_is_refused_at_its_first_bad_byte() {
+fn binary_file_is_refused_at_its_first_invalid_byte() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("graph.toml");
     std::fs::write(&path, b"name = \"a\"\n# \xff\n").expect("a file");
@@ -129,14 +129,14 @@ fn events_respect_the_interval_and_pass_on_its_period() {
 }
 
 #[test]
-fn a_plan_survives_the_way_to_a_worker() {
+fn plan_survives_serialisation() {
     let plan = load(&good("everything")).expect("a good graph").plan;
     let text = serde_json::to_string(&plan).expect("JSON");
     assert_eq!(serde_json::from_str::<motorium::plan::Plan>(&text).expect("the same plan"), plan);
 }
 
 #[test]
-fn the_seed_of_a_component_depends_only_on_its_name() {
+fn component_seed_depends_only_on_its_name() {
     let plan = load(&good("panda-reach")).expect("a good graph").plan;
     let text = std::fs::read_to_string(good("panda-reach")).expect("the file");
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! No key is accepted and ignored: each one, changed, changes the plan.
+//! No key is ignored: a change of any key changes the plan.
 
 use std::collections::BTreeSet;
 
@@ -7,8 +7,8 @@ use serde_json::Value as Json;
 
 use super::{good, kinds, load, load_with};
 
-/// For every key of the graph file another value than `everything.toml` has. What is taken with it makes it
-/// possible.
+/// For every key of the graph file, a value that differs from the value in `everything.toml`, with further
+/// settings that it requires.
 const OTHER_VALUES: &[(&str, &[&str])] = &[
     ("Graph.name", &["name=other"]),
     ("Graph.clock", &["clock=realtime"]),
@@ -95,9 +95,9 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
     ("Graph.expect", &["expect.physics.steps=> 5"]),
 ];
 
-/// Keys whose own keys are in the list, and those that have tests of their own: `exec`, `emergency_stop`,
-/// `world`, `activate` (there are no events in lockstep), `robots`, those of episodes (the kinds of this test
-/// cannot be reset), and those by which files are laid over one another.
+/// Keys whose subkeys are in the list, and keys with separate tests: `exec`, `emergency_stop`, `world`,
+/// `activate` (there are no events in lockstep), `robots`, the keys of episodes (the kinds of this test
+/// cannot be reset), and the keys that combine files.
 const TABLES: [&str; 23] = [
     "Component.activate",
     "Activate.on",
@@ -135,7 +135,7 @@ fn every_key_changes_the_plan() {
 }
 
 #[test]
-fn the_list_of_keys_is_complete() {
+fn list_of_keys_is_complete() {
     let document = schema(&kinds::registry()).to_value();
     let mut keys = BTreeSet::new();
     let mut take = |table: &str, described: &Json| {

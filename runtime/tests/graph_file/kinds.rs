@@ -1,5 +1,5 @@
-//! Stand-ins for built-in kinds, for graph files that are only checked: the runtime itself has no kinds.
-//! Their ports and configurations are chosen for these tests; those of the real kinds stand in `components/`.
+//! Stand-ins for built-in kinds, for graph files that are only checked, because the runtime itself has no
+//! kinds. Their ports and configurations are chosen for these tests; the real kinds are in `components/`.
 
 use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
@@ -8,7 +8,7 @@ use motorium::worker::{Kind, Registry, RobotSource};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// All kinds, and two robots: `panda` and `ur5`.
+/// Returns all kinds, and two robots: `panda` and `ur5`.
 pub(crate) fn registry() -> Registry {
     Registry::new(
         RobotSource { check },
@@ -40,7 +40,7 @@ fn check(robot: &RobotReference) -> Result<Vec<String>, ConfigError> {
     Err(ConfigError::new(format!("`{urdf}` is not a URDF model: it has no `<robot>` element")))
 }
 
-/// Implements what checking never needs.
+/// Implements the methods that are not needed for checks.
 macro_rules! never_run {
     ($config:ident) => {
         type Config = $config;
@@ -133,16 +133,16 @@ impl Component for Encoder {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Task {
-    /// Frame that is led.
+    /// Controlled frame.
     frame: String,
-    /// Weight against the other tasks.
+    /// Weight relative to the other tasks.
     weight: f64,
 }
 
 #[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct ControllerConfig {
-    /// Tasks, all solved at once.
+    /// Tasks, solved simultaneously.
     tasks: Vec<Task>,
     /// Weight of all joint velocities.
     damping: f64,
@@ -186,9 +186,9 @@ impl Component for Controller {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Goal {
-    /// Way from the goal before it, m.
+    /// Offset from the previous goal, m.
     offset: [f64; 3],
-    /// Time for it.
+    /// Duration of the motion.
     duration: String,
 }
 
@@ -254,7 +254,7 @@ impl Component for Recorder {
     }
 }
 
-/// The type of the setpoints as it once was.
+/// An older version of the type of setpoints.
 mod old {
     motorium::state_buffer! {
         /// Setpoints without gains.

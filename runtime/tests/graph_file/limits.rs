@@ -1,4 +1,4 @@
-//! Graphs of absurd size: they are refused or checked in time that grows with their length.
+//! Graphs of absurd size, which are refused or checked in linear time.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use motorium::os::thread_cpu_ns;
 
 use super::{good, kinds, load, machine};
 
-/// The errors of a text, and the CPU time that it took to tell them: others on the machine do not count.
+/// Returns the errors of a text and the CPU time of the check, which excludes other programs.
 fn errors(text: String) -> (Vec<String>, String, Duration) {
     let started = thread_cpu_ns();
     let error =
@@ -23,14 +23,14 @@ fn five_of_many_syntax_errors_are_shown_and_the_rest_counted() {
     assert_eq!(messages.len(), 6, "{messages:?}");
     assert_eq!(messages[5], "and 5,022 more errors");
     assert!(rendered.ends_with(&format!("5027 errors in {}\n", good("panda-reach").display())), "{rendered}");
-    // One more than five is shown as it is: a line that counts it would be no shorter.
+    // One error more than five is shown, because a line with its count would be no shorter.
     let (messages, ..) = errors("[[a]]x\n".repeat(6));
     assert_eq!(messages.len(), 6);
     assert!(!messages[5].contains("more"), "{messages:?}");
 }
 
-/// True if work of `long` takes less than the square of what its size says over that of `short`: by the
-/// exponent of growth, in the best of three.
+/// Asserts by the exponent of growth, in the best of three, that the time grows much less than quadratically
+/// with the length.
 fn grows_like_its_length(text: impl Fn(usize) -> String, short: usize) {
     const TIMES: usize = 8;
     let took = |size: usize| (0..3).map(|_| errors(text(size)).2).min().expect("three of them").as_secs_f64();
@@ -40,13 +40,13 @@ fn grows_like_its_length(text: impl Fn(usize) -> String, short: usize) {
 }
 
 #[test]
-fn reporting_syntax_errors_takes_linear_time() {
+fn syntax_errors_are_reported_in_linear_time() {
     grows_like_its_length(|count| "[[a]]x\n".repeat(count), 1_000);
     grows_like_its_length(|count| "<a> ".repeat(count), 1_000);
 }
 
 #[test]
-fn reporting_other_errors_takes_linear_time() {
+fn other_errors_are_reported_in_linear_time() {
     let unknown = |count: usize| {
         (0..count).map(|i| format!("[component.c{i}]\nkind = \"no.such\"\nrate = 3\n")).collect::<String>()
     };
@@ -54,7 +54,7 @@ fn reporting_other_errors_takes_linear_time() {
 }
 
 #[test]
-fn a_graph_with_too_many_components_is_refused_early() {
+fn graph_with_too_many_components_is_refused_early() {
     let many = |count: usize| {
         let component = |i| format!("[component.c{i}]\nkind = \"sensor.joint_encoder\"\nrate = \"1 Hz\"\n");
         format!("name = \"many\"\n{}", (0..count).map(component).collect::<String>())
@@ -65,14 +65,14 @@ fn a_graph_with_too_many_components_is_refused_early() {
 }
 
 #[test]
-fn a_very_long_name_is_not_repeated_in_full() {
+fn very_long_name_is_not_repeated_in_full() {
     let (messages, rendered, _) = errors(format!("name = \"{}\"\n", "A".repeat(1_000_000)));
     assert!(messages.iter().all(|message| message.len() < 2_000), "{}", messages[0].len());
     assert!(rendered.len() < 20_000, "{} bytes", rendered.len());
 }
 
 #[test]
-fn a_configuration_holds_no_number_that_nothing_has() {
+fn absurdly_large_number_is_refused() {
     for number in ["1e308", "-1e16", "1e300"] {
         let path = "component.policy.config.number".to_string();
         let setting = motorium::graph::Override { path, value: number.to_string() };
@@ -88,7 +88,7 @@ fn a_configuration_holds_no_number_that_nothing_has() {
 }
 
 #[test]
-fn what_is_no_regular_file_is_refused_at_once() {
+fn special_files_are_refused_immediately() {
     for path in ["/dev/zero", "/dev/full", "/dev"] {
         let error = load(std::path::Path::new(path)).expect_err("no graph");
         assert!(error.render(false).contains("expected a regular file"), "{}", error.render(false));

@@ -1,4 +1,4 @@
-//! The graph file: what a good one becomes, and what each mistake is answered with.
+//! Graph files: the plans of good files, and the messages of errors.
 
 mod declared;
 mod files;
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 use motorium::graph::{Checked, GraphError, Machine, Override, load_for};
 
-/// A machine with four cores, whatever this one has.
+/// Returns a machine with four cores, independent of this machine.
 fn machine() -> Machine {
     Machine::with_cores(vec![0, 1, 2, 3])
 }
@@ -30,12 +30,12 @@ fn load_with(path: &Path, overrides: &[&str]) -> Result<Checked, GraphError> {
     load_for(path, &overrides, &kinds::registry(), &machine())
 }
 
-/// A graph of `good/`.
+/// Returns the path of a graph in `good/`.
 fn good(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/graph_file/good").join(format!("{name}.toml"))
 }
 
-/// The graph files of a folder, given from the root of the repository.
+/// Returns the graph files of a folder, relative to the root of the repository.
 fn graphs(folder: &str) -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the repository");
     let files = std::fs::read_dir(root.join(folder)).expect("a folder of graph files");
@@ -46,7 +46,7 @@ fn graphs(folder: &str) -> Vec<PathBuf> {
     files
 }
 
-/// A text without the place of the repository on this machine.
+/// Removes the path of the repository from a text.
 fn anywhere(text: &str) -> String {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the repository");
     text.replace(&format!("{}/", root.display()), "").replace(&root.display().to_string(), ".")

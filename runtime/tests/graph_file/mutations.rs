@@ -1,5 +1,4 @@
-//! A good file, damaged at random: whatever it then is, reading it ends with a plan or with errors that can
-//! be shown.
+//! Randomly damaged good files, which always result in a plan or in errors that can be rendered.
 
 use motorium::graph::check;
 use proptest::prelude::*;
@@ -8,15 +7,15 @@ use super::{good, kinds, machine};
 
 #[derive(Debug, Clone)]
 enum Damage {
-    /// Cuts out a part.
+    /// Removes a part.
     Cut { at: usize, length: usize },
-    /// Puts in a text.
+    /// Inserts a text.
     Insert { at: usize, text: String },
     /// Repeats a line elsewhere.
     Repeat { line: usize, at: usize },
     /// Swaps two lines.
     Swap { one: usize, other: usize },
-    /// Puts a word of the file in the place of another.
+    /// Replaces a word of the file by another.
     Replace { one: usize, other: usize },
 }
 

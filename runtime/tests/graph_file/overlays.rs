@@ -1,4 +1,4 @@
-//! `extends` and `--with`: files laid over one another, with mistakes shown in the file in which they stand.
+//! `extends` and `--with`: overlaid files, with errors shown in the files that contain them.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ fn refused(loaded: Result<Checked, GraphError>) -> String {
 }
 
 #[test]
-fn an_extended_graph_differs_only_by_its_keys() {
+fn extended_graph_differs_only_by_its_keys() {
     let (base, variant) = (plan(load(&good("panda-reach"))), plan(load(&overlay("variant.toml"))));
     assert_eq!((variant.name.as_str(), variant.seed), ("variant", base.seed));
     assert_eq!(variant.safety.gate.safe_state, SafeState::Damp);
@@ -37,7 +37,7 @@ fn an_extended_graph_differs_only_by_its_keys() {
     assert_eq!(encoder.config, serde_json::json!({}));
     assert_eq!(controller.budget_ns, Some(120_000));
     assert_eq!(controller.config["damping"], 1e-4);
-    assert_eq!(controller.config["tasks"], base.components[3].config["tasks"], "its neighbours stay");
+    assert_eq!(controller.config["tasks"], base.components[3].config["tasks"], "others are unchanged");
 }
 
 #[test]
@@ -53,8 +53,8 @@ fn files_are_layered_in_order_and_overrides_come_last() {
 }
 
 #[test]
-fn a_file_takes_part_once() {
-    // the variant extends the graph that it is laid over
+fn every_file_is_applied_once() {
+    // the variant extends the graph that it overlays
     let over = plan(with(&good("panda-reach"), &[overlay("variant.toml")], &[]));
     let mut alone = plan(load(&overlay("variant.toml")));
     alone.file = over.file.clone();
@@ -62,7 +62,7 @@ fn a_file_takes_part_once() {
 }
 
 #[test]
-fn a_graph_that_extends_is_a_graph_of_the_file_it_stands_in() {
+fn paths_are_relative_to_the_file_that_contains_them() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::create_dir(folder.path().join("below")).expect("a folder");
     let text = std::fs::read_to_string(good("panda-reach")).expect("the file");
@@ -70,10 +70,10 @@ fn a_graph_that_extends_is_a_graph_of_the_file_it_stands_in() {
     std::fs::write(&base, &text).expect("a file");
     let top = folder.path().join("top.toml");
     std::fs::write(&top, "extends = \"below/base.toml\"\n").expect("a file");
-    // written in one file or laid over one that is empty: the same plan, but for the place of the file
+    // in one file or extended by an empty file: the same plan, except for the path of the file
     let (mut one, mut two) = (plan(load(&base)), plan(load(&top)));
     let robot = two.components[0].robot.as_ref().expect("a robot");
-    assert_eq!(robot.base, base.parent().unwrap().canonicalize().unwrap(), "paths start where they stand");
+    assert_eq!(robot.base, base.parent().unwrap().canonicalize().unwrap(), "relative to their file");
     (one.file, two.file) = Default::default();
     assert_eq!(one, two);
     // a model in the folder of the overlay that names it
@@ -89,7 +89,7 @@ fn a_graph_that_extends_is_a_graph_of_the_file_it_stands_in() {
 }
 
 #[test]
-fn a_mistake_is_shown_in_the_file_in_which_it_stands() {
+fn error_is_shown_in_the_file_that_contains_it() {
     insta::assert_snapshot!("overlay__mistakes", refused(load(&overlay("mistakes.toml"))));
     insta::assert_snapshot!("overlay__circle", refused(load(&overlay("circle.toml"))));
     insta::assert_snapshot!("overlay__missing", refused(load(&overlay("missing.toml"))));

@@ -1,4 +1,4 @@
-//! `--set`: as if it stood in the file, and with mistakes shown where they were made.
+//! `--set`: equivalent to an edit of the file, with errors shown in the override.
 
 use motorium::declare::ParameterValue;
 use motorium::graph::Override;
@@ -33,19 +33,19 @@ fn values_of_the_graph_and_of_components_are_set() {
     assert_eq!(plan.components[0].config["gravity"][2], -1.62);
     assert_eq!(plan.components[2].parameters[0].initial, ParameterValue::Float(2.0));
     assert_eq!(plan.components[3].config["tasks"][0]["weight"], 3.5);
-    assert_eq!(plan.components[3].config["tasks"][0]["frame"], "hand", "its neighbours stay");
+    assert_eq!(plan.components[3].config["tasks"][0]["frame"], "hand", "its neighbours are unchanged");
     assert_eq!(plan.latencies[0].max_ns, 1_000_000);
 }
 
 #[test]
-fn an_override_is_as_good_as_an_edit() {
+fn override_is_equivalent_to_an_edit() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("graph.toml");
     let text = std::fs::read_to_string(good("panda-reach")).expect("the file");
     std::fs::write(&path, text.replace("rate = \"200 Hz\"", "rate = \"100 Hz\"")).expect("a file");
     let mut edited = load(&path).expect("a good graph").plan;
     let mut set = plan(&["policy.rate=100 Hz"]);
-    // only the place of the file differs
+    // only the path of the file differs
     for plan in [&mut edited, &mut set] {
         plan.file = "graph.toml".into();
         plan.components.iter_mut().for_each(|component| component.folder = "".into());
@@ -57,12 +57,12 @@ fn an_override_is_as_good_as_an_edit() {
 }
 
 #[test]
-fn the_last_of_two_overrides_holds() {
+fn last_of_two_overrides_applies() {
     assert_eq!(plan(&["seed=1", "seed=2"]).seed, 2);
 }
 
 #[test]
-fn a_value_that_is_wrong_is_shown_in_the_override() {
+fn invalid_value_is_shown_in_the_override() {
     insta::assert_snapshot!("set__rate-without-unit", refused(&["physics.rate=500"]));
     insta::assert_snapshot!(
         "set__config-refused",
@@ -74,7 +74,7 @@ fn a_value_that_is_wrong_is_shown_in_the_override() {
 }
 
 #[test]
-fn a_path_that_leads_nowhere_is_shown_in_the_override() {
+fn nonexistent_path_is_shown_in_the_override() {
     insta::assert_snapshot!("set__unknown-key-of-the-graph", refused(&["clok=lockstep"]));
     insta::assert_snapshot!("set__unknown-component", refused(&["contoller.rate=1 kHz"]));
     insta::assert_snapshot!("set__unknown-component-with-prefix", refused(&["component.fysics.rate=1 kHz"]));
@@ -87,7 +87,7 @@ fn a_path_that_leads_nowhere_is_shown_in_the_override() {
 }
 
 #[test]
-fn an_argument_without_a_path_or_a_value_is_no_override() {
+fn argument_without_a_path_or_a_value_is_refused() {
     assert!("lockstep".parse::<Override>().is_err());
     assert!("=lockstep".parse::<Override>().is_err());
     let set: Override = "a.b=c=d".parse().expect("an override");

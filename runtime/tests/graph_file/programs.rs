@@ -1,4 +1,4 @@
-//! `exec`: programs of the user, asked what they declare.
+//! `exec`: user programs, queried for their declarations.
 
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
@@ -6,13 +6,13 @@ use std::sync::Mutex;
 
 use super::load;
 
-/// A program is written and then started: another thread that starts one in between would hold it open for
-/// writing.
+/// A program is written and then started. A process started by another thread in between would keep it open
+/// for writing.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// Checks a graph with one component that runs this shell script; gives the errors, or the declared ports.
+/// Checks a graph with one component that runs this shell script. Returns the declared ports or the errors.
 fn check(script: &str) -> Result<Vec<String>, String> {
     let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
     let folder = tempfile::tempdir().expect("a folder");
@@ -35,7 +35,7 @@ fn check_graph(folder: &Path, exec: &str) -> Result<Vec<String>, String> {
     }
 }
 
-/// A declaration with these ports.
+/// Returns a declaration with these ports.
 fn declaration(ports: &[&str]) -> String {
     let ports: Vec<_> = ports
         .iter()
@@ -55,7 +55,7 @@ fn declaration(ports: &[&str]) -> String {
 }
 
 #[test]
-fn a_program_gets_its_period_clock_and_folder() {
+fn program_gets_its_period_clock_and_folder() {
     let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
     let folder = tempfile::tempdir().expect("a folder");
     let program = folder.path().join("my-component");
@@ -76,13 +76,13 @@ fn a_program_gets_its_period_clock_and_folder() {
 }
 
 #[test]
-fn a_program_that_answers_is_a_component() {
+fn program_that_answers_is_a_component() {
     let answer = declaration(&["out"]);
     assert_eq!(check(&format!("cat > /dev/null; echo '{answer}'")), Ok(vec!["out".to_string()]));
 }
 
 #[test]
-fn a_program_is_asked_once_with_its_configuration() {
+fn program_is_queried_once_with_its_configuration() {
     let answer = declaration(&["out"]);
     let script = format!(
         "[ \"$#\" = 1 ] && [ \"$1\" = motorium-describe ] || exit 3\n\
@@ -95,13 +95,13 @@ fn a_program_is_asked_once_with_its_configuration() {
 }
 
 #[test]
-fn a_program_that_never_reads_is_heard() {
+fn program_may_answer_without_reading_the_request() {
     let answer = declaration(&["out"]);
     assert_eq!(check(&format!("echo '{answer}'")), Ok(vec!["out".to_string()]));
 }
 
 #[test]
-fn a_configuration_it_refuses_is_shown_in_the_file() {
+fn refused_configuration_is_shown_in_the_file() {
     let answer = serde_json::json!({
         "motorium": VERSION,
         "memory": motorium::region::layout_digest(),
@@ -111,14 +111,14 @@ fn a_configuration_it_refuses_is_shown_in_the_file() {
 }
 
 #[test]
-fn a_program_of_another_version_is_refused() {
+fn program_of_another_version_is_refused() {
     let text = check("echo '{\"motorium\":\"0.0.7\",\"declaration\":{}}'").expect_err("refused");
     let text = text.replace(VERSION, "VERSION");
     insta::assert_snapshot!("exec__other-version", text);
 }
 
 #[test]
-fn a_program_that_is_no_component_is_refused() {
+fn program_that_is_not_a_component_is_refused() {
     insta::assert_snapshot!("exec__no-json", check("echo hello").expect_err("refused"));
     insta::assert_snapshot!("exec__no-answer", check("exit 0").expect_err("refused"));
     insta::assert_snapshot!("exec__no-version", check("echo '{}'").expect_err("refused"));
@@ -131,19 +131,19 @@ fn a_program_that_is_no_component_is_refused() {
 }
 
 #[test]
-fn a_declaration_that_contradicts_itself_is_refused() {
+fn contradictory_declaration_is_refused() {
     let answer = declaration(&["out", "out"]);
     insta::assert_snapshot!("exec__port-twice", check(&format!("echo '{answer}'")).expect_err("refused"));
 }
 
 #[test]
-fn a_program_that_hangs_is_ended_and_refused() {
-    // `exec`, so that ending the program ends what it waits for
+fn hanging_program_is_killed_and_refused() {
+    // `exec`, so that killing the program also kills the command
     insta::assert_snapshot!("exec__hangs", check("exec sleep 600").expect_err("refused"));
 }
 
 #[test]
-fn a_program_that_cannot_be_started_is_refused() {
+fn program_that_cannot_be_started_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     insta::assert_snapshot!(
         "exec__missing",

@@ -12,14 +12,14 @@ fn document() -> Json {
     schema(&kinds::registry()).to_value()
 }
 
-/// A graph file as JSON.
+/// Reads a graph file as JSON.
 fn read(path: &Path) -> Json {
     let text = std::fs::read_to_string(path).expect("the file");
     toml::from_str::<Json>(&text).expect("TOML")
 }
 
 #[test]
-fn the_schema_accepts_good_graphs() {
+fn schema_accepts_good_graphs() {
     let validator = jsonschema::validator_for(&document()).expect("a schema");
     let good = graphs("runtime/tests/graph_file/good");
     for path in good.into_iter().chain(graphs("runtime/tests/graph_file/warned")) {
@@ -29,7 +29,7 @@ fn the_schema_accepts_good_graphs() {
     }
 }
 
-/// Mistakes that an editor sees while the file is written, since they need no knowledge but the schema.
+/// Errors that an editor detects with the schema alone.
 const SEEN_BY_EDITORS: [&str; 37] = [
     "bad-component-name",
     "bad-graph-name",
@@ -71,7 +71,7 @@ const SEEN_BY_EDITORS: [&str; 37] = [
 ];
 
 #[test]
-fn the_schema_refuses_what_needs_no_other_knowledge() {
+fn schema_refuses_errors_visible_to_editors() {
     let validator = jsonschema::validator_for(&document()).expect("a schema");
     let is_toml =
         |path: &Path| !matches!(stem(path).as_str(), "not-toml" | "same-key-twice" | "same-component-twice");
@@ -98,8 +98,8 @@ fn every_key_is_described() {
 }
 
 #[test]
-fn the_schema_knows_the_keys_that_are_read_and_no_others() {
-    // a table of nothing but an unknown key is answered with all the keys it may have
+fn schema_has_exactly_the_keys_that_are_read() {
+    // the error for a table with only an unknown key lists all known keys
     let document = document();
     let tables = [
         ("", "", "/properties"),
@@ -136,9 +136,9 @@ fn the_schema_knows_the_keys_that_are_read_and_no_others() {
 }
 
 #[test]
-fn the_words_that_are_read_are_those_of_the_schema() {
+fn schema_has_exactly_the_choices_that_are_read() {
     let document = document();
-    // these must be accepted in all their words: the schema comes from the plan, the reading from a list
+    // all words of these must be accepted: the schema is generated from the plan, the reader has a list
     for (name, override_path) in [
         ("ClockKind", "clock"),
         ("OnDenied", "realtime.on_denied"),
@@ -166,7 +166,7 @@ fn the_words_that_are_read_are_those_of_the_schema() {
 }
 
 #[test]
-fn defaults_of_the_schema_are_those_of_the_plan() {
+fn schema_and_plan_have_equal_defaults() {
     let document = document();
     let text = |pointer: &str| document.pointer(pointer).cloned().unwrap_or_default();
     let plan = super::load(&super::good("minimal")).expect("a good graph").plan;

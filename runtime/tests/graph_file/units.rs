@@ -24,7 +24,7 @@ fn times_are_exact() {
         (" 2 min ", 120_000_000_000),
         ("0 us", 0),
         ("1. s", 1_000_000_000),
-        // a float would make 4.35 ms of this, less one nanosecond
+        // with floats the result would be one nanosecond less
         ("4.35 ms", 4_350_000),
         ("0.1 s", 100_000_000),
     ] {
@@ -33,7 +33,7 @@ fn times_are_exact() {
 }
 
 #[test]
-fn times_that_cannot_be_say_why() {
+fn invalid_times_are_refused_with_the_reason() {
     for (text, reason) in [
         ("", "is empty"),
         ("10", "without a unit"),
@@ -76,7 +76,7 @@ fn rates_become_whole_nanoseconds() {
 }
 
 #[test]
-fn rates_that_cannot_be_say_why() {
+fn invalid_rates_are_refused_with_the_reason() {
     for (text, reason) in [
         ("0 Hz", "never step"),
         ("0.00 kHz", "never step"),
@@ -93,7 +93,7 @@ fn rates_that_cannot_be_say_why() {
 }
 
 #[test]
-fn times_and_rates_are_shown_as_people_write_them() {
+fn times_and_rates_are_formatted_readably() {
     for text in ["1 kHz", "62.5 Hz", "200 Hz", "0.5 Hz", "12.5 kHz"] {
         assert_eq!(text.parse::<Rate>().expect(text).to_string(), text);
     }
@@ -105,12 +105,12 @@ fn times_and_rates_are_shown_as_people_write_them() {
 
 proptest! {
     #[test]
-    fn a_time_that_is_shown_is_read_back(ns_in in 0..u64::MAX / 1_000) {
+    fn formatted_time_parses_to_the_same_value(ns_in in 0..u64::MAX / 1_000) {
         prop_assert_eq!(ns(&TimeSpan { ns: ns_in }.to_string()), Ok(ns_in));
     }
 
     #[test]
-    fn a_whole_number_of_any_unit_is_scaled(number in 0u64..1_000_000, unit in 0usize..4) {
+    fn whole_numbers_of_any_unit_are_scaled(number in 0u64..1_000_000, unit in 0usize..4) {
         let (name, scale) = [("ns", 1), ("us", 1_000), ("ms", 1_000_000), ("s", 1_000_000_000)][unit];
         prop_assert_eq!(ns(&format!("{number} {name}")), Ok(number * scale));
     }
@@ -125,7 +125,7 @@ proptest! {
     }
 
     #[test]
-    fn no_text_makes_it_panic(text in "[0-9.+-]{0,30}[ ]?[a-zA-Zµ]{0,4}") {
+    fn parsing_never_panics(text in "[0-9.+-]{0,30}[ ]?[a-zA-Zµ]{0,4}") {
         let _ = ns(&text);
         let _ = period(&text);
     }

@@ -1,4 +1,4 @@
-//! Episodes: what a reset leaves behind in queues, slices and rounds, which is nothing.
+//! Episodes: a reset leaves nothing behind in queues, slices and rounds.
 
 use std::time::Duration;
 
@@ -14,8 +14,8 @@ use motorium::worker::{Kind, Registry, RobotSource};
 #[serde(deny_unknown_fields)]
 struct NoConfig {}
 
-/// Publishes its step, and that of the episode's seed, as a stream of single values, of slices, and as a
-/// state.
+/// Publishes numbers derived from its step and the episode's seed as a stream of single values, as slices,
+/// and as a state.
 struct Feed {
     single: Output<Wrench>,
     slices: SliceOutput<f64>,
@@ -55,7 +55,7 @@ impl Component for Feed {
         let mut slice = self.slices.loan(1 + tick.index as usize % 4)?;
         slice.fill(number);
         slice.publish()?;
-        // Not in every step, so that readers find an older one.
+        // Not in every step, so that readers sometimes find an older value.
         if tick.index.is_multiple_of(3) { self.state.send(&wrench(number)) } else { Ok(()) }
     }
 
@@ -65,7 +65,7 @@ impl Component for Feed {
     }
 }
 
-/// Reads it all, too seldom to empty the queues, and publishes sums of what it read.
+/// Reads all topics, too rarely to empty the queues, and publishes sums of the read values.
 struct Eat {
     single: Input<Wrench>,
     slices: SliceInput<f64>,
@@ -103,7 +103,7 @@ impl Component for Eat {
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         let mut sums = Wrench::default();
-        // Two of the five that came since the last step.
+        // Two of the five values since the last step.
         for _ in 0..2 {
             let held = self.single.current().map_or(-1.0, |value| value.force[0]);
             sums.force[0] += held + self.single.next_unread().map_or(0.0, |value| value.force[0]);
@@ -148,7 +148,7 @@ fn feeding(options: &Options) -> Session<'static> {
     Session::launch(plan, &registry, options).expect("it starts")
 }
 
-/// The sums read in each step of the eater, and the hash of the episode.
+/// Returns the sums in each step of the reader, and the hash of the episode.
 fn meal(session: &mut Session<'_>, ms: u64) -> (Vec<Wrench>, String) {
     let mut sums = Vec::new();
     for round in 1..=ms {
@@ -161,7 +161,7 @@ fn meal(session: &mut Session<'_>, ms: u64) -> (Vec<Wrench>, String) {
 }
 
 #[test]
-fn queues_slices_and_states_hold_nothing_of_the_episode_before() {
+fn reset_empties_queues_slices_and_states() {
     for options in [Options::inline(), Options::threads()] {
         let mut session = feeding(&options);
         let first = meal(&mut session, 38);
@@ -189,7 +189,7 @@ fn queues_slices_and_states_hold_nothing_of_the_episode_before() {
 }
 
 #[test]
-fn single_rounds_lead_to_where_a_stretch_of_time_leads() {
+fn single_rounds_equal_a_step_over_the_same_time() {
     let (mut stretch, mut rounds) = (feeding(&Options::inline()), feeding(&Options::inline()));
     stretch.step_until(Duration::from_millis(25)).expect("it steps");
     for _ in 0..25 {
@@ -200,7 +200,7 @@ fn single_rounds_lead_to_where_a_stretch_of_time_leads() {
 }
 
 #[test]
-fn an_observer_of_a_session_sees_its_start_and_its_end() {
+fn observer_of_a_session_sees_its_start_and_end() {
     let kinds = [Kind::of::<Feed>(), Kind::of::<Eat>()];
     let registry = Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, kinds);
     let checked = graph::check("feeding.toml".as_ref(), GRAPH.into(), &[], &registry, &Machine::detect());

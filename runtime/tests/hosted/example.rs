@@ -5,7 +5,7 @@
 mod hosted_graph;
 
 #[test]
-fn the_example_filter_responds_as_a_first_order_low_pass() {
+fn example_filter_is_a_first_order_low_pass() {
     let samples = hosted_graph::step_response().unwrap();
     assert_eq!(samples.len(), 50);
     // 1 - (tau / (tau + dt))^n after n steps

@@ -11,7 +11,7 @@ fn joint(position: f64) -> JointState {
     state
 }
 
-/// Counts at 1 kHz in `count`, doubles it in `doubled`.
+/// Returns a graph that counts at 1 kHz in `count` and doubles the count in `doubled`.
 fn doubling() -> Graph {
     Graph::new("doubling").with(Source::new("counter", "count", |tick| Some(joint(tick.index as f64)))).with(
         Function::new::<JointState, Wrench>("doubler", "count", "doubled", |_, count| {
@@ -22,7 +22,7 @@ fn doubling() -> Graph {
 }
 
 #[test]
-fn a_probe_records_every_value_of_a_chain_once_and_in_order() {
+fn probe_records_every_value_of_a_chain_once_and_in_order() {
     let probe = Probe::<Wrench>::for_topic("doubled");
     let report = doubling().with(&probe).run("20 ms").unwrap();
     assert_eq!(report.exit, Exit::Finished);
@@ -35,7 +35,7 @@ fn a_probe_records_every_value_of_a_chain_once_and_in_order() {
 }
 
 #[test]
-fn a_source_publishes_nothing_where_its_closure_returns_none() {
+fn source_publishes_nothing_if_its_closure_returns_none() {
     let probe = Probe::<JointState>::for_topic("even");
     let even =
         |tick: &motorium::component::Tick| tick.index.is_multiple_of(2).then(|| joint(tick.index as f64));
@@ -45,7 +45,7 @@ fn a_source_publishes_nothing_where_its_closure_returns_none() {
 }
 
 #[test]
-fn a_slow_probe_reads_the_newest_value_only() {
+fn slow_probe_reads_the_newest_value_only() {
     let probe = Probe::<JointState>::for_topic("count").rate("100 Hz");
     let source = Source::new("counter", "count", |tick| Some(joint(tick.index as f64)));
     Graph::new("slow").with(source).with(&probe).run("30 ms").unwrap();
@@ -74,7 +74,7 @@ fn equal_runs_of_closures_have_equal_state_hashes() {
 }
 
 #[test]
-fn a_graph_that_is_refused_says_why_in_the_words_of_check() {
+fn refused_graph_has_the_errors_of_check() {
     let error = doubling().set("counter.rat", "\"1 kHz\"").run("1 ms").unwrap_err();
     assert!(format!("{error:?}").contains("did you mean `rate`?"), "{error:?}");
 }
@@ -101,7 +101,7 @@ fn only_an_allocating_closure_step_counts_allocations() {
 }
 
 #[test]
-fn parts_run_in_real_time_too() {
+fn parts_run_in_real_time() {
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     let probe = Probe::<Wrench>::for_topic("doubled").triggered();
     let report = doubling().with(&probe).set("clock", "realtime").run("200 ms").unwrap();

@@ -1,4 +1,4 @@
-//! Graphs hosted in the process of a test: `motorium::testing`, and what it shows of the runtime.
+//! Graphs hosted in the process of a test with `motorium::testing`.
 
 mod episodes;
 mod example;
@@ -7,4 +7,4 @@ mod parameters;
 mod stamps;
 mod time;
 
-// the example of a component, which `example` includes, installs the allocator that counts
+// the example component, included by `example`, installs the counting allocator

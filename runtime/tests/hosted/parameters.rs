@@ -1,4 +1,4 @@
-//! Parameters of a run that a program drives: choices, arrays, and several at once.
+//! Parameters of a session: choices, arrays, and several parameters together.
 
 use std::path::Path;
 use std::time::Duration;
@@ -110,13 +110,13 @@ fn choices_and_arrays_start_as_configured_and_change_together() {
         assert!(error.contains(expected), "{error}");
     }
     session.reset(3).unwrap();
-    assert_eq!(next(&mut session), (5.0, 0.0, [0.0, 0.0, 1.0]), "they stay through resets");
+    assert_eq!(next(&mut session), (5.0, 0.0, [0.0, 0.0, 1.0]), "they persist through resets");
     session.step_until(Duration::from_millis(300)).unwrap();
     assert_eq!(session.stop().components[0].allocations, Some(0));
 }
 
 #[test]
-fn an_invalid_choice_or_length_is_refused_at_its_position() {
+fn invalid_choice_or_length_is_refused_at_its_position() {
     let refused = |from: &str, to: &str| check(&GRAPH.replace(from, to)).unwrap_err();
     let text = refused("\"pitch\"", "\"picth\"");
     assert!(text.contains("knobs.toml:8:") && text.contains("did you mean `pitch`?"), "{text}");

@@ -1,4 +1,4 @@
-//! Source times that a component gives itself, and the deadline of a step, in both clocks.
+//! Source times set by a component, and the deadline of a step, in both clocks.
 
 use motorium::component::RunClock;
 use motorium::launcher::Report;
@@ -13,11 +13,11 @@ const MS: u64 = 1_000_000;
 #[derive(serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct SensorConfig {
-    /// Age of what it publishes, ms; negative for a source in the future.
+    /// Age of its samples, ms; negative for a source time in the future.
     age_ms: i64,
 }
 
-/// Publishes a command that was measured some time ago, and how much time it has left.
+/// Publishes a command with an older source time, and the time left until its deadline.
 struct Sensor {
     command: Output<JointCommand>,
     left: Output<Wrench>,
@@ -27,7 +27,7 @@ struct Sensor {
 
 impl Component for Sensor {
     const KIND: &'static str = "test.sensor";
-    const SUMMARY: &'static str = "publishes what it measured before";
+    const SUMMARY: &'static str = "publishes older measurements";
     type Config = SensorConfig;
 
     fn declare(_: &SensorConfig, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -87,7 +87,8 @@ impl Component for Drive {
     }
 }
 
-/// A sensor at 1 kHz, whose commands pass through another component to a drive that accepts sources of 20 ms.
+/// Returns a graph of a sensor at 1 kHz, whose commands pass through another component to a drive that
+/// accepts source ages up to 20 ms.
 fn graph(clock: &str, age_ms: i64) -> Graph {
     let sensor = Instance::of::<Sensor>("sensor")
         .rate("1 kHz")
@@ -126,7 +127,7 @@ fn refused(report: &Report) -> u64 {
 }
 
 #[test]
-fn a_source_time_passes_down_the_chain_in_lockstep() {
+fn source_time_propagates_down_the_chain_in_lockstep() {
     let (report, samples) = ages(graph("lockstep", 15));
     assert_eq!(samples.len(), 500);
     assert!(
@@ -138,12 +139,12 @@ fn a_source_time_passes_down_the_chain_in_lockstep() {
     assert!(
         samples[30..].iter().all(|sample| sample.stamp.publish_time - sample.stamp.source_time == 30 * MS)
     );
-    // before 30 ms the source time is the start of the run: 25 ms and 20 ms are exceeded from there on
+    // before 30 ms the source time is the start of the run, so 25 ms and 20 ms are exceeded from then on
     assert_eq!((report.latencies[0].missed, stale_sources(&report)), (500 - 26, 500 - 21));
 }
 
 #[test]
-fn the_gate_refuses_a_live_component_with_old_measurements() {
+fn gate_refuses_a_live_component_with_old_measurements() {
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     let (report, samples) = ages(graph("realtime", 30));
     assert!(samples.len() > 50, "{} samples", samples.len());
@@ -153,7 +154,7 @@ fn the_gate_refuses_a_live_component_with_old_measurements() {
 }
 
 #[test]
-fn a_source_time_beyond_a_millisecond_ahead_is_refused() {
+fn source_time_beyond_a_millisecond_ahead_is_refused() {
     let (report, samples) = ages(graph("lockstep", -2));
     assert_eq!((samples.len(), refused(&report)), (0, 500));
     let sensor = report.components.iter().find(|component| component.name == "sensor").unwrap();
@@ -165,7 +166,7 @@ fn a_source_time_beyond_a_millisecond_ahead_is_refused() {
 }
 
 #[test]
-fn the_deadline_of_a_step_is_a_period_after_its_time() {
+fn deadline_of_a_step_is_a_period_after_its_time() {
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     for (clock, kind) in [("lockstep", ClockKind::Lockstep), ("realtime", ClockKind::Realtime)] {
         let left = Probe::<Wrench>::for_topic("left").triggered();
@@ -184,7 +185,7 @@ fn the_deadline_of_a_step_is_a_period_after_its_time() {
 }
 
 #[test]
-fn a_source_time_costs_no_allocation() {
+fn source_time_costs_no_allocation() {
     let (report, _) = ages(graph("lockstep", 5));
     let sensor = report.components.iter().find(|component| component.name == "sensor").unwrap();
     assert_eq!(sensor.allocations, Some(0));

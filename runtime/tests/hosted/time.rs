@@ -1,4 +1,4 @@
-//! The time of a state, in both clocks.
+//! Times of states, in both clocks.
 
 use motorium::state::JointState;
 use motorium::testing::{Function, Graph, Probe, Sample, Source, machine};
@@ -11,8 +11,8 @@ fn state() -> JointState {
     state
 }
 
-/// A source at 500 Hz and a chain of two functions that it triggers; the samples of the source and of the
-/// chain's end.
+/// Runs a source at 500 Hz and a chain of two functions that it triggers. Returns the samples of the source
+/// and of the end of the chain.
 fn chain(clock: &str) -> [Vec<Sample<JointState>>; 2] {
     let [first, last] = ["first", "last"].map(Probe::<JointState>::for_topic);
     let copy = |name: &str, from: &str, to: &str| {
@@ -42,7 +42,7 @@ fn keeps_to_the_grid(samples: &[Sample<JointState>]) {
 }
 
 #[test]
-fn in_lockstep_a_state_is_for_the_tick_that_made_it() {
+fn state_in_lockstep_has_the_time_of_its_tick() {
     let [first, last] = chain("lockstep");
     keeps_to_the_grid(&first);
     keeps_to_the_grid(&last);
@@ -52,13 +52,13 @@ fn in_lockstep_a_state_is_for_the_tick_that_made_it() {
 }
 
 #[test]
-fn a_state_in_real_time_has_its_scheduled_release() {
+fn state_in_real_time_has_its_scheduled_release() {
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     let [first, last] = chain("realtime");
     for samples in [&first, &last] {
         keeps_to_the_grid(samples);
         for sample in samples {
-            // the step took 200 us at least, and the time of its state did not move by them
+            // the step lasted at least 200 us, which did not change the time of its state
             assert!(sample.stamp.publish_time - sample.stamp.state_time >= 200_000);
             assert!(sample.stamp.source_time > sample.stamp.state_time);
         }

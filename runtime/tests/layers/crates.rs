@@ -1,11 +1,11 @@
-//! Arrows between the crates of the workspace.
+//! Dependencies between the crates of the workspace.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::tokens::{self, Token};
 
-/// Wings that may use other wings, as CONTRIBUTING.md lists them; all others meet in topics only.
+/// Wings that may use other wings, as listed in CONTRIBUTING.md; all others communicate only by topics.
 const BETWEEN_WINGS: [(&str, &[&str]); 9] = [
     ("bridges", &["recordings", "worlds"]),
     ("control", &["qp", "worlds"]),
@@ -18,13 +18,13 @@ const BETWEEN_WINGS: [(&str, &[&str]); 9] = [
     ("sensors", &["worlds"]),
 ];
 
-/// The wings below `robots`: plain libraries that use no other crate of the workspace.
+/// Wings below `robots`, which are plain libraries that use no other crate of the workspace.
 const BELOW_ROBOTS: [&str; 1] = ["networks"];
 
 /// Wings without algorithms.
 const COMPONENTS_ALONE: [&str; 3] = ["components/policies", "components/interfaces", "components/bridges"];
 
-/// The members of the workspace: their folders, by the names of their crates.
+/// Returns the folders of the members of the workspace, by the names of their crates.
 pub(crate) fn members(root: &Path) -> BTreeMap<String, String> {
     let manifest = read(&root.join("Cargo.toml"));
     let folders = manifest["workspace"]["members"].as_array().expect("members").iter();
@@ -44,12 +44,12 @@ fn read(path: &Path) -> toml::Table {
     std::fs::read_to_string(path).expect("a manifest").parse().expect("a manifest")
 }
 
-/// True if the crate in one folder may use that in another.
+/// Returns `true` if the crate in one folder may use the crate in another.
 fn may_use(from: &str, to: &str) -> bool {
     let wing = |folder: &str| folder.strip_prefix("components/").map(str::to_string);
     match (wing(from), wing(to)) {
         (_, Some(to)) if from == "robots" => BELOW_ROBOTS.contains(&to.as_str()),
-        // the leaf below everything that commands a joint
+        // the leaf below all crates that command joints
         _ if to == "robots/drive" => from != "tools/view",
         _ if matches!(from, "runtime" | "robots" | "robots/drive") => false,
         (Some(from), _) if BELOW_ROBOTS.contains(&from.as_str()) => false,
@@ -57,18 +57,18 @@ fn may_use(from: &str, to: &str) -> bool {
             BETWEEN_WINGS.iter().any(|(wing, others)| *wing == from && others.contains(&to.as_str()))
         }
         (Some(_), None) => matches!(to, "runtime" | "robots"),
-        // the command is the last but one: whole graphs are tested with it
+        // the command is the last but one, because tests of whole graphs use it
         (None, _) => match from {
             "benches" => to != "tools" && to != "tests",
             "tools" => to != "tests" && to != "tools/view",
-            // a program of its own beside the command, which starts it
+            // a separate program, started by the command
             "tools/view" => to != "tests" && to != "tools",
             _ => from == "tests",
         },
     }
 }
 
-/// Dependencies of members on one another that run back up.
+/// Returns dependencies between members that violate the layers.
 pub(crate) fn wrong_dependencies(root: &Path) -> Vec<String> {
     let members = members(root);
     let mut found = Vec::new();
@@ -86,13 +86,13 @@ pub(crate) fn wrong_dependencies(root: &Path) -> Vec<String> {
     found
 }
 
-/// Modules of a wing that hold equations with the configuration of their component, each in one file: the
-/// tasks and limits of `control.qp`, and the checks of their keys.
+/// Modules of a wing that contain equations and the configuration of their component in one file: the tasks
+/// and limits of `control.qp`, and the checks of their keys.
 const WITH_CONFIGURATION: [(&str, &[&str]); 1] = [("components/control", &["checks.rs", "limits", "tasks"])];
 
-/// Files of the wings outside of their `component` modules that name the runtime. Its plain units are
-/// allowed: the settings of an algorithm may be the configuration of its component. Policies, interfaces and
-/// bridges are components alone.
+/// Returns the files of wings, outside their `component` modules, that use the runtime. Its plain units are
+/// allowed, because the settings of an algorithm may be the configuration of its component. Policies,
+/// interfaces and bridges are only components.
 pub(crate) fn runtime_in_algorithms(root: &Path) -> Vec<String> {
     let wings = members(root).into_values().filter(|folder| folder.starts_with("components/"));
     let mut found = Vec::new();
@@ -119,8 +119,8 @@ pub(crate) fn runtime_in_algorithms(root: &Path) -> Vec<String> {
     found
 }
 
-/// Functions that offer kinds and may be inlined, against the advice of `Kind::of`; and the number of all
-/// that were found.
+/// Returns the functions that provide kinds and may be inlined, against the advice of `Kind::of`, and the
+/// number of all such functions.
 pub(crate) fn inlined_kinds(root: &Path) -> (Vec<String>, usize) {
     let offers = |line: &str| {
         let function = line.strip_prefix("pub fn ").or_else(|| line.strip_prefix("pub(crate) fn "));

@@ -1,6 +1,6 @@
 //! Import cycles between the modules of every crate of the workspace.
 //!
-//! The lists only shrink. After dissolving a cycle, copy the printed table.
+//! The lists only shrink. After removing a cycle, copy the printed table.
 
 use std::collections::BTreeMap;
 
@@ -10,13 +10,13 @@ use crate::{crates, root};
 /// Remaining cycles: the crate, the parent module, and its children that use each other.
 const CYCLES: &[(&str, &str, &[&str])] = &[];
 
-/// Remaining children that use their parent and are used by it, by crate.
+/// Number of remaining children that use their parent and are used by it, by crate.
 const PARENTS: &[(&str, usize)] = &[];
 
 /// A cycle of modules: the crate, the parent module, the children.
 type Cycle = (String, String, Vec<String>);
 
-/// The arrows of every crate, by its folder and the parent module.
+/// Returns the arrows of every crate, by its folder and the parent module.
 fn arrows() -> BTreeMap<String, BTreeMap<String, Arrows>> {
     let folders = crates::members(&root()).into_values();
     let with_sources = folders.filter(|folder| root().join(folder).join("src").is_dir());
@@ -25,7 +25,8 @@ fn arrows() -> BTreeMap<String, BTreeMap<String, Arrows>> {
         .collect()
 }
 
-/// Compares found cycles with the listed ones: every found one within a listed one, no listed one larger.
+/// Compares found cycles with the listed ones: every found cycle must be part of a listed one, and no listed
+/// cycle may be larger than necessary.
 fn compare(found: &[Cycle], listed: &[(&str, &str, &[&str])]) -> Vec<String> {
     let is_within = |(area, parent, members): &Cycle, (other, level, listed): &(&str, &str, &[&str])| {
         area == other && parent == level && members.iter().all(|member| listed.contains(&member.as_str()))
@@ -112,7 +113,7 @@ fn children_and_parents_use_each_other_no_more_than_listed() {
     assert!(problems.is_empty(), "{}", problems.join("\n"));
 }
 
-/// The modules of a small crate.
+/// Returns the arrows of a small crate.
 fn modules(files: &[(&str, &str)]) -> BTreeMap<String, Arrows> {
     let mut modules = Modules::empty();
     for (path, source) in files {
@@ -123,7 +124,7 @@ fn modules(files: &[(&str, &str)]) -> BTreeMap<String, Arrows> {
     modules.arrows()
 }
 
-/// The arrows between the children of one parent.
+/// Returns the arrows between the children of one parent.
 fn between(arrows: &BTreeMap<String, Arrows>, parent: &str) -> Vec<(String, String)> {
     arrows.get(parent).into_iter().flat_map(|arrows| arrows.keys().cloned()).collect()
 }
@@ -192,7 +193,7 @@ fn children_of_a_parent_in_a_cycle_are_counted() {
 }
 
 #[test]
-fn the_list_of_cycles_may_only_shrink() {
+fn list_of_cycles_may_only_shrink() {
     let cycle = |members: &[&str]| {
         ("robots".to_string(), "world".to_string(), members.iter().map(ToString::to_string).collect())
     };

@@ -1,6 +1,6 @@
-//! The layers of the house: the arrows between the modules of the runtime and between the crates of the
-//! workspace, drawn from the sources. An arrow that runs back up, or a cycle, fails; so does a layer that
-//! outgrows its ceiling.
+//! The layers of the workspace: dependencies ("arrows") between the modules of the runtime and between the
+//! crates, found in the sources. A dependency on a higher layer, a cycle, or a layer above its size limit
+//! fails a test.
 
 mod crates;
 mod cycles;
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use paths::Arrow;
 
-/// The modules of the runtime, bottom up: each may use only those before it.
+/// The modules of the runtime, bottom up. Each may only use modules before it.
 const LAYERS: [&str; 25] = [
     "atomics",
     "units",
@@ -43,14 +43,14 @@ const LAYERS: [&str; 25] = [
     "program",
     "testing",
 ];
-/// A module of names alone, which may use any other and which no other may use.
+/// A module of names only, which may use any other module and which no other module may use.
 const PRELUDE: &str = "prelude";
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the repository").to_path_buf()
 }
 
-/// All Rust files below a folder, sorted.
+/// Returns all Rust files below a folder, sorted.
 fn sources(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     let mut folders = vec![folder.to_path_buf()];
@@ -68,7 +68,7 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// The module path of a file below `src`: `transport/input.rs` is `transport::input`.
+/// Returns the module path of a file below `src`: `transport/input.rs` is `transport::input`.
 fn module_of(file: &Path) -> Vec<String> {
     let mut parts: Vec<String> =
         file.with_extension("").iter().map(|part| part.to_string_lossy().into_owned()).collect();
@@ -78,7 +78,7 @@ fn module_of(file: &Path) -> Vec<String> {
     parts
 }
 
-/// The arrows between the top modules of the runtime that its product code draws.
+/// Returns the arrows between the top modules of the runtime in product code.
 fn arrows() -> Vec<Arrow> {
     let src = root().join("runtime/src");
     let files: Vec<(Vec<String>, Vec<tokens::Token>)> = sources(&src)
@@ -121,7 +121,7 @@ fn every_module_of_the_runtime_uses_only_those_below_it() {
     found.sort();
     found.dedup();
     assert!(found.is_empty(), "{}", found.join("\n"));
-    // the reader of sources sees arrows at all, in use lines and in paths
+    // the parser finds arrows in use lines and in paths
     for (from, to) in
         [("worker", "component"), ("graph", "schedule"), ("safety", "transport"), ("testing", "launcher")]
     {
@@ -150,18 +150,18 @@ fn every_module_of_the_runtime_has_its_layer() {
 }
 
 #[test]
-fn the_crates_of_the_workspace_depend_downwards_only() {
+fn crates_depend_downwards_only() {
     let found = crates::wrong_dependencies(&root());
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
 #[test]
-fn the_algorithms_of_a_wing_know_no_runtime() {
+fn algorithms_of_wings_do_not_use_the_runtime() {
     let found = crates::runtime_in_algorithms(&root());
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
-/// The arrows of one file of module `os::inner`.
+/// Returns the arrows of one file of module `os::inner`.
 fn arrows_in(text: &str) -> Vec<(String, String)> {
     let tokens = tokens::product(tokens::tokens(text));
     let macros = BTreeMap::from([("state_buffer".to_string(), "state".to_string())]);
@@ -213,7 +213,7 @@ fn comments_texts_and_tests_draw_no_arrows() {
     for text in none {
         assert_eq!(arrows_in(text), [], "{text}");
     }
-    // what follows a test is seen again
+    // code after a test is parsed again
     assert_eq!(arrows_in("#[cfg(test)] mod tests; use crate::plan::Plan;").len(), 1);
     assert_eq!(arrows_in("#[cfg(not(test))] use crate::plan::Plan;").len(), 1);
 }

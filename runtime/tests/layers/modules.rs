@@ -1,7 +1,7 @@
 //! The modules of a crate and the arrows between them, followed through re-exports.
 //!
 //! An arrow runs from the module that names an item to the module that defines it, at the level at which
-//! their paths part. An arrow between two siblings is drawn for everything below them.
+//! their paths diverge. An arrow between two siblings represents everything below them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -9,13 +9,13 @@ use std::path::Path;
 use crate::tokens::{self, Token};
 use crate::{module_of, sources};
 
-/// Longest chain of re-exports that is followed, and the part of it that an import of everything uses up.
+/// Longest chain of re-exports that is followed, and the part of it used up by a glob import.
 const LONGEST_CHAIN: usize = 20;
 const GLOB: usize = 5;
 /// Name of a parent module in the arrows between it and its children.
 pub(crate) const PARENT: &str = "(parent)";
 
-/// Arrows between the modules of one parent: from, to, and one place that draws it.
+/// Arrows between the modules of one parent: from, to, and one position that causes it.
 pub(crate) type Arrows = BTreeMap<(String, String), String>;
 
 /// All modules of a crate; the first is its root.
@@ -28,10 +28,10 @@ struct Module {
     children: BTreeMap<String, usize>,
     /// Imported names, with their paths.
     imports: BTreeMap<String, Vec<String>>,
-    /// Paths of imports of everything.
+    /// Paths of glob imports.
     globs: Vec<Vec<String>>,
     items: BTreeSet<String>,
-    /// All paths of more than one name, and all imported ones.
+    /// All paths with more than one name, and all imported paths.
     paths: Vec<Named>,
     is_test: bool,
 }
@@ -44,12 +44,12 @@ struct Named {
 }
 
 impl Modules {
-    /// A crate with an empty root.
+    /// Creates a crate with an empty root.
     pub(crate) fn empty() -> Self {
         Self(vec![Module::default()])
     }
 
-    /// Reads the modules of the crate in a folder, without its tests and its programs in `bin`.
+    /// Reads the modules of the crate in a folder, except its tests and its programs in `bin`.
     pub(crate) fn read(src: &Path) -> Self {
         let mut files: Vec<_> = sources(src)
             .into_iter()
@@ -58,7 +58,7 @@ impl Modules {
                 !file.starts_with("bin") && (!file.ends_with("main.rs") || !src.join("lib.rs").exists())
             })
             .collect();
-        // parents come first: they say which modules are tests
+        // parents come first, because they declare which modules are tests
         files.sort_by_key(|file| (module_of(file).len(), file.clone()));
         let mut modules = Self::empty();
         for file in files {
@@ -145,7 +145,7 @@ impl Modules {
                     self.0[module].items.extend(name(at + 1).map(|(item, _)| item));
                     at += 1;
                 }
-                // a visibility names a module and uses nothing of it
+                // a visibility names a module without using it
                 "pub" if is(at + 1, "(") && is(at + 2, "in") => at = tokens::closing(tokens, at + 1),
                 "macro_rules" => {
                     self.0[module].items.extend(name(at + 2).map(|(item, _)| item));
@@ -165,8 +165,8 @@ impl Modules {
         }
     }
 
-    /// The module that defines what a path names, as seen from a module; `None` outside the crate. Names that
-    /// no source declares, such as those from macros, belong to the module that the path leads to.
+    /// Returns the module that defines the item of a path, as seen from a module; `None` outside the crate.
+    /// Names that no source declares, such as names from macros, belong to the module of the path.
     fn resolve(&self, from: usize, names: &[String]) -> Option<usize> {
         self.follow(from, names, 0).map(|(module, _)| module)
     }
@@ -215,7 +215,7 @@ impl Modules {
         Some((current, true))
     }
 
-    /// All arrows, by the path of the parent module.
+    /// Returns all arrows, by the path of the parent module.
     pub(crate) fn arrows(&self) -> BTreeMap<String, Arrows> {
         let mut arrows: BTreeMap<String, Arrows> = BTreeMap::new();
         for (from, module) in self.0.iter().enumerate().filter(|(_, module)| !module.is_test) {
@@ -237,7 +237,7 @@ impl Modules {
     }
 }
 
-/// One import: its path, and its name here; `None` for everything below the path.
+/// An import: its path and its local name; `None` for a glob import.
 struct Import {
     names: Vec<String>,
     alias: Option<String>,
@@ -289,7 +289,7 @@ fn imports(tokens: &[Token], mut at: usize, before: &[String], found: &mut Vec<I
     }
 }
 
-/// The tokens without attributes.
+/// Returns the tokens without attributes.
 fn without_attributes(tokens: &[Token]) -> Vec<Token> {
     let (mut kept, mut at) = (Vec::new(), 0);
     while at < tokens.len() {
@@ -304,7 +304,8 @@ fn without_attributes(tokens: &[Token]) -> Vec<Token> {
     kept
 }
 
-/// Groups of modules that use each other, directly or through others, sorted. Parents do not count.
+/// Returns the groups of modules that use each other, directly or through others, sorted. Parents are
+/// ignored.
 pub(crate) fn cycles(arrows: &Arrows) -> Vec<Vec<String>> {
     let siblings: Vec<(&str, &str)> = arrows
         .keys()
@@ -335,7 +336,7 @@ pub(crate) fn cycles(arrows: &Arrows) -> Vec<Vec<String>> {
     groups.into_iter().collect()
 }
 
-/// Children that use their parent and are used by it.
+/// Returns the children that use their parent and are used by it.
 pub(crate) fn parents_in_cycles(arrows: &Arrows) -> Vec<&str> {
     let back = |child: &str| arrows.contains_key(&(child.to_string(), PARENT.to_string()));
     let children = arrows.keys().filter(|(from, to)| from == PARENT && back(to));

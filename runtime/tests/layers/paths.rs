@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::tokens::Token;
 
-/// One top module that uses another.
+/// A top module that uses another.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Arrow {
     pub(crate) from: String,
@@ -13,7 +13,7 @@ pub(crate) struct Arrow {
     pub(crate) place: String,
 }
 
-/// The modules in files of their own that are only built for tests.
+/// Returns the modules in separate files that are only built for tests.
 pub(crate) fn test_modules(module: &[String], tokens: &[Token]) -> Vec<Vec<String>> {
     tokens
         .windows(2)
@@ -25,7 +25,7 @@ pub(crate) fn test_modules(module: &[String], tokens: &[Token]) -> Vec<Vec<Strin
         .collect()
 }
 
-/// The macros that a file exports to the root of the crate, with the top module they stand in.
+/// Returns the macros that a file exports to the root of the crate, with the top module that contains them.
 pub(crate) fn exported_macros(module: &[String], tokens: &[Token]) -> Vec<(String, String)> {
     let mut found = Vec::new();
     for at in 0..tokens.len() {
@@ -39,7 +39,7 @@ pub(crate) fn exported_macros(module: &[String], tokens: &[Token]) -> Vec<(Strin
     found
 }
 
-/// All arrows of one file. `macros` are those that stand at the root of the crate, by name, with their
+/// Returns all arrows of one file. `macros` are the macros at the root of the crate, by name, with their
 /// module.
 pub(crate) fn arrows(module: &[String], tokens: &[Token], macros: &BTreeMap<String, String>) -> Vec<Arrow> {
     let mut found = Vec::new();
@@ -83,12 +83,12 @@ pub(crate) fn arrows(module: &[String], tokens: &[Token], macros: &BTreeMap<Stri
     found
 }
 
-/// True if the tokens at `at` are `::`.
+/// Returns `true` if the tokens at `at` are `::`.
 fn is_path(tokens: &[Token], at: usize) -> bool {
     tokens.get(at).is_some_and(|token| token.is(":")) && tokens.get(at + 1).is_some_and(|token| token.is(":"))
 }
 
-/// Takes the names that follow `crate::`, one or a list in braces; returns where to go on.
+/// Collects the names after `crate::`, one or a list in braces, and returns the next index.
 fn heads(
     tokens: &[Token],
     at: usize,

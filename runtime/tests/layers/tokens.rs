@@ -1,11 +1,11 @@
-//! The tokens of a Rust source that matter for paths: no comments, no texts, no tests.
+//! The tokens of a Rust source that matter for paths, without comments, strings and tests.
 
-/// A name, or a single other character.
+/// A name or a single other character.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Token {
     /// An identifier or keyword, and its line from 1.
     Name(String, usize),
-    /// Any other character that is no blank; `::` comes as two.
+    /// Any other character except blanks; `::` is two tokens.
     Mark(char),
 }
 
@@ -64,7 +64,7 @@ pub(crate) fn pieces(source: &str) -> Vec<Piece> {
     pieces
 }
 
-/// The names and marks of a source; comments and literals are dropped.
+/// Returns the names and marks of a source, without comments and literals.
 pub(crate) fn tokens(source: &str) -> Vec<Token> {
     pieces(source)
         .into_iter()
@@ -103,7 +103,7 @@ fn string(text: &[char], quote: usize) -> usize {
     (at + 1).min(text.len())
 }
 
-/// A character such as `'"'`, or the quote of a lifetime alone.
+/// Returns the end of a character such as `'"'`, or of the quote of a lifetime.
 fn character(text: &[char], quote: usize) -> usize {
     match (text.get(quote + 1), text.get(quote + 2)) {
         (Some('\\'), _) => (find(text, quote + 2, |rest| rest[0] == '\'') + 1).min(text.len()),
@@ -112,7 +112,7 @@ fn character(text: &[char], quote: usize) -> usize {
     }
 }
 
-/// The end of a text with a prefix (`r#"..."#`, `b"..."`, `b'.'`), or of a raw name (`r#type`).
+/// Returns the end of a string with a prefix (`r#"..."#`, `b"..."`, `b'.'`), or of a raw name (`r#type`).
 fn prefixed(text: &[char], from: usize) -> Option<usize> {
     let mut at = from;
     while at < from + 2 && matches!(text.get(at), Some('r' | 'b' | 'c')) {
@@ -133,8 +133,8 @@ fn prefixed(text: &[char], from: usize) -> Option<usize> {
     }
 }
 
-/// The tokens without items under `#[cfg(test)]` and `#[cfg(doc)]`; modules in files of their own keep a
-/// trace, `#[cfg(test)] mod tests;`, by which [`super::paths::test_modules`] finds them.
+/// Returns the tokens without items under `#[cfg(test)]` and `#[cfg(doc)]`. Declarations of modules in
+/// separate files, `#[cfg(test)] mod tests;`, are kept for [`super::paths::test_modules`].
 pub(crate) fn product(tokens: Vec<Token>) -> Vec<Token> {
     let mut kept = Vec::new();
     let mut at = 0;
@@ -162,19 +162,19 @@ pub(crate) fn product(tokens: Vec<Token>) -> Vec<Token> {
     kept
 }
 
-/// The end of an attribute that begins here.
+/// Returns the end of an attribute that begins here.
 pub(crate) fn attribute(tokens: &[Token], at: usize) -> Option<usize> {
     (tokens.get(at)?.is("#") && tokens.get(at + 1)?.is("[")).then(|| closing(tokens, at + 1))
 }
 
-/// True if an attribute excludes the item that follows from ordinary builds.
+/// Returns `true` if an attribute excludes the following item from ordinary builds.
 fn is_test(attribute: &[Token]) -> bool {
     attribute.get(2).is_some_and(|token| token.is("cfg"))
         && attribute.iter().any(|token| token.is("test") || token.is("doc"))
         && !attribute.iter().any(|token| token.is("not") || token.is("any"))
 }
 
-/// The end of what an opening bracket begins.
+/// Returns the end of the group that an opening bracket begins.
 pub(crate) fn closing(tokens: &[Token], open: usize) -> usize {
     let mut depth = 0;
     for (at, token) in tokens.iter().enumerate().skip(open) {
@@ -190,7 +190,7 @@ pub(crate) fn closing(tokens: &[Token], open: usize) -> usize {
     tokens.len()
 }
 
-/// The end of an item: its semicolon, or its block.
+/// Returns the end of an item, which is its semicolon or its block.
 fn item_end(tokens: &[Token], from: usize) -> usize {
     let is_use = tokens[from..].iter().take(8).any(|token| token.is("use"));
     let mut at = from;

@@ -1,11 +1,10 @@
-//! The messages of the runtime as files and programs in other languages know them.
+//! The messages of the runtime as known to files and programs in other languages.
 
 use motorium::state::{Decoder, encode, numbered};
 
-/// A changed hash is a change for every file and every program that knows the type: give a new type a new
-/// number.
+/// A changed hash breaks every file and program that uses the type; give a changed type a new number instead.
 #[test]
-fn the_layouts_are_those_that_files_and_programs_know() {
+fn layouts_of_numbered_messages_do_not_change() {
     let known = include_str!("layouts.txt");
     let line = |(number, layout): &(u16, motorium::state::TypeLayout)| {
         format!("{number} {} {}\n", layout.type_name, layout.hash())
@@ -15,7 +14,7 @@ fn the_layouts_are_those_that_files_and_programs_know() {
 }
 
 #[test]
-fn every_message_can_be_written_as_text_and_read_again() {
+fn every_message_survives_its_text_form() {
     for (_, layout) in numbered() {
         let decoder = Decoder::new(&layout).unwrap();
         let field = layout.fields.iter().find(|field| field.count.is_some());

@@ -9,7 +9,7 @@ use super::{Derived, DerivedError, Drawing, DrawnError, Schema};
 /// A sequence of messages of one schema, derived from the samples of one topic.
 #[derive(Debug, Clone)]
 pub struct Channel {
-    /// Name of the channel: the topic name, for a drawn channel followed by `/` and the name of the drawing.
+    /// Name of the channel: the topic name. A drawn channel appends `/` and the name of the drawing.
     pub name: String,
     /// Index of its topic in the plan.
     pub topic: usize,
@@ -43,8 +43,8 @@ impl Channel {
         }
     }
 
-    /// Index in the plan of the topic that describes this topic's samples, such as the format of images. Its
-    /// samples must be passed to [`note`](Self::note).
+    /// Plan index of the topic that describes this topic's samples, such as an image format. Samples of that
+    /// topic must be passed to [`note`](Self::note).
     pub fn form_topic(&self) -> Option<usize> {
         match &self.content {
             Content::Exact(_) => None,
@@ -65,7 +65,7 @@ impl Channel {
     /// clock, since 1970 or since the start of the run; drawn messages contain it.
     ///
     /// # Errors
-    /// If the sample does not fit its type or its robot; nothing is appended then.
+    /// Returns an error if the sample does not fit its type or its robot; nothing is appended then.
     pub fn encode(
         &mut self,
         stamp: &Stamp,
@@ -85,7 +85,7 @@ impl Channel {
 }
 
 /// Returns the channels of one topic, the exact one first. A topic of slices has no exact channel, because
-/// slices have no fixed layout; images have a drawn channel only.
+/// slices have no fixed layout. Images only have a drawn channel.
 ///
 /// ```
 /// # fn of(plan: &motorium::plan::Plan) -> Result<(), motorium_bridges::foxglove::DerivedError> {
@@ -98,8 +98,7 @@ impl Channel {
 /// # }
 /// ```
 ///
-/// # Errors
-/// If the layout of the topic has a field that cannot be written.
+/// # Errors Returns an error if the layout of the topic has a field that cannot be encoded.
 pub fn channels(plan: &Plan, topic: usize) -> Result<Vec<Channel>, DerivedError> {
     let of_topic = &plan.topics[topic];
     let name = &of_topic.name;

@@ -17,13 +17,13 @@ use stamp::{STAMP, stamp_bytes, stamp_field, stamp_of};
 /// Version of the rule for deriving schemas; the last part of their package.
 const PACKAGE_VERSION: &str = "v1";
 
-/// Messages of one sample type, in a schema derived from its layout.
+/// Encoder and decoder for the samples of one type, with a schema derived from its layout.
 ///
-/// The schema of `motorium.JointState` is `motorium.v1.JointState`: `v1` is the rule of derivation. Field 1
-/// is the stamp. The fields of the layout follow in order from 2, so a field keeps its number while its
-/// position in the type is unchanged. Arrays of numbers are packed, arrays of bytes are `bytes`, and UTF-8
-/// bytes named `text` are a `string`. Only the entries in use of a counted array are written. In field names
-/// `.` becomes `__`, and `[3]` becomes `_3`.
+/// The schema of `motorium.JointState` is `motorium.v1.JointState`: `v1` is the version of the derivation
+/// rule. Field 1 is the stamp. The fields of the layout follow in order from 2, so a field keeps its number
+/// while its position in the type is unchanged. Arrays of numbers are packed, arrays of bytes are `bytes`,
+/// and UTF-8 bytes named `text` are a `string`. Only the used entries of a counted array are written. In
+/// field names `.` becomes `__`, and `[3]` becomes `_3`.
 ///
 /// ```
 /// use motorium::state::{Stamp, StateBuffer, Wrench};
@@ -47,7 +47,7 @@ impl Derived {
     /// Derives the schema of a layout.
     ///
     /// # Errors
-    /// If a field is neither a number nor an array of numbers, or exceeds the type.
+    /// Returns an error if a field is neither a number nor an array of numbers, or exceeds the type.
     pub fn new(layout: &TypeLayout) -> Result<Self, DerivedError> {
         let (fields, stamp) = (field::fields(layout)?, field::fields(&Stamp::layout())?);
         let (package, name) = layout.type_name.rsplit_once('.').unwrap_or(("user", &layout.type_name));
@@ -55,7 +55,7 @@ impl Derived {
         let mut file = Vec::new();
         wire::bytes(1, format!("{package}.{name}.proto").as_bytes(), &mut file);
         wire::bytes(2, package.as_bytes(), &mut file);
-        // The stamp is a message within the message, so that files of several types define each name once.
+        // The stamp is a nested message, so files with several types define each name once.
         let mut message = Vec::new();
         wire::bytes(1, name.as_bytes(), &mut message);
         let stamp_type = format!(".{package}.{name}.Stamp");
@@ -87,18 +87,18 @@ impl Derived {
     pub fn encode(&self, stamp: &Stamp, bytes: &[u8], out: &mut Vec<u8>) {
         let raw = stamp_bytes(stamp);
         let start = out.len();
-        // The length of the stamp is one byte: its fields take at most 70.
+        // The length of the stamp fits in one byte: its fields have at most 70 bytes.
         out.extend([(STAMP << 3 | wire::BYTES) as u8, 0]);
         self.stamp.iter().for_each(|field| field.encode(&raw, out));
         out[start + 1] = (out.len() - start - 2) as u8;
         self.fields.iter().for_each(|field| field.encode(bytes, out));
     }
 
-    /// Decodes a message to the stamp of its sample and the bytes in the layout of the type. Array entries
+    /// Decodes a message into the stamp of its sample and the bytes in the layout of the type. Array entries
     /// beyond a count are zero.
     ///
     /// # Errors
-    /// If the message is damaged or of another type.
+    /// Returns an error if the message is damaged or of another type.
     pub fn decode(&self, mut message: &[u8]) -> Result<(Stamp, Vec<u8>), DerivedError> {
         let damaged = |field: Option<&str>| DerivedError::Message {
             schema: self.schema.name.clone(),

@@ -23,7 +23,7 @@ use super::robots::{RobotFrames, WORLD, robot_of_topic};
 /// Length of the arrow for a force of 1 N, m.
 const METRES_PER_NEWTON: f64 = 0.01;
 
-/// Conversion of one topic to a Foxglove message that viewers can draw.
+/// Conversion of the samples of one topic to Foxglove messages that viewers can draw.
 #[derive(Debug, Clone)]
 pub struct Drawing {
     name: &'static str,
@@ -40,7 +40,7 @@ enum Kind {
     Target,
     /// The frame of the base.
     Odometry(String),
-    /// Names of the objects, in their order.
+    /// Names of the objects, in the order of their poses.
     Objects(Vec<String>),
     Contacts,
     Calibration(String),
@@ -56,10 +56,10 @@ pub enum DrawnError {
     /// The sample is truncated, or longer than its type.
     #[error("a sample has {0} bytes, which is not the size of its type")]
     Size(usize),
-    /// A joint state with fewer joints than the robot has.
+    /// The joint state has fewer joints than the robot.
     #[error("the joint state has fewer joints than its robot")]
     Joints,
-    /// The bytes do not match the announced form.
+    /// The bytes do not match the announced image format.
     #[error(transparent)]
     Picture(#[from] PictureError),
 }
@@ -127,8 +127,7 @@ impl Drawing {
         &self.schema
     }
 
-    /// Returns `true` if no sample may be skipped, such as a log line, or an image, which has no exact
-    /// channel.
+    /// Returns `true` if no sample may be skipped: log lines, and images, which have no exact channel.
     pub fn needs_every_sample(&self) -> bool {
         matches!(self.kind, Kind::Pictures(_) | Kind::Text(_) | Kind::Event(_))
     }
@@ -148,10 +147,10 @@ impl Drawing {
         }
     }
 
-    /// Appends the message of a sample at a time in ns.
+    /// Appends the message of a sample, with `time_ns` as its time.
     ///
     /// # Errors
-    /// If the sample does not fit its type or its robot; nothing is appended then.
+    /// Returns an error if the sample does not fit its type or its robot; nothing is appended then.
     pub fn encode(&mut self, bytes: &[u8], time_ns: u64, out: &mut Vec<u8>) -> Result<(), DrawnError> {
         fn read<T: StateBuffer>(bytes: &[u8]) -> Result<T, DrawnError> {
             from_bytes(bytes).ok_or(DrawnError::Size(bytes.len()))
@@ -242,8 +241,8 @@ fn append(message: &impl Encode, out: &mut Vec<u8>) {
     let _ = message.encode(out);
 }
 
-/// Returns the topic of joint states from which the links of its robot are drawn: the first in the order of
-/// the plan, which is the true state in a simulation.
+/// Returns the topic of joint states from which the links of the robot are drawn: the first one in the plan.
+/// In a simulation, it is the true state.
 fn first_state(plan: &Plan, index: usize) -> Option<usize> {
     let robot = &robot_of_topic(plan, index)?.name;
     let mut states = plan.topics.iter().enumerate().filter(|(other, topic)| {
@@ -326,7 +325,7 @@ fn contacts(contacts: &Contacts, time_ns: u64) -> SceneUpdate {
             contacts.force_z()[index],
         );
         let along = nalgebra::UnitQuaternion::rotation_between(&nalgebra::Vector3::x(), &force);
-        // A force against x has no unique rotation; any half turn about z is one.
+        // A force along -x has no unique rotation; a half turn about z is one of them.
         let opposite = || nalgebra::UnitQuaternion::from_euler_angles(0.0, 0.0, core::f64::consts::PI);
         let along = along.unwrap_or_else(opposite);
         let position =

@@ -1,9 +1,9 @@
-//! Topics of a graph in the format of Foxglove, Lichtblick, rerun and PlotJuggler. This is a library without
-//! a server.
+//! Conversion of graph topics to the format read by Foxglove, Lichtblick, rerun and PlotJuggler. This module
+//! does not contain a server.
 //!
 //! Each topic becomes one or two channels of messages in the protobuf encoding:
 //!
-//! - Its **exact** channel, named as the topic, contains every field and the stamp of a sample in a schema
+//! - Its **exact** channel, named like the topic, contains every field and the stamp of a sample in a schema
 //!   derived from the layout of its type, `motorium.v1.JointState` for `motorium.JointState`. It is lossless:
 //!   [`Derived::decode`] returns the sample bit for bit.
 //! - A **drawn** channel, named after the topic and its drawing, contains one of Foxglove's own messages, for

@@ -6,7 +6,7 @@ use motorium::state::{ImageInfo, StateBuffer as _, from_bytes};
 
 use super::fields::timestamp;
 
-/// Images in a topic of `u8` slices; the writer publishes their format on another topic.
+/// Images on a topic of `u8` slices, whose format the writer publishes on another topic.
 #[derive(Debug, Clone)]
 pub(super) struct Pictures {
     form_topic: usize,
@@ -18,25 +18,26 @@ pub(super) struct Pictures {
 /// Error of bytes that cannot be drawn as an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum PictureError {
-    /// The form has not been published yet.
+    /// The image format has not been published yet.
     #[error("the format of the pictures is not known yet")]
     NoForm,
-    /// The bytes do not match the published form.
+    /// The bytes do not match the published format.
     #[error("a picture of {width} x {height} pixels in encoding {encoding} has {found} bytes")]
     Form {
         /// Bytes found.
         found: usize,
-        /// Pixels of a row.
+        /// Width, pixels.
         width: u32,
-        /// Rows.
+        /// Height, pixels.
         height: u32,
-        /// Form of a pixel, as of [`ImageInfo`].
+        /// Pixel encoding, as in [`ImageInfo`].
         encoding: u32,
     },
 }
 
 impl Pictures {
-    /// Returns the images of a topic if it carries bytes and its writer publishes one kind of image form.
+    /// Returns the images of a topic if it carries bytes and its writer publishes exactly one image format
+    /// topic.
     pub(super) fn of_topic(plan: &Plan, index: usize) -> Option<Self> {
         let topic = plan.topics.get(index).filter(|topic| topic.layout.type_name == u8::NAME)?;
         let writer = plan.components.get(topic.writer)?;
@@ -48,7 +49,7 @@ impl Pictures {
         Some(Self { form_topic, form: None, frame: writer.name.clone() })
     }
 
-    /// Index of the topic with the form.
+    /// Index of the topic with the image format.
     pub(super) fn form_topic(&self) -> usize {
         self.form_topic
     }
@@ -58,8 +59,8 @@ impl Pictures {
         self.form = from_bytes(bytes).or(self.form);
     }
 
-    /// Returns the message of an image. An image with one byte per pixel is grey, whatever the form of the
-    /// accompanying images.
+    /// Returns the message of an image. An image with one byte per pixel is greyscale, regardless of the
+    /// announced format.
     pub(super) fn image(&self, bytes: &[u8], time_ns: u64) -> Result<RawImage, PictureError> {
         let ImageInfo { width, height, stride, encoding, .. } = self.form.ok_or(PictureError::NoForm)?;
         let is_of = |stride: u32| u64::from(stride) * u64::from(height) == bytes.len() as u64;

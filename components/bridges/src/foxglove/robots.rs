@@ -25,10 +25,9 @@ pub struct Description {
     pub topic: String,
     /// The robot as URDF: the text of its file, or a conversion of its MJCF.
     pub text: String,
-    /// The robot as URDF for viewers of files, which cannot request `meshes`: with collision shapes in their
-    /// place.
+    /// The robot as URDF for file viewers, which cannot request `meshes`: collision shapes replace them.
     pub plain: String,
-    /// Text of the file, if it is MJCF.
+    /// Text of the robot file if it is MJCF.
     pub mjcf: Option<String>,
     /// Meshes without a file: their names in the description and their Wavefront OBJ texts.
     pub meshes: Vec<(String, String)>,
@@ -56,7 +55,7 @@ impl Description {
         Schema { name: "motorium.v1.RobotDescription".to_string(), encoding: "protobuf", data }
     }
 
-    /// Encodes the message of a file.
+    /// Encodes the description as a message.
     pub fn encode(&self) -> Vec<u8> {
         let mut message = Vec::with_capacity(self.plain.len() + 8);
         wire::bytes(1, self.plain.as_bytes(), &mut message);
@@ -64,7 +63,7 @@ impl Description {
     }
 }
 
-/// The robots of a plan, each once, in the order of its components.
+/// Robots of a plan without duplicates, in the order of its components.
 pub(crate) fn robots(plan: &Plan) -> Vec<&RobotReference> {
     let mut robots: Vec<&RobotReference> = Vec::new();
     for robot in plan.components.iter().flat_map(|component| component.robot.iter().chain(&component.robots))
@@ -147,7 +146,8 @@ fn load_with_base(
 /// Returns the robot to which the arrays of a topic belong: the writer's robot, or else a reader's. `None` if
 /// neither has one.
 ///
-/// For a component with several robots, it is the robot of the port `ROBOT.PORT` to which the topic is wired.
+/// For a component with several robots, the port `ROBOT.PORT` to which the topic is wired determines the
+/// robot.
 pub fn robot_of_topic(plan: &Plan, index: usize) -> Option<&RobotReference> {
     let topic = plan.topics.get(index)?;
     let writer = std::iter::once((topic.writer, true));
@@ -171,14 +171,13 @@ fn robot_of<'p>(
     component.robots.iter().find(|known| known.name == robot)
 }
 
-/// Names of the joints to which the arrays of a topic belong: the joints of its writer's robot, else a
-/// reader's, followed by the rotors. `None` if neither has a robot, or its file has changed.
+/// Names of the joints to which the arrays of a topic belong, followed by the rotors. The robot is the
+/// writer's, or else a reader's. `None` if neither has a robot, or its file has changed.
 pub fn joints_of_topic(plan: &Plan, index: usize) -> Option<Vec<String>> {
     robot_of_topic(plan, index).and_then(|robot| load(robot).ok()).map(|loaded| joint_names(&loaded))
 }
 
-/// Names of the joints of a robot, then of its rotors, in the order of the arrays of joint states and
-/// commands.
+/// Names of a robot's joints and then of its rotors, in the order of the arrays in joint states and commands.
 fn joint_names(loaded: &Loaded) -> Vec<String> {
     let rotors = loaded.profile.iter().flat_map(|profile| profile.rotors.keys());
     loaded.model.joint_names().iter().chain(rotors).cloned().collect()
@@ -214,7 +213,7 @@ impl RobotFrames {
     /// `moves` is `true` if a topic provides the pose of the base.
     ///
     /// # Errors
-    /// If the robot's files can no longer be read.
+    /// Returns an error if the robot's files can no longer be read.
     pub fn load(robot: &RobotReference, prefix: &str, moves: bool) -> Result<Self, RobotSourceError> {
         let loaded = load(robot)?;
         let pose = robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }.isometry());
@@ -238,19 +237,19 @@ impl RobotFrames {
         Self::load(robot, &prefix(plan, &robot.name), moves).ok()
     }
 
-    /// Names of its joints, then of its rotors, in the order of the arrays of joint states and commands.
+    /// Names of the joints and then of the rotors, in the order of the arrays in joint states and commands.
     pub fn joint_names(&self) -> Vec<String> {
         joint_names(&self.loaded)
     }
 
-    /// The name of the frame of its root link.
+    /// Frame name of the root link.
     pub fn root(&self) -> String {
         let root = self.loaded.model.frames().first().map_or("base", |frame| frame.name.as_str());
         format!("{}{root}", self.prefix)
     }
 
-    /// Returns the poses of all links except the root, relative to it, at these joint positions, and the pose
-    /// of the root in the world if the base is fixed. `None` if the state has too few joints.
+    /// Returns the poses of all links at these joint positions, relative to the root. Includes the pose of
+    /// the root in the world if the base is fixed. `None` if the state has too few joints.
     pub fn of_joints(&mut self, state: &JointState, time_ns: u64) -> Option<FrameTransforms> {
         let model = &self.loaded.model;
         let joints = model.joint_count();
@@ -280,7 +279,7 @@ impl RobotFrames {
         Some(FrameTransforms { transforms })
     }
 
-    /// The pose of the root link in the world, at a time.
+    /// Returns the pose of the root link in the world at `time_ns`.
     pub fn of_base(&self, state: &BaseState, time_ns: u64) -> FrameTransforms {
         let [x, y, z, w] = state.orientation;
         // The state describes the base frame; the root link of a model is its base.

@@ -26,10 +26,10 @@ const THROUGH: f64 = 0.6;
 /// Approximate maximum number of points of a drawn terrain.
 const TERRAIN_POINTS: f64 = 15_000.0;
 
-/// Returns the coloured world of a plan as a scene: schema and message, a [`SceneUpdate`]. `None` if the plan
-/// has no world.
+/// Returns the coloured world of a plan as a scene: its schema and its message, a [`SceneUpdate`]. `None` if
+/// the plan has no world.
 ///
-/// A moving object has its own frame, with its name, if a topic provides its pose.
+/// A moving object has its own frame, named after the object, if a topic provides its pose.
 ///
 /// ```
 /// # fn of(plan: &motorium::plan::Plan) {
@@ -68,7 +68,7 @@ pub fn world_scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
     Some((Schema::of::<SceneUpdate>(), message))
 }
 
-/// The world of a plan: of the first component that simulates one.
+/// World of the first component of a plan that simulates one.
 pub(crate) fn world_of(plan: &Plan) -> Option<World> {
     let mut simulated = plan.components.iter().filter(|component| component.config["world"].is_object());
     simulated.find_map(|component| {
@@ -100,7 +100,7 @@ pub fn terrain_mesh(field: &HeightField) -> TriangleMesh {
     TriangleMesh { points: points.collect(), triangles: triangles.collect() }
 }
 
-/// A terrain in its colour.
+/// Terrain with this colour.
 fn terrain(field: &HeightField, colour: &Colour) -> SceneEntity {
     let mesh = terrain_mesh(field);
     let point = |point: &nalgebra::Vector3<f64>| Point3 { x: point.x, y: point.y, z: point.z };
@@ -119,7 +119,7 @@ fn terrain(field: &HeightField, colour: &Colour) -> SceneEntity {
     }
 }
 
-/// An object in its colour.
+/// Object with this colour.
 fn entity(object: &Object, colour: &Colour, has_poses: bool) -> SceneEntity {
     let of_its_own = object.is_dynamic() && has_poses;
     let (position, rpy) = if of_its_own { ([0.0; 3], [0.0; 3]) } else { (object.position, object.rpy) };
@@ -133,7 +133,7 @@ fn entity(object: &Object, colour: &Colour, has_poses: bool) -> SceneEntity {
     entity
 }
 
-/// Adds the appearance of a shape at a pose.
+/// Adds the visual of a shape at a pose.
 fn add_shape(
     entity: &mut SceneEntity,
     shape: &ObjectShape,
@@ -178,7 +178,7 @@ fn sphere(pose: Option<Pose>, radius: f64, color: Option<Color>) -> SpherePrimit
     SpherePrimitive { pose, size: Some(vector([2.0 * radius; 3])), color }
 }
 
-/// A pose moved along its own z axis.
+/// Pose translated along its own z axis.
 fn moved(position: [f64; 3], rpy: [f64; 3], z: f64) -> Option<Pose> {
     let from = BasePose { position, rpy }.isometry();
     let mut shift = from.translation.vector;

@@ -136,11 +136,11 @@ impl InboundConfig {
             None => Ok(()),
             Some(capacity) if !(1..=LARGEST_CAPACITY).contains(&capacity) => refuse(
                 format!("a capacity of {capacity}, expected 1 to {LARGEST_CAPACITY}"),
-                "write the number of values that come between two steps of the bridge, or a few more",
+                "set the number of values that arrive between two steps of the bridge, or slightly more",
             ),
             Some(_) if self.type_name == EmergencyStop::NAME => refuse(
-                "an emergency stop that waits for its turn".to_string(),
-                "leave `pattern` out: a state has no queue to overflow",
+                "an emergency stop in a queue".to_string(),
+                "omit `pattern`: a state has no queue that can overflow",
             ),
             Some(_) => Ok(()),
         }

@@ -18,12 +18,12 @@ pub(super) struct Refused {
 }
 
 impl Refused {
-    /// The counts of slices, which may be too long.
+    /// Counts for slices, which may be too long.
     pub(super) fn of_slices() -> Self {
         Self { too_long: Some(0), ..Self::default() }
     }
 
-    /// Counts a value whose content is invalid and must not reach a reader.
+    /// Counts a value with invalid content, which must not reach a reader.
     pub(super) fn defective(&mut self, defect: ContentDefect) {
         match defect {
             ContentDefect::NotFinite { .. } => self.not_finite += 1,
@@ -42,7 +42,8 @@ impl Refused {
         match error {
             RawError::Content(defect) => self.defective(defect),
             RawError::Length { .. } => self.too_long(),
-            // The time of a step is never in the future; a reader of a stream that holds all samples is late.
+            // The time of a step is never in the future. If readers hold all samples of a stream, the value
+            // counts as too late.
             RawError::Late | RawError::SourceInFuture { .. } | RawError::NotSent => self.too_late += 1,
         }
     }

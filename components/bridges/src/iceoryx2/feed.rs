@@ -1,4 +1,4 @@
-//! Publisher for inbound topics, for programs that only know a layout, such as `motorium topic pub`.
+//! Publisher for inbound topics, for programs that only know the layout, such as `motorium topic pub`.
 
 use core::cell::Cell;
 
@@ -10,7 +10,7 @@ use motorium::transport::{Domain, Shared};
 
 use super::service::{Sender, Service, ServiceError, send};
 
-/// A publisher of the service `in/TOPIC`, from which a bridge reads the values of a topic.
+/// Publisher on the service `in/TOPIC`, from which a bridge reads the values of a topic.
 ///
 /// It never creates the service: without a running bridge there is no topic to feed.
 #[derive(Debug)]
@@ -29,8 +29,8 @@ impl Feed {
     /// Joins the service of an inbound topic in the domain of a run.
     ///
     /// # Errors
-    /// If the topic carries slices, no bridge has created the service, its layout differs, or the maximum
-    /// number of publishers is reached.
+    /// Returns an error if the topic carries slices, no bridge has created the service, its layout differs,
+    /// or the maximum number of publishers is reached.
     pub fn open(domain: &Domain, topic: &TopicPlan) -> Result<Self, ServiceError> {
         let service = format!("in/{}", topic.name);
         let fail = |reason: String| ServiceError { service: service.clone(), reason };
@@ -46,7 +46,7 @@ impl Feed {
     /// Sends a value to the bridge, which validates it and publishes it at its next step.
     ///
     /// # Errors
-    /// If the size differs from the type's, or shared memory is exhausted.
+    /// Returns an error if the size differs from the type's, or shared memory is exhausted.
     pub fn send(&self, bytes: &[u8]) -> Result<(), ServiceError> {
         let fail = |reason: String| Err(ServiceError { service: self.service.clone(), reason });
         if bytes.len() != self.size {

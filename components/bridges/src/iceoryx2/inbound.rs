@@ -20,7 +20,7 @@ pub(super) struct Inbound {
     port: Queue,
     period_ns: u64,
     max_age_ns: u64,
-    /// The value received last.
+    /// Last received value.
     taken: Box<[u8]>,
     /// Newest valid value, the time of the step that received it (ns on the stamp clock), and whether it is
     /// unpublished.
@@ -42,7 +42,7 @@ pub(super) struct Inbound {
 }
 
 impl Inbound {
-    /// `None` if the graph leaves the output unwired.
+    /// Returns `None` if the output is not wired in the graph.
     pub(super) fn new(
         node: &Node<Shared>,
         output: RawOutput,
@@ -96,7 +96,7 @@ impl Inbound {
             }
         }
         if self.is_emergency_stop && taken >= self.waiting {
-            // The queue may have overflowed, and an emergency stop may be lost.
+            // The queue may have overflowed and dropped an emergency stop.
             self.taken.copy_from_slice(&1_u64.to_ne_bytes());
             self.stop(time_ns, clock);
         }
@@ -113,7 +113,7 @@ impl Inbound {
         }
     }
 
-    /// Publishes the last received value, an emergency stop, immediately. A pending value is older and is
+    /// Publishes the last received value, an emergency stop, immediately. A pending value is older, so it is
     /// dropped.
     fn stop(&mut self, time_ns: u64, clock: &RunClock) {
         if core::mem::take(&mut self.is_pending) {
@@ -128,7 +128,7 @@ impl Inbound {
         }
     }
 
-    /// Stores the last received value, from the step at this time, if it is valid.
+    /// Stores the value received by the step at `taken_ns` if it is valid.
     fn admit(&mut self, taken_ns: u64) {
         if let Err(defect) = self.output.check(&self.taken) {
             self.refused.defective(defect);

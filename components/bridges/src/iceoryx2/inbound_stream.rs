@@ -14,11 +14,11 @@ use super::config::InboundConfig;
 use super::counts::Refused;
 use super::service::{Arrived, PUBLISHERS, Queue, Service, receive};
 
-/// An inbound stream, or slices. Every valid value is published, in order, within the rate limit.
+/// An inbound stream, or inbound slices. All valid values are published in order, within the rate limit.
 pub(super) struct InboundStream {
     output: RawStreamOutput,
     port: Queue,
-    /// The value received last, with capacity for the longest.
+    /// Last received value, with room for the longest one.
     taken: Box<[u8]>,
     limit: RateLimit,
     max_age_ns: u64,
@@ -33,7 +33,7 @@ pub(super) struct InboundStream {
 }
 
 impl InboundStream {
-    /// `None` if the graph leaves the output unwired.
+    /// Returns `None` if the output is not wired in the graph.
     pub(super) fn new(
         node: &Node<Shared>,
         output: RawStreamOutput,
@@ -58,7 +58,7 @@ impl InboundStream {
         }))
     }
 
-    /// Publishes the values since the last step.
+    /// Publishes the values received since the last step.
     pub(super) fn step(&mut self, time_ns: u64, now_ns: u64, clock: &RunClock) {
         // A queued value arrived after the queue was last emptied, which bounds its age.
         let is_old = now_ns.saturating_sub(self.emptied_ns) > self.max_age_ns;
@@ -99,7 +99,7 @@ impl InboundStream {
 /// overflow.
 #[derive(Debug, Default)]
 struct Sequences {
-    /// Publishers, and the sequences of their newest values.
+    /// Publishers, with the sequence numbers of their newest values.
     newest: [Option<(UniquePublisherId, u64)>; PUBLISHERS],
     /// Index of the most recently added publisher.
     last: usize,
@@ -109,7 +109,7 @@ struct Sequences {
 impl Sequences {
     fn take(&mut self, arrived: &Arrived) {
         let Arrived { publisher, sequence, .. } = *arrived;
-        // the program does not count its values
+        // the program does not number its values
         if sequence == 0 {
             return;
         }
@@ -123,13 +123,13 @@ impl Sequences {
     }
 }
 
-/// A limit of the mean rate that permits bursts.
+/// Limit on the mean rate that permits bursts.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct RateLimit {
     period_ns: u64,
     /// Maximum time by which values may be ahead of the rate, ns.
     ahead_ns: u64,
-    /// Time at which the next value would be due at the largest rate, ns.
+    /// Time at which the next value would be due at the maximum rate, ns.
     due_ns: u64,
 }
 
@@ -155,7 +155,7 @@ impl RateLimit {
 mod tests {
     use super::*;
 
-    /// Values admitted of `offered` at each time.
+    /// Number of admitted values at each time, when `offered` values arrive.
     fn admitted(
         limit: &mut RateLimit,
         times_ns: impl IntoIterator<Item = u64>,

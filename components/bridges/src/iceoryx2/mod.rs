@@ -1,4 +1,4 @@
-//! `bridge.iceoryx2`: topics for programs that use stock iceoryx2, in any language.
+//! `bridge.iceoryx2`: exchanges topics with programs in any language that use stock iceoryx2.
 
 mod config;
 mod counts;
@@ -21,16 +21,16 @@ use inbound::Inbound;
 use inbound_stream::InboundStream;
 use outbound::Outbound;
 
-/// Minimum number of values of a mirrored stream that wait for a step of the bridge. The graph has a larger
-/// queue if the writer or another reader of the topic declares one.
+/// Minimum queue length of a mirrored stream, values. The queue is longer if the writer or another reader of
+/// the topic declares a longer one.
 const MIRRORED_CAPACITY: usize = 16;
 
 /// Mirrors topics of the graph to stock iceoryx2 programs, and publishes their values on topics of the graph.
 ///
 /// A mirrored topic `NAME` is the service `out/NAME`, with the publisher's [`Stamp`](motorium::state::Stamp)
-/// as user header. An inbound topic `NAME` is fed by the service `in/NAME`. A state has no user header there;
-/// a stream and slices have a `Stamp`, whose `sequence` the program counts. A value gets the bridge's own
-/// stamp; its source time is the step that received it.
+/// as user header. An inbound topic `NAME` is fed by the service `in/NAME`. There, a state has no user
+/// header; streams and slices have a `Stamp` in which the program numbers its values with `sequence`.
+/// Published values get the bridge's own stamp, with the receiving step as their source time.
 pub struct Iceoryx2Bridge {
     outbound: Vec<Outbound>,
     inbound: Vec<Inbound>,
@@ -52,7 +52,7 @@ impl Component for Iceoryx2Bridge {
             declare.raw_stream_input(port, MIRRORED_CAPACITY, "stream to mirror, of any type");
         }
         for port in &config.out_slices {
-            // slices may be large, so the writer decides how many the queue holds
+            // slices may be large, so the writer determines the queue length
             declare.raw_slice_input(port, 1, "slices to mirror, of any type");
         }
         for (port, inbound) in &config.inbound {
@@ -67,7 +67,7 @@ impl Component for Iceoryx2Bridge {
         }
         if declare.clock() == ClockKind::Lockstep {
             let warning = declare.warn(
-                "simulated time does not wait for foreign programs: they may miss every value, and no two runs are the same",
+                "simulated time does not wait for foreign programs: they may miss values, and runs are not reproducible",
             );
             warning
                 .advise("run it in real time, or simulate the foreign program by a component in its place");

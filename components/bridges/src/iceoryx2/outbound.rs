@@ -21,9 +21,9 @@ pub(super) struct Outbound {
 
 /// The input of a mirrored topic.
 enum Source {
-    /// The latest value is sent once, in the first step that reads it.
+    /// The latest value, sent once by the first step that reads it.
     Newest(RawInput),
-    /// All values of a stream, or all slices, are sent in order, up to this number per step so that a fast
+    /// All values of a stream, or all slices, sent in order. At most `most` are sent per step, so a fast
     /// writer cannot delay the step.
     Every { input: RawStreamInput, most: usize },
 }

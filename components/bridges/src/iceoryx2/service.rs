@@ -1,6 +1,6 @@
 //! The iceoryx2 services shared by the bridge and foreign programs.
 
-#![allow(unsafe_code)] // services are made from layouts, so that the bridge need not know the Rust types
+#![allow(unsafe_code)] // services are created from layouts: the bridge does not know the Rust types
 
 use iceoryx2::identifiers::UniquePublisherId;
 use iceoryx2::node::Node;
@@ -17,16 +17,16 @@ use motorium::transport::Shared;
 
 /// Maximum number of waiting values per foreign publisher of a state; the oldest are dropped.
 const WAITING: usize = 8;
-/// Queue length for an emergency stop, which must not be lost.
+/// Queue length for emergency stops, which must not be lost.
 const STOPS_WAITING: usize = 64;
-/// Maximum number of publishers of a service: one, plus the slot of a killed one.
+/// Maximum number of publishers of a service: one, plus the slot of a publisher that was killed.
 pub(super) const PUBLISHERS: usize = 2;
-/// Foreign subscribers of a mirrored topic.
+/// Maximum number of foreign subscribers of a mirrored topic.
 const SUBSCRIBERS: usize = 8;
 
-/// The writing end of a service.
+/// Writing end of a service.
 pub(super) type Sender = Publisher<Shared, [CustomPayloadMarker], CustomHeaderMarker>;
-/// The reading end of a service.
+/// Reading end of a service.
 pub(super) type Queue = Subscriber<Shared, [CustomPayloadMarker], CustomHeaderMarker>;
 type Typed = Builder<[CustomPayloadMarker], CustomHeaderMarker, Shared>;
 
@@ -43,7 +43,7 @@ pub struct ServiceError {
 impl From<ServiceError> for ConfigureError {
     fn from(error: ServiceError) -> Self {
         let ServiceError { service, reason } = error;
-        Self::failed(format!("service `{service}` could not be made: {reason}"))
+        Self::failed(format!("service `{service}` cannot be created: {reason}"))
     }
 }
 
@@ -57,13 +57,14 @@ pub(super) struct Service<'a> {
 }
 
 impl<'a> Service<'a> {
-    /// The service `out/TOPIC` of a mirrored topic. Each value has the publisher's stamp as its header.
+    /// Returns the service `out/TOPIC` of a mirrored topic. Each value has the publisher's stamp as its
+    /// header.
     pub(super) fn mirroring(topic: &str, layout: &'a TypeLayout, pattern: TopicPattern) -> Self {
         Self { name: format!("out/{topic}"), layout, pattern, is_stamped: true }
     }
 
-    /// The service `in/TOPIC` of a topic that foreign programs feed. Values of streams and slices have a
-    /// stamp as their header, whose sequence the program counts.
+    /// Returns the service `in/TOPIC` of a topic that foreign programs feed. Values of streams and slices
+    /// have a stamp as their header, with the program's sequence number.
     pub(super) fn feeding(topic: &str, layout: &'a TypeLayout, pattern: TopicPattern) -> Self {
         let is_stamped = pattern != TopicPattern::State;
         Self { name: format!("in/{topic}"), layout, pattern, is_stamped }
@@ -126,7 +127,7 @@ impl<'a> Service<'a> {
         sender.map_err(|error| self.failed(&error))
     }
 
-    /// The service with its types, before its limits are set.
+    /// Builder of the service with its types, without limits.
     fn builder(&self, node: &Node<Shared>) -> Result<Typed, ServiceError> {
         let name = ServiceName::new(&self.name).map_err(|error| self.failed(&error))?;
         let variant = match self.pattern {
@@ -188,14 +189,14 @@ pub(super) fn send(port: &Sender, stamp: Option<&Stamp>, bytes: &[u8], count: us
     sample.send().is_ok()
 }
 
-/// A value sent by a foreign program.
+/// Value sent by a foreign program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Arrived {
     /// Number of bytes sent; only as many as fit were copied.
     pub(super) length: usize,
     /// The publisher.
     pub(super) publisher: UniquePublisherId,
-    /// Sequence number in the header, counted by the program; 0 without a header.
+    /// Sequence number assigned by the program in the header; 0 without a header.
     pub(super) sequence: u64,
 }
 
@@ -203,14 +204,14 @@ pub(super) struct Arrived {
 ///
 /// A foreign program may still write to the memory of a sent value, so only the copy is inspected.
 pub(super) fn receive(port: &Queue, has_header: bool, value: &mut [u8]) -> Option<Arrived> {
-    // An error means that the connection to a starting or dying publisher failed.
+    // An error means that connecting to a starting or dying publisher failed.
     let sample = port.receive().ok().flatten()?;
     let payload = sample.payload();
     let (length, payload) = (payload.len(), payload.as_ptr().cast::<u8>());
     let header =
         core::ptr::with_exposed_provenance::<Stamp>(core::ptr::from_ref(sample.user_header()).addr());
     // SAFETY: a service with a header was created with `Stamp`; iceoryx2 keeps the sample mapped while it is
-    // held, and not more than its length is copied.
+    // borrowed, and at most its length is copied.
     let sequence = unsafe {
         value.as_mut_ptr().copy_from_nonoverlapping(payload, length.min(value.len()));
         if has_header { (&raw const (*header).sequence).read() } else { 0 }

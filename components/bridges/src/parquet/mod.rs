@@ -1,7 +1,7 @@
 //! Parquet files: column-oriented tables, readable by pandas, polars, DuckDB and LeRobot.
 //!
-//! A writer for the part of the format that recordings need: columns without missing values, lists (of lists)
-//! and groups of them, no compression, one page per column of a row group.
+//! A writer for the subset of the format that recordings need: columns without missing values, nested lists,
+//! groups, no compression, and one page per column of a row group.
 //! <https://parquet.apache.org/docs/file-format/>
 
 mod thrift;
@@ -15,7 +15,7 @@ use thrift::Struct;
 /// Magic number at the start and the end of a file.
 const MAGIC: &[u8; 4] = b"PAR1";
 
-// Numbers of the format.
+// Constants of the format.
 const INT64: i64 = 2;
 const FLOAT: i64 = 4;
 const DOUBLE: i64 = 5;
@@ -61,7 +61,7 @@ pub enum Values {
         /// Entries of all lists, concatenated; they may be lists themselves.
         entries: Box<Values>,
     },
-    /// Groups of named values, all with the same number of rows; a value is neither a list nor a group.
+    /// Groups of named values, all with the same number of rows. A value is neither a list nor a group.
     Group(Vec<Column>),
 }
 
@@ -85,7 +85,7 @@ impl Values {
         self.len() == 0
     }
 
-    /// Numbers of the physical and the converted type. A group has no type itself.
+    /// Codes of the physical and the converted type. A group has no type.
     fn kind(&self) -> (i64, Option<i64>) {
         match self {
             Self::Int64(_) => (INT64, None),
@@ -134,7 +134,7 @@ impl Values {
         }
     }
 
-    /// The values of some rows in the encoding PLAIN.
+    /// Appends the values of some rows in PLAIN encoding.
     fn encode_plain(&self, rows: Range<usize>, out: &mut Vec<u8>) {
         match self {
             Self::Int64(values) => values[rows].iter().for_each(|value| out.extend(value.to_le_bytes())),
@@ -162,7 +162,7 @@ impl Values {
 }
 
 impl Column {
-    /// Leaves of the tree of values with their paths: one per column of a group.
+    /// Leaves of the value tree with their paths: one per column of a group.
     fn leaves(&self) -> Vec<(Vec<&str>, &Values)> {
         let name = self.name.as_str();
         match &self.values {
@@ -177,8 +177,8 @@ impl Column {
     }
 }
 
-/// Writes a table. `groups` are the numbers of rows of its row groups and add up to all rows; `facts` are
-/// stored in the footer.
+/// Writes a table. `groups` contains the number of rows of each row group and sums to the number of rows;
+/// `facts` is stored in the footer.
 ///
 /// ```
 /// use motorium_bridges::parquet::{Column, Values, write};
@@ -193,8 +193,8 @@ impl Column {
 /// # Ok::<(), std::io::Error>(())
 /// ```
 ///
-/// # Errors
-/// If the file cannot be written, or the numbers of rows of columns and groups differ.
+/// # Errors Returns an error if the file cannot be written, or if columns and groups differ in their number
+/// of rows.
 pub fn write(
     file: &mut dyn Write,
     columns: &[Column],
@@ -237,8 +237,7 @@ pub fn write(
     file.write_all(MAGIC)
 }
 
-/// The tree of columns, flattened: the root, then each column; each level of lists adds two levels, a group
-/// one.
+/// Flattened column tree: the root, then each column. Each level of lists adds two levels, a group adds one.
 fn schema(columns: &[Column]) -> Vec<Struct> {
     let mut schema = vec![Struct::new().text(4, "schema").i32(5, columns.len() as i64)];
     let group =
@@ -267,7 +266,7 @@ fn schema(columns: &[Column]) -> Vec<Struct> {
     schema
 }
 
-/// A page with its head, and the number of its entries.
+/// Page with its header, and the number of its entries.
 fn page(values: &Values, rows: Range<usize>) -> (Vec<u8>, usize) {
     let mut body = Vec::new();
     let mut entries = rows.len();
@@ -304,7 +303,7 @@ fn starts(values: &Values, row: usize) -> Vec<usize> {
     starts
 }
 
-/// Levels in runs of equal values. A level fits a byte, as there are few.
+/// Run-length encoded levels. There are few levels, so each fits in one byte.
 #[derive(Default)]
 struct Runs {
     encoded: Vec<u8>,
@@ -330,7 +329,7 @@ impl Runs {
         }
     }
 
-    /// Writes the runs, preceded by their length in bytes.
+    /// Appends the runs, preceded by their length in bytes.
     fn end(mut self, out: &mut Vec<u8>) {
         self.close();
         out.extend((self.encoded.len() as u32).to_le_bytes());
@@ -363,7 +362,7 @@ mod tests {
             runs.push(level, count);
         }
         runs.end(&mut out);
-        // Lengths are doubled: 1, 2 and 100; the last takes two bytes.
+        // Lengths are doubled: 1, 2 and 100; the last one needs two bytes.
         assert_eq!(out, [7, 0, 0, 0, 2, 0, 4, 1, 200, 1, 0]);
     }
 

@@ -6,14 +6,14 @@ const BINARY: u8 = 8;
 const LIST: u8 = 9;
 const STRUCT: u8 = 12;
 
-/// A structure that is being written, field by field in the order of their numbers.
+/// Structure under construction. Fields are appended in ascending order of their numbers.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Struct {
     bytes: Vec<u8>,
     last: u8,
 }
 
-/// A number in groups of seven bits, the lowest first.
+/// Appends a number in groups of seven bits, lowest first.
 pub(super) fn varint(mut value: u64, out: &mut Vec<u8>) {
     while value > 0x7f {
         out.push(value as u8 | 0x80);
@@ -37,8 +37,8 @@ impl Struct {
         Self::default()
     }
 
-    /// Writes the header of a field: its type and the difference of its number to the last field's, at most
-    /// 15.
+    /// Appends the header of a field: its type, and the difference between its number and the last field's,
+    /// at most 15.
     fn field(&mut self, number: u8, kind: u8) {
         self.bytes.push((number - self.last) << 4 | kind);
         self.last = number;

@@ -15,7 +15,7 @@ pub struct Analysis {
     pub duration_s: f64,
     /// Each topic.
     pub topics: Vec<TopicAnalysis>,
-    /// Each topic of joint commands, paired with the resulting joint states.
+    /// Tracking of each topic of joint commands, paired with the resulting joint states.
     pub tracking: Vec<Tracking>,
     /// Events in order of time.
     pub events: Vec<EventLine>,
@@ -30,13 +30,13 @@ pub struct TopicAnalysis {
     pub type_name: String,
     /// Samples in the recording.
     pub samples: u64,
-    /// Number of samples missing between the first and the last.
+    /// Number of missing samples between the first and the last.
     pub gaps: u64,
-    /// Times from the source of a sample to its publication, ns, ascending.
+    /// Times from the source time of each sample to its publication, ns, ascending.
     pub latency_ns: Vec<u64>,
     /// Times between consecutive publications, ns, ascending.
     pub interval_ns: Vec<u64>,
-    /// The latencies over time: s since the first sample, and ns.
+    /// Latencies \[ns\] over the time since the first sample \[s\].
     pub latencies: Envelope,
 }
 
@@ -54,14 +54,14 @@ pub struct Tracking {
 /// Tracking error of one joint.
 #[derive(Debug, Clone, Default)]
 pub struct TrackedJoint {
-    /// Root mean square of its deviation from the commanded position, rad or m; 0 without such commands.
+    /// Root mean square deviation from the commanded position, rad or m; 0 without position commands.
     pub rms: f64,
     /// Largest deviation, rad or m.
     pub most: f64,
-    /// The commanded positions over time, where positions are commanded: s since the first sample, and rad or
-    /// m.
+    /// Commanded positions \[rad or m\] over the time since the first sample \[s\], while positions are
+    /// commanded.
     pub commanded: Vec<(f64, f64)>,
-    /// The measured positions at these times.
+    /// Measured positions at these times.
     pub measured: Vec<(f64, f64)>,
 }
 
@@ -80,7 +80,7 @@ pub struct EventLine {
     pub text: String,
 }
 
-/// Returns the quantile `part` of sorted values; 0 without values.
+/// Returns the quantile `part` (0 to 1) of values in ascending order; 0 without values.
 pub fn quantile(rising: &[u64], part: f64) -> u64 {
     let index = (part * rising.len() as f64).ceil() as usize;
     rising.get(index.saturating_sub(1).min(rising.len().saturating_sub(1))).copied().unwrap_or(0)
@@ -109,10 +109,10 @@ struct Joint {
     measured: Envelope,
 }
 
-/// Reads a recording and analyses its content.
+/// Analyses a recording.
 ///
 /// # Errors
-/// If a message is damaged.
+/// Returns an error if a message is damaged.
 pub fn analyse(recording: &Recording, plan: &Plan) -> Result<Analysis, ReadError> {
     let mut analysis = Analysis::default();
     let (first_ns, last_ns) = recording.times().unwrap_or_default();
@@ -173,7 +173,7 @@ pub fn analyse(recording: &Recording, plan: &Plan) -> Result<Analysis, ReadError
     Ok(analysis)
 }
 
-/// Pairs each topic of commands with the first topic of states published by its reader.
+/// Pairs each command topic with the first state topic published by its reader.
 fn pairs(recording: &Recording, plan: &Plan, ends: (f64, f64)) -> Vec<Pair> {
     let mut by_command = BTreeMap::new();
     for (index, topic) in plan.topics.iter().enumerate() {
@@ -183,7 +183,7 @@ fn pairs(recording: &Recording, plan: &Plan, ends: (f64, f64)) -> Vec<Pair> {
         let outputs = topic.readers.iter().flat_map(|reader| {
             let component = &plan.components[*reader];
             let input = component.inputs.iter().find(|input| input.topic == Some(index));
-            // With several robots: the port with the same name before the dot.
+            // With several robots: the port with the same prefix before the dot.
             let of = |port: &str| port.split_once('.').map(|(robot, _)| robot.to_string());
             let robot = input.and_then(|input| of(&input.port));
             component.outputs.iter().filter(move |output| of(&output.port) == robot)
@@ -215,7 +215,7 @@ impl Pair {
             self.joints.resize(count.max(self.joints.len()), joint);
             self.count += 1.0;
             for (index, joint) in self.joints.iter_mut().enumerate().take(count) {
-                // Effort and velocity control do not command positions.
+                // Without position gain, the command controls velocity or effort.
                 if command.kp()[index] > 0.0 {
                     let (commanded, measured) = (command.position()[index], state.position()[index]);
                     let error = (measured - commanded).abs();

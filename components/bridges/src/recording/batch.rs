@@ -7,16 +7,16 @@ use motorium::state::Stamp;
 
 use super::file::Writer;
 
-/// Messages that are read but not yet written.
+/// Messages that have been read but not written.
 #[derive(Default)]
 pub(super) struct Batch {
     bytes: Vec<u8>,
     messages: Vec<Message>,
-    /// `true` if an error was reported in the run meanwhile.
+    /// `true` if the run has reported an error in the meantime.
     pub(super) has_failed: bool,
 }
 
-/// A message as a range of the bytes of its batch.
+/// A message, stored as a byte range of its batch.
 pub(super) struct Message {
     pub(super) time_ns: u64,
     publish_ns: u64,
@@ -61,8 +61,7 @@ impl Batch {
         self.bytes.len()
     }
 
-    /// Writes its messages in order of time to the file, or to a ring if there is one. The batch is empty
-    /// afterwards.
+    /// Writes the messages in time order to the file, or to a ring if there is one, and empties the batch.
     pub(super) fn write(
         &mut self,
         writer: &mut Writer,
@@ -88,7 +87,7 @@ pub(super) struct Ring {
 }
 
 impl Ring {
-    /// Creates a ring for the messages of a time span \[ns\].
+    /// Creates a ring that keeps the messages of a time span \[ns\].
     pub(super) fn new(span_ns: u64) -> Self {
         Self { span_ns, messages: VecDeque::new() }
     }

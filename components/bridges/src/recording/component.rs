@@ -21,10 +21,10 @@ use super::recorder::Recorder;
 use super::settings::Settings;
 use super::threads;
 
-/// Longest interval between two polls of the topics. Each poll takes processor time from others and cache
-/// lines from the publishers, so polls are infrequent.
+/// Longest interval between two polls of the topics. Each poll costs processor time and evicts cache lines of
+/// the publishers, so polls are infrequent.
 const POLL: Duration = Duration::from_millis(50);
-/// Poll interval for topics whose memory fills at an unknown rate.
+/// Poll interval for topics with an unknown period.
 const OFTEN: Duration = Duration::from_millis(5);
 
 /// Configuration of `log.record`.
@@ -161,7 +161,7 @@ impl Component for Record {
             .map_err(|_| ConfigureError::failed("the recorder ended before it started recording"))?;
         let (sink, file) = opened.map_err(ConfigureError::failed)?;
         let shared = outcome.clone();
-        // The writer ends after the reader, when everything is written.
+        // The writer ends after the reader, once everything is written.
         setup.helper("writer", move |_| threads::write(sink, &writing, &shared))?;
         setup.helper("sync", move |stop| threads::sync(&file, stop))?;
         Ok(Self { output, recorder: None, outcome })
@@ -213,7 +213,7 @@ impl Record {
     }
 }
 
-/// Returns the shortest time after which a topic overwrites its values.
+/// Returns the shortest time after which a topic overwrites a value.
 fn bridged(plan: &Plan, taps: &Taps) -> Option<Duration> {
     let of_topics = plan.topics.iter().filter(|topic| taps.includes(&topic.name)).map(|topic| {
         let values = match topic.pattern {

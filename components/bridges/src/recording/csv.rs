@@ -13,7 +13,7 @@ pub enum TableError {
     /// The recording cannot be read.
     #[error(transparent)]
     Signals(#[from] SignalsError),
-    /// The messages of a channel have too many numbers.
+    /// The messages of a channel have too many numbers and texts.
     #[error("channel `{topic}` has more than {most} numbers and texts, too many for a table")]
     Wide {
         /// The channel.
@@ -26,12 +26,12 @@ pub enum TableError {
     Write(#[from] io::Error),
 }
 
-/// Writes a topic as a table of comma-separated values: one row per sample with its time (since 1970, or
-/// since the start of a lockstep run), its stamp, and one column per number. A counted array has one column
-/// per entry in use in the first sample. Numbers can be read back bit for bit.
+/// Writes a topic as comma-separated values, with one row per sample: its time (since 1970, or since the
+/// start of a lockstep run), its stamp, and one column per number. A counted array has one column per entry
+/// in use in the first sample. Reading the numbers back is exact, bit for bit.
 ///
 /// # Errors
-/// If the recording cannot be read or the table cannot be written.
+/// Returns an error if the recording cannot be read or the table cannot be written.
 pub fn write_csv(recording: &Recording, topic: usize, out: &mut impl Write) -> Result<u64, TableError> {
     let decoder = Decoder::new(&recording.topics()[topic].layout).map_err(SignalsError::from)?;
     let mut widths: Option<Vec<usize>> = None;

@@ -59,17 +59,17 @@ pub enum DemonstrationError {
         /// Topics of the type.
         topics: Vec<String>,
     },
-    /// Samples of a topic differ in their number of numbers.
-    #[error("a sample of topic `{topic}` has {found} numbers, expected {expected}, as the samples before it")]
+    /// Samples of a topic differ in length.
+    #[error("a sample of topic `{topic}` has {found} numbers, expected {expected} as in previous samples")]
     Width {
         /// The topic.
         topic: String,
-        /// Numbers found.
+        /// Length found.
         found: usize,
-        /// Numbers of the samples before.
+        /// Length of the previous samples.
         expected: usize,
     },
-    /// No action answers an observation.
+    /// No action belongs to an observation.
     #[error(
         "no action on `{action}` answers an observation on `{observation}`: \
          expected one in the same episode, before the next observation"
@@ -82,7 +82,7 @@ pub enum DemonstrationError {
     },
 }
 
-/// Describes a type without a topic, or with several.
+/// Formats the error for a type with no topic, or with several.
 fn choice(type_name: &str, topics: &[String]) -> String {
     let count = topics.len();
     if topics.is_empty() {
@@ -106,7 +106,8 @@ impl Demonstration {
     ///
     /// # Errors
     ///
-    /// [`DemonstrationError`].
+    /// Returns an error if the recording cannot be read, if a topic is missing, ambiguous or of another type,
+    /// if samples differ in length, or if no action belongs to an observation.
     pub fn read(
         recording: &Recording,
         observation: Option<&str>,
@@ -154,7 +155,7 @@ impl Demonstration {
         self.len() == 0
     }
 
-    /// Adds the pending observation with the action if both have the same episode.
+    /// Appends the pending observation and the action if both belong to the same episode.
     fn push(
         &mut self,
         waiting: &mut Option<Observation>,
@@ -181,7 +182,7 @@ impl Demonstration {
     }
 }
 
-/// Returns the topic with a name, or the only one of a type.
+/// Returns the topic with this name, or the only topic of the type.
 fn topic<T: StateBuffer>(recording: &Recording, name: Option<&str>) -> Result<usize, DemonstrationError> {
     let topics = recording.topics();
     if let Some(name) = name {

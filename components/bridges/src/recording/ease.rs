@@ -1,5 +1,5 @@
-//! Joint commands before the first and after the last recorded command: they move a robot to the start pose,
-//! and to rest, within the limits of its joints.
+//! Joint commands before the first and after the last recorded command. They move a robot to the start pose
+//! and bring it to rest, within its joint limits.
 
 use motorium::declare::RobotReference;
 use motorium::state::{JointCommand, JointState, StateBuffer as _, from_bytes};
@@ -7,11 +7,9 @@ use motorium::units::TimeSpan;
 
 use crate::foxglove::load_robot;
 
-/// Fraction of a joint's velocity and acceleration limits that is used, the same as on recovery from a safe
-/// state.
+/// Used fraction of a joint's velocity and acceleration limits, as in the recovery from a safe state.
 const SHARE: f64 = 0.5;
-/// Time to reach the velocity limit for a joint without an acceleration limit, s; the same as in its command
-/// gate.
+/// Time in which a joint without an acceleration limit reaches its velocity limit, s, as in its command gate.
 const TO_SPEED: f64 = 0.2;
 /// Largest velocity and acceleration of the minimum-jerk quintic, for a distance of 1 in a time of 1.
 const QUINTIC: [f64; 2] = [1.875, 5.773_502_691_896_258];
@@ -26,31 +24,31 @@ pub(super) struct Rates {
     acceleration: f64,
 }
 
-/// Error of moving a robot to the start of a recording or to rest after it.
+/// Error of moving a robot to the start pose of a recording, or of bringing it to rest afterwards.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum EaseError {
     /// The robot's files can no longer be read.
     #[error("the limits of robot `{robot}` are not known: {reason}")]
     Robot { robot: String, reason: String },
-    /// A command without stiffness.
+    /// A recorded command has no stiffness.
     #[error(
-        "the recorded commands have no stiffness at joint `{joint}` (kp = 0): efforts alone bring a robot to no start pose; \
+        "the recorded commands have no stiffness at joint `{joint}` (kp = 0): a robot cannot reach its start pose by efforts alone; \
          replay them as they are with `--ease-in \"0 s\"`"
     )]
     Limp { joint: String },
-    /// The measured joint states are of another robot.
-    #[error("{measured} joints are measured, and the recorded commands are of {commanded}")]
+    /// The measured joint states belong to another robot.
+    #[error("{measured} joints are measured, but the recorded commands have {commanded}")]
     Joints { measured: usize, commanded: usize },
     /// The start pose is too far away for the available time.
     #[error(
-        "joint `{joint}` is {distance:.3} from the first recorded command, which takes {needed} within half of its limits \
-         ({velocity:.3} and {acceleration:.3} per second), and {given} are left: give it that by `--ease-in`"
+        "joint `{joint}` is {distance:.3} from the first recorded command: the approach takes {needed} within half of its limits \
+         ({velocity:.3} and {acceleration:.3} per second), but only {given} are left: raise `--ease-in`"
     )]
     Far { joint: String, distance: f64, needed: TimeSpan, given: TimeSpan, velocity: f64, acceleration: f64 },
-    /// The last command is too fast for the time.
+    /// The last command is too fast to come to rest in the available time.
     #[error(
         "joint `{joint}` moves at {velocity:.3} per second in the last recorded command: coming to rest takes {needed} within \
-         half of its limits, and {given} are given: give it that by `--ramp-down`"
+         half of its limits, but only {given} are available: raise `--ramp-down`"
     )]
     Fast { joint: String, velocity: f64, needed: TimeSpan, given: TimeSpan },
 }
@@ -71,14 +69,14 @@ pub(super) fn rates(robot: &RobotReference) -> Result<Vec<Rates>, EaseError> {
     Ok(model.joint_names().iter().enumerate().map(of_joint).collect())
 }
 
-/// A command and its due time, ns.
+/// Command and its due time, ns.
 type Due = (JointCommand, u64);
 
 /// The first and the last command of an episode.
 struct Ends {
     first: Due,
     last: Due,
-    /// Both as recorded.
+    /// Recorded bytes of both commands.
     bytes: [Vec<u8>; 2],
     /// Deceleration time, s.
     ramp: f64,
@@ -110,7 +108,7 @@ impl Ease {
         Some(Self { rates, episodes: Vec::new(), episode: 0, start: None, offsets, bytes, made: 0 })
     }
 
-    /// Adds an episode: first and last command with their due times, ns, and the deceleration time.
+    /// Adds an episode with its first and last command, their due times \[ns\], and the deceleration time.
     pub(super) fn push(
         &mut self,
         ends: Option<[(&[u8], u64); 2]>,
@@ -150,7 +148,7 @@ impl Ease {
         self.episodes.get(self.episode)?.as_ref()
     }
 
-    /// Selects the start of an episode.
+    /// Resets to the start of an episode.
     pub(super) fn reset(&mut self, episode: u64) {
         self.episode = usize::try_from(episode).unwrap_or(usize::MAX);
         self.start = None;
@@ -166,7 +164,7 @@ impl Ease {
         self.ends().is_some_and(|ends| time_ns < ends.first.1 || time_ns > ends.last.1)
     }
 
-    /// Sets the measured joint state to start from, and its time, ns.
+    /// Starts from a measured joint state, and its time \[ns\].
     pub(super) fn begin(&mut self, measured: &[u8], time_ns: u64) -> Result<(), EaseError> {
         let (Some(start), Some(ends)) = (from_bytes::<JointState>(measured), self.ends()) else {
             return Ok(());
@@ -237,13 +235,14 @@ fn put(bytes: &mut [u8], offset: usize, entry: usize, value: f64) {
     }
 }
 
-/// Returns the minimum-jerk quintic from 0 to 1, and its slope, at a fraction of its duration.
+/// Returns the minimum-jerk quintic from 0 to 1, and its slope, at the fraction `part` of its duration.
 fn quintic(part: f64) -> (f64, f64) {
     let t = part.clamp(0.0, 1.0);
     (t.powi(3) * (10.0 + t * (6.0 * t - 15.0)), 30.0 * (t * (1.0 - t)).powi(2))
 }
 
-/// Returns the distance covered and the velocity while decelerating uniformly to zero within a time.
+/// Returns the distance covered and the velocity after `passed` of a uniform deceleration to zero that lasts
+/// `within`.
 fn coast(velocity: f64, passed: f64, within: f64) -> (f64, f64) {
     if within <= 0.0 {
         return (0.0, 0.0);

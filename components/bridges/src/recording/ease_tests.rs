@@ -92,7 +92,7 @@ fn velocity_ramps_down_after_the_last_command() {
         assert_eq!((rest.velocity(), rest.effort()[0]), (&[0.0, 0.0][..], 4.0));
     }
     let said = eased(50.0, 2000, 190).err().expect("too short").to_string();
-    assert!(said.contains("takes 200 ms") && said.contains("190 ms are given"), "{said}");
+    assert!(said.contains("takes 200 ms") && said.contains("190 ms are available"), "{said}");
 }
 
 #[test]

@@ -26,7 +26,7 @@ pub struct RecordedSample {
     pub bytes: Vec<u8>,
 }
 
-/// A picture of a recording.
+/// An image of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RecordedPicture {
     /// Index of its camera among [`Recording::pictures`].
@@ -38,7 +38,7 @@ pub struct RecordedPicture {
 }
 
 impl RecordedPicture {
-    /// The picture: its size, its encoding and its pixels. `None` if the message is damaged.
+    /// Decodes the image: size, encoding and pixels. Returns `None` if the message is damaged.
     ///
     /// ```no_run
     /// use motorium_bridges::recording::{Entry, Recording};
@@ -59,12 +59,12 @@ impl RecordedPicture {
     }
 }
 
-/// A sample or a picture.
+/// A sample or an image.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Entry {
     /// A sample of a topic.
     Sample(RecordedSample),
-    /// A picture of a camera.
+    /// An image of a camera.
     Picture(RecordedPicture),
 }
 
@@ -79,8 +79,8 @@ impl Entry {
 }
 
 impl Recording {
-    /// Returns all samples in file order, which is nearly time order. A damaged file gives the samples before
-    /// the damage.
+    /// Returns all samples in file order, which is nearly time order. A damaged file yields the samples
+    /// before the damage.
     pub fn samples(&self) -> Samples<'_> {
         Samples::new(self)
     }
@@ -95,11 +95,11 @@ impl Recording {
         Entries::new(self)
     }
 
-    /// Returns the latest sample of each topic and the latest image of each camera at a time, and the
+    /// Returns the latest sample of each topic and the latest image of each camera at `time_ns`, and the
     /// following entries in file order. Earlier entries are skipped without decoding.
     ///
     /// # Errors
-    /// If a message is damaged.
+    /// Returns an error if a message is damaged.
     pub fn newest_at(&self, time_ns: u64) -> Result<(Vec<Entry>, Entries<'_>), ReadError> {
         let mut entries = self.entries();
         let newest = entries.pass(time_ns)?;
@@ -203,7 +203,7 @@ impl Iterator for Images<'_> {
 /// Samples and images of a recording, in order.
 pub struct Entries<'r> {
     messages: Messages<'r>,
-    /// A message that was already read ahead.
+    /// Message that has been read ahead.
     next: Option<Message<'r>>,
 }
 
@@ -212,7 +212,7 @@ impl<'r> Entries<'r> {
         Self { messages: Messages::new(recording), next: None }
     }
 
-    /// Skips the entries before a time and returns the newest one of each topic and camera among them.
+    /// Skips the entries before `time_ns`, and returns the newest skipped entry of each topic and camera.
     pub(super) fn pass(&mut self, time_ns: u64) -> Result<Vec<Entry>, ReadError> {
         let mut newest: BTreeMap<Source, Message<'r>> = BTreeMap::new();
         while let Some(message) = self.next.take().or_else(|| self.messages.next()) {

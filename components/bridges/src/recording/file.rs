@@ -13,7 +13,7 @@ use mcap::{Attachment, McapError, WriteOptions};
 use super::PROFILE;
 use crate::foxglove::Schema;
 
-/// Longest time before a message is passed to the operating system.
+/// Maximum time until a message is passed to the operating system.
 const FLUSH_EVERY: Duration = Duration::from_millis(500);
 /// Size at which a chunk is written, bytes.
 const CHUNK: u64 = 1 << 20;
@@ -25,7 +25,7 @@ pub(super) struct Writer {
     bytes: u64,
 }
 
-/// Returns the system error behind a writer's error, or the writer's own message.
+/// Returns the system error that caused a writer's error, or the writer's own message.
 pub(super) fn reason(error: &McapError) -> String {
     match error {
         McapError::Io(error) => error.to_string(),
@@ -123,7 +123,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Bytes of messages so far.
+    /// Number of message bytes so far.
     pub(super) fn bytes(&self) -> u64 {
         self.bytes
     }

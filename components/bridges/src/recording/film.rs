@@ -1,4 +1,4 @@
-//! The robots and the world of a recording at some of its times.
+//! Robots and world of a recording at selected times.
 
 use motorium::declare::RobotReference;
 use motorium::plan::Plan;
@@ -13,30 +13,29 @@ use crate::foxglove::{load_visible, robot_of_topic, robots, world_of};
 /// A robot of a recording.
 #[derive(Debug, Clone)]
 pub struct Postures {
-    /// The robot with its visible shapes, a fixed base at its pose in the world.
+    /// The robot with its visual shapes; a fixed base is at its pose in the world.
     pub robot: Loaded,
-    /// Its configurations `q`, one a time.
+    /// Configuration `q` at each time.
     pub configurations: Vec<Vec<f64>>,
 }
 
-/// The robots and the world of a recording at some times.
+/// Robots and world of a recording at selected times.
 #[derive(Debug, Clone)]
 pub struct Film {
-    /// The times, since the first sample \[s\].
+    /// Times since the first sample \[s\].
     pub times_s: Vec<f64>,
-    /// The robots that have recorded joint states and whose files still exist.
+    /// Robots with recorded joint states whose files still exist.
     pub robots: Vec<Postures>,
-    /// The world of the graph, if any.
+    /// World of the graph, if any.
     pub world: Option<World>,
-    /// Poses of the objects of the world, one list a time.
+    /// Poses of the world's objects at each time.
     pub objects: Vec<Vec<Isometry3<f64>>>,
 }
 
-/// Returns the robots and the world of a recording at times in ns since its first sample, in increasing
-/// order. Before its first state a robot has the posture of that.
+/// Returns the robots and the world of a recording at ascending times, ns since the first sample. Before its
+/// first state, a robot has the configuration of that state.
 ///
-/// # Errors
-/// A message is damaged.
+/// # Errors Returns an error if a message is damaged.
 pub fn film(recording: &Recording, plan: &Plan, times_ns: &[u64]) -> Result<Film, ReadError> {
     let (begin_ns, _) = recording.times().unwrap_or_default();
     let mut followed: Vec<Followed> =
@@ -92,14 +91,14 @@ fn take_objects(state: &ObjectPoses, poses: &mut [Isometry3<f64>]) {
     }
 }
 
-/// A robot at the time that has been read.
+/// A robot at the current time of the reader.
 struct Followed {
     joints: usize,
     base: Option<usize>,
     q: Vec<f64>,
-    /// True once the joints, and the base, have been read.
+    /// `true` for the joints, and for the base, once they have been read.
     seen: (bool, bool),
-    /// Times before the first state.
+    /// Number of times before the first state.
     before: usize,
     postures: Postures,
 }

@@ -1,5 +1,4 @@
-//! First records of a file: facts of the run, its plan, machine and graph, the descriptions of its robots,
-//! and its world.
+//! First records of a file: facts of the run, plan, machine, graph, robot descriptions, and world.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +10,7 @@ use super::settings::{Settings, unix_ns};
 use super::{PLAN, RUN, machine};
 use crate::foxglove::{WORLD_SCENE, descriptions, world_scene};
 
-/// Writes the first records, with the start of the run as their time.
+/// Writes the first records, stamped with the start of the run.
 pub(super) fn head(
     writer: &mut Writer,
     plan: &Plan,

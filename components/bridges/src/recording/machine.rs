@@ -1,8 +1,8 @@
-//! The machine that a run was recorded on.
+//! Description of the machine on which a run was recorded.
 
 use motorium::os::machine;
 
-/// Facts of this machine as JSON.
+/// Describes this machine as JSON.
 pub(super) fn facts() -> serde_json::Value {
     let kernel = machine::Kernel::detect();
     serde_json::json!({

@@ -1,7 +1,7 @@
-//! Recordings: MCAP files of every sample of a run, written by `log.record` and read by the command-line
+//! Recordings: MCAP files with every sample of a run, written by `log.record` and read by the command-line
 //! tools.
 //!
-//! A file contains the channels of [`foxglove`](crate::foxglove) for each topic, and in addition:
+//! In addition to the channels of [`foxglove`](crate::foxglove) for each topic, a file contains:
 //!
 //! | name | holds |
 //! |---|---|
@@ -78,14 +78,14 @@ const PROFILE: &str = "motorium";
 const RUN: &str = "motorium";
 /// Name of the metadata record with the counts of the recording.
 const COUNTS: &str = "recording";
-/// Key of that record in a recording of the last moments of a run: their longest time in ns. Its counts are
-/// of the whole run.
+/// Key of that record in a recording that only keeps the end of a run: the length of the kept period, ns. The
+/// counts cover the whole run.
 const KEPT: &str = "kept ns";
-/// Name of the metadata record with the losses of a recording that was recovered.
+/// Name of the metadata record with the losses of a recovered recording.
 const RECOVERED: &str = "recovered";
 /// Name of the attachment with the plan.
 const PLAN: &str = "plan.json";
-/// Key of the metadata of an exact channel: a hash of the layout.
+/// Metadata key of an exact channel: the hash of its layout.
 const HASH: &str = "layout_hash";
 /// Name of the channel with the events of a run.
 const EVENTS: &str = "motorium/events";

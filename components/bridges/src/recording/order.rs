@@ -1,26 +1,26 @@
-//! Samples of a recording in order of time, without loading all of them.
+//! Samples of a recording in time order, without loading all of them.
 
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
 use super::{ReadError, RecordedSample, Recording, Samples};
 
-/// Samples of a recording in time order; samples with equal times are in file order. Memory is proportional
-/// to the disorder of the file.
+/// Samples of a recording in time order; samples with equal times are in file order. Memory use is
+/// proportional to the disorder of the file.
 pub struct InOrder<'r> {
     samples: Samples<'r>,
-    /// Samples that may still be preceded by others.
+    /// Samples that others may still precede.
     waiting: BinaryHeap<Reverse<Waiting>>,
-    /// Longest time by which a message precedes an earlier one in the file, ns.
+    /// Maximum time by which a message in the file is earlier than a preceding one, ns.
     disorder_ns: u64,
-    /// Latest time so far, ns.
+    /// Latest sample time so far, ns.
     latest_ns: u64,
-    /// Number of samples so far.
+    /// Number of samples read so far.
     read: u64,
     is_over: bool,
 }
 
-/// A sample and its position in the file.
+/// A sample and its index in the file.
 struct Waiting(RecordedSample, u64);
 
 impl Waiting {
@@ -75,7 +75,7 @@ impl Recording {
     /// Returns all samples in time order as a list.
     ///
     /// # Errors
-    /// If a message is damaged.
+    /// Returns an error if a message is damaged.
     pub fn sorted(&self) -> Result<Vec<RecordedSample>, ReadError> {
         self.in_order().collect()
     }

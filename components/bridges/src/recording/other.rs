@@ -13,9 +13,9 @@ use super::reader::{ReadError, Recording, opened};
 use super::signals::{Curve, Signal, SignalsError};
 use crate::parquet::{Column, Values, write};
 
-/// Rows of a row group.
+/// Rows per row group.
 const GROUP: usize = 1 << 16;
-/// Most columns of a table.
+/// Maximum number of columns of a table.
 const WIDEST: usize = 10_000;
 
 /// An MCAP file.
@@ -27,7 +27,7 @@ pub enum Opened {
     Other(Box<OtherLog>),
 }
 
-/// An MCAP file of another program: channels of messages in JSON, CDR (ROS 2) or protobuf.
+/// An MCAP file of another program, whose messages are JSON, CDR (ROS 2) or protobuf.
 #[derive(Debug)]
 pub struct OtherLog {
     path: PathBuf,
@@ -37,7 +37,7 @@ pub struct OtherLog {
 /// Opens an MCAP file of motorium or of another program.
 ///
 /// # Errors
-/// If the file cannot be read, is not an MCAP file, or has no channels.
+/// Returns an error if the file cannot be read, is not an MCAP file, or has no channels.
 pub fn open(path: &Path) -> Result<Opened, ReadError> {
     match opened(path)? {
         Ok(recording) => Ok(Opened::Run(Box::new(recording))),
@@ -77,7 +77,7 @@ impl OtherLog {
         self.log.faults()
     }
 
-    /// The time of every message in order, ns, by channel.
+    /// Message times of each channel, ns, ascending.
     pub fn message_times(&self) -> Vec<Vec<u64>> {
         let mut times = vec![Vec::new(); self.channels().len()];
         self.log.messages().for_each(|message| times[message.channel].push(message.time_ns));
@@ -89,7 +89,7 @@ impl OtherLog {
     /// is a path such as `pose.position.x` or `transforms[0].transform.translation`.
     ///
     /// # Errors
-    /// If the file has no such channel, field or entries, or cannot be decoded.
+    /// Returns an error if the file has no such channel, field or entries, or cannot be decoded.
     pub fn curves(&self, signals: &[Signal]) -> Result<Vec<Curve>, SignalsError> {
         let mut wanted = Vec::new();
         for signal in signals {
@@ -118,7 +118,7 @@ impl OtherLog {
         Ok(curves)
     }
 
-    /// The channel and the path of a signal. The name of a channel may contain points.
+    /// Resolves a signal to its channel and path. The name of a channel may contain dots.
     fn resolve(&self, signal: &Signal) -> Result<(usize, Option<String>), SignalsError> {
         let full = match &signal.field {
             Some(field) => format!("{}.{field}", signal.topic),
@@ -151,7 +151,7 @@ impl OtherLog {
         })
     }
 
-    /// Decodes the messages of a channel, in the order of the file.
+    /// Decodes the messages of a channel in file order.
     fn values(&self, channel: usize) -> impl Iterator<Item = Result<(u64, Value), ReadError>> {
         let of_channel = self.log.messages().filter(move |message| message.channel == channel);
         of_channel
@@ -159,11 +159,11 @@ impl OtherLog {
             .map(move |(message, number)| Ok((message.time_ns, self.decode(channel, number, &message.data)?)))
     }
 
-    /// The columns of a channel, in the order of its fields, with the kind of their content. An array whose
-    /// entries have names gives its columns these names, as in `position[panda_joint1]`.
+    /// Returns the columns of a channel in the order of its fields, with the kind of their content, and the
+    /// number of rows. Columns of arrays with named entries use these names, as in `position[panda_joint1]`.
     fn columns(&self, channel: usize) -> Result<(Vec<(String, Kind)>, usize), TableError> {
         let mut order: Vec<String> = Vec::new();
-        // Number of values and kind of each column.
+        // Number of values, and kind, of each column.
         let mut columns: BTreeMap<String, (usize, Kind)> = BTreeMap::new();
         let mut rows = 0;
         for value in self.values(channel) {
@@ -175,7 +175,7 @@ impl OtherLog {
                     Some((count, kind)) => (*count, *kind) = (*count + 1, kind.with(Kind::from_leaf(&leaf))),
                     None => {
                         columns.insert(path.to_string(), (1, Kind::from_leaf(&leaf)));
-                        // A new column follows the one that precedes it in the message.
+                        // A new column is inserted after its predecessor in the message.
                         let place =
                             before.as_ref().and_then(|before| order.iter().rposition(|name| name == before));
                         order.insert(place.map_or(0, |place| place + 1), path.to_string());
@@ -190,18 +190,18 @@ impl OtherLog {
         }
         let kind = |name: String| {
             let (count, kind) = columns[&name];
-            // A column with gaps holds floating-point numbers, of which a gap is NaN.
+            // A column with gaps holds floating-point numbers, with NaN for a gap.
             let kind = if count < rows { kind.with_gaps() } else { kind };
             (name, kind)
         };
         Ok((order.into_iter().map(kind).collect(), rows))
     }
 
-    /// Writes a channel as a table of comma-separated values: the time of each message, and a column for
-    /// every number and text. Arrays of bytes are left out. Returns the number of rows.
+    /// Writes a channel as comma-separated values: the time of each message, and one column per number and
+    /// text. Byte arrays are omitted. Returns the number of rows.
     ///
     /// # Errors
-    /// If the messages cannot be decoded, or the table cannot be written.
+    /// Returns an error if the messages cannot be decoded, or the table cannot be written.
     pub fn write_csv(&self, channel: usize, out: &mut impl Write) -> Result<u64, TableError> {
         let (columns, rows) = self.columns(channel)?;
         write!(out, "time_ns")?;
@@ -231,8 +231,7 @@ impl OtherLog {
     /// Writes a channel as a Parquet table with the columns of [`write_csv`](Self::write_csv). Returns the
     /// number of rows.
     ///
-    /// # Errors
-    /// See [`write_csv`](Self::write_csv).
+    /// # Errors Returns an error in the same cases as [`write_csv`](Self::write_csv).
     pub fn write_parquet(&self, channel: usize, out: &mut impl Write) -> Result<u64, TableError> {
         let (names, rows) = self.columns(channel)?;
         let mut times = Vec::with_capacity(rows);
@@ -258,7 +257,7 @@ impl OtherLog {
     }
 }
 
-/// Visits the numbers and texts of a message; entries of arrays with names by these names.
+/// Visits the numbers and texts of a message. Array entries are visited by name if they have names.
 fn visit<'v>(value: &'v Value, each: &mut impl FnMut(&str, Leaf<'v>)) {
     let mut names: BTreeMap<String, Option<Vec<&str>>> = BTreeMap::new();
     value.visit(&mut |path, leaf| {
@@ -275,7 +274,7 @@ fn visit<'v>(value: &'v Value, each: &mut impl FnMut(&str, Leaf<'v>)) {
     });
 }
 
-/// A text as a cell of a table.
+/// Formats a text as a table cell.
 fn cell(text: &str) -> String {
     match text.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
@@ -283,7 +282,7 @@ fn cell(text: &str) -> String {
     }
 }
 
-/// The content of a column.
+/// Kind of the values in a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Natural,
@@ -304,7 +303,7 @@ impl Kind {
         }
     }
 
-    /// Returns the kind that can hold both.
+    /// Returns the kind that can represent both.
     fn with(self, other: Self) -> Self {
         match (self, other) {
             (a, b) if a == b => a,
@@ -358,7 +357,7 @@ fn push(values: &mut Values, leaf: Option<&Leaf<'_>>) {
     }
 }
 
-/// A signal that is read, and its curves so far.
+/// A requested signal, and its curves so far.
 struct Wanted<'s> {
     signal: &'s Signal,
     channel: usize,
@@ -366,9 +365,9 @@ struct Wanted<'s> {
     curves: Vec<Curve>,
     of_name: BTreeMap<String, usize>,
     messages: u64,
-    /// Most entries of the array in a message; `None` if no message has the field.
+    /// Maximum number of array entries in a message; `None` if no message has the field.
     most: Option<usize>,
-    /// The fields of the first message.
+    /// Fields of the first message.
     known: Vec<String>,
 }
 

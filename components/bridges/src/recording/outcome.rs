@@ -8,13 +8,13 @@ use super::settings::{Counts, RecordError};
 #[derive(Debug, Clone, Default)]
 pub(super) struct Outcome {
     pub(super) counts: Counts,
-    /// Processor time of the reading and the writing thread, ns; `None` in lockstep.
+    /// Processor time of the reader and the writer thread, ns; `None` in lockstep.
     pub(super) cpu_ns: [Option<u64>; 2],
     /// Reason why the recording ended before the run.
     pub(super) ended: Option<String>,
 }
 
-/// Updates the outcome of a recording, and reports if it ended before the run.
+/// Updates the outcome of a recording, and reports a recording that ended before the run.
 pub(super) fn note(outcome: &Mutex<Outcome>, counts: Option<Counts>, ended: Result<Counts, RecordError>) {
     let mut outcome = outcome.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(counts) = counts {
@@ -24,7 +24,7 @@ pub(super) fn note(outcome: &Mutex<Outcome>, counts: Option<Counts>, ended: Resu
         Ok(counts) => outcome.counts = counts,
         Err(error) => {
             eprintln!(
-                "the recording has ended, the run continues: {error}; `motorium recover` repairs its file"
+                "the recording has ended, but the run continues: {error}; `motorium recover` repairs its file"
             );
             outcome.ended = Some(error.to_string());
         }

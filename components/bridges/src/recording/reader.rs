@@ -44,9 +44,9 @@ fn describe(error: &McapError) -> String {
     }
 }
 
-/// Returns the reason for rejecting a file of this many bytes that ends before its first message.
+/// Returns the reason for rejecting a file that ends after `bytes`, before its first message.
 pub(super) fn cut_off(bytes: usize) -> String {
-    format!("it is cut off after {bytes} bytes, before anything was recorded")
+    format!("it is cut off after {bytes} bytes, before the first message")
 }
 
 /// An error of reading a recording. The message includes its cause, which is therefore not exposed as
@@ -58,18 +58,18 @@ pub enum ReadError {
     Io {
         /// The file.
         path: PathBuf,
-        /// The error of the system.
+        /// System error.
         reason: std::io::Error,
     },
-    /// The file is no MCAP file, or damaged.
+    /// The file is damaged or is not an MCAP file.
     #[error("{path}: {}", describe(.reason), path = .path.display())]
     Format {
         /// The file.
         path: PathBuf,
-        /// The error of the format.
+        /// Format error.
         reason: Box<McapError>,
     },
-    /// A message that cannot be read.
+    /// A message cannot be read.
     #[error("{path}: topic `{topic}`: {reason}", path = .path.display())]
     Message {
         /// The file.
@@ -84,10 +84,10 @@ pub enum ReadError {
     Missing {
         /// The file.
         path: PathBuf,
-        /// The missing part, and the available ones.
+        /// The missing part, and the available parts.
         reason: String,
     },
-    /// A file of another program, or a message in it, that cannot be read.
+    /// A file of another program, or a message in it, cannot be read.
     #[error("{path}: {reason}", path = .path.display())]
     Log {
         /// The file.
@@ -95,7 +95,7 @@ pub enum ReadError {
         /// The reason.
         reason: LogError,
     },
-    /// The file is no recording of motorium.
+    /// The file is not a motorium recording.
     #[error("{path} is not a recording of this version of motorium: {reason}", path = .path.display())]
     Foreign {
         /// The file.
@@ -109,7 +109,7 @@ impl Recording {
     /// Opens a complete or truncated recording and reads everything except the samples.
     ///
     /// # Errors
-    /// If the file cannot be read or is not a recording.
+    /// Returns an error if the file cannot be read or is not a recording.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         opened(path)?.map_err(|map| {
             let path = path.to_path_buf();
@@ -128,7 +128,7 @@ impl Recording {
         self.scan.of_channel.get(&channel).copied()
     }
 
-    /// Longest time by which a message precedes an earlier one in the file, ns.
+    /// Maximum time by which a message in the file is earlier than a preceding one, ns.
     pub(super) fn disorder_ns(&self) -> u64 {
         self.scan.disorder_ns
     }
@@ -138,17 +138,17 @@ impl Recording {
         self.scan.is_whole
     }
 
-    /// Number of messages stated by the file but missing from it.
+    /// Number of messages that are declared in the file but missing from it.
     pub fn missing(&self) -> u64 {
         self.scan.missing
     }
 
-    /// Returns the faults of a readable file: a missing end, missing messages, or corrupted bytes.
+    /// Returns the faults of a readable file: a missing end, missing messages, or corrupt bytes.
     pub fn faults(&self) -> Vec<String> {
         let Scan { is_whole, damage, missing, times, metadata, .. } = &self.scan;
         let mut faults = damage.faults(*is_whole, times.map_or(0, |(first, _)| first));
         if *missing > 0 {
-            faults.push(format!("lacks {missing} messages that it states to hold"));
+            faults.push(format!("lacks {missing} messages that it declares"));
         }
         if let Some(losses) = metadata.get(RECOVERED) {
             let losses: Vec<String> = losses.iter().map(|(what, count)| format!("{what}: {count}")).collect();
@@ -168,29 +168,28 @@ impl Recording {
         &self.path
     }
 
-    /// The topics that were recorded, and `motorium/events`.
+    /// Recorded topics, and `motorium/events`.
     pub fn topics(&self) -> &[RecordedTopic] {
         &self.scan.topics
     }
 
-    /// Recorded camera images. They are not among the [topics](Self::topics), because their channels contain
-    /// viewer messages only.
+    /// Recorded camera images. They are not among the [topics](Self::topics), because their channels only
+    /// contain viewer messages.
     pub fn pictures(&self) -> &[RecordedPictures] {
         &self.scan.pictures
     }
 
-    /// The topic of a name.
+    /// Index of the topic with this name.
     pub fn topic(&self, name: &str) -> Option<usize> {
         self.scan.topics.iter().position(|topic| topic.name == name)
     }
 
-    /// The content of an attachment.
+    /// Content of an attachment.
     pub fn attachment(&self, name: &str) -> Option<&[u8]> {
         self.scan.attachments.iter().find(|(known, _)| known == name).map(|(_, content)| content.as_slice())
     }
 
-    /// Last message of a channel that belongs to no topic, such as
-    /// [`WORLD_SCENE`](crate::foxglove::WORLD_SCENE).
+    /// Last message of a channel without a topic, such as [`WORLD_SCENE`](crate::foxglove::WORLD_SCENE).
     pub fn latched(&self, channel: &str) -> Option<&[u8]> {
         self.scan.latched.get(channel).map(Vec::as_slice)
     }
@@ -200,7 +199,7 @@ impl Recording {
         self.scan.attachments.iter().map(|(name, _)| name.as_str())
     }
 
-    /// A fact of the run, such as `version` or `seed`.
+    /// Fact of the run, such as `version` or `seed`.
     pub fn fact(&self, name: &str) -> Option<&str> {
         self.scan.metadata.get(RUN)?.get(name).map(String::as_str)
     }
@@ -212,8 +211,7 @@ impl Recording {
 
     /// Returns the plan of the run.
     ///
-    /// # Errors
-    /// If the file has no plan that this version can read.
+    /// # Errors Returns an error if the plan is missing or is not readable by this version.
     pub fn plan(&self) -> Result<Plan, ReadError> {
         let foreign = |reason: String| ReadError::Foreign { path: self.path.clone(), reason };
         let missing = || match (self.scan.is_whole, self.fact("version")) {
@@ -232,7 +230,7 @@ pub(super) fn opened(path: &Path) -> Result<Result<Recording, Mmap>, ReadError> 
     let scan = Scan::of_file(&map, &summary)
         .map_err(|reason| ReadError::Foreign { path: path.to_path_buf(), reason })?;
     let is_own = scan.profile == PROFILE || !scan.topics.is_empty() || scan.metadata.contains_key(RUN);
-    // A file of motorium that was cut off early has no channels.
+    // A motorium file that was cut off early has no channels.
     let is_other = !is_own && (scan.has_channels() || !scan.damage.unreadable.is_empty());
     if is_other {
         return Ok(Err(map));
@@ -253,8 +251,8 @@ pub(super) fn map_file(path: &Path) -> Result<Mmap, ReadError> {
         return Err(ReadError::Missing { path: path.to_path_buf(), reason: "it is empty".to_string() });
     }
     let file = File::open(path).map_err(io)?;
-    // SAFETY: recordings are written once. Truncating a mapped file ends the program but damages nothing
-    // else.
+    // SAFETY: recordings are written once. Truncating a mapped file terminates the program, with no other
+    // damage.
     let map = unsafe { Mmap::map(&file) }.map_err(io)?;
     if !map.starts_with(MAGIC) {
         let reason = Box::new(McapError::BadMagic);
@@ -263,14 +261,14 @@ pub(super) fn map_file(path: &Path) -> Result<Mmap, ReadError> {
     Ok(map)
 }
 
-/// Returns the reason why a file written by another program is not a recording.
+/// Explains why a file written by another program is not a recording.
 fn other_writer(log: &MessageLog<Mmap>) -> String {
     let by = match log.writer() {
         "" => "another program".to_string(),
         writer => format!("`{writer}`"),
     };
     format!(
-        "it was written by {by}, and holds {}; expected channels that `motorium run --record` writes",
+        "it was written by {by}, and contains {}; expected channels that `motorium run --record` writes",
         log.described()
     )
 }

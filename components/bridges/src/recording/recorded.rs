@@ -11,19 +11,19 @@ pub struct RecordedTopic {
     pub name: String,
     /// Layout of its samples.
     pub layout: TypeLayout,
-    /// Number of its samples in the file.
+    /// Number of samples in the file.
     pub samples: u64,
     pub(super) derived: Derived,
 }
 
-/// The pictures of a camera in a recording.
+/// Images of a camera in a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RecordedPictures {
     /// Name of their topic.
     pub topic: String,
     /// Name of their channel in the file, whose messages are `foxglove.RawImage`.
     pub channel: String,
-    /// Number of the pictures in the file.
+    /// Number of images in the file.
     pub count: u64,
 }
 
@@ -32,12 +32,12 @@ pub struct RecordedPictures {
 pub(super) enum Source {
     /// Index among the topics.
     Topic(usize),
-    /// Index among the pictures.
+    /// Index among the image topics.
     Pictures(usize),
 }
 
 impl RecordedTopic {
-    /// The messages of its exact channel.
+    /// Decoder of its exact channel.
     pub fn derived(&self) -> &Derived {
         &self.derived
     }

@@ -17,7 +17,7 @@ use super::taps::{Clock, Events, Readers, Recorded, Topic};
 use super::{EVENTS, HASH, LAYOUT, TOPIC};
 use crate::foxglove::{Channel, Content, Derived, Schema, channels};
 
-/// The taps of a run and the output file, in one thread.
+/// Taps of a run and the output file, in one thread.
 pub(super) struct Recorder {
     readers: Readers,
     sink: Sink,
@@ -25,8 +25,8 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// Opens the file and all taps. Also returns a second handle of the file, with which another thread syncs
-    /// it to disk.
+    /// Opens the file and all taps. Also returns a second file handle, with which another thread syncs the
+    /// file to disk.
     pub(super) fn open(observer: Observer, settings: Settings) -> Result<(Self, File), RecordError> {
         let path = settings.output.clone();
         let of_file = |source| RecordError::File { path: path.clone(), source };
@@ -53,7 +53,7 @@ impl Recorder {
             }
         }
         writer.flush().map_err(of_file)?;
-        // From here on, reading does not wait for the file: every published value is read.
+        // From here on, reading does not wait for the file, so every published value is read.
         let opened = chosen.into_iter().map(|(index, channels)| {
             Ok::<_, RecordError>(Topic { index, tap: observer.tap(index)?, channels, samples: 0 })
         });
@@ -81,8 +81,8 @@ impl Recorder {
         Counts { bytes: self.sink.bytes(), ..self.readers.counts() }
     }
 
-    /// Writes the remaining values and ends the file. If only a failure was to be recorded, the file is
-    /// removed after a successful run.
+    /// Writes the remaining values and ends the file. If only failures are recorded, the file of a successful
+    /// run is removed.
     pub(super) fn finish(mut self) -> Result<Counts, RecordError> {
         self.readers.read_last(&mut self.batch);
         self.sink.write(&mut self.batch)?;
@@ -92,7 +92,7 @@ impl Recorder {
     }
 }
 
-/// The channels of the events: exact, and lines of a log.
+/// Channels of the events: exact messages, and log lines.
 fn event_channels(writer: &mut Writer, event: &Derived) -> Result<(u16, u16), McapError> {
     let exact = writer.channel(EVENTS, event.schema(), &exact_metadata(EVENTS, &Event::layout()))?;
     let log = Schema::of::<foxglove::messages::Log>();

@@ -22,24 +22,24 @@ use super::{RECOVERED, ReadError};
 pub struct Recovered {
     /// Messages of all channels.
     pub messages: u64,
-    /// Number of bytes in no readable record, such as the unfinished end.
+    /// Number of bytes outside of readable records, such as the unfinished end.
     pub lost_bytes: u64,
     /// `true` if the file was complete.
     pub was_whole: bool,
-    /// Number of messages stated by the file but unreadable.
+    /// Number of messages that are declared in the file but unreadable.
     pub missing_messages: u64,
-    /// Number of corrupted chunks. Their messages are copied without a checksum.
+    /// Number of corrupt chunks. Their messages are copied without a checksum.
     pub damaged_chunks: u64,
-    /// Number of corrupted attachments. They are copied without a checksum.
+    /// Number of corrupt attachments. They are copied without a checksum.
     pub damaged_attachments: u64,
     /// Number of unreadable chunks, such as chunks with an unknown compression.
     pub unreadable_chunks: u64,
-    /// `true` if bytes outside chunks and attachments are corrupted.
+    /// `true` if bytes outside of chunks and attachments are corrupt.
     pub has_other_damage: bool,
 }
 
 impl Recovered {
-    /// Returns `true` if at most the unfinished end of the file was lost and nothing before it is damaged.
+    /// Returns `true` if nothing but the unfinished end of the file was lost or damaged.
     pub fn is_clean(&self) -> bool {
         let counts =
             [self.missing_messages, self.damaged_chunks, self.damaged_attachments, self.unreadable_chunks];
@@ -47,7 +47,7 @@ impl Recovered {
         counts.iter().all(|count| *count == 0) && !self.has_other_damage && !has_gap
     }
 
-    /// Returns the nonzero losses by name.
+    /// Returns the non-zero losses by name.
     pub fn losses(&self) -> BTreeMap<String, String> {
         let other = u64::from(self.has_other_damage);
         let all = [
@@ -74,9 +74,8 @@ impl Recovered {
 /// # Ok::<(), motorium_bridges::recording::ReadError>(())
 /// ```
 ///
-/// # Errors
-/// If one of the files cannot be read or written, or the first is not an MCAP file or ends before its first
-/// record.
+/// # Errors Returns an error if one of the files cannot be read or written, or if the first is not an MCAP
+/// file or ends before its first record.
 pub fn recover(torn: &Path, whole: &Path) -> Result<Recovered, ReadError> {
     let io = |path: &Path| {
         let path = path.to_path_buf();
@@ -91,7 +90,7 @@ pub fn recover(torn: &Path, whole: &Path) -> Result<Recovered, ReadError> {
     }
     let file = File::create(whole).map_err(io(whole))?;
     let recovered = Copy::new(&source, &summary).write(file).map_err(|error| {
-        // A part of a complete recording would look complete. Devices and other non-files are kept.
+        // A partial copy would look like a complete recording. Devices and other non-files are kept.
         if std::fs::symlink_metadata(whole).is_ok_and(|there| there.is_file()) {
             let _ = std::fs::remove_file(whole);
         }
@@ -117,7 +116,7 @@ impl<'a> Copy<'a> {
         }
         let stated = summary.statistics.as_ref().map_or(0, |statistics| statistics.message_count);
         let by_index = stated.saturating_sub(messages);
-        // Layouts that this version cannot read do not matter here.
+        // Layouts that this version cannot read are irrelevant here.
         let missing = Scan::of_file(source, summary).map_or(by_index, |scan| scan.missing);
         let damage = &records.damage;
         let recovered = Recovered {
@@ -143,7 +142,7 @@ impl<'a> Copy<'a> {
             Some(Record::Header(header)) => (header.profile.clone(), header.library.clone()),
             _ => (String::new(), String::new()),
         };
-        // A checksum over all data would cover the damage.
+        // A checksum over all data would conceal the damage.
         let options = WriteOptions::new()
             .compression(None)
             .profile(profile)
@@ -195,7 +194,8 @@ impl<'a> Copy<'a> {
         let file = writer.into_inner().file.into_inner().map_err(std::io::IntoInnerError::into_error)?;
         for chunk in indexes.iter().map(|index| index.chunk_start_offset) {
             if unsummed.iter().any(|range| range.contains(&chunk)) {
-                // After the kind and the length of the record, its times and its size: 0 means no checksum.
+                // The checksum is stored after the kind, length, times and size of the record; 0 means no
+                // checksum.
                 file.write_all_at(&[0; 4], chunk + 9 + 24)?;
             }
         }
@@ -204,7 +204,7 @@ impl<'a> Copy<'a> {
     }
 }
 
-/// Numbers of the channels of a file in its copy.
+/// Maps the channel numbers of a file to the numbers in its copy.
 struct Channels<'a> {
     summary: &'a Summary,
     schemas: BTreeMap<u16, u16>,
@@ -237,7 +237,8 @@ impl<'a> Channels<'a> {
         Ok(())
     }
 
-    /// The number of a channel, which the end of the file defines if its chunk is damaged.
+    /// Returns the number of a channel. If the chunk with its definition is damaged, the end of the file
+    /// defines it.
     fn find<W: Write + Seek>(
         &mut self,
         channel: u16,

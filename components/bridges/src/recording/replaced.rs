@@ -1,4 +1,4 @@
-//! Plans in which a recording replaces components.
+//! Plans in which recorded values replace components.
 
 use motorium::declare::ClockKind;
 use motorium::plan::{
@@ -13,11 +13,11 @@ use super::spans::Spans;
 use super::{ReadError, Recording};
 use crate::foxglove::robot_of_topic;
 
-/// Returns the plan of a recording with each of these components replaced by a `log.replay` that keeps its
+/// Returns the plan of a recording in which a `log.replay` replaces each of these components, with the same
 /// activation and order.
 ///
 /// # Errors
-/// If the recording has no plan, or the plan has no such component.
+/// Returns an error if the recording has no plan, or the plan has no such component.
 pub fn replaced(recording: &Recording, names: &[String]) -> Result<Plan, ReadError> {
     let mut plan = recording.plan()?;
     let missing = |reason| ReadError::Missing { path: recording.path().to_path_buf(), reason };
@@ -44,7 +44,7 @@ pub fn replaced(recording: &Recording, names: &[String]) -> Result<Plan, ReadErr
 /// `log.replay`. The run lasts as long as the recorded episode, or all episodes.
 ///
 /// # Errors
-/// If the recording has no readable plan, or no such component or episode.
+/// Returns an error if the recording has no readable plan, or no such component or episode.
 pub fn replayed(recording: &Recording, live: &[String], episode: Option<u64>) -> Result<Plan, ReadError> {
     let recorded = recording.plan()?;
     let missing = |reason| ReadError::Missing { path: recording.path().to_path_buf(), reason };
@@ -82,10 +82,10 @@ pub fn replayed(recording: &Recording, live: &[String], episode: Option<u64>) ->
     Ok(plan)
 }
 
-/// Delays the start of a replay while robots approach the start pose. This applies to robots whose actuators
-/// are `live` and follow recorded joint commands, with joint states measured by a live component. After the
-/// last command they come to rest. Returns the names of the components with eased commands; the plan is
-/// extended accordingly.
+/// Delays the start of a replay while robots approach the start pose, and brings them to rest after the last
+/// command. This applies to robots whose actuators are `live` and follow recorded joint commands, with joint
+/// states measured by a live component. Returns the names of the components with eased commands, and extends
+/// the plan accordingly.
 pub fn ease_in(plan: &mut Plan, live: &[String], lead: TimeSpan, ramp_down: TimeSpan) -> Vec<String> {
     let is_live = |index: usize| live.contains(&plan.components[index].name);
     let is_followed = |topic: usize| {
@@ -116,8 +116,8 @@ pub fn ease_in(plan: &mut Plan, live: &[String], lead: TimeSpan, ramp_down: Time
             eased.push(Eased { port: output.port.clone(), measured });
         }
         if let Some((input, topic)) = released_by {
-            // The recorded trigger topic may be silent before and after the recording; joint states are
-            // published throughout.
+            // The recorded trigger topic may be silent before and after the recording, but joint states are
+            // always published.
             let activation = match component.activation {
                 Activation::Triggered { topic: other, period_ns, .. } if !is_measured(other) => {
                     Some(Activation::Triggered { topic, input, period_ns })
@@ -157,7 +157,7 @@ fn is_logger(component: &ComponentPlan) -> bool {
     matches!(&component.program, Program::Builtin { kind } if kind.starts_with("log.") && kind != Replay::KIND)
 }
 
-/// Returns the components of a plan that only log and publish nothing; a replay omits them.
+/// Returns the components of a plan that only log and do not publish; a replay omits them.
 pub fn loggers(plan: &Plan) -> Vec<String> {
     let loggers = plan.components.iter().filter(|component| is_logger(component));
     loggers.map(|component| component.name.clone()).collect()

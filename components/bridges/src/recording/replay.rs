@@ -61,15 +61,15 @@ pub struct Eased {
     pub measured: String,
 }
 
-/// A component that publishes the recorded values of another component at their recorded times since the
-/// start.
+/// A component that publishes the recorded values of another component at their recorded times, relative to
+/// the start.
 pub struct Replay {
     outputs: Vec<Replayed>,
-    /// The input that triggered its outputs, and measured joint states.
+    /// The input that triggers its outputs, and measured joint states.
     inputs: Vec<(String, RawInput)>,
     is_lockstep: bool,
     episode: u64,
-    /// Times at which episodes ended earlier than planned, ns, and the permission to end them.
+    /// Times at which episodes ended earlier than planned, ns, and the permission to end episodes.
     ends: Vec<Option<u64>>,
     end: Option<EpisodeEnd>,
     counts: Counts,
@@ -87,7 +87,7 @@ struct Replayed {
 struct Counts {
     published: u64,
     refused: u64,
-    /// Number of samples not yet due when their episode ended.
+    /// Number of samples that were not due before their episode ended.
     left: u64,
 }
 
@@ -159,7 +159,7 @@ impl Component for Replay {
         }
         let around_ns = config.lead.ns + config.ramp_down.ns;
         let ends = spans.early_ends(&recorded).into_iter().map(|end| Some(end? + around_ns)).collect();
-        // It reads two kinds of inputs: the one whose source times its outputs carry, and measured joint
+        // It reads two kinds of inputs: the input whose source times its outputs carry, and measured joint
         // states.
         let cause = own.cause.map(|index| &own.inputs[index].port);
         let is_read =
@@ -209,7 +209,7 @@ impl Component for Replay {
         for Replayed { output, queue, ease } in &mut self.outputs {
             let mut newest = None;
             while queue.front().is_some_and(|next| next.episode == self.episode && next.due_ns <= until_ns) {
-                // Only a tap can distinguish publications of one step, so all of them are published.
+                // Only a tap can distinguish the publications of one step, so all of them are published.
                 if let Some(value) = newest.replace(queue.pop_front()).flatten() {
                     publish(output, &value, tick, self.is_lockstep, &mut self.counts);
                 }
@@ -285,7 +285,8 @@ impl Eased {
 }
 
 fn publish(output: &mut RawOutput, value: &Recorded, tick: &Tick, is_lockstep: bool, counts: &mut Counts) {
-    // In lockstep the stamp clock counts ticks; in real time ages restart.
+    // In lockstep, the stamp clock counts ticks, so the recorded age is preserved; in real time, ages restart
+    // at zero.
     let sent = match is_lockstep {
         true => output.publish_from(&value.bytes, tick.time_ns.saturating_sub(value.age_ns)),
         false => output.publish(&value.bytes),
@@ -303,7 +304,7 @@ pub(super) fn find<'p>(plan: &'p Plan, name: &str) -> Result<&'p ComponentPlan, 
     })
 }
 
-/// The outputs that can be published from a recording: states.
+/// Outputs that can be published from a recording: states.
 fn states(component: &ComponentPlan) -> impl Iterator<Item = &PortPlan> {
     component.outputs.iter().filter(|port| port.pattern == TopicPattern::State)
 }
@@ -312,8 +313,8 @@ fn single(port: &PortPlan) -> bool {
     port.topic.is_some() && !matches!(port.pattern, TopicPattern::Slices { .. })
 }
 
-/// The kind `log.replay`, for host programs of the plans from [`replaced`]. It is not meant for hand-written
-/// graphs.
+/// Returns the kind `log.replay`, for programs that host plans from [`replaced`]. It is not meant for
+/// hand-written graphs.
 // Not inlined, as required by `Kind::of`.
 #[inline(never)]
 pub fn replay_kind() -> Kind {

@@ -1,4 +1,4 @@
-//! Scan of a file: everything in a recording except its samples.
+//! Scan of a file: all content of a recording except its samples.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,26 +10,26 @@ use super::recorded::{RecordedPictures, RecordedTopic, Source};
 use super::{COUNTS, KEPT, LAYOUT, TOPIC};
 use crate::foxglove::Derived;
 
-/// Name of the schema of pictures.
+/// Schema name of images.
 const PICTURES: &str = "foxglove.RawImage";
 
-/// Everything in a file except its samples.
+/// All content of a file except its samples.
 #[derive(Debug, Default)]
 pub(super) struct Scan {
     pub(super) topics: Vec<RecordedTopic>,
     pub(super) pictures: Vec<RecordedPictures>,
-    /// Kind of the messages of each channel, by the number of the channel.
+    /// Source of the messages of each channel, by channel number.
     pub(super) of_channel: BTreeMap<u16, Source>,
     pub(super) attachments: Vec<(String, Vec<u8>)>,
-    /// Last message of each channel that belongs to no topic.
+    /// Last message of each channel without a topic.
     pub(super) latched: BTreeMap<String, Vec<u8>>,
     pub(super) metadata: BTreeMap<String, BTreeMap<String, String>>,
     pub(super) is_whole: bool,
     pub(super) times: Option<(u64, u64)>,
-    /// Longest time by which a message precedes an earlier one in the file, ns.
+    /// Maximum time by which a message in the file is earlier than a preceding one, ns.
     pub(super) disorder_ns: u64,
     pub(super) damage: Damage,
-    /// Number of messages stated by the file but missing from it.
+    /// Number of messages that are declared in the file but missing from it.
     pub(super) missing: u64,
     /// Profile of the header.
     pub(super) profile: String,
@@ -42,8 +42,7 @@ pub(super) struct Scan {
 impl Scan {
     /// Scans a file.
     ///
-    /// # Errors
-    /// If a channel of motorium has a layout that this version cannot read.
+    /// # Errors Returns an error if a motorium channel has a layout that this version cannot read.
     pub(super) fn of_file(file: &[u8], summary: &Summary) -> Result<Self, String> {
         let mut scan = Self::default();
         let mut records = Records::new(file, summary, true);
@@ -74,7 +73,7 @@ impl Scan {
         Ok(scan)
     }
 
-    /// True if the file defines a channel.
+    /// Returns `true` if the file defines a channel.
     pub(super) fn has_channels(&self) -> bool {
         !self.channels.is_empty()
     }
@@ -136,8 +135,8 @@ impl Scan {
         self.disorder_ns = self.disorder_ns.max(last.saturating_sub(time_ns));
     }
 
-    /// Number of messages stated at the end of the file but missing from it: the index counts every channel,
-    /// the recorder its topics.
+    /// Number of messages that are declared at the end of the file but missing from it. The index counts the
+    /// messages of all channels; the recorder counts those on its topics.
     fn missing_messages(&self, summary: &Summary) -> u64 {
         let stated = summary.statistics.iter().flat_map(|statistics| &statistics.channel_message_counts);
         let by_index: u64 = stated

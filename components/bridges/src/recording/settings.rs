@@ -1,4 +1,4 @@
-//! The settings of a recorder, its counts and its errors.
+//! Settings, counts and errors of a recorder.
 
 use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -17,13 +17,13 @@ pub(super) enum RecordError {
     File {
         /// The file.
         path: PathBuf,
-        /// The error of its writer.
+        /// Error of its writer.
         source: McapError,
     },
-    /// A topic cannot be reached.
+    /// A topic cannot be opened.
     #[error(transparent)]
     Topic(#[from] PortError),
-    /// A topic whose type cannot be written.
+    /// The type of a topic cannot be encoded.
     #[error(transparent)]
     Type(#[from] DerivedError),
 }
@@ -33,11 +33,11 @@ pub(super) enum RecordError {
 pub(super) struct Settings {
     pub(super) output: PathBuf,
     pub(super) taps: Taps,
-    /// Least time between two messages of a drawn channel, ns.
+    /// Minimum time between two messages of a drawn channel, ns.
     pub(super) drawn_every_ns: u64,
-    /// Length of the kept period before a failure, ns; `None` keeps the whole run.
+    /// Length of the period kept before a failure, ns; `None` keeps the whole run.
     pub(super) last_ns: Option<u64>,
-    /// Files to attach, by their names.
+    /// Files to attach, by name.
     pub(super) attachments: Vec<(String, Vec<u8>)>,
 }
 
@@ -49,7 +49,7 @@ pub(super) struct Counts {
     pub(super) bytes: u64,
 }
 
-/// The present, ns since 1970.
+/// Current time, ns since 1970.
 pub(super) fn unix_ns() -> u64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)

@@ -1,4 +1,4 @@
-//! Numbers of a recording over time.
+//! Signals of a recording: numbers over time.
 
 use std::ops::Range;
 use std::str::FromStr;
@@ -8,8 +8,8 @@ use motorium::state::{DecodeError, Decoder, FieldValue, Number};
 
 use super::{ReadError, Recording};
 
-/// Some numbers of a topic: `panda/joint_state.position[0..7]`, `panda/joint_state.position[2]`,
-/// `panda/target.position`, or all numbers of a topic by its name alone.
+/// Numbers of a topic: `panda/joint_state.position[0..7]`, `panda/joint_state.position[2]` or
+/// `panda/target.position`; the name of the topic alone selects all its numbers.
 ///
 /// ```
 /// use motorium_bridges::recording::Signal;
@@ -25,11 +25,11 @@ pub struct Signal {
     pub topic: String,
     /// Name of the field; all fields if `None`.
     pub field: Option<String>,
-    /// Entries of an array; all in use if `None`.
+    /// Entries of an array; all used entries if `None`.
     pub entries: Option<Range<usize>>,
 }
 
-/// The text does not name a signal.
+/// The text is not the name of a signal.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "`{0}` is not a signal: expected TOPIC.FIELD, TOPIC.FIELD[I] or TOPIC.FIELD[A..B], such as panda/joint_state.position[0..7]"
@@ -78,13 +78,13 @@ pub struct Curve {
     pub name: String,
     /// Index of the entry of an array.
     pub entry: Option<usize>,
-    /// Name of the entry, if the sample holds one.
+    /// Name of the entry, if the sample contains one.
     pub label: Option<String>,
-    /// Time since the first sample of the recording, s, and value.
+    /// Time since the first sample of the recording \[s\], and value.
     pub points: Vec<(f64, f64)>,
 }
 
-/// The error of reading signals.
+/// Error of reading signals.
 #[derive(Debug, thiserror::Error)]
 pub enum SignalsError {
     /// The recording cannot be read.
@@ -111,23 +111,21 @@ pub enum SignalsError {
         /// The one that was probably meant, or all.
         advice: String,
     },
-    /// No sample has this many entries.
+    /// No sample has the requested entries.
     #[error(
-        "`{name}` has {} in this recording, found {}..{}; entries are counted from 0, and the end is not one of them",
+        "`{name}` has {} in this recording, found {}..{}; entries are counted from 0, and the end is exclusive",
         counted(*.most), .entries.start, .entries.end
     )]
     NoEntry {
         /// The topic and the field.
         name: String,
-        /// The most entries of a sample.
+        /// Maximum number of entries in a sample.
         most: usize,
         /// Requested entries.
         entries: Range<usize>,
     },
     /// The field contains no numbers.
-    #[error(
-        "`{name}` has no numbers in this recording: it is a text, or an array of which no entry was in use"
-    )]
+    #[error("`{name}` has no numbers in this recording: it is a text, or an array without used entries")]
     NoNumbers {
         /// The topic and the field.
         name: String,
@@ -145,7 +143,7 @@ fn counted(entries: usize) -> String {
     }
 }
 
-/// A number as a floating-point number.
+/// Converts a number to floating point.
 pub(super) fn as_f64(number: Number) -> f64 {
     match number {
         Number::Natural(number) => number as f64,
@@ -155,10 +153,10 @@ pub(super) fn as_f64(number: Number) -> f64 {
     }
 }
 
-/// The curves of signals, in their order; an array is a curve for each entry.
+/// Returns the curves of signals, in their order; an array has one curve per entry.
 ///
-/// # Errors
-/// The recording has no such topic, field or entries, or no sample of them, or cannot be read.
+/// # Errors Returns an error if the recording has no such topic, field, entries or samples, or if it cannot
+/// be read.
 pub fn curves(recording: &Recording, signals: &[Signal]) -> Result<Vec<Curve>, SignalsError> {
     let mut wanted = Vec::new();
     for signal in signals {
@@ -229,7 +227,7 @@ pub fn curves(recording: &Recording, signals: &[Signal]) -> Result<Vec<Curve>, S
 }
 
 impl Curve {
-    /// The curve with at most this many points: of each stretch of time its least and its greatest value.
+    /// Reduces the curve to at most this number of points: the minimum and maximum of each time interval.
     #[must_use]
     pub fn thinned(&self, points: usize) -> Vec<(f64, f64)> {
         if self.points.len() <= points {
@@ -243,7 +241,7 @@ impl Curve {
     }
 }
 
-/// The least and the greatest value of each stretch of time: a curve of any length as one that can be drawn.
+/// Minimum and maximum of each time interval, which reduces a curve of any length to one that can be drawn.
 ///
 /// ```
 /// use motorium_bridges::recording::Envelope;
@@ -255,24 +253,24 @@ impl Curve {
 #[derive(Debug, Clone, Default)]
 pub struct Envelope {
     begin: f64,
-    /// Stretches per second.
+    /// Intervals per second.
     rate: f64,
-    /// The points of the least and of the greatest value of each stretch.
+    /// Points with the minimum and the maximum of each interval.
     stretches: Vec<Option<[(f64, f64); 2]>>,
 }
 
 impl Envelope {
-    /// An empty envelope of this many stretches (at least one) between two times, s. Earlier and later values
-    /// belong to the first and the last.
+    /// Creates an empty envelope with this number of intervals (at least one) between two times, s. Earlier
+    /// and later values belong to the first and the last interval.
     pub fn new((begin, end): (f64, f64), stretches: usize) -> Self {
         let stretches = vec![None; stretches.max(1)];
         let rate = if end > begin { stretches.len() as f64 / (end - begin) } else { 0.0 };
         Self { begin, rate, stretches }
     }
 
-    /// Adds a value; times need no order.
+    /// Adds a value; times may be in any order.
     pub fn take(&mut self, time: f64, value: f64) {
-        // Numbers below 0 become 0.
+        // The conversion clamps negative numbers to 0.
         let index = ((time - self.begin) * self.rate) as usize;
         let last = self.stretches.len() - 1;
         match &mut self.stretches[index.min(last)] {
@@ -288,7 +286,7 @@ impl Envelope {
         }
     }
 
-    /// The points in the order of time: one or two of each stretch with values.
+    /// Points in time order: one or two per interval with values.
     pub fn points(&self) -> Vec<(f64, f64)> {
         let mut points = Vec::with_capacity(2 * self.stretches.len());
         for [least, greatest] in self.stretches.iter().flatten() {

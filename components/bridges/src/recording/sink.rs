@@ -1,4 +1,4 @@
-//! The file of a recorder, or its memory of the last moments.
+//! Output file of a recorder, or its buffer for the end of the run.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -10,19 +10,19 @@ use super::file::Writer;
 use super::settings::RecordError;
 use super::{COUNTS, KEPT};
 
-/// The file of a recorder. If only the last moments are kept, they are written at the end.
+/// Output file of a recorder. If only the end of the run is kept, it is written last.
 pub(super) struct Sink {
     path: PathBuf,
     writer: Writer,
-    /// Buffer of the last moments, if only they are kept.
+    /// Buffer for the end of the run, if nothing else is kept.
     ring: Option<Ring>,
-    /// An error was reported: the run fails.
+    /// The run has reported an error, so it fails.
     has_failed: bool,
 }
 
 impl Sink {
-    /// Creates a sink for the file of `writer`. With `last_ns` \[ns\] it contains only this period before a
-    /// failure.
+    /// Creates a sink for the file of `writer`. With `last_ns` \[ns\], the file only contains this period
+    /// before a failure.
     pub(super) fn new(path: PathBuf, writer: Writer, last_ns: Option<u64>) -> Self {
         Self { path, writer, ring: last_ns.map(Ring::new), has_failed: false }
     }
@@ -34,13 +34,13 @@ impl Sink {
         written.and_then(|()| self.writer.flush_if_due()).map_err(|source| self.error(source))
     }
 
-    /// Bytes of the messages so far.
+    /// Number of message bytes so far.
     pub(super) fn bytes(&self) -> u64 {
         self.writer.bytes()
     }
 
-    /// Ends the file with a summary and returns the number of message bytes. If only a failure was to be
-    /// recorded, the file is removed after a successful run.
+    /// Ends the file with a summary, and returns the number of message bytes. If only failures are recorded,
+    /// the file of a successful run is removed.
     pub(super) fn finish(mut self, mut summary: BTreeMap<String, String>) -> Result<u64, RecordError> {
         let failed = |path: PathBuf| move |source| RecordError::File { path, source };
         if let Some(ring) = self.ring.take() {

@@ -1,4 +1,4 @@
-//! The times of the episodes of a recording.
+//! Times of the episodes of a recording.
 
 use motorium::declare::ClockKind;
 use motorium::plan::Plan;
@@ -6,25 +6,27 @@ use motorium::state::Stamp;
 
 use super::{EVENTS, ReadError, Recording};
 
-/// The times of the first and the last publication of each stretch of a recording that is replayed from one
-/// reset to the next: of each episode in lockstep, of the whole recording in real time, which has no resets.
+/// Times of the first and the last publication of each span of a recording that is replayed from one reset to
+/// the next. In lockstep, a span is an episode; in real time, where a replay has no resets, it is the whole
+/// recording.
 pub(super) struct Spans {
-    /// The one episode that is read.
+    /// The only episode that is read.
     only: Option<u64>,
     clock: ClockKind,
-    /// Episodes up to the last one found.
+    /// Number of episodes up to the last one found.
     episodes: u64,
     first_ns: Option<u64>,
     last_ns: Vec<u64>,
 }
 
 impl Spans {
-    /// Spans without samples, of a recording with this clock. With `only`, other episodes are passed over.
+    /// Creates spans without samples for a recording with this clock. With `only`, other episodes are
+    /// skipped.
     pub(super) fn new(clock: ClockKind, only: Option<u64>) -> Self {
         Self { only, clock, episodes: 0, first_ns: None, last_ns: Vec::new() }
     }
 
-    /// The spans of all samples of a recording.
+    /// Returns the spans of all samples of a recording.
     pub(super) fn from_recording(recording: &Recording, only: Option<u64>) -> Result<Self, ReadError> {
         let mut spans = Self::new(recording.plan()?.clock, only);
         for sample in recording.samples() {
@@ -36,8 +38,8 @@ impl Spans {
         Ok(spans)
     }
 
-    /// Adds a sample. Returns the index of its span among those that are replayed; `None` if its episode is
-    /// left out.
+    /// Adds a sample. Returns the index of its span among the replayed ones, or `None` if its episode is
+    /// skipped.
     pub(super) fn add(&mut self, stamp: &Stamp) -> Option<u64> {
         self.episodes = self.episodes.max(stamp.episode.saturating_add(1));
         let index = match (self.only, self.clock) {
@@ -54,12 +56,12 @@ impl Spans {
         Some(index)
     }
 
-    /// Number of the episodes, of all samples that were added or passed over.
+    /// Number of episodes, including skipped ones.
     pub(super) fn episodes(&self) -> u64 {
         self.episodes
     }
 
-    /// Number of the spans.
+    /// Number of spans.
     pub(super) fn count(&self) -> u64 {
         self.last_ns.len() as u64
     }

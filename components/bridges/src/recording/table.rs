@@ -9,15 +9,14 @@ use super::signals::{SignalsError, as_f64};
 use super::{RecordedSample, Recording};
 use crate::parquet::{Column, Values, write};
 
-/// Rows of a row group.
+/// Rows per row group.
 const GROUP: usize = 1 << 16;
 
-/// Writes a topic as a Parquet table: a row for each sample with its time since 1970, or since the start of a
-/// run in lockstep, its stamp, and a column for each field; an array is a list of its entries in use. Returns
-/// the number of rows.
+/// Writes a topic as a Parquet table, with one row per sample: its time (since 1970, or since the start of a
+/// lockstep run), its stamp, and one column per field. An array is a list of its used entries. Returns the
+/// number of rows.
 ///
-/// # Errors
-/// The recording cannot be read, or the table cannot be written.
+/// # Errors Returns an error if the recording cannot be read, or if the table cannot be written.
 pub fn write_parquet(recording: &Recording, topic: usize, out: &mut impl Write) -> Result<u64, TableError> {
     let decoder = Decoder::new(&recording.topics()[topic].layout).map_err(SignalsError::from)?;
     let mut stamps = [const { Vec::new() }; 5];

@@ -1,4 +1,4 @@
-//! Taps of all chosen topics of a run, and the messages that their samples become.
+//! Taps of all selected topics of a run, and the conversion of their samples to messages.
 
 use std::collections::BTreeMap;
 
@@ -18,27 +18,27 @@ use crate::foxglove::{Channel, Derived, log};
 /// others.
 const AT_A_TIME: usize = 4096;
 
-/// Taps of all chosen topics, and the events of the run.
+/// Taps of all selected topics, and the events of the run.
 pub(super) struct Readers {
     observer: Observer,
     topics: Vec<Topic>,
-    /// Topics that describe how to read others.
+    /// Topics that describe the samples of others.
     derived: Vec<usize>,
     events: Events,
     clock: Clock,
     drawn_every_ns: u64,
 }
 
-/// The events of a run.
+/// Events of a run.
 pub(super) struct Events {
-    /// Channels: exact, and lines.
+    /// Channels: exact messages, and log lines.
     pub(super) channels: (u16, u16),
     pub(super) derived: Derived,
     pub(super) reader: EventReader,
     pub(super) published: u64,
 }
 
-/// One topic that is recorded.
+/// One recorded topic.
 pub(super) struct Topic {
     /// Its index in the plan.
     pub(super) index: usize,
@@ -51,16 +51,16 @@ pub(super) struct Topic {
 pub(super) struct Recorded {
     pub(super) id: u16,
     pub(super) channel: Channel,
-    /// Time from which on the next drawn message is due.
+    /// Time at which the next drawn message is due.
     pub(super) due_ns: u64,
 }
 
 /// Converts stamp times to file times.
 pub(super) struct Clock {
-    /// Time since 1970 at time zero of the stamps; 0 in lockstep.
+    /// Unix time at time zero of the stamps, ns; 0 in lockstep.
     pub(super) zero_ns: u64,
-    /// In lockstep, where time restarts with each episode: the episode, the time in the file at which it
-    /// began, and the last one in it.
+    /// In lockstep, where time restarts with each episode: the episode, the file time at which it began, and
+    /// its latest file time.
     episode: Option<(u64, u64, u64)>,
 }
 
@@ -100,8 +100,8 @@ impl Readers {
         Self { observer, topics, derived, events, clock, drawn_every_ns }
     }
 
-    /// Adds the last samples to a batch. A run whose launcher died counts as failed, although no event
-    /// reports it yet.
+    /// Adds the last samples to a batch. A run whose launcher died counts as failed, even without a reported
+    /// event.
     pub(super) fn read_last(&mut self, batch: &mut Batch) {
         batch.has_failed |= self.observer.is_orphaned();
         self.read(batch);
@@ -166,13 +166,13 @@ impl Readers {
             let component = record.component.and_then(|index| self.observer.plan().components.get(index));
             let name = component.map_or("motorium", |component| component.name.as_str());
             batch.push(self.events.channels.1, &stamp, time_ns, |out| {
-                // A buffer that grows has room.
+                // Encoding into a growable buffer does not fail.
                 let _ = log(time_ns, level, name, &text).encode(out);
             });
         }
     }
 
-    /// Number of samples read, and of samples overwritten before they were read.
+    /// Number of samples that were read, and of samples that were overwritten before they were read.
     pub(super) fn counts(&self) -> Counts {
         Counts {
             samples: self.topics.iter().map(|topic| topic.samples).sum(),
@@ -198,14 +198,14 @@ impl Readers {
 }
 
 impl Topic {
-    /// Topics that describe how to read this one.
+    /// Topics that describe the samples of this one.
     fn forms(&self) -> impl Iterator<Item = usize> {
         self.channels.iter().filter_map(|recorded| recorded.channel.form_topic())
     }
 }
 
 impl Recorded {
-    /// Puts the message of a sample into a batch.
+    /// Adds the message of a sample to a batch.
     fn take(&mut self, (stamp, bytes): (&Stamp, &[u8]), time_ns: u64, every_ns: u64, batch: &mut Batch) {
         if !self.channel.needs_every_sample() {
             if time_ns < self.due_ns {
@@ -214,14 +214,14 @@ impl Recorded {
             self.due_ns = time_ns + every_ns;
         }
         let channel = &mut self.channel;
-        // A sample that cannot be drawn is in the exact channel.
+        // A sample that cannot be drawn is still in the exact channel.
         batch.push(self.id, stamp, time_ns, |out| {
             let _ = channel.encode(stamp, bytes, time_ns, out);
         });
     }
 }
 
-/// An event as the bytes of a [`Event`].
+/// Converts an event to the bytes of an [`Event`].
 fn event_bytes(record: &EventRecord) -> Vec<u8> {
     let (layout, event) = (Event::layout(), Event::truncated(&record.text));
     let mut bytes = vec![0; layout.size];

@@ -1,7 +1,7 @@
 //! The threads of a recorder in real time: a reader, a writer, and one that syncs the file to disk.
 //!
-//! A busy disk can block the writer for longer than the slots of a state last. The reader waits for the
-//! writer only when the message memory is full.
+//! A busy disk can block the writer for longer than the slots of a state keep their samples. The reader waits
+//! for the writer only when the message memory is full.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -18,15 +18,14 @@ use super::settings::Counts;
 use super::sink::Sink;
 use super::taps::Readers;
 
-/// Time between two requests to the system to bring the file to the disk.
+/// Time between two syncs of the file to disk.
 const SYNC_EVERY: Duration = Duration::from_millis(500);
 /// Longest interval between checks for a due flush.
 const FLUSH_CHECK: Duration = Duration::from_millis(250);
 /// Number of batches in transit between the threads.
 const BATCHES: usize = 2;
-/// Maximum bytes of messages per batch when the file is slow. With the batches in transit, the one being
-/// filled and the one being written, 64 MiB are buffered. Beyond that the reader waits, and samples may be
-/// lost.
+/// Maximum number of message bytes per batch when the file is slow. The batches in transit, the one being
+/// filled and the one being written amount to 64 MiB. Beyond that, the reader waits and samples may be lost.
 const WAITING: usize = (64 << 20) / (BATCHES + 2);
 /// Niceness of the reader while it hands batches over, and whenever it has no real-time priority.
 const NICENESS: i32 = -10;
@@ -35,16 +34,16 @@ const NICENESS: i32 = -10;
 pub(super) enum Order {
     /// Messages to write.
     Write(Batch),
-    /// The end of the recording: its counts, and the same of each topic.
+    /// End of the recording, with its total counts and its counts per topic.
     End(Counts, BTreeMap<String, String>),
 }
 
-/// The reader's end: its commands, and emptied batches on their way back.
+/// Reader's end: its commands, and emptied batches that return.
 pub(super) type Reading = (Sender<Order>, Receiver<Batch>);
-/// The end of the thread that writes.
+/// Writer's end.
 pub(super) type Writing = (Receiver<Order>, Sender<Batch>);
 
-/// The two ends between the threads.
+/// Creates the two ends of the connection between the threads.
 pub(super) fn link() -> (Reading, Writing) {
     let (orders, taken) = bounded(BATCHES);
     let (emptied, batches) = bounded(BATCHES + 1);
@@ -63,8 +62,8 @@ pub(super) fn read(
     let _ = rustix::process::setpriority_process(None, NICENESS);
     let mut batch = Batch::default();
     loop {
-        // Reading runs before everything that is not real-time, so busy programs cause no losses; it lasts
-        // about 0.1 ms. The rest may wait for the writer.
+        // Reading lasts about 0.1 ms and preempts everything without real-time priority, so busy programs
+        // cause no losses. The rest may wait for the writer.
         wake_first();
         let last_round = stop.wait(poll);
         if last_round {
@@ -74,13 +73,14 @@ pub(super) fn read(
         }
         leave_realtime();
         let counts = readers.counts();
-        // The writer may be preempted while it holds the lock; the next round reports the counts.
+        // The writer may be preempted while it holds the lock; the counts are then reported in the next
+        // round.
         if let Ok(mut outcome) = outcome.try_lock() {
             (outcome.counts.samples, outcome.counts.lost) = (counts.samples, counts.lost);
             outcome.cpu_ns[0] = Some(thread_cpu_ns());
         }
         if last_round {
-            // The writer has already reported if it cannot continue.
+            // A writer that cannot continue has already reported its error.
             let _ = orders
                 .send(Order::Write(batch))
                 .and_then(|()| orders.send(Order::End(counts, readers.summary())));
@@ -97,10 +97,10 @@ pub(super) fn read(
     }
 }
 
-/// The outcome of handing a batch over.
+/// Outcome of handing over a batch.
 enum Handed {
     Taken,
-    /// The file is slow: the batch grows meanwhile.
+    /// The file is slow, so the batch keeps growing.
     Waits(Batch),
     /// The file has ended.
     Ended,
@@ -134,7 +134,7 @@ pub(super) fn write(mut sink: Sink, (orders, emptied): &Writing, outcome: &Mutex
                 return note(outcome, None, ended);
             }
             Err(error) if error.is_timeout() => sink.write(&mut nothing),
-            // The reader panicked, which the component reports.
+            // The reader panicked; the component reports the panic.
             Err(_) => return,
         };
         {

@@ -14,15 +14,15 @@ use motorium::worker::Registry;
 use super::spans::Spans;
 use super::{EVENTS, ReadError, RecordedTopic, Recording, Samples, loggers, replaced};
 
-/// Simulated time between two polls, at most the shortest period that a recorder bridges.
+/// Simulated time between two polls: at most the shortest delay that a recorder bridges.
 const AT_A_TIME: Duration = Duration::from_millis(1);
 
-/// The outcome of a verification.
+/// Outcome of a verification.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verification {
-    /// Samples that are equal to the last bit.
+    /// Number of bitwise equal samples.
     pub samples: u64,
-    /// Simulated time that was run again, of all episodes.
+    /// Simulated time of all repeated episodes.
     pub time: Duration,
     /// First difference, if any.
     pub difference: Option<Difference>,
@@ -37,11 +37,11 @@ pub struct Difference {
     pub sequence: u64,
     /// Index of the episode.
     pub episode: u64,
-    /// Time of its publication in the episode, ns.
+    /// Publication time within the episode, ns.
     pub time_ns: u64,
-    /// The step, or rather the period of the publishing component, in which it was published, from 0.
+    /// Index of the publishing component's period in which it was published, from 0.
     pub tick: u64,
-    /// The field and its values; or that the sample is missing on one side.
+    /// Kind of the difference.
     pub what: What,
 }
 
@@ -52,14 +52,14 @@ pub enum What {
     Field {
         /// Name of the field, with the index of an entry, such as `position[3]` or `stamp.source_time`.
         field: String,
-        /// Its value in the recording.
+        /// Value in the recording.
         recorded: String,
-        /// Its value now.
+        /// Value in the repeated run.
         now: String,
     },
-    /// The sample was recorded but is not published again.
+    /// The sample was recorded, but the repeated run did not publish it.
     Missing,
-    /// The sample was not recorded but is published now.
+    /// The repeated run published a sample that was not recorded.
     Unexpected,
 }
 
@@ -75,13 +75,13 @@ impl fmt::Display for Difference {
             What::Field { field, recorded, now } => {
                 write!(f, ", field `{field}`: recorded {recorded}, now {now}")
             }
-            What::Missing => f.write_str(": recorded, and not published now"),
-            What::Unexpected => f.write_str(": published now, and not recorded"),
+            What::Missing => f.write_str(": recorded, but not published now"),
+            What::Unexpected => f.write_str(": published now, but not recorded"),
         }
     }
 }
 
-/// The error of a verification.
+/// Error of a verification.
 #[derive(Debug, thiserror::Error)]
 pub enum VerifyError {
     /// The recording cannot be read.
@@ -93,24 +93,24 @@ pub enum VerifyError {
     /// A topic cannot be read.
     #[error(transparent)]
     Decode(#[from] DecodeError),
-    /// A recording in real time is not repeated to the last bit.
+    /// A real-time recording cannot be repeated bit for bit.
     #[error(
-        "it was recorded in real time, whose timing no machine repeats: record a run with `--clock lockstep` to verify it"
+        "it was recorded in real time, which is not reproducible: record a run with `--clock lockstep` to verify it"
     )]
     RealTime,
-    /// The recording has episodes started by a program, whose seeds and times are not in the graph.
+    /// The recording has episodes that a program started, whose seeds and times are not in the graph.
     #[error(
-        "it holds episodes that the graph does not plan: a program has begun them, and is needed to repeat them. Runs with \
+        "it contains episodes that a program started, so the graph alone cannot repeat them; only runs with \
          `--episodes N` can be verified"
     )]
     Episodes,
-    /// Messages that the recording states are missing.
+    /// Messages that the recording declares are missing.
     #[error("{missing} of its messages are missing, so it cannot be compared")]
     Missing {
-        /// Their number.
+        /// Number of missing messages.
         missing: u64,
     },
-    /// The recording has no sample.
+    /// The recording has no samples.
     #[error("it has no sample to compare")]
     Nothing,
     /// Samples were lost while it was recorded.
@@ -118,7 +118,7 @@ pub enum VerifyError {
     Lost {
         /// The topic.
         topic: String,
-        /// Their number.
+        /// Number of lost samples.
         lost: u64,
     },
 }
@@ -132,16 +132,15 @@ struct Compared<'r> {
     decoder: Decoder,
     /// Period of its writer, ns.
     period_ns: u64,
-    /// Recorded samples that are read but not yet compared.
+    /// Recorded samples that have been read but not compared.
     waiting: VecDeque<(Stamp, Vec<u8>)>,
     message: Vec<u8>,
 }
 
-/// Runs the graph of a recording in lockstep again, and compares each sample with the recording to the last
-/// bit, up to its end. `log.replay` takes the place of the components `replace`.
+/// Repeats the graph of a recording in lockstep, and compares each sample bit for bit, up to the end of the
+/// recording. `log.replay` replaces the components `replace`.
 ///
-/// # Errors
-/// The recording is not one that can be verified, or its graph does not run.
+/// # Errors Returns an error if the recording cannot be verified, or if its graph does not run.
 pub fn verify(
     recording: &Recording,
     registry: &Registry,
@@ -228,14 +227,14 @@ pub fn verify(
     Ok(outcome)
 }
 
-/// Recorded samples that are not yet compared.
+/// Recorded samples that have not been compared.
 struct Recorded<'r> {
     samples: Samples<'r>,
     left: u64,
 }
 
 impl Recorded<'_> {
-    /// Reads ahead until a topic has a sample; returns `false` if there is none.
+    /// Reads ahead until the topic `wanted` has a sample. Returns `false` if there is none.
     fn fill(&mut self, compared: &mut [Compared<'_>], wanted: usize) -> Result<bool, ReadError> {
         while compared[wanted].waiting.is_empty() {
             let Some(sample) = self.samples.next().transpose()? else { return Ok(false) };

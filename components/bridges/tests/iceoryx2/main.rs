@@ -1,5 +1,5 @@
-//! The bridge between a graph and stock iceoryx2 programs, which live here in a source of the graph or in a
-//! process of their own.
+//! The bridge between a graph and stock iceoryx2 programs, which run in a source of the graph or in a
+//! separate process.
 
 mod streams;
 
@@ -25,7 +25,7 @@ type Stock = ipc_threadsafe::Service;
 struct Foreign(Node<Stock>);
 
 impl Foreign {
-    /// Joins the newest run of a graph with the configuration that a stock program has, but for the domain.
+    /// Joins the newest run of a graph with the configuration of a stock program, except for the domain.
     fn join(graph: &str) -> Option<Self> {
         let folder = RunFolder::list().into_iter().find(|run| run.id().starts_with(graph))?;
         let domain = folder.domain().ok()?;
@@ -52,7 +52,7 @@ fn name(test: &str) -> String {
     format!("{test}-{}", std::process::id())
 }
 
-/// A target that counts its goals.
+/// Target with this goal number.
 fn target(goal: u64) -> PoseTarget {
     PoseTarget { orientation: [0.0, 0.0, 0.0, 1.0], goal, ..PoseTarget::default() }
 }
@@ -76,8 +76,8 @@ fn bridge(max_rate: &str) -> Instance {
         .config("in", toml::Table::from_iter([("target".to_string(), toml::Value::Table(limits))]))
 }
 
-/// A graph whose source of `arm/state` is also a foreign program: `act` is called at every millisecond from
-/// the tenth on.
+/// A graph whose source of `arm/state` is also a foreign program: `act` is called every millisecond, from the
+/// tenth on.
 fn graph(
     name: &str,
     max_rate: &str,
@@ -218,7 +218,7 @@ fn values_queued_during_a_stall_are_rejected() {
 }
 
 #[test]
-fn a_service_takes_neither_another_type_nor_a_stamp() {
+fn a_service_rejects_other_types_and_headers() {
     let (graph, probe) = graph(&name("other-type"), "1 kHz", |foreign, publisher, tick| {
         if tick == 50 {
             let service = || foreign.0.service_builder(&"in/arm/target".try_into().unwrap());
@@ -297,7 +297,7 @@ impl Component for Planner {
 }
 
 #[test]
-fn a_topic_of_slices_is_not_mirrored_and_check_says_so() {
+fn a_topic_of_slices_is_not_mirrored_as_a_state() {
     let planner = Instance::of::<Planner>("planner").rate("10 Hz").publish("plan", "arm/plan");
     let mirror = Instance::of::<Iceoryx2Bridge>("bridge").rate("200 Hz");
     let mirror = mirror.subscribe("plan", "arm/plan").config("out", vec!["plan"]);
@@ -305,7 +305,7 @@ fn a_topic_of_slices_is_not_mirrored_and_check_says_so() {
     assert!(error.contains("carries slices"), "{error}");
 }
 
-/// The foreign program of the next test: sends as fast as possible until it is killed.
+/// Foreign program of the next test. It sends as fast as possible until it is killed.
 #[test]
 fn flood() {
     let Ok(graph) = std::env::var("MOTORIUM_FLOODED_GRAPH") else { return };

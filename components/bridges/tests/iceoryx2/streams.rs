@@ -14,10 +14,10 @@ use super::{Foreign, Stock, name, target};
 
 /// Step at which the foreign programs join the run.
 const JOINS: u64 = 10;
-/// Longest slice of the graph, and of the foreign program, which sends longer ones, too.
+/// Maximum slice length of the graph. The foreign program also sends longer slices.
 const LONGEST: usize = 8;
 
-/// The points of the slice with this number: up to six of them.
+/// Points of the slice with this number: at most six.
 fn points(number: u64) -> Vec<CloudPoint> {
     let point = |index| CloudPoint { x: number as f32, y: index as f32, ..CloudPoint::default() };
     (0..number % 7).map(point).collect()
@@ -30,8 +30,8 @@ enum Foreigner {
     Reads,
     /// Sends a value and a slice in each step.
     Sends,
-    /// Sends 40 values in one step, and a value that is not finite, one without a number, a slice that is too
-    /// long in others.
+    /// Sends 40 values in one step, and in others a non-finite value, an unnumbered value, and a slice that
+    /// is too long.
     Overflows,
     /// Sends ten values in each step.
     Floods,
@@ -49,7 +49,7 @@ type Slices = Subscriber<Stock, [CloudPoint], Stamp>;
 type ValueSender = Publisher<Stock, PoseTarget, Stamp>;
 type SliceSender = Publisher<Stock, [CloudPoint], Stamp>;
 
-/// The ports of the foreign program.
+/// Ports of the foreign program.
 enum Ports {
     Reading((Foreign, Values, Slices)),
     Sending((Foreign, ValueSender, SliceSender)),
@@ -61,7 +61,7 @@ struct Player {
     poses: Output<PoseTarget>,
     cloud: SliceOutput<CloudPoint>,
     ports: Option<Ports>,
-    /// Sequences that the foreign program has read: of values and of slices.
+    /// Sequence numbers of the values and of the slices that the foreign program has read.
     read: [Vec<u64>; 2],
     sent: u64,
 }
@@ -195,7 +195,7 @@ fn send_slice(port: &SliceSender, sequence: u64, points: &[CloudPoint]) {
 #[derive(serde::Deserialize, schemars::JsonSchema)]
 struct NoConfig {}
 
-/// Reads the fed topics: goals, and numbers of the slices that are not empty.
+/// Reads the inbound topics: goals, and the numbers of non-empty slices.
 struct Collector {
     goals: Input<PoseTarget>,
     obstacles: SliceInput<CloudPoint>,
@@ -240,7 +240,7 @@ fn table(text: &str) -> toml::Table {
     toml::from_str(text).unwrap()
 }
 
-/// A bridge of two mirrored topics and two fed ones.
+/// A bridge with two mirrored and two inbound topics.
 fn bridge(rate: &str, capacity: usize) -> Instance {
     let inbound = table(&format!(
         "goals = {{ type = \"motorium.PoseTarget\", pattern = {{ stream = {{ capacity = {capacity} }} }} }}\n\
@@ -283,7 +283,7 @@ fn count(report: &Report, path: &str) -> u64 {
     found.and_then(Value::as_u64).unwrap_or_else(|| panic!("{path} in {}", report.results["bridge"]))
 }
 
-/// Allocations of the bridge in its steps.
+/// Number of allocations in the steps of the bridge.
 fn allocations(report: &Report) -> Option<u64> {
     report.components.iter().find(|component| component.name == "bridge").unwrap().allocations
 }
@@ -308,7 +308,7 @@ fn values_lost_before_a_slow_bridge_are_counted() {
     let report = run("slow", "reads", bridge("20 Hz", 16), "500 ms");
     for (topic, read) in ["poses", "cloud"].into_iter().zip(numbers(&report, "player")) {
         let counted = |key: &str| count(&report, &format!("/out/{topic}/{key}"));
-        // 50 values in a step of the bridge, of which the queue holds 16
+        // 50 values per step of the bridge, of which the queue holds 16
         assert_eq!(counted("lost"), 9 * 34, "{topic}");
         assert!(counted("mirrored") >= 9 * 16);
         let missing: u64 = read.windows(2).map(|pair| pair[1] - pair[0] - 1).sum();
@@ -336,7 +336,7 @@ fn foreign_streams_and_slices_arrive_in_order() {
 fn an_overflowed_queue_and_defects_are_counted() {
     let report = run("overflow", "overflows", bridge("200 Hz", 16), "200 ms");
     let counted = |key: &str| count(&report, &format!("/in/{key}"));
-    // the first, the newest 16 of 40, and a value without a number
+    // the first, the newest 16 of 40, and an unnumbered value
     let [goals, slices] = numbers(&report, "collector");
     assert_eq!(goals, [0].into_iter().chain(25..=40).chain([99]).collect::<Vec<_>>());
     assert_eq!((counted("goals/received"), counted("goals/published")), (19, 18));
@@ -350,7 +350,7 @@ fn a_stream_is_limited_to_its_rate() {
     let counted = |key: &str| count(&report, &format!("/in/goals/{key}"));
     let (received, published) = (counted("received"), counted("published"));
     assert!(received > 2_500, "{received}");
-    // 1 kHz, of which the first step may be ahead by the capacity
+    // 1 kHz, plus an initial burst of at most the capacity
     assert!((280..=300 + 64).contains(&published), "{published}");
     assert_eq!(counted("refused/above_max_rate"), received - published);
     assert_eq!(numbers(&report, "collector")[0].len() as u64, published);
@@ -387,7 +387,7 @@ fn ports_that_carry_something_else_are_refused() {
         ),
         (
             "out = [\"poses\"]\nin.stop = { type = \"motorium.EmergencyStop\", pattern = { stream = { capacity = 4 } } }",
-            "an emergency stop that waits for its turn",
+            "an emergency stop in a queue",
         ),
         ("out = [\"poses\"]\nin.goals = { type = \"motorium.Pose\" }", "no built-in state `motorium.Pose`"),
     ] {

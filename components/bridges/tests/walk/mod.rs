@@ -1,4 +1,4 @@
-//! A graph that walks at random, for tests of recordings.
+//! A graph with a random walk, for tests of recordings.
 
 use std::path::Path;
 

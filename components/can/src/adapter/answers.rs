@@ -5,12 +5,13 @@ use super::Counts;
 /// Cycles of silence after which a drive counts as lost.
 pub const LOST_AFTER: u32 = 3;
 
-/// The answers of one drive: which frames it still owes one.
+/// Answers of one drive, and the frames that it has not answered yet.
 #[derive(Clone, Debug)]
 pub(super) struct Answers {
     /// The drive reports unsolicited, so its messages answer no frame.
     is_unsolicited: bool,
-    /// Frames of its bus in this cycle after which it has been asked; `None` if it is not.
+    /// Number of frames on its bus in this cycle after which the drive has been queried; `None` if it is not
+    /// queried.
     pub(super) asked_by: Option<usize>,
     pub(super) asked: bool,
     pub(super) answered: bool,
@@ -18,7 +19,7 @@ pub(super) struct Answers {
     pub(super) is_found: bool,
     /// Unanswered frames of past cycles; their answers may still arrive.
     owed: u32,
-    /// The drive is left out of this cycle; any answer from it belongs to an earlier frame.
+    /// The drive is skipped in this cycle; any answer from it belongs to an earlier frame.
     pub(super) is_probed: bool,
     /// Every answer of the drive comes a cycle late.
     is_behind: bool,
@@ -47,7 +48,7 @@ impl Answers {
         }
     }
 
-    /// Returns `true` if the drive is to answer in this cycle and has not.
+    /// Returns `true` if the drive was queried in this cycle and has not answered.
     pub(super) fn is_awaited(&self) -> bool {
         self.asked && !self.answered && !self.is_unsolicited
     }
@@ -75,9 +76,9 @@ impl Answers {
     /// Assigns an answer received at `time_ns` to a cycle and counts it. Returns `false` if the answer must
     /// be discarded.
     ///
-    /// Answers carry no sequence number. An answer that arrives before this cycle's frame can have been
-    /// answered belongs to an earlier cycle. So does the first of two answers in a cycle that follows a cycle
-    /// without one.
+    /// Answers carry no sequence number. An answer that arrives too early to answer this cycle's frame
+    /// belongs to an earlier cycle. If the previous cycle had no answer and this cycle has two, the first one
+    /// also belongs to an earlier cycle.
     pub(super) fn sort(&mut self, time_ns: u64, counts: &mut Counts) -> bool {
         if self.is_unsolicited {
             self.answered = true;
@@ -109,8 +110,7 @@ impl Answers {
         (self.asked, self.answered, self.sent_ns) = (true, false, now_ns);
     }
 
-    /// Counts the end of a cycle in which the answer is missing or not. `is_due` if the drive is asked in
-    /// every cycle.
+    /// Updates the counters at the end of a cycle. `is_due` if the drive is queried in every cycle.
     pub(super) fn count(&mut self, is_missing: bool, is_due: bool, counts: &mut Counts) {
         // a drive that has never answered, such as before power-up, is waited for
         let is_lost = is_missing && self.is_found;
@@ -122,15 +122,15 @@ impl Answers {
         }
     }
 
-    /// Begins the time between two cycles.
+    /// Enters the interval between two cycles.
     pub(super) fn end_cycle(&mut self) {
         self.answered &= self.is_probed;
         self.asked = false;
     }
 
-    /// Ends the cycle in which the drive was left out, if any. An answer in that cycle proves that the drive
-    /// is a cycle behind: it is lost, and the function returns `true`. Without an answer, the owed one counts
-    /// as lost.
+    /// Ends the cycle in which the drive was skipped, if any. An answer in that cycle proves that the drive
+    /// is a cycle behind: it is lost, and the function returns `true`. Without an answer, the outstanding one
+    /// counts as lost.
     pub(super) fn end_probe(&mut self, counts: &mut Counts) -> bool {
         if !core::mem::take(&mut self.is_probed) {
             return false;
@@ -141,15 +141,15 @@ impl Answers {
             counts.late += 2;
             counts.missing += 1;
             self.answered = false;
-            // three answers are missing: the previous one, the one mistaken for an answer in time, and the
-            // one of the cycle that was left out
+            // three answers are missing: the previous one, the one mistaken for a timely answer, and the one
+            // of the skipped cycle
             self.silent = LOST_AFTER;
         }
         self.is_behind
     }
 
-    /// Leaves an enabled drive out of the next cycle if its answers may be a cycle late: one answer is
-    /// missing, so all later ones may belong to the preceding frames.
+    /// Skips an enabled drive in the next cycle if its answers may be a cycle late: after a missing answer,
+    /// all later ones may belong to the preceding frames.
     pub(super) fn probe(&mut self, is_enabled: bool) {
         self.is_probed = is_enabled && !self.is_unsolicited && self.owed > 0 && self.is_present();
     }

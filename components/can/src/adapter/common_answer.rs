@@ -1,4 +1,4 @@
-//! Common answer of the servos on a line to a fast read, split into one answer per servo.
+//! Common answer of the servos on a line to a fast read, which is split into one answer per servo.
 
 use crate::frame::{DecodeError, Form, Frame, Id};
 use crate::servo::{EVERYBODY, FastReader, LONGEST, write_status};
@@ -36,7 +36,7 @@ impl CommonAnswer {
         self.reader.push(frame.data());
     }
 
-    /// Returns the next answer in it, in the form that the servo would send alone.
+    /// Returns the next servo's answer, in the format of an individual answer.
     pub(super) fn next(&mut self) -> Option<Result<Frame, DecodeError>> {
         let share = match self.reader.next()? {
             Ok(share) => share,

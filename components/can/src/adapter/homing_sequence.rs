@@ -1,11 +1,11 @@
-//! The homing of all joints, lowest order first.
+//! Homing of all joints, lowest order first.
 
 use super::{Adapter, HomingState, Link, Phase};
 use crate::protocols::dialogue::Dialogue as _;
 
 impl Adapter {
-    /// Allows homing to continue (the default), or stops it. Stopping disables the joints in progress
-    /// immediately, and their homing restarts when it is allowed again. Meanwhile, held joints follow
+    /// Allows homing to continue (the default), or stops it. Stopping immediately disables the joints in
+    /// progress; their homing restarts when it is allowed again. Meanwhile, held joints follow
     /// [`set`](Self::set).
     pub fn allow_homing(&mut self, is_allowed: bool) {
         let was_allowed = core::mem::replace(&mut self.is_homing_allowed, is_allowed);
@@ -39,7 +39,7 @@ impl Adapter {
             }
         }
         if self.tripped {
-            // these joints are disabled because of another one
+            // these joints are disabled because of another joint
             self.links.iter_mut().for_each(Link::interrupt_homing);
             return;
         }

@@ -1,4 +1,4 @@
-//! Packets of a serial line: one writes the goals of all servos, one queries all of them.
+//! Packets of a serial line: one packet writes the goals of all servos, and one queries all servos.
 
 use super::common_answer::CommonAnswer;
 use super::{Link, OnTrip};
@@ -8,12 +8,12 @@ use crate::servo::{self, Instruction, LONGEST};
 
 /// Length of the longest outgoing packet, bytes.
 const PACKET: usize = 64;
-/// Largest number of register blocks written, and of blocks read.
+/// Maximum number of written register blocks, and of read blocks.
 const MOST: usize = 6;
 
-/// Writes the packets of a cycle for all servos of a line, and records for each servo the number of
-/// frames after which it has been queried. Servos answer together where supported, unless one was silent:
-/// the servos behind it would be silent, too.
+/// Writes the packets of a cycle for all servos of a line, and records for each servo the number of frames
+/// after which it has been queried. Servos answer together if supported, unless one was silent: all servos
+/// after it would be silent, too.
 pub(super) fn write(
     links: &mut [Link],
     common: Option<&mut CommonAnswer>,
@@ -39,7 +39,7 @@ pub(super) fn write(
         servo.put(&order, &mut |group, bytes| groups[group].add(number, bytes, &mut out));
     }
     groups.iter_mut().for_each(|group| group.write(&mut out));
-    // one query per cycle: two would be answered at once
+    // one query per cycle: servos would answer two of them simultaneously
     let blocks = askable.iter().filter(|is| **is).count() as u64;
     let Some(chosen) = (0..MOST).filter(|block| askable[*block]).nth((cycle % blocks.max(1)) as usize) else {
         return;
@@ -57,7 +57,7 @@ pub(super) fn write(
             count += 1;
         }
     }
-    // they answer in this order, and on a simulated line the lowest number answers first
+    // the servos answer in this order; on a simulated line the lowest number answers first
     servos[..count].sort_unstable();
     let (register, bytes) = layout.read[chosen];
     let servos = &servos[..count];
@@ -86,7 +86,7 @@ impl Packets<'_> {
     }
 }
 
-/// One set of registers of several servos, in as few packets as possible.
+/// Register block of several servos, in as few packets as possible.
 struct Group {
     register: u16,
     each: u8,

@@ -28,7 +28,7 @@ pub struct Link {
     pub(super) stiffness: f64,
     pub(super) homing: Option<Homing>,
     pub(super) setpoint: JointSetpoint,
-    /// Lowest and highest position of the joint, and the distance beyond them at which the drive is still
+    /// Lowest and highest position of the joint, and the margin beyond them within which the drive is still
     /// enabled.
     pub(super) limits: ([f64; 2], f64),
     /// Receive time, ns, of the newest heartbeat, or of the newest state message of a drive whose answers
@@ -41,7 +41,7 @@ pub struct Link {
     /// The drive is only observed, never enabled.
     pub(super) is_observed: bool,
     pub(super) answers: Answers,
-    /// The drive has answered in its present phase.
+    /// The drive has answered in its current phase.
     pub(super) fresh: bool,
     pub(super) reading: Reading,
     pub(super) fault: Option<Fault>,
@@ -137,11 +137,11 @@ impl Link {
         &self.counts
     }
 
-    /// Sets the first phase: drives with readable settings are checked.
+    /// Enters the first phase: drives with readable settings are checked.
     pub(super) fn start(&mut self) {
         self.phase = if self.dialogue.checks() > 0 { Phase::Checking(0) } else { Phase::Disabled };
         (self.fresh, self.fault) = (false, None);
-        // a drive that does not report its state may have lost its power meanwhile
+        // a drive that does not report its state may have lost power in the meantime
         if let Some(homing) = &mut self.homing
             && !(homing.state == HomingState::Homed && self.dialogue.reports_state())
         {
@@ -150,13 +150,13 @@ impl Link {
         self.answers.forget();
     }
 
-    /// Restarts with a disabled drive that has lost its configuration, or may have: its settings are checked
+    /// Restarts with a disabled drive that may have lost its configuration, so its settings are checked
     /// again.
     pub(super) fn begin_anew(&mut self) {
         if matches!(self.phase, Phase::Disabled | Phase::Checking(_)) {
             self.dialogue.forget();
             self.start();
-            // its last position says nothing about its present one
+            // its last position does not determine its current one
             self.reading.received_ns = None;
         }
     }
@@ -326,7 +326,7 @@ impl Link {
     }
 }
 
-/// Consequences of a frame.
+/// Consequences of a received frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Taken {
     /// The adapter trips.

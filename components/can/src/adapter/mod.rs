@@ -1,14 +1,14 @@
-//! The adapter as pure logic: it runs cycles of commands and answers, without ports, clocks or processes.
+//! Pure logic of the adapter: cycles of commands and answers, without ports, clocks or processes.
 //!
-//! In each cycle every drive receives one frame and answers with one. A drive is first checked (a Damiao
-//! drive reports its ranges and its watchdog), then polled for its state while disabled. Then it is enabled
-//! together with all others, and follows commands. The adapter trips if a drive is silent for three cycles,
-//! reports a fault or disables itself. From then on all drives are damped or disabled until
+//! In each cycle, every drive receives one frame and answers with one frame. A drive is first checked (a
+//! Damiao drive reports its ranges and its watchdog), then polled for its state while disabled. It is then
+//! enabled together with all others, and follows commands. The adapter trips if a drive is silent for three
+//! cycles, reports a fault or disables itself. From then on all drives are damped or disabled until
 //! [`Adapter::resume`].
 //!
-//! Answers carry no sequence number, and an answer exactly one cycle late looks like one in time. So a drive
-//! that has missed a cycle and answers again is left out of one cycle. If it answers nevertheless, it is a
-//! cycle behind and counts as lost. If not, only one answer was lost, and the drive continues.
+//! Answers carry no sequence number, and an answer that is exactly one cycle late looks like a timely one. A
+//! drive that has missed a cycle and answers again is therefore skipped for one cycle. If it still answers,
+//! it is a cycle behind and counts as lost. If not, only one answer was lost, and the drive continues.
 
 mod answers;
 mod common_answer;
@@ -59,8 +59,8 @@ pub struct Adapter {
 }
 
 impl Adapter {
-    /// Creates an adapter for the drives of a table, in this order. `damping` applies to each joint after a
-    /// trip.
+    /// Creates an adapter for the drives of a table, in the given order. `damping` applies to each joint
+    /// after a trip.
     pub fn new(table: &Table, order: &[usize], damping: &[f64], on_trip: OnTrip) -> Self {
         let links =
             order.iter().zip(damping).map(|(index, damping)| Link::new(table, *index, *damping)).collect();
@@ -88,8 +88,8 @@ impl Adapter {
         Self { is_observer: true, ..self }
     }
 
-    /// Sets the position gain of each joint while it is held between its homing and its first command.
-    /// Default 0: the joint is damped.
+    /// Sets the position gain that holds each joint between its homing and its first command. Default 0: the
+    /// joint is damped.
     #[must_use]
     pub fn with_stiffness(mut self, stiffness: &[f64]) -> Self {
         self.links.iter_mut().zip(stiffness).for_each(|(link, stiffness)| link.stiffness = *stiffness);
@@ -101,12 +101,12 @@ impl Adapter {
         &self.links
     }
 
-    /// Number of cycles so far.
+    /// Number of completed cycles.
     pub fn cycles(&self) -> u64 {
         self.cycles
     }
 
-    /// Cycle in which all drives followed commands for the first time.
+    /// First cycle in which all drives followed commands.
     pub fn enabled_in(&self) -> Option<u64> {
         self.enabled_in
     }
@@ -184,7 +184,7 @@ impl Adapter {
         self.cycles += 1;
         for link in &mut self.links {
             let is_missing = link.answers.asked && !link.has_answered() && counts;
-            // while some servos of a line are checked, they are queried in turns
+            // while some servos of a line are being checked, servos are queried in turn
             let is_due = link.dialogue.member().is_none();
             link.answers.count(is_missing, is_due, &mut link.counts);
             if is_missing
@@ -220,12 +220,12 @@ impl Adapter {
         }
     }
 
-    /// Returns `true` if each drive queried in this cycle has answered.
+    /// Returns `true` if all drives queried in this cycle have answered.
     pub fn has_all_answers(&self) -> bool {
         !self.links.iter().any(|link| link.answers.is_awaited())
     }
 
-    /// Accepts answers on this bus at any time after their commands: the bus has no bit times.
+    /// Accepts answers on this bus at any time after their commands, because the bus has no bit times.
     pub fn without_bit_times(&mut self, bus: usize) {
         for link in self.links.iter_mut().filter(|link| link.bus == bus) {
             link.answers.soonest_ns = 0;
@@ -261,8 +261,8 @@ impl Adapter {
         self.links[joint].setpoint = setpoint;
     }
 
-    /// Writes the frames of this cycle for one bus into `frames`. The caller reports the number of accepted
-    /// frames with [`sent`](Self::sent).
+    /// Appends the frames of this cycle for one bus to `frames`. The caller reports the number of accepted
+    /// frames to [`sent`](Self::sent).
     pub fn write(&mut self, bus: usize, frames: &mut Vec<Frame>) {
         for link in self.links.iter_mut().filter(|link| link.bus == bus) {
             if link.answers.end_probe(&mut link.counts) {
@@ -320,14 +320,14 @@ impl Adapter {
     pub fn resume(&mut self) {
         (self.tripped, self.out_of_range) = (false, None);
         for link in &mut self.links {
-            // a drive that does not report its state may have disabled itself meanwhile
+            // a drive that does not report its state may have disabled itself in the meantime
             let is_well = link.phase == Phase::Enabled
                 && link.is_homed()
                 && link.answers.is_present()
                 && link.dialogue.reports_state()
                 && self.on_trip == OnTrip::Damp;
             if is_well {
-                // holds the present position, not the one held before the joint was damped
+                // hold the current position, not the one from before the joint was damped
                 link.hold();
             } else {
                 link.dialogue.restart();

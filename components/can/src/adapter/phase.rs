@@ -1,4 +1,4 @@
-//! Phases of a drive, and the next one as a pure function of the drive's report.
+//! Phases of a drive, with transitions as a pure function of the drive's report.
 
 use super::HomingFault;
 use crate::drive::State;
@@ -6,13 +6,13 @@ use crate::drive::State;
 /// Phase of one drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// The settings are being read; this is the number of the next one.
+    /// The settings are being read; the value is the index of the next setting.
     Checking(u8),
     /// The drive is disabled and its settings are correct.
     Disabled,
     /// The joint moves to the mark that determines its position.
     Homing,
-    /// The drive has been ordered to follow commands.
+    /// The drive has been ordered to enable.
     Enabling,
     /// The drive follows commands.
     Enabled,
@@ -29,7 +29,7 @@ pub(super) enum Report {
     Restarted,
 }
 
-/// The facts of a decision about one drive.
+/// Inputs to the decision about one drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Facts {
     /// The drive is only observed, never enabled.

@@ -6,10 +6,11 @@ use crate::drive::Feedback;
 use crate::frame::DecodeError;
 use crate::protocols::dialogue::Dialogue as _;
 
-/// Highest velocity imposed from outside, as a multiple of the drive's range, such as when a disabled joint
-/// is moved by hand.
+/// Highest externally imposed velocity, as a multiple of the drive's range, such as when a disabled joint is
+/// moved by hand.
 const FASTER: f64 = 2.0;
-/// Distance by which two consecutive readings may always differ, rad: encoder steps and play.
+/// Difference that is always allowed between two consecutive readings, rad, to cover encoder steps and
+/// backlash.
 const JUMP: f64 = 0.1;
 /// Position beyond which 32-bit floating-point numbers do not resolve a hundredth of a radian, rad.
 const FARTHEST: f64 = 1e5;
@@ -25,8 +26,8 @@ impl Link {
             .is_some_and(|(within_ns, state_ns)| state_ns + within_ns < self.answers.sent_ns)
     }
 
-    /// Refuses an answer with an impossible position, or, while the drive follows commands, with a position
-    /// farther from the last one than it can have moved.
+    /// Refuses an answer with an impossible position. While the drive follows commands, also refuses a
+    /// position farther from the last one than the joint can have moved.
     pub(super) fn refuse_implausible(
         &mut self,
         feedback: &Feedback,

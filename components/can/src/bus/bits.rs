@@ -1,8 +1,8 @@
 //! Bits of a frame on the wire, including bit stuffing.
 //!
-//! A frame extends from its start bit to the three bits of interframe space. Within it, a bit of the opposite
-//! value is inserted after each five equal bits; in the CRC field of CAN FD, stuff bits have fixed positions.
-//! A byte of a serial line has ten bits.
+//! A frame extends from its start bit to the three bits of interframe space. A bit of the opposite value is
+//! inserted after every five equal bits; in the CRC field of CAN FD, stuff bits have fixed positions. A byte
+//! on a serial line has ten bits.
 
 use crate::frame::{Form, Frame, Id};
 
@@ -16,13 +16,13 @@ use crate::frame::{Form, Frame, Id};
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rates {
-    /// Bits per second of arbitration, and of whole classic frames.
+    /// Arbitration bitrate, bit/s; also the bitrate of whole classic frames.
     pub nominal: u32,
-    /// Bits per second of the data of CAN FD frames that switch their rate.
+    /// Data bitrate of CAN FD frames with bitrate switching, bit/s.
     pub fast: u32,
 }
 
-/// Number of bits of a frame, by the bitrate at which they are sent.
+/// Number of bits of a frame at each bitrate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Bits {
     /// Bits at the arbitration rate, including the interframe space.
@@ -31,7 +31,7 @@ pub struct Bits {
     pub fast: u32,
 }
 
-/// Bits from the CRC delimiter to the end of the interframe space, which are never stuffed.
+/// Number of bits from the CRC delimiter to the end of the interframe space, which are never stuffed.
 const TAIL: u32 = 13;
 
 impl Bits {
@@ -41,7 +41,7 @@ impl Bits {
         time(self.nominal, rates.nominal) + time(self.fast, rates.fast)
     }
 
-    /// Returns the exact bits of this frame.
+    /// Returns the exact number of bits of this frame.
     ///
     /// ```
     /// use motorium_can::{Bits, Frame, Id};
@@ -96,7 +96,7 @@ impl Bits {
         }
     }
 
-    /// Returns the bits of the longest frame of this form with `bytes` bytes of any content.
+    /// Returns the largest number of bits that a frame of this form with `bytes` bytes can have.
     pub fn worst(is_extended: bool, form: Form, bytes: usize) -> Self {
         let plain = Self::nominal(is_extended, form, bytes);
         if form == Form::Packet {
@@ -115,7 +115,7 @@ impl Bits {
         Self { nominal: plain.nominal + head, fast: plain.fast + stuffed(all) - head }
     }
 
-    /// Returns the bits of a frame of this form with `bytes` bytes, without stuffing.
+    /// Returns the number of bits of a frame of this form with `bytes` bytes, without stuffing.
     pub fn nominal(is_extended: bool, form: Form, bytes: usize) -> Self {
         let bits = 8 * bytes as u32;
         match (form, is_extended) {
@@ -163,7 +163,7 @@ fn length_code(bytes: usize) -> u32 {
     }
 }
 
-/// Bits on the wire, counted with stuffing and added to the 15-bit CRC.
+/// Bits on the wire: counts them with stuffing, and updates the 15-bit CRC.
 struct Wire {
     count: u32,
     run: Run,
@@ -175,7 +175,7 @@ impl Wire {
         Self { count: 0, run: Run::START, checksum: 0 }
     }
 
-    /// Adds the lowest `bits` of a value, the highest of them first.
+    /// Adds the lowest `bits` bits of a value, most significant first.
     fn push(&mut self, value: u32, bits: u32) {
         let whole = bits / 8;
         for place in (8 * whole..bits).rev() {
@@ -193,8 +193,8 @@ impl Wire {
     }
 }
 
-/// Value and number of the last equal bits on the wire: `bit + 2 * (number - 1)` with at most four of them,
-/// since a fifth is followed by a stuff bit; [`Run::START`] before the first bit.
+/// Run of equal bits at the end of the wire, encoded as `bit + 2 * (number - 1)`. A run has at most four
+/// bits, because a stuff bit follows the fifth. [`Run::START`] is the state before the first bit.
 #[derive(Clone, Copy)]
 struct Run(u8);
 
@@ -211,14 +211,14 @@ impl Run {
     }
 }
 
-/// Stuff bits inserted into a byte, and the run at its end.
+/// Number of stuff bits inserted into a byte, and the run at its end.
 #[derive(Clone, Copy)]
 struct Stuffed {
     inserted: u8,
     run: Run,
 }
 
-/// Stuffing of each byte after each run.
+/// Stuffing of each byte for each preceding run.
 static STUFFED: [[Stuffed; 256]; Run::COUNT] = {
     let mut table = [[Stuffed { inserted: 0, run: Run::START }; 256]; Run::COUNT];
     let mut index = 0;

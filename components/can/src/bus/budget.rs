@@ -1,4 +1,4 @@
-//! Time budget of a cycle: checks that all commands and answers fit on the bus, and shows the arithmetic.
+//! Time budget of a cycle: checks that all commands and answers fit on the bus, and displays the arithmetic.
 
 use core::fmt;
 
@@ -47,16 +47,17 @@ pub struct Budget {
     pub rates: Rates,
     /// Command and answer of each drive.
     pub exchanges: Vec<(Shape, Shape)>,
-    /// Additional frames, such as a synchronisation and second answers.
+    /// Additional frames, such as synchronisation frames and second answers.
     pub others: Vec<Shape>,
-    /// Longest turnaround time from a command to the beginning of its answer, ns.
+    /// Maximum turnaround time from a command to the start of its answer, ns.
     pub turn_round_ns: u64,
     /// Time from one batch of commands to the next, ns.
     pub cycle_ns: u64,
 }
 
 impl Budget {
-    /// Fraction of the cycle beyond which a single disturbed frame delays others into the next cycle.
+    /// Bus load, as a fraction of the cycle, beyond which a single disturbed frame delays others into the
+    /// next cycle.
     pub const COMFORTABLE: f64 = 0.8;
 
     /// Worst-case time of all bits of a cycle, ns.
@@ -65,8 +66,8 @@ impl Budget {
         exchanges.sum::<u64>() + self.others.iter().map(|shape| self.ns(shape)).sum::<u64>()
     }
 
-    /// Worst-case time from the first bit of the commands to the last bit of the answers, ns: all bits, and
-    /// the turnaround time of the last answer, during which the bus is idle.
+    /// Worst-case time from the first bit of the commands to the last bit of the answers, ns. It consists of
+    /// all bits and the turnaround time of the last answer, while the bus is idle.
     pub fn complete_ns(&self) -> u64 {
         self.busy_ns() + self.turn_round_ns
     }
@@ -87,7 +88,7 @@ impl Budget {
         if count == 0 {
             return 0;
         }
-        // each drive includes its share of the additional frames
+        // the time of each drive includes its share of the additional frames
         let each_ns = self.busy_ns().div_ceil(count);
         self.cycle_ns.saturating_sub(self.turn_round_ns) / each_ns
     }
@@ -121,7 +122,7 @@ impl fmt::Display for Budget {
         }
         write!(
             f,
-            " with the most stuffing = {:.0} us at {} kbit/s",
+            " with maximum stuffing = {:.0} us at {} kbit/s",
             us(self.busy_ns()),
             self.rates.nominal / 1000
         )?;
@@ -130,7 +131,7 @@ impl fmt::Display for Budget {
         }
         write!(
             f,
-            ", + {:.0} us turn-round = {:.0} us of {:.0} us ({:.0} % load)",
+            ", + {:.0} us turnaround = {:.0} us of {:.0} us ({:.0} % load)",
             us(self.turn_round_ns),
             us(self.complete_ns()),
             us(self.cycle_ns),

@@ -1,4 +1,4 @@
-//! Buses: bits of frames, time budget of a cycle, and the bus interface with its implementations: simulated
+//! Bits of frames, the time budget of a cycle, and the bus interface with its implementations: simulated
 //! buses, SocketCAN, and serial lines.
 
 pub mod bits;
@@ -15,7 +15,7 @@ pub(crate) mod time;
 
 use crate::frame::Frame;
 
-/// Received frame with its receive time.
+/// A received frame with its receive time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Received {
     /// Frame.
@@ -38,10 +38,10 @@ pub struct Received {
 /// assert_eq!(inbox[0].frame, hello);
 /// ```
 pub trait Bus {
-    /// Hands over frames in this order, and returns the number of accepted frames. The rest is not queued,
-    /// because newer commands will replace it.
+    /// Sends frames in the given order, and returns the number of accepted frames. The rest is not queued,
+    /// because newer commands will replace them.
     fn send(&mut self, frames: &[Frame]) -> usize;
 
-    /// Fills `frames` with received frames in their order, and returns their number.
+    /// Fills `frames` with received frames in order of arrival, and returns their number.
     fn receive(&mut self, frames: &mut [Received]) -> usize;
 }

@@ -1,4 +1,4 @@
-//! Buses of the computer: interfaces of the kernel, adapters on serial lines, and lines of serial servos.
+//! Buses of the computer: kernel interfaces, adapters on serial lines, and lines of serial servos.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
@@ -53,7 +53,7 @@ impl RealBus {
         }
     }
 
-    /// Opens an interface of the kernel with its present bitrates.
+    /// Opens a kernel interface with its configured bitrates.
     ///
     /// # Errors
     /// Returns an error if the interface cannot be opened.
@@ -110,13 +110,13 @@ impl RealBus {
         self.condition() != Condition::Active || errors.iter().any(|count| *count > 0)
     }
 
-    /// Returns `true` for a bus without a wire, on which frames take no time.
+    /// Returns `true` for a bus without a wire, on which frames have no duration.
     pub fn is_virtual(&self) -> bool {
         match self {
             Self::Socket(bus) => bus.is_virtual(),
             Self::Serial(bus) => bus.is_virtual(),
             Self::Servos(bus) => bus.is_virtual(),
-            // it simulates bit times
+            // the simulator reproduces bit times
             Self::Simulated(_) => false,
         }
     }

@@ -3,18 +3,18 @@
 /// State of a controller on a bus, determined by its error counters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ErrorState {
-    /// Error-active: it participates and signals the errors of others.
+    /// Error-active: the controller participates and signals errors of other nodes.
     #[default]
     Active,
-    /// Error warning: it participates, and has counted many errors.
+    /// Error warning: the controller participates, but has counted many errors.
     Warning,
-    /// Error-passive: it participates, but does not disturb other nodes.
+    /// Error-passive: the controller participates, but does not disturb other nodes.
     Passive,
-    /// Bus-off: it has left the bus.
+    /// Bus-off: the controller has left the bus.
     Off,
 }
 
-/// Report of a controller: events, and its state after them.
+/// Report of a controller: events, and the resulting state.
 ///
 /// ```
 /// use motorium_can::{ErrorState, Report};
@@ -30,11 +30,11 @@ pub struct Report {
     pub state: Option<ErrorState>,
     /// A frame was sent and no node acknowledged it.
     pub is_unacknowledged: bool,
-    /// The controller had no room for a received or outgoing frame.
+    /// The controller had no room for an incoming or outgoing frame.
     pub is_overflow: bool,
     /// A frame of any node was disturbed.
     pub is_disturbed: bool,
-    /// The controller has returned after bus-off.
+    /// The controller has restarted after bus-off.
     pub is_restart: bool,
     /// Transmit and receive error counters, if the driver reports them.
     pub counters: Option<[u8; 2]>,
@@ -55,7 +55,7 @@ const PASSIVE: u8 = 0x10 | 0x20;
 const ACTIVE: u8 = 0x40;
 
 impl Report {
-    /// Decodes an error frame from its classes, which are the identifier without flags, and its data.
+    /// Decodes an error frame from its data and its classes, which are the identifier without flags.
     pub fn decode(classes: u32, data: &[u8; 8]) -> Self {
         let has = |class: u32| classes & class != 0;
         let controller = if has(CONTROLLER) { data[1] } else { 0 };
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_report_survives_its_frame() {
+    fn a_report_round_trips_through_its_frame() {
         for state in [
             None,
             Some(ErrorState::Active),
@@ -130,13 +130,13 @@ mod tests {
     }
 
     #[test]
-    fn a_controller_that_is_both_in_warning_and_passive_is_passive() {
+    fn error_passive_takes_precedence_over_warning() {
         assert_eq!(Report::decode(0x4, &[0, 0x2c, 0, 0, 0, 0, 0, 0]).state, Some(ErrorState::Passive));
         assert_eq!(Report::decode(0x44, &[0, 0x20, 0, 0, 0, 0, 0, 0]).state, Some(ErrorState::Off));
     }
 
     #[test]
-    fn a_report_is_read_as_the_library_for_such_frames_reads_it() {
+    fn a_report_matches_the_error_frame_library() {
         use socketcan::{CanErrorFrame, errors::ErrorCause};
         for (classes, data) in [
             (0x20_u32, [0_u8; 8]),

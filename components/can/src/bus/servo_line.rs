@@ -29,7 +29,7 @@ pub struct ServoBus {
     speed: u32,
     line: Terminal,
     reader: Reader,
-    /// Packet longer than a frame, and the range of its bytes that has not been received yet.
+    /// Packet longer than a frame, and the range of its bytes that has not been delivered yet.
     long: Box<[u8; LONGEST]>,
     left: (usize, usize),
 }
@@ -85,12 +85,12 @@ impl ServoBus {
         &self.line.counts
     }
 
-    /// Returns `true` for a pseudo-terminal, on which bytes take no time.
+    /// Returns `true` for a pseudo-terminal, on which bytes have no duration.
     pub fn is_virtual(&self) -> bool {
         self.line.is_virtual()
     }
 
-    /// Next part of a packet that is longer than a frame.
+    /// Returns the next part of a packet that is longer than a frame.
     fn part(&mut self) -> Option<Frame> {
         let (from, to) = self.left;
         let part = &self.long[from..to.min(from + Form::Packet.capacity())];
@@ -98,7 +98,7 @@ impl ServoBus {
         if part.is_empty() { None } else { Frame::packet(EVERYBODY, part) }
     }
 
-    /// Restricts reception to packets from, or for, servos with these numbers.
+    /// Restricts reception to packets from or to servos with these numbers.
     pub fn receive_only(&mut self, ids: &[Id]) {
         self.line.receive_only(ids);
     }
@@ -116,11 +116,11 @@ impl Bus for ServoBus {
         if line.look_again(|path| open(path, *speed)) {
             *reader = Reader::default();
         }
-        // a common answer that is still incomplete will not be completed
+        // an incomplete common answer will not be completed any more
         if !frames.is_empty() {
             reader.drop_common();
         }
-        // the rest of a partly written packet goes first
+        // the rest of a partly written packet is sent first
         if !line.condition.can_send() || !line.flush() {
             return 0;
         }

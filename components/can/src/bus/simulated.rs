@@ -1,4 +1,4 @@
-//! Bus in simulated time: exact bit times, arbitration, error counters.
+//! Bus in simulated time, with exact bit times, arbitration and error counters.
 
 use std::collections::VecDeque;
 
@@ -19,13 +19,13 @@ pub enum Event {
         /// Time of its last bit, ns.
         time_ns: u64,
     },
-    /// A frame was disturbed; it is sent again.
+    /// A frame was disturbed and will be sent again.
     Disturbed {
         /// Node that sent it.
         sender: usize,
         /// State of the node after the error.
         state: ErrorState,
-        /// The frame was not acknowledged, because no other node is on the bus.
+        /// The frame was not acknowledged because no other node is on the bus.
         is_unacknowledged: bool,
         /// Time of the error, ns.
         time_ns: u64,
@@ -37,23 +37,24 @@ pub enum Event {
 struct Node {
     queue: VecDeque<(Frame, u64)>,
     inbox: VecDeque<Received>,
-    /// Received frames are kept for a port.
+    /// Received frames are queued for a port.
     listens: bool,
     transmit_errors: u32,
     receive_errors: u32,
     is_off: bool,
-    /// Time before which the node does not send: an error-passive node suspends transmission after an error.
+    /// Earliest time of the node's next transmission, ns: an error-passive node suspends transmission after
+    /// an error.
     suspended_ns: u64,
 }
 
 /// Bus in simulated time.
 ///
-/// A frame begins when the bus is free; of several waiting frames, the one with the lowest identifier wins
-/// arbitration. Its duration follows from its bits, including stuffing. A disturbed sender increments its
-/// transmit error counter by eight and sends again. It becomes error-passive at 128 and bus-off above 255.
-/// Two nodes that send different frames with the same identifier disturb each other. A frame without a
-/// receiver is not acknowledged and is repeated. Packets of a serial line are sent one after the other,
-/// without error detection. The bus is deterministic: it depends on its input only.
+/// A frame starts when the bus is free; if several frames are waiting, the one with the lowest identifier
+/// wins arbitration. Its duration follows from its exact number of bits, including stuff bits. A disturbed
+/// sender increments its transmit error counter by eight and retransmits. It becomes error-passive at 128 and
+/// bus-off above 255. Two nodes that send different frames with the same identifier disturb each other. A
+/// frame without a receiver is not acknowledged and is repeated. Packets of a serial line are sent one after
+/// the other, without error detection. The bus is deterministic: its behaviour depends only on its input.
 #[derive(Debug)]
 pub struct SimulatedBus {
     rates: Rates,
@@ -65,11 +66,11 @@ pub struct SimulatedBus {
     disturbed: u32,
 }
 
-/// Bits of an error: flag, its echo, delimiter, interframe space.
+/// Number of bits of an error: flag, its echo, delimiter, interframe space.
 const ERROR_BITS: u32 = 12 + 8 + 3;
-/// Bits between two frames.
+/// Number of bits between two frames.
 const PAUSE_BITS: u32 = 3;
-/// Bits for which an error-passive node suspends transmission after sending.
+/// Number of bits for which an error-passive node suspends transmission after sending.
 const SUSPEND_BITS: u32 = 8;
 
 impl SimulatedBus {
@@ -98,8 +99,8 @@ impl SimulatedBus {
         fits
     }
 
-    /// Returns the next event that ends by `until_ns`. A caller that answers a frame must enqueue the answer
-    /// before the next call.
+    /// Returns the next event that ends at or before `until_ns`. A caller that answers a frame must enqueue
+    /// the answer before the next call.
     pub fn next(&mut self, until_ns: u64) -> Option<Event> {
         let waits = |node: &Node| node.queue.front().map(|(_, ready)| (*ready).max(node.suspended_ns));
         let first_ns = self.nodes.iter().filter_map(waits).min()?;
@@ -162,8 +163,8 @@ impl SimulatedBus {
         let suspended_ns = now_ns + self.bits_ns(SUSPEND_BITS);
         let is_passive = self.state(sender) == ErrorState::Passive;
         let node = &mut self.nodes[sender];
-        // the transmit error counter of a lone error-passive node stops: missing acknowledgements alone never
-        // cause bus-off
+        // a lone error-passive node stops incrementing its transmit error counter: missing acknowledgements
+        // alone never cause bus-off
         if !(was_alone && is_passive) {
             node.transmit_errors += 8;
         }
@@ -208,17 +209,17 @@ impl SimulatedBus {
         (node.is_off, node.transmit_errors, node.receive_errors, node.suspended_ns) = (false, 0, 0, 0);
     }
 
-    /// Number of frames in the send queue of a node.
+    /// Number of frames in a node's send queue.
     pub fn waiting(&self, node: usize) -> usize {
         self.nodes[node].queue.len()
     }
 
-    /// Time for which the bus carried bits, ns.
+    /// Total time for which the bus carried bits, ns.
     pub fn busy_ns(&self) -> u64 {
         self.busy_ns
     }
 
-    /// Bus as seen by one node at `now_ns`. From then on, the node keeps received frames.
+    /// Returns the bus as seen by one node at `now_ns`. From then on, frames received by the node are queued.
     pub fn port(&mut self, node: usize, now_ns: u64) -> Port<'_> {
         self.nodes[node].listens = true;
         Port { bus: self, node, now_ns }

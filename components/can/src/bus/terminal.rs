@@ -1,4 +1,4 @@
-//! Serial lines that carry raw bytes, and are reopened after they were lost.
+//! Serial lines that carry raw bytes and are reopened after a loss.
 
 #![allow(unsafe_code)] // terminal settings need libc calls, which no crate of the project offers
 
@@ -12,7 +12,8 @@ use super::socket::{Condition, OpenError, SocketCounts};
 use super::time::Retry;
 use crate::frame::Id;
 
-/// Opens a serial line at this speed in raw, non-blocking mode: no character is translated, echoed or kept.
+/// Opens a serial line at this speed in raw, non-blocking mode: characters are neither translated, echoed nor
+/// line-buffered.
 pub(super) fn open(path: &str, speed: libc::speed_t) -> Result<File, OpenError> {
     set_up(path, speed).map_err(|error| match error.kind() {
         io::ErrorKind::NotFound => OpenError::NoLine(path.into()),
@@ -27,8 +28,8 @@ fn set_up(path: &str, speed: libc::speed_t) -> io::Result<File> {
         .custom_flags(libc::O_NONBLOCK | libc::O_NOCTTY | libc::O_CLOEXEC)
         .open(path)?;
     let mut settings = MaybeUninit::<libc::termios>::zeroed();
-    // SAFETY: the descriptor is open and the buffer has the type that the call fills; it is read only once
-    // the call has filled it, and changed through the library's own functions.
+    // SAFETY: the descriptor is open and the buffer has the type that the call fills. It is read only after
+    // the call has filled it, and is modified with the library's own functions.
     unsafe {
         if libc::tcgetattr(file.as_raw_fd(), settings.as_mut_ptr()) != 0 {
             return Err(io::Error::last_os_error());
@@ -90,7 +91,7 @@ impl Terminal {
         self.filters = ids.to_vec();
     }
 
-    /// Returns `true` if frames with this identifier are received.
+    /// Returns `true` if frames with this identifier pass the filter.
     pub(super) fn wants(&self, id: Id) -> bool {
         self.filters.is_empty() || self.filters.contains(&id)
     }
@@ -104,7 +105,7 @@ impl Terminal {
         }
     }
 
-    /// Checks once a second whether a line that has gone is back. Returns `true` once it is open again.
+    /// Tries once per second to reopen a lost line. Returns `true` once it is open again.
     pub(super) fn look_again(&mut self, open: impl FnOnce(&str) -> Result<File, OpenError>) -> bool {
         if self.condition != Condition::Gone || !self.retry.is_due() {
             return false;
@@ -125,7 +126,7 @@ impl Terminal {
         self.pending.extend_from_slice(bytes);
     }
 
-    /// Writes the output buffer. Returns `false` if some of it is left.
+    /// Writes the output buffer. Returns `false` if bytes are left.
     pub(super) fn flush(&mut self) -> bool {
         while !self.pending.is_empty() {
             match self.file.write(&self.pending) {

@@ -21,14 +21,14 @@ pub(super) fn realtime_ns() -> u64 {
 /// Interval between attempts to reopen a line or an interface, ns.
 const AGAIN_NS: u64 = 1_000_000_000;
 
-/// Timer for reopening a line or an interface that has gone: once a second.
+/// Timer that retries opening a lost line or interface once per second.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Retry {
     at_ns: u64,
 }
 
 impl Retry {
-    /// Starts the timer when the line or interface has gone.
+    /// Starts the timer when the line or interface is lost.
     pub(super) fn begin(&mut self) {
         self.at_ns = monotonic_ns() + AGAIN_NS;
     }

@@ -19,16 +19,16 @@ use crate::{BusKind, HomingBy, Table};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FaultConfig {
-    /// Time at which it begins.
+    /// Start time.
     pub at: TimeSpan,
-    /// Time that it lasts. Default: until the end.
+    /// Duration. Default: until the end of the run.
     pub lasts: Option<TimeSpan>,
     /// Kind of the fault.
     pub kind: FaultKind,
-    /// The joint with the affected drive; of the kinds "silent", "late", "wrong_length", "corrupt",
+    /// The joint of the affected drive, for the kinds "silent", "late", "wrong_length", "corrupt",
     /// "duplicate", "twin", "off", "no_mark", "stuck_mark".
     pub joint: Option<String>,
-    /// The affected bus; of the kinds "babbling", "disturbed", "bus_off", "alone", "down".
+    /// The affected bus, for the kinds "babbling", "disturbed", "bus_off", "alone", "down".
     pub bus: Option<String>,
     /// Additional delay of a late answer. Default 1 ms.
     pub delay: Option<TimeSpan>,
@@ -52,15 +52,15 @@ pub enum FaultKind {
     Twin,
     /// The drive has no power: it receives nothing, answers nothing and is disabled.
     Off,
-    /// The mark of the drive, such as its switch, is never met when it homes itself.
+    /// The drive never finds its mark, such as a switch, when it homes itself.
     NoMark,
-    /// The mark of the drive is met at every position.
+    /// The drive detects its mark at every position.
     StuckMark,
-    /// A node floods the bus with frames that win against all others.
+    /// A node floods the bus with frames that win arbitration against all others.
     Babbling,
     /// Every frame on the bus is disturbed once.
     Disturbed,
-    /// The controller of the adapter is bus-off, and recovers at the end.
+    /// The controller of the adapter is bus-off, and recovers at the end of the fault.
     BusOff,
     /// The cable is unplugged behind the adapter: its frames are not acknowledged. On simulated buses.
     Alone,
@@ -69,7 +69,7 @@ pub enum FaultKind {
 }
 
 impl FaultKind {
-    /// Returns `true` for a fault of a bus, `false` for a fault of a drive.
+    /// Returns `true` for a bus fault, `false` for a drive fault.
     fn is_of_bus(self) -> bool {
         matches!(self, Self::Babbling | Self::Disturbed | Self::BusOff | Self::Alone | Self::Down)
     }
@@ -87,7 +87,7 @@ pub(super) struct Fault {
 }
 
 impl Fault {
-    /// Reads one fault of the script.
+    /// Parses one scripted fault.
     pub(super) fn from_config(
         config: &FaultConfig,
         index: usize,

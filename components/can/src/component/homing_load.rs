@@ -1,10 +1,11 @@
-//! Load of a joint that is homed at its mechanical stop, computed from the robot model. It determines whether
-//! the effort moves the joint to the stop, holds it there and moves it away again, and the energy at impact.
+//! Load on a joint that is homed at its mechanical stop, computed from the robot model. The load determines
+//! whether the effort moves the joint to the stop, holds it there and moves it away again. The model also
+//! yields the impact energy.
 //!
-//! The joint moves with the velocity gain `effort / velocity`. It counts as at rest below the share [`STILL`]
-//! of `velocity`; its weight and Coulomb friction then take up the rest of `effort`. Viscous damping slows
-//! the joint but does not stop it, so it counts only at that share of `velocity`. Friction helps to hold the
-//! joint against its stop, and hinders it on the way back.
+//! The joint moves with the velocity gain `effort / velocity`. It counts as at rest below the fraction
+//! [`STILL`] of `velocity`, where its weight and Coulomb friction may use up the rest of `effort`. Viscous
+//! damping slows the joint but does not stop it, so it is only counted at that velocity. Friction helps to
+//! hold the joint at its stop, and opposes the motion away from it.
 
 mod search;
 mod weights;
@@ -16,17 +17,17 @@ use crate::adapter::{EASED, RUNAWAY, STILL};
 use crate::{HomingBy, HomingEntry};
 use weights::{Others, Weights};
 
-/// Homing that its joint cannot follow, or that is too hard for its stop.
+/// Homing with too little effort for its joint, or too much energy for its stop.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Unfit {
     pub(super) joint: String,
     pub(super) problem: Problem,
-    /// The homing fails at the stop, or may cause damage there, wherever the other joints are; otherwise it
-    /// only may fail.
+    /// The homing fails at the stop for all positions of the other joints, or may cause damage there.
+    /// Otherwise, it may fail.
     pub(super) is_refused: bool,
 }
 
-/// Effort that is too small, or velocity that is too large, for a homing.
+/// Effort that is too small for a homing, or velocity that is too large.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(super) enum Problem {
     #[error(transparent)]
@@ -42,31 +43,33 @@ impl Problem {
                 "raise `effort`, begin from the other side, or home it later, by `order`, when the others take its weight off it"
             }
             Self::TooWeak(_) => "raise `effort`, or choose the stop at the other end",
-            Self::TooHard(_) => "write a lower `velocity`, or as `energy` what its stop and its gear stand",
+            Self::TooHard(_) => {
+                "write a lower `velocity`, or set `energy` to what its stop and its gear withstand"
+            }
         }
     }
 }
 
-/// Moment of a homing at which the effort has to overcome the weight.
+/// Moment of a homing when the effort has to overcome the weight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Moment {
     /// On the way to the stop.
     OnTheWay,
-    /// At the stop, against which the effort has to press the joint.
+    /// At the stop, where the effort has to press the joint against it.
     Reaching,
     /// At the stop, where half of the effort has to hold the joint.
     Holding,
-    /// At the stop, from which the effort has to move the joint away.
+    /// At the stop, where the effort has to move the joint away from it.
     Leaving,
 }
 
-/// An effort that is smaller than the load.
+/// Effort that is smaller than the load.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct TooWeak {
     pub(super) moment: Moment,
     /// Positions of the other joints.
     pub(super) place: &'static str,
-    /// Part of the weight that acts against the motion, in `unit`.
+    /// Effort of the weight against the motion, in `unit`.
     pub(super) weight: f64,
     /// Friction close to rest, in `unit`.
     pub(super) friction: f64,
@@ -76,7 +79,7 @@ pub(super) struct TooWeak {
 }
 
 impl TooWeak {
-    /// Load that the effort has to overcome; friction helps to hold the joint.
+    /// Load that the effort has to overcome. Friction reduces it when the joint is held.
     fn load(&self) -> f64 {
         match self.moment {
             Moment::Holding => self.weight - self.friction,
@@ -94,9 +97,9 @@ impl fmt::Display for TooWeak {
         let (before, sign, part) = match moment {
             Moment::OnTheWay => (format!("on its way, {place}, its weight needs up to"), '+', &*moving),
             Moment::Reaching => {
-                (format!("at its stop, {place}, its weight presses it off with"), '+', &*moving)
+                (format!("at its stop, {place}, its weight pushes it off with"), '+', &*moving)
             }
-            Moment::Holding => (format!("at its stop, {place}, its weight presses it off with"), '-', "half"),
+            Moment::Holding => (format!("at its stop, {place}, its weight pushes it off with"), '-', "half"),
             Moment::Leaving => {
                 (format!("at its stop, {place}, its weight holds it there with"), '+', &*moving)
             }
@@ -104,13 +107,13 @@ impl fmt::Display for TooWeak {
         write!(
             f,
             "{before} {weight:.3} {unit}, {sign} {friction:.3} {unit} of friction = {:.3} {unit}, \
-             and {part} of `effort` is {available:.3} {unit}",
+             but {part} of `effort` is only {available:.3} {unit}",
             self.load()
         )
     }
 }
 
-/// An impact with more energy than the stop is said to stand.
+/// Impact with more energy than the configured limit.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct TooHard {
     pub(super) is_prismatic: bool,
@@ -118,11 +121,11 @@ pub(super) struct TooHard {
     pub(super) inertia: f64,
     /// Commanded velocity, rad/s or m/s.
     pub(super) velocity: f64,
-    /// Factor by which the weight speeds the joint up.
+    /// Factor by which the weight accelerates the joint beyond `velocity`.
     pub(super) faster: f64,
     /// Value of `energy`, J.
     pub(super) allowed: f64,
-    /// Velocity at which the impact has that energy, rad/s or m/s.
+    /// Velocity at which the impact has the energy `allowed`, rad/s or m/s.
     pub(super) slow: f64,
 }
 
@@ -140,14 +143,14 @@ impl fmt::Display for TooHard {
         let (mass, speeds) = if *is_prismatic { ("kg", "m/s") } else { ("kg m2", "rad/s") };
         write!(
             f,
-            "it may meet its stop with up to 0.5 x {inertia:.4} {mass} x ({velocity} {speeds} x {faster:.2})^2 = \
-             {:.3} J, and `energy` is {allowed} J: that is {slow:.3} {speeds}",
+            "it may hit its stop with up to 0.5 x {inertia:.4} {mass} x ({velocity} {speeds} x {faster:.2})^2 = \
+             {:.3} J, but `energy` is {allowed} J, which corresponds to {slow:.3} {speeds}",
             self.energy()
         )
     }
 }
 
-/// Finds the homings at a stop with excessive loads.
+/// Returns the homings at a stop whose effort is too small or whose impact is too hard.
 pub(super) fn unfit(equipped: &Equipped, gravity: [f64; 3]) -> Vec<Unfit> {
     let entries = equipped.order.iter().map(|drive| equipped.table.drives[*drive].homing.as_ref());
     let entries: Vec<Option<&HomingEntry>> = entries.collect();
@@ -161,7 +164,7 @@ pub(super) fn unfit(equipped: &Equipped, gravity: [f64; 3]) -> Vec<Unfit> {
     found
 }
 
-/// Load of one joint.
+/// Load on one joint.
 struct Load<'a> {
     weights: Weights<'a>,
     velocity: f64,
@@ -193,12 +196,12 @@ impl<'a> Load<'a> {
         TooWeak { moment, place, weight, friction: self.friction, available, unit: self.weights.unit() }
     }
 
-    /// Checks whether the effort moves the joint to its stop, holds it there, and moves it away. The homing
-    /// is refused if it fails at the stop wherever the other joints are. It is only reported if it fails with
-    /// the others at home, at some other positions, or on the way.
+    /// Checks that the effort moves the joint to its stop, holds it there, and moves it away. The homing is
+    /// refused if it fails at the stop for all positions of the other joints. It is only reported if it fails
+    /// with the others at home, at some other positions, or on the way.
     fn unmoved(&mut self) -> Option<Unfit> {
         let certain = self.weights.at_stop(Others::Anywhere);
-        self.at_stop((certain.least, certain.most), "wherever the other joints are", true)
+        self.at_stop((certain.least, certain.most), "at any position of the other joints", true)
             .or_else(|| self.on_the_way(Others::AtHome))
             .or_else(|| {
                 let home = self.weights.at_stop(Others::AtHome);
@@ -208,15 +211,15 @@ impl<'a> Load<'a> {
             .or_else(|| self.at_stop((certain.most, certain.least), Others::Anywhere.describe(), false))
     }
 
-    /// Checks for too little effort on the way.
+    /// Checks for too little effort on the way to the stop.
     fn on_the_way(&mut self, others: Others) -> Option<Unfit> {
         let weight = self.weights.on_the_way(others).max(0.0);
         let weak = self.too_weak(Moment::OnTheWay, others.describe(), weight);
         (weak.load() >= weak.available).then(|| self.unfit(Problem::TooWeak(weak), false))
     }
 
-    /// Checks for too little effort at the stop. The weight presses the joint off the stop with `against`,
-    /// and against the stop with `-least`.
+    /// Checks for too little effort at the stop. The weight pushes the joint away from the stop with
+    /// `against`, and towards it with `-least`.
     fn at_stop(&self, (against, least): (f64, f64), place: &'static str, is_refused: bool) -> Option<Unfit> {
         let reaching = self.too_weak(Moment::Reaching, place, against);
         let holding = self.too_weak(Moment::Holding, place, against);
@@ -233,17 +236,18 @@ impl<'a> Load<'a> {
         Some(self.unfit(Problem::TooWeak(weak), is_refused))
     }
 
-    /// Effort that can be spent before the joint counts as at rest.
+    /// Effort available before the joint counts as at rest.
     fn moving(&self) -> f64 {
         self.effort * (1.0 - STILL)
     }
 
-    /// Checks the energy with which the joint may hit its stop: the largest inertia at the stop, and the
-    /// velocity under the largest weight on the way, each with the other joints in their worst positions.
+    /// Checks the energy with which the joint may hit its stop. It follows from the largest inertia at the
+    /// stop, and from the velocity under the largest weight on the way. For each, the other joints are in
+    /// their worst positions.
     fn too_hard(&mut self) -> Option<Unfit> {
         let inertia = self.weights.inertia_at_stop();
         let helping = self.weights.helping().max(0.0);
-        // the velocity gain is effort over velocity, and the weight adds velocity in proportion
+        // the velocity gain is effort over velocity, so the weight adds a proportional velocity
         let faster = (1.0 + helping / self.effort).min(RUNAWAY);
         let hard = TooHard {
             is_prismatic: self.weights.is_prismatic(),
@@ -264,7 +268,7 @@ mod tests {
     use super::*;
     use crate::Table;
 
-    /// Gravity in the plane of the arm, whose links of 1 kg and 0.4 m extend along x at zero.
+    /// Gravity in the plane of the arm. Its links of 1 kg and 0.4 m extend along x at zero.
     const DOWN: [f64; 3] = [0.0, -9.81, 0.0];
 
     /// Planar arm with these homings of its joints.
@@ -296,7 +300,7 @@ mod tests {
         )
     }
 
-    /// Homings of an arm whose first two joints are homed at 2.85 rad before the third.
+    /// Homings of an arm: the first two joints are homed, and end at 2.85 rad, before the third.
     fn third(homing: &str) -> [&str; 3] {
         const FIRST: &str = "homing = { by = \"stop\", velocity = 0.1, effort = 90.0, position = 2.9 }";
         [FIRST, FIRST, homing]
@@ -360,8 +364,8 @@ mod tests {
     }
 
     #[test]
-    fn joints_that_are_homed_before_are_where_their_homing_ended() {
-        // the third joint ends folded back at 2.85, as does the second: little weight is left
+    fn previously_homed_joints_are_at_their_final_positions() {
+        // the second and third joints end folded back at 2.85 rad, so little weight is left
         let before = at_stop(0.1, 18.0, "");
         let last = at_stop(0.1, 14.0, ", order = 1");
         let certain: Vec<Unfit> = unfit(&arm([&last, &before, &before]), DOWN);
@@ -369,7 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn a_weight_pressing_the_joint_off_its_stop_is_refused() {
+    fn a_weight_pushing_the_joint_off_its_stop_is_refused() {
         let homing = |effort: f64| {
             format!(
                 "homing = {{ by = \"stop\", velocity = -0.1, effort = {effort}, position = -2.9, order = 1 }}"
@@ -397,7 +401,7 @@ mod tests {
         let refused = found(most - 0.01);
         assert_eq!((refused.is_refused, weak(&refused).moment), (true, Moment::Leaving));
         assert_close(weak(&refused).weight, leaving);
-        // elsewhere it weighs more
+        // the weight is larger at other positions
         let warning = found(most + 0.01);
         assert_eq!((warning.is_refused, weak(&warning).moment), (false, Moment::OnTheWay));
     }
@@ -415,7 +419,7 @@ mod tests {
     }
 
     #[test]
-    fn stop_energy_is_bounded_by_the_stretched_arm() {
+    fn stop_energy_is_bounded_by_the_extended_arm() {
         // 3 I + m (0.2^2 + 0.6^2 + 1.0^2)
         let inertia = 3.0 * 0.013_558_333 + 1.4_f64;
         let fastest = (2.0 * 0.1 / inertia).sqrt();
@@ -433,7 +437,7 @@ mod tests {
         assert_eq!(unfit(&arm([&slow, "", ""]), [0.0; 3]), []);
         let allowed = at_stop(1.5, 12.0, ", energy = 1.7");
         assert_eq!(unfit(&arm([&allowed, "", ""]), [0.0; 3]), []);
-        // its weight pulls it along: twice as fast if the weight equals the effort
+        // the weight pulls the joint along: twice as fast if the weight equals the effort
         let found = hard(["", "", &at_stop(1.0, 3.95, ", energy = 0.05")], DOWN);
         assert_close(found.faster, RUNAWAY.min(1.0 + 1.962 / 3.95));
     }

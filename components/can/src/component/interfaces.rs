@@ -7,13 +7,13 @@ use std::time::{Duration, Instant};
 use crate::bus::offered::{Offer, Place};
 use crate::{BusKind, OpenError, RealBus, Table};
 
-/// Longest wait for a simulated bus of another program to start.
+/// Maximum time to wait for another program to offer a simulated bus.
 const START: Duration = Duration::from_secs(5);
 
 /// Returns `true` if the buses of a table are interfaces of the computer.
 ///
-/// # Errors
-/// Returns an error if they are and the clock is lockstep, since a real bus cannot wait for simulated time.
+/// # Errors Returns an error if they are real and the clock is lockstep, because a real bus cannot wait for
+/// simulated time.
 pub(super) fn are_real(table: &Table, clock: ClockKind) -> Result<bool, ConfigError> {
     if table.is_real() && clock == ClockKind::Lockstep {
         let name = table.buses.first().map_or("", |bus| &bus.name);
@@ -59,7 +59,7 @@ pub(super) fn offer(table: &Table) -> Result<Vec<Offer>, ConfigError> {
         Offer::open(place, table.rates(index), bus.data_bitrate.is_some(), is_servo_line).map_err(|error| {
             let message = format!("bus `{}`: `{interface}` cannot be offered: {error}", bus.name);
             ConfigError::key("drives", message)
-                .advise("end the other program, or give the bus another address")
+                .advise("stop the other program, or give the bus another address")
         })
     };
     table.buses.iter().enumerate().map(open).collect()

@@ -1,4 +1,4 @@
-//! Limits applied by the adapter's command gate: the robot's limits, as far as its drives reach.
+//! Limits for the adapter's command gate: the robot's limits, reduced to the ranges of its drives.
 
 use motorium::declare::ConfigError;
 use motorium::safety::JointLimits;
@@ -41,7 +41,7 @@ pub(super) fn of_joints(equipped: &Equipped) -> Result<Vec<JointLimits>, ConfigE
     Ok(model.joint_names().iter().enumerate().map(joint).collect())
 }
 
-/// Lowest and highest position of each joint, and the distance beyond them at which its drive is still
+/// Lowest and highest position of each joint, and the margin beyond them within which its drive is still
 /// enabled: `margin`, or by default 0.05 rad and 5 mm.
 pub(super) fn of_enabling(equipped: &Equipped, margin: Option<f64>) -> Vec<([f64; 2], f64)> {
     let model = &equipped.robot.model;
@@ -52,7 +52,7 @@ pub(super) fn of_enabling(equipped: &Equipped, margin: Option<f64>) -> Vec<([f64
     (0..model.joint_count()).map(joint).collect()
 }
 
-/// Describes the joints whose drives cover less than the joint's range: name, covered range, required range.
+/// Describes a joint whose drive covers less than the joint's range: name, covered range and required range.
 pub(super) fn too_small(equipped: &Equipped) -> Option<String> {
     let Equipped { robot, table, order } = equipped;
     let model = &robot.model;
@@ -62,16 +62,16 @@ pub(super) fn too_small(equipped: &Equipped) -> Option<String> {
         let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
         let (lower, upper) = (model.lower()[i], model.upper()[i]);
         if table.drives[order[i]].homing.as_ref().is_some_and(|homing| homing.by == HomingBy::Stop) {
-            // its zero is its power-up position, anywhere in the range of the joint
+            // its zero is the power-up position, anywhere in the joint's range
             let (span, reaches) = (upper - lower, range.max / gear.ratio.abs());
             return (span.is_finite() && reaches < span).then(|| {
-                format!("the positions of drive `{name}` reach {reaches:.3} from its zero, and the joint moves by {span:.3}")
+                format!("the positions of drive `{name}` reach {reaches:.3} from its zero, but the joint moves by {span:.3}")
             });
         }
         let covers = low <= lower && high >= upper;
         // a joint without limits exceeds any range
         (lower.is_finite() && upper.is_finite() && !covers).then(|| {
-            format!("the positions of drive `{name}` cover {low:.3} to {high:.3}, the joint has {lower:.3} to {upper:.3}")
+            format!("the positions of drive `{name}` cover {low:.3} to {high:.3}, but the joint has {lower:.3} to {upper:.3}")
         })
     })
 }
@@ -90,7 +90,7 @@ pub(super) fn unfit_homing(equipped: &Equipped, limits: &[JointLimits]) -> Optio
             } else {
                 let end = homing.end().filter(|end| !(limits.lower..=limits.upper).contains(end))?;
                 format!(
-                    "it ends at {end:.4}, and the joint has {:.4} to {:.4}: write a longer `back_off`",
+                    "it ends at {end:.4}, but the joint has {:.4} to {:.4}: write a longer `back_off`",
                     limits.lower, limits.upper
                 )
             };

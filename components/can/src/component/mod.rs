@@ -28,7 +28,7 @@ struct Equipped {
     order: Vec<usize>,
 }
 
-/// Drive table of a configuration: a file, or inline entries.
+/// Source of a configuration's drive table: a file, or inline entries.
 struct Source<'a> {
     file: Option<&'a str>,
     buses: &'a [BusEntry],
@@ -38,7 +38,7 @@ struct Source<'a> {
 }
 
 impl Source<'_> {
-    /// Reads the table; a file is relative to `folder`.
+    /// Reads the table; the path of a file is relative to `folder`.
     fn table(&self, folder: &Path) -> Result<Table, ConfigError> {
         let mut table = self.read(folder)?;
         if self.interfaces.is_empty() {
@@ -49,7 +49,7 @@ impl Source<'_> {
             let Some(index) = names.iter().position(|known| known == name) else {
                 let message = format!("no bus is named `{name}`; there is {}", names.join(", "));
                 return Err(
-                    ConfigError::key("interfaces", message).advise("name buses as the drive table does")
+                    ConfigError::key("interfaces", message).advise("use the bus names of the drive table")
                 );
             };
             table.buses[index].interface = Some(interface.clone());
@@ -74,11 +74,8 @@ impl Source<'_> {
             return Ok(table);
         };
         if inline {
-            return Err(ConfigError::key(
-                "drives",
-                "both a drive table and entries of another one are given",
-            )
-            .advise("leave `drives` out, or `bus` and `drive`"));
+            return Err(ConfigError::key("drives", "both a drive table and inline entries are given")
+                .advise("leave `drives` out, or `bus` and `drive`"));
         }
         let path = folder.join(file);
         let text = std::fs::read_to_string(&path).map_err(|error| {
@@ -91,14 +88,14 @@ impl Source<'_> {
     }
 }
 
-/// Reads the text of a data sheet: UTF-8, or else Latin-1, which many manufacturers' tools write.
+/// Reads the text of a data sheet as UTF-8, or else as Latin-1, which many manufacturers' tools write.
 fn read_sheet(path: &Path) -> std::io::Result<String> {
     let bytes = std::fs::read(path)?;
     Ok(String::from_utf8(bytes)
         .unwrap_or_else(|error| error.as_bytes().iter().map(|byte| char::from(*byte)).collect()))
 }
 
-/// Error of a table, in a file or in the configuration.
+/// Converts the error of a table in a file, or in the configuration.
 fn refused(error: &TableError, file: Option<&str>) -> ConfigError {
     let refused = match (file, error.entry) {
         (Some(file), _) => ConfigError::key("drives", format!("{file}: {error}")),

@@ -1,10 +1,10 @@
-//! Frames in the format of topics.
+//! Conversion between frames and their topic format.
 
 use motorium::state::CanFrame;
 
 use crate::{Form, Frame, Id, Report};
 
-/// Largest number of frames in one batch of all buses.
+/// Maximum number of frames in one batch for all buses.
 pub(super) const BATCH: usize = 128;
 
 /// Converts a frame of one bus for a topic; `time_ns` is its receive time, 0 for an outgoing frame.
@@ -61,7 +61,7 @@ pub(super) fn report(report: &Report, unsent: u8, bus: usize, time_ns: u64) -> C
     out
 }
 
-/// Byte of an error frame that is free for driver use.
+/// Index of the byte of an error frame that drivers may use freely.
 const UNSENT: usize = 5;
 
 /// Reports that the interface of a simulated bus is down, as an empty report.
@@ -94,7 +94,7 @@ mod tests {
     use crate::ErrorState;
 
     #[test]
-    fn a_frame_survives_its_topic_in_every_form() {
+    fn frames_of_every_form_round_trip_through_a_topic() {
         for (id, form, length) in [
             (Id::Standard(0x7ff), Form::Classic, 8),
             (Id::Extended(0x1fff_ffff), Form::Classic, 0),
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_frame_is_none() {
+    fn invalid_frames_are_ignored() {
         let frame = to_topic(&Frame::classic(Id::Standard(1), &[1; 8]), 0, 0);
         assert_eq!(from_topic(&CanFrame { length: 65, ..frame }), None);
         assert_eq!(from_topic(&CanFrame { length: 9, ..frame }), None);
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn the_news_of_an_interface_survive_their_topic() {
+    fn interface_status_round_trips_through_a_topic() {
         for state in [ErrorState::Active, ErrorState::Passive, ErrorState::Off] {
             let sent = Report { state: Some(state), is_overflow: true, ..Report::default() };
             assert_eq!(news_of(&report(&sent, 7, 0, 0)), Some(News::Report(sent, 7)));

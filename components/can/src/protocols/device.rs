@@ -20,8 +20,8 @@ pub enum DeviceKind {
         master: u16,
         /// Watchdog, ns, 0 for off; `None` if not read.
         watchdog_ns: Option<u64>,
-        /// Ends of its ranges: position (rad), velocity (rad/s), torque (N m); `None` for each one that was
-        /// not read.
+        /// Limits of its ranges: position (rad), velocity (rad/s), torque (N m); `None` for each limit that
+        /// was not read.
         ranges: [Option<f64>; 3],
     },
     /// ODrive, found by the axis state and errors in its heartbeat.
@@ -48,7 +48,7 @@ pub enum DeviceKind {
 }
 
 impl DeviceKind {
-    /// Updates the kind of a device that was found again, and keeps settings that `other` lacks.
+    /// Updates the kind of a device that was found again. Settings that `other` lacks are kept.
     pub(crate) fn update(&mut self, other: Self) {
         match (self, other) {
             (

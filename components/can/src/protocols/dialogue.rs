@@ -1,5 +1,5 @@
-//! Dialogues with drives: they turn orders of the adapter into frames of a protocol, and frames of a drive
-//! into responses.
+//! Dialogues with drives, which convert orders of the adapter to frames of a protocol, and frames of a drive
+//! to responses.
 
 use super::homing_fault::HomingFault;
 use super::setting::WrongSetting;
@@ -15,7 +15,7 @@ pub(crate) enum Order {
     Check(u8),
     /// Disable the drive.
     Disable,
-    /// Only answer: the drive reported a fault, which stays latched.
+    /// Only answer. The drive has reported a fault, which stays latched.
     Rest,
     /// Search for the mark.
     Home,
@@ -30,15 +30,15 @@ pub(crate) enum Order {
 pub(crate) enum Response {
     /// State of the drive: the answer of the cycle.
     Feedback(Feedback),
-    /// A setting that matches the table (`None`), or its mismatch.
+    /// Result of checking a setting: `None` if it matches the table.
     Setting(Option<WrongSetting>),
-    /// Operating state, sent apart from the answers.
+    /// Operating state, sent separately from the answers.
     State(State),
     /// Heartbeat: the drive is alive.
     Alive,
-    /// A setting does not have its value yet and is read again.
+    /// A setting does not have the expected value yet, and is read again.
     Waiting,
-    /// Error reported in a separate message, and its presence.
+    /// Error reported in a separate message; `is_present` is `false` if it is not active.
     Emergency { fault: Fault, is_present: bool },
     /// The drive has just started and has lost its configuration.
     Restarted,
@@ -69,25 +69,25 @@ pub(crate) trait Dialogue {
         None
     }
 
-    /// Longest time, ns, between two heartbeats, or between two state messages of a drive whose answers lack
-    /// the state.
+    /// Maximum time between two heartbeats, or between two state messages of a drive whose answers lack the
+    /// state, ns.
     fn state_within_ns(&self) -> Option<u64> {
         None
     }
 
-    /// Form of the drive's frames, and bytes of the shortest command and the shortest answer.
+    /// Form of the drive's frames, and number of bytes in the shortest command and in the shortest answer.
     fn shortest(&self) -> (Form, usize, usize);
 
     /// Sets the time between two cycles, ns.
     fn set_cycle(&mut self, _cycle_ns: u64) {}
 
-    /// Accepts an answer as plausible, so that setpoints may be derived from it.
+    /// Accepts an answer as plausible; setpoints may then be derived from it.
     fn accept(&mut self, _feedback: &Feedback) {}
 
-    /// Restarts the dialogue, and clears the faults of a drive that was lost or disabled itself.
+    /// Restarts the dialogue with a drive that was lost or has disabled itself, and clears its faults.
     fn restart(&mut self) {}
 
-    /// Discards the dialogue's progress, as at the start, without clearing faults.
+    /// Resets the dialogue to its initial state, without clearing faults.
     fn forget(&mut self) {}
 
     /// Starts the search for the mark, in a drive with a homing procedure.
@@ -101,11 +101,11 @@ pub(crate) trait Dialogue {
     /// Returns `true` if the frame comes from this drive.
     fn is_from(&self, frame: &Frame) -> bool;
 
-    /// Writes the frames of a cycle. Frames of a [`member`](Self::member) are written for the whole line
-    /// together.
+    /// Writes the frames of a cycle. The frames for a [`member`](Self::member) are written together with
+    /// those for the rest of its line.
     fn write(&mut self, order: &Order, frames: &mut Vec<Frame>);
 
-    /// Returns `true` if the drive answers this order after the synchronisation of its bus.
+    /// Returns `true` if the drive answers this order only after the synchronisation of its bus.
     fn is_synchronised(&self, _order: &Order) -> bool {
         false
     }
@@ -135,9 +135,9 @@ pub(crate) type Registers = (u16, u8);
 pub(crate) struct Layout {
     /// Protocol of the packets.
     pub(crate) protocol: servo::Protocol,
-    /// Registers written in a cycle, in this order.
+    /// Registers written in a cycle, in the given order.
     pub(crate) written: &'static [Registers],
-    /// Registers read from a servo: the settings one after the other, and the state last.
+    /// Registers read from a servo: first the settings, one after the other, then the state.
     pub(crate) read: &'static [Registers],
 }
 
@@ -149,15 +149,15 @@ pub(crate) trait Member {
     /// Registers of all members of the line.
     fn layout(&self) -> &'static Layout;
 
-    /// Index of the block to read with an order, among [`Layout::read`].
+    /// Index in [`Layout::read`] of the block to read for an order.
     fn block(&self, order: &Order) -> usize;
 
-    /// Writes the registers that an order requires: passes `put` the index of the block among
-    /// [`Layout::written`], and the bytes.
+    /// Writes the registers that an order requires. Passes the index of each block in [`Layout::written`],
+    /// and its bytes, to `put`.
     fn put(&mut self, order: &Order, put: &mut dyn FnMut(usize, &[u8]));
 }
 
-/// Newest state of a drive commanded by positions or torques, from which its setpoints are derived.
+/// Newest state of a drive in position or torque mode, from which its setpoints are derived.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Motion {
     pub(crate) position: f64,
@@ -167,7 +167,7 @@ pub(crate) struct Motion {
 }
 
 impl Motion {
-    /// Begins a cycle. A drive that is not yet following commands has no held position, since its joint may
+    /// Begins a cycle. A drive that does not follow commands yet has no held position, because its joint may
     /// have been moved.
     pub(crate) fn begin(&mut self, order: &Order) {
         if !matches!(order, Order::Follow(_)) {
@@ -175,7 +175,8 @@ impl Motion {
         }
     }
 
-    /// Position of a command. Without a position gain, it is the drive's position at the first such command.
+    /// Returns the position to command. Without a position gain, it is the drive's position at the first such
+    /// command.
     pub(crate) fn target(&mut self, command: &Command) -> f64 {
         if command.kp > 0.0 {
             self.held = None;
@@ -185,7 +186,7 @@ impl Motion {
         }
     }
 
-    /// Velocity setpoint for a command at the newest state: the commanded velocity, and the velocity at which
+    /// Velocity setpoint for a command at the newest state: the commanded velocity plus the velocity at which
     /// the drive's own loop would approach the commanded position.
     pub(crate) fn velocity(&self, command: &Command, gains: LoopEntry, ranges: &Ranges) -> f64 {
         let towards =

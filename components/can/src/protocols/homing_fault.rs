@@ -11,7 +11,7 @@ pub enum HomingFault {
     /// The drive reported a failure.
     #[error("the drive reports that homing failed: is its switch stuck, or its method wrong?")]
     Drive,
-    /// The drive ended the homing before it was seen running.
+    /// The drive ended the homing before it was observed running.
     #[error("the drive reported the end of homing before its start: is homing configured in the drive?")]
     NotBegun,
     /// The drive disabled itself during the homing.
@@ -21,17 +21,17 @@ pub enum HomingFault {
     #[error("the drive refuses an object of its homing: code 0x{0:08X}")]
     Refused(u32),
     /// The joint did not move off its stop.
-    #[error("it does not move off the stop again: is it jammed, or its brake closed?")]
+    #[error("it does not move away from the stop: is it jammed, or is its brake engaged?")]
     Jammed,
     /// The joint came to rest at two different positions.
-    #[error("its stop lies at two places, {0:.4} apart: is something soft in its way?")]
+    #[error("its stop was found at two positions, {0:.4} apart: is there a soft obstacle?")]
     Ambiguous(f64),
-    /// The joint moved back when it was held at the stop with half of its effort.
+    /// The joint moved back when half of the effort held it at the stop.
     #[error(
-        "with half of `effort` it does not stay where it came to rest: was it no stop, but its weight that stopped it?"
+        "it does not stay at rest with half of `effort`: did its weight stop it, instead of a mechanical stop?"
     )]
     Balanced,
     /// The joint moved much faster than commanded.
-    #[error("it moves {0:.1} times as fast as it is commanded: does its load pull it?")]
+    #[error("it moves {0:.1} times as fast as commanded: does its load pull it?")]
     Runaway(f64),
 }

@@ -1,9 +1,8 @@
-//! Drive protocols, one folder each: the codec (values to frames and frames to values, without allocation,
-//! clock or bus), the adapter's dialogue with a drive, the simulated drive, and the facts and rules of the
-//! protocol.
+//! Drive protocols. Each folder contains the codec (conversion between values and frames, without allocation,
+//! clock or bus), the adapter's dialogue with a drive, the simulated drive, and the protocol's specification.
 //!
-//! Decoding is strict. A frame with a wrong length, identifier or device, a set reserved bit, or a number
-//! that is not finite is an error. No frame causes a panic.
+//! Decoding is strict: a wrong length, identifier or device, a set reserved bit, or a non-finite number is an
+//! error. No frame causes a panic.
 //!
 //! This module is the only one that distinguishes protocols. All others use [`DriveProtocol`],
 //! [`Dialogue`](dialogue::Dialogue) and [`Simulated`](simulation::Simulated).
@@ -126,7 +125,7 @@ use homing_fault::HomingFault;
 use name::Protocol;
 use spec::{DriveProtocol, DriveSetup, Spec};
 
-/// Evaluates an expression for the value in an enum of all families.
+/// Evaluates an expression for the value of any variant of a family enum.
 macro_rules! each {
     ($any:ident, $value:expr, $inner:ident => $result:expr) => {
         match $value {
@@ -139,7 +138,7 @@ macro_rules! each {
     };
 }
 
-/// Rules of a protocol, with their type.
+/// Specification of a protocol, with its type.
 enum Family {
     Mit(&'static mit::spec::Mit),
     Odrive(&'static odrive::spec::Odrive),
@@ -164,25 +163,25 @@ impl Protocol {
         }
     }
 
-    /// Facts and rules of the protocol.
+    /// Definition of the protocol.
     pub(crate) fn definition(self) -> &'static dyn DriveProtocol {
         each!(Family, self.family(), rules => rules)
     }
 
-    /// Facts of the protocol.
+    /// Specification of the protocol.
     pub(crate) fn spec(self) -> &'static Spec {
         self.definition().spec()
     }
 }
 
-/// Facts and rules of all protocols.
+/// Definitions of all protocols.
 pub(crate) fn definitions() -> impl Iterator<Item = &'static dyn DriveProtocol> {
     Protocol::ALL.into_iter().map(Protocol::definition)
 }
 
 /// Dialogue with a drive of any protocol.
 ///
-/// An enum, not a trait object: its drives are called several times per cycle.
+/// It is an enum rather than a trait object, because drives are called several times per cycle.
 #[derive(Clone, Debug)]
 pub(crate) enum AnyDialogue {
     Mit(mit::dialogue::Mit),
@@ -292,7 +291,7 @@ pub(crate) fn mit_codec(setup: &DriveSetup<'_>) -> Option<mit::codec::Drive> {
 }
 
 impl DriveEntry {
-    /// Returns `true` if the joint has to move before its position is known.
+    /// Returns `true` if the joint has to be moved before its position is known.
     pub fn is_homed(&self) -> bool {
         self.homing.is_some() && self.protocol.spec().homing.moves
     }
@@ -304,11 +303,11 @@ impl DriveEntry {
         self.protocol.definition().homing_registers(self)
     }
 
-    /// Ranges of the drive, with the torque limited by its current limit, and for moteus, with the gains
-    /// limited to its own loop's.
+    /// Ranges of the drive. The torque is limited by its current limit, and for moteus, the gains are limited
+    /// to the gains of its own loop.
     pub(crate) fn limited_ranges(&self) -> Ranges {
         let (protocol, ranges) = (self.protocol.definition(), self.ranges.ranges());
-        // an invalid one is refused elsewhere
+        // an invalid current limit is refused elsewhere
         let torque = protocol.torque_of_current(self).filter(|torque| *torque > 0.0);
         let most = torque.map_or(ranges.torque.max, |torque| torque.min(ranges.torque.max));
         protocol.limited(self, Ranges { torque: Range::symmetric(most), ..ranges })

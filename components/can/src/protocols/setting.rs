@@ -13,7 +13,7 @@ pub enum WrongSetting {
         /// Value in the table.
         expected: u64,
     },
-    /// End of a range.
+    /// Limit of a range.
     #[error("its {register} is {found}, the table says {expected}")]
     Range {
         /// Register.
@@ -39,15 +39,15 @@ pub enum WrongSetting {
         correction(*turns)
     )]
     Position {
-        /// Joint position that follows from the reading.
+        /// Joint position computed from the reading.
         found: f64,
         /// Lowest position of the joint.
         lower: f64,
         /// Highest position of the joint.
         upper: f64,
-        /// Distance beyond both limits that is accepted.
+        /// Accepted distance beyond both limits.
         margin: f64,
-        /// Value of `turns` in the drive table that would bring the reading into the range, if there is one.
+        /// Value of `turns` in the drive table that would shift the reading into the range, if there is one.
         turns: Option<i32>,
     },
     /// Current limit, in units of the drive's register.
@@ -100,7 +100,7 @@ pub enum WrongSetting {
         /// Mode in which the servo follows positions.
         expected: u8,
     },
-    /// Goal limits of a servo, rad.
+    /// Position limits of a servo's goals, rad.
     #[error("its goals end at {:.3} and {:.3} rad, the table has positions up to {expected}", .found[0], .found[1])]
     Goals {
         /// Limits in the servo.
@@ -110,7 +110,7 @@ pub enum WrongSetting {
     },
     /// Read-only process data with a different mapping.
     #[error(
-        "the object 0x{index:04X} maps 0x{found:08X}, expected 0x{expected:08X}, and its data sheet says that it cannot be written"
+        "the object 0x{index:04X} maps 0x{found:08X}, expected 0x{expected:08X}, but its data sheet declares it read-only"
     )]
     Mapping {
         /// Index of the object.
@@ -120,7 +120,7 @@ pub enum WrongSetting {
         /// Mapping that the adapter requires.
         expected: u32,
     },
-    /// Object that the drive does not accept or does not have.
+    /// An object that the drive refuses or lacks.
     #[error("it refuses the object 0x{index:04X}: code 0x{code:08X}")]
     Refused {
         /// Index of the object.
@@ -130,7 +130,7 @@ pub enum WrongSetting {
     },
 }
 
-/// Correction of a position outside of the joint's range.
+/// Advice on how to correct a position outside of the joint's range.
 fn correction(turns: Option<i32>) -> String {
     let always =
         "move the joint into its range, give the drive a `homing`, or correct `offset` in the drive table";

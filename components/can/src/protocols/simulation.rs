@@ -4,7 +4,7 @@ use core::fmt::Debug;
 
 use crate::frame::{Frame, Id};
 
-/// Simulated drive of one protocol: the other end of the wire.
+/// Simulated drive of one protocol, at the other end of the wire.
 pub(crate) trait Simulated: Debug + Send {
     /// Motor of the drive.
     fn motor(&self) -> &Motor;
@@ -21,14 +21,14 @@ pub(crate) trait Simulated: Debug + Send {
     /// Observes a frame of another drive, and passes a frame triggered by it to `answer`.
     fn observe(&mut self, _frame: &Frame, _answer: &mut dyn FnMut(Frame)) {}
 
-    /// Passes the unsolicited frames until `now_ns` to `send`, each with its time.
+    /// Passes the unsolicited frames that are due by `now_ns` to `send`, each with its time.
     fn report(&mut self, _now_ns: u64, _send: &mut dyn FnMut(Frame, u64)) {}
 
-    /// Runs one step of the inner loop with the encoder at this position \[rad\] and velocity \[rad/s\].
-    /// Returns the torque from now on, N m.
+    /// Runs one step of the inner loop at this encoder position \[rad\] and velocity \[rad/s\]. Returns the
+    /// torque until the next step, N m.
     fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64;
 
-    /// Cuts the power: the drive is disabled when it returns.
+    /// Cuts the power. The drive is disabled when power returns.
     fn cut_power(&mut self);
 
     /// Returns `true` if the drive follows commands.
@@ -39,7 +39,7 @@ pub(crate) trait Simulated: Debug + Send {
         self.is_enabled()
     }
 
-    /// Function that makes the device, state or number in a frame of the drive invalid.
+    /// Returns a function that invalidates the device, state or a number in a frame of the drive.
     fn corruption(&self) -> fn(&mut Frame) {
         |frame| {
             if let [first, ..] = frame.data_mut() {
@@ -67,9 +67,9 @@ pub enum Mark {
     /// The mark works.
     #[default]
     Works,
-    /// The mark is never met.
+    /// The mark is never found.
     Missing,
-    /// The mark is met at every position.
+    /// The mark is detected at every position.
     Stuck,
 }
 
@@ -78,7 +78,7 @@ pub enum Mark {
 pub(crate) enum Zero {
     /// Zero of the table.
     Absolute,
-    /// Position at power-up, which is not known yet.
+    /// Position at power-up, which has not been read yet.
     PowerOn,
     /// This position, rad.
     At(f64),
@@ -87,7 +87,7 @@ pub(crate) enum Zero {
 /// Motor of a simulated drive: its shaft, applied torque and temperature.
 #[derive(Clone, Debug)]
 pub(crate) struct Motor {
-    /// N m.
+    /// Full torque, N m.
     pub(crate) largest: f64,
     /// Configured limit, N m.
     pub(crate) limit: f64,
@@ -102,7 +102,7 @@ pub(crate) struct Motor {
 
 /// Ambient temperature, degrees Celsius.
 const SURROUNDINGS: f64 = 25.0;
-/// Temperature rise at continuous full torque, degrees.
+/// Temperature rise at continuous full torque, degrees Celsius.
 const RISE: f64 = 90.0;
 /// Time constant of the temperature, s.
 const WARM_UP: f64 = 120.0;
@@ -143,7 +143,7 @@ impl Motor {
         self.temperature > TOO_HOT
     }
 
-    /// Applies a torque within the limits, N m; zero while the drive is disabled.
+    /// Applies a torque, clamped to the limits, N m; `None` for a disabled drive applies zero torque.
     pub(crate) fn apply(&mut self, desired: Option<f64>) -> f64 {
         self.torque = desired.map_or(0.0, |torque| torque.clamp(-self.limit, self.limit));
         self.torque
@@ -161,7 +161,7 @@ impl Motor {
         }
     }
 
-    /// Cuts the power, which loses the zero of an encoder that is not absolute.
+    /// Cuts the power, so an encoder that is not absolute loses its zero.
     pub(crate) fn cut_power(&mut self) {
         if self.zero != Zero::Absolute {
             self.zero = Zero::PowerOn;
@@ -177,7 +177,7 @@ impl Motor {
     }
 }
 
-/// Shortest duration of a search, ns: a drive at its mark moves off it and returns.
+/// Minimum duration of a search, ns: a drive at its mark moves away from it and returns.
 const SHORTEST_NS: u64 = 250_000_000;
 
 /// Search for the mark, which is at the zero of the table.
@@ -195,7 +195,8 @@ impl Search {
         Self { velocity, until_ns: now_ns + SHORTEST_NS, is_found: false }
     }
 
-    /// Velocity of this step; `None` once the mark is found. Then the encoder counts from the mark.
+    /// Returns the velocity for this step, or `None` once the mark has been found. From then on, the encoder
+    /// counts from the mark.
     pub(crate) fn step(&mut self, motor: &mut Motor, now_ns: u64) -> Option<f64> {
         let is_passed = motor.shaft() * self.velocity >= 0.0;
         self.is_found |= is_passed && motor.mark == Mark::Works;
@@ -209,7 +210,7 @@ impl Search {
         None
     }
 
-    /// Ends at the present position, from which the encoder then counts.
+    /// Ends the search at the current position, from which the encoder then counts.
     pub(crate) fn here(motor: &mut Motor) {
         motor.zero = Zero::At(motor.shaft());
     }

@@ -1,4 +1,4 @@
-//! Facts and rules of a protocol: all that drive tables, buses and the adapter know about it.
+//! Specification of a protocol, as used by drive tables, buses and the adapter.
 
 use core::ops::RangeInclusive;
 use std::io;
@@ -13,21 +13,20 @@ use crate::frame::{Form, Frame, Id};
 /// Refusal of a table entry: value found, and advice.
 pub(crate) type Refusal = (String, &'static str);
 
-/// Facts of a protocol.
+/// Properties of a protocol.
 #[derive(Clone, Debug)]
 pub(crate) struct Spec {
-    /// Bus that the drives require.
+    /// Required kind of bus.
     pub(crate) bus: BusKind,
     /// Frames that the drives receive.
     pub(crate) frames: Frames,
-    /// Numbers of drives.
+    /// Valid node numbers.
     pub(crate) nodes: RangeInclusive<u8>,
-    /// Drives of other protocols may be on the same bus.
+    /// Drives of other protocols may share the bus.
     pub(crate) shares_bus: bool,
-    /// Bytes of one drive's answer in the common answer of all drives to a fast read; `None` without such
-    /// answers.
+    /// Number of bytes per drive in the common answer to a fast read; `None` without fast reads.
     pub(crate) fast_answer: Option<usize>,
-    /// Keys of a drive's entry that not every protocol has.
+    /// Protocol-specific keys of a drive's entry.
     pub(crate) keys: &'static [&'static str],
     /// Watchdog of a drive.
     pub(crate) watchdog: Watchdog,
@@ -42,7 +41,7 @@ pub(crate) struct Spec {
 }
 
 impl Spec {
-    /// Returns `true` if the table key `key` is one of this protocol.
+    /// Returns `true` if the protocol has the table key `key`.
     pub(crate) fn has_key(&self, key: &str) -> bool {
         self.keys.contains(&key)
     }
@@ -87,7 +86,7 @@ impl Frames {
 /// Watchdog of a drive.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Watchdog {
-    /// Any time, configured in the drive.
+    /// Any time, as configured in the drive.
     Any,
     /// Multiples of a unit, up to `most` of them.
     Units { unit_ns: u64, most: u64, advice: &'static str },
@@ -98,9 +97,9 @@ pub(crate) enum Watchdog {
 /// Current limit of a drive.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum CurrentLimit {
-    /// The adapter sets it. Each of these keys is required with it, and has an advice.
+    /// The adapter sets it. Each of these keys is required, and is listed with the advice if it is missing.
     Settable { keys: &'static [(&'static str, &'static str)] },
-    /// The protocol has none.
+    /// The protocol has no current limit.
     Unsupported { advice: &'static str },
 }
 
@@ -111,7 +110,7 @@ pub(crate) enum Gains {
     Commanded,
     /// Commands in the torque mode.
     InTorqueMode,
-    /// None: the drive follows positions with the gains stored in it.
+    /// None: the drive follows positions with its stored gains.
     Stored,
 }
 
@@ -120,24 +119,24 @@ pub(crate) enum Gains {
 pub(crate) struct OwnHoming {
     /// The drive supports it.
     pub(crate) is_supported: bool,
-    /// The joint moves. Otherwise only an offset stored in the drive is compared.
+    /// The joint moves. Otherwise, only an offset stored in the drive is compared.
     pub(crate) moves: bool,
     /// Keys of its entry.
     pub(crate) keys: &'static [&'static str],
 }
 
-/// Key required with a current limit by drives that are limited by their motor current.
+/// Key required for the current limit of drives that limit their motor current.
 pub(crate) const TORQUE_CONSTANT: (&str, &str) =
     ("torque_constant", "write the N m/A of the output shaft: 8.27 / KV of the motor, times its gear");
 
 /// Largest number in 16-bit thousandths.
 pub(crate) const THOUSANDTHS: f64 = 32.767;
 
-/// Refuses a range beyond the field of a frame.
+/// Refuses a range that exceeds the field of a frame.
 pub(crate) fn beyond(name: &str, value: f64, unit: &str, most: f64, field: &str) -> Result<(), Refusal> {
     if value > most {
         return Err((
-            format!("a {name} of {value} {unit}, and {field} ends at {most:.2}"),
+            format!("a {name} of {value} {unit}, but {field} is limited to {most:.2}"),
             "write what the drive reaches within it: `ranges` refer to the output shaft of the drive",
         ));
     }
@@ -155,7 +154,7 @@ pub(crate) fn require_current_limit(entry: &DriveEntry) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// A drive of a table, with what follows from its limits and its bus.
+/// A drive of a table, with the properties derived from its limits and its bus.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DriveSetup<'a> {
     pub(crate) entry: &'a DriveEntry,
@@ -165,12 +164,12 @@ pub(crate) struct DriveSetup<'a> {
     pub(crate) gains: LoopEntry,
     /// Form of its frames.
     pub(crate) form: Form,
-    /// The drives of its bus answer together.
+    /// All drives on its bus answer together.
     pub(crate) fast_read: bool,
 }
 
 impl DriveSetup<'_> {
-    /// Frame to or from the drive with this number of bytes and an 11-bit identifier.
+    /// Shape of a frame to or from the drive with this number of bytes and an 11-bit identifier.
     pub(crate) fn shape(&self, bytes: usize) -> Shape {
         Shape { extended: false, form: self.form, bytes }
     }
@@ -185,7 +184,7 @@ impl DriveSetup<'_> {
 ///
 /// A table checks the rules that follow from [`spec`](Self::spec), and calls the `check` functions.
 pub(crate) trait DriveProtocol: Sync {
-    /// Facts of the protocol.
+    /// Properties of the protocol.
     fn spec(&self) -> &Spec;
 
     /// Refuses a bus or ranges that the frames of the protocol do not support.
@@ -193,12 +192,12 @@ pub(crate) trait DriveProtocol: Sync {
         Ok(())
     }
 
-    /// Refuses an entry without a required key.
+    /// Refuses an entry that lacks a required key.
     fn check_keys(&self, _entry: &DriveEntry) -> Result<(), Refusal> {
         Ok(())
     }
 
-    /// Refuses numbers beyond the fields of the mode.
+    /// Refuses numbers that exceed the fields of the mode.
     fn check_fields(&self, _entry: &DriveEntry) -> Result<(), Refusal> {
         Ok(())
     }
@@ -213,7 +212,7 @@ pub(crate) trait DriveProtocol: Sync {
         Ok(())
     }
 
-    /// Completes an entry from the drive's data sheet, whose text `read` reads by name.
+    /// Completes an entry from the drive's data sheet. `read` returns the text of a file by name.
     fn complete(
         &self,
         _entry: &mut DriveEntry,
@@ -222,12 +221,12 @@ pub(crate) trait DriveProtocol: Sync {
         Ok(())
     }
 
-    /// Torque at the current limit, N m, if the table has one.
+    /// Torque at the current limit, N m; `None` without a limit.
     fn torque_of_current(&self, entry: &DriveEntry) -> Option<f64> {
         Some(entry.current_limit? * entry.torque_constant?)
     }
 
-    /// Ranges that the drive reaches, out of the ranges of its entry.
+    /// Reduces the ranges of an entry to the ranges that the drive reaches.
     fn limited(&self, _entry: &DriveEntry, ranges: Ranges) -> Ranges {
         ranges
     }
@@ -252,40 +251,40 @@ pub(crate) trait DriveProtocol: Sync {
         false
     }
 
-    /// Classic frames to which drives answer with their settings, and which change nothing.
+    /// Classic frames to which drives answer with their settings, without side effects.
     fn requests(&self) -> Vec<Frame> {
         Vec::new()
     }
 
-    /// CAN FD frames to which drives answer with their settings, and which change nothing.
+    /// CAN FD frames to which drives answer with their settings, without side effects.
     fn fd_requests(&self) -> Vec<Frame> {
         Vec::new()
     }
 
-    /// Drive that answers one of the requests.
+    /// Returns the drive that sent the frame, if it answers one of the requests.
     fn answer(&self, _frame: &Frame) -> Option<Device> {
         None
     }
 
-    /// Drive whose heartbeat the frame may be.
+    /// Returns the drive that sent the frame, if the frame may be a heartbeat.
     fn heartbeat(&self, _frame: &Frame) -> Option<Device> {
         None
     }
 
-    /// Returns `true` if the frame, which is not a heartbeat, proves that `device` was found by mistake.
+    /// Returns `true` if the frame, which is not a heartbeat, proves that `device` was detected by mistake.
     fn refutes(&self, _device: &Device, _frame: &Frame) -> bool {
         false
     }
 
-    /// Command and answer of a cycle.
+    /// Shapes of the command and the answer of a cycle.
     fn exchange(&self, setup: &DriveSetup<'_>) -> (Shape, Shape);
 
-    /// Additional frames of the drive in a cycle.
+    /// Shapes of additional frames of the drive in a cycle.
     fn additional_frames(&self, _setup: &DriveSetup<'_>) -> Vec<Shape> {
         Vec::new()
     }
 
-    /// Frames that all drives of a bus share in a cycle.
+    /// Shapes of the frames that all drives of a bus share in a cycle.
     fn bus_frames(&self) -> Vec<Shape> {
         Vec::new()
     }

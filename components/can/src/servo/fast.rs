@@ -1,18 +1,18 @@
-//! Common packet with which protocol 2.0 servos answer a fast read together: the first servo begins it, and
-//! each appends its share after the share of the previous servo.
+//! Common packet with which protocol 2.0 servos jointly answer a fast read. The first servo starts the
+//! packet, and each one appends its share after the previous servo's.
 
 use super::{EVERYBODY, LONGEST, Protocol, STATUS, Status, Writer, crc_from};
 use crate::frame::DecodeError;
 
-/// Bytes of the packet header.
+/// Length of the packet header, bytes.
 pub const FAST_HEAD: usize = 8;
-/// Bytes of a share besides its data: error, number and checksum.
+/// Overhead of a share, bytes: error, number and checksum.
 pub const FAST_AROUND: usize = 4;
 
 /// Turn of a servo in the common packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FastTurn {
-    /// The servo begins the packet.
+    /// The servo starts the packet.
     First {
         /// Number of servos that answer.
         servos: usize,
@@ -29,7 +29,8 @@ pub fn fast_sum(sum: u16, bytes: &[u8]) -> u16 {
     crc_from(sum, bytes)
 }
 
-/// Servo side: writes its share of the common packet. Returns the number of bytes; `None` if they do not fit.
+/// Servo side: writes the servo's share of the common packet. Returns the number of bytes; `None` if they do
+/// not fit.
 ///
 /// ```
 /// use motorium_can::servo::{FastTurn, LONGEST, fast_sum, write_fast_status};
@@ -64,7 +65,7 @@ pub fn write_fast_status(
     Some(out.length)
 }
 
-/// Reader of common packets, share by share, including the shares before a silent or damaged one.
+/// Reader of common packets, share by share. It also returns the shares before a missing or damaged one.
 ///
 /// ```
 /// use motorium_can::servo::FastReader;
@@ -78,7 +79,7 @@ pub fn write_fast_status(
 pub struct FastReader {
     bytes: [u8; LONGEST],
     length: usize,
-    /// First byte of the next share; 0 before the header, beyond all bytes once the packet is complete.
+    /// Offset of the next share; 0 before the header, beyond all bytes once the packet is complete.
     next: usize,
     /// End of the last share.
     end: usize,
@@ -101,7 +102,7 @@ impl FastReader {
         (self.length, self.next, self.count) = (0, 0, count.into());
     }
 
-    /// Appends bytes of the packet, split at any position.
+    /// Appends bytes of the packet, which may be split at any position.
     pub fn push(&mut self, bytes: &[u8]) {
         let end = self.length + bytes.len();
         match self.bytes.get_mut(self.length..end) {
@@ -115,9 +116,8 @@ impl FastReader {
 
     /// Returns the next complete share.
     ///
-    /// # Errors
-    /// Returns an error if the packet is not such an answer, or if the checksum is wrong. The rest of the
-    /// packet is then discarded.
+    /// # Errors Returns an error if the packet is not such an answer, or if the checksum is wrong, and
+    /// discards the rest of the packet.
     #[allow(clippy::should_implement_trait)] // a share borrows the reader
     pub fn next(&mut self) -> Option<Result<Status<'_>, DecodeError>> {
         if self.next == 0 {

@@ -1,6 +1,6 @@
 //! Packets of serial servo buses: Feetech (STS and SCS) and Dynamixel protocol 1.0, Dynamixel protocol 2.0.
 //!
-//! A servo is a table of registers, which can be read and written for one servo or for many at once. All
+//! A servo is a table of registers. One packet can read or write the registers of one servo or of many. All
 //! servos share one line and answer when queried. Packets of both protocols may share a line: [`Reader`]
 //! reads either.
 
@@ -13,7 +13,7 @@ pub use packet::Packet;
 
 /// Broadcast number.
 pub const EVERYBODY: u8 = 0xfe;
-/// Bytes of the longest supported packet.
+/// Length of the longest supported packet, bytes.
 pub const LONGEST: usize = 256;
 
 /// Protocol of a packet.
@@ -44,7 +44,8 @@ pub enum Instruction<'a> {
         /// Bytes.
         data: &'a [u8],
     },
-    /// Write to many servos at once, without answers: each one stores its bytes starting at this register.
+    /// Write to many servos simultaneously, without answers: each servo stores its bytes starting at this
+    /// register.
     WriteMany {
         /// First register.
         register: u16,
@@ -163,7 +164,7 @@ pub fn write(
     end(protocol, out)
 }
 
-/// Servo side: writes its answer.
+/// Servo side: writes the servo's answer.
 pub fn write_status(
     protocol: Protocol,
     servo: u8,
@@ -198,7 +199,7 @@ fn end(protocol: Protocol, mut out: Writer<'_>) -> Option<usize> {
             out.put(&[sum])?;
         }
         Protocol::Two => {
-            // a sequence that looks like a packet header gets a stuffing byte
+            // a stuffing byte follows a sequence that looks like a packet header
             let mut at = 7;
             while at + 3 <= out.length {
                 if out.bytes[at..at + 3] == [0xff, 0xff, 0xfd] {
@@ -217,7 +218,7 @@ fn end(protocol: Protocol, mut out: Writer<'_>) -> Option<usize> {
     Some(out.length)
 }
 
-/// Inverted lowest eight bits of the sum.
+/// Inverted lowest eight bits of the sum of the bytes.
 fn checksum(bytes: &[u8]) -> u8 {
     !bytes.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte))
 }
@@ -252,7 +253,7 @@ pub struct Status<'a> {
     pub data: &'a [u8],
 }
 
-/// Reader of answers, byte by byte. Other bytes are skipped.
+/// Reader of answers, byte by byte. Bytes outside of packets are skipped.
 #[derive(Clone, Debug)]
 pub struct Reader {
     bytes: [u8; LONGEST],
@@ -268,8 +269,8 @@ impl Default for Reader {
 impl Reader {
     /// Appends a byte. Returns the answer that it completes, if any.
     ///
-    /// # Errors
-    /// Returns an error if the byte completes a packet with a wrong checksum, or one that is not an answer.
+    /// # Errors Returns an error if the byte completes a packet that has a wrong checksum or is not an
+    /// answer.
     pub fn push(&mut self, byte: u8) -> Option<Result<Status<'_>, DecodeError>> {
         let (protocol, whole) = self.end(byte)?;
         Some(match protocol {
@@ -279,14 +280,14 @@ impl Reader {
     }
 
     /// Appends a byte. Returns the servo number and the bytes of the packet that it completes, if any,
-    /// whatever its content.
+    /// regardless of its content.
     pub(crate) fn push_raw(&mut self, byte: u8) -> Option<(u8, &[u8])> {
         let (protocol, whole) = self.end(byte)?;
         let servo = self.bytes[if protocol == Protocol::One { 2 } else { 4 }];
         Some((servo, &self.bytes[..whole]))
     }
 
-    /// Discards an incomplete common answer, whose end is missing if a servo is silent.
+    /// Discards an incomplete common answer: its end is missing if a servo is silent.
     pub(crate) fn drop_common(&mut self) {
         if matches!(self.bytes[..self.length], [0xff, 0xff, 0xfd, 0, EVERYBODY, _, _, STATUS, ..]) {
             self.length = 0;
@@ -314,7 +315,7 @@ impl Reader {
     fn may_begin(&self) -> bool {
         match &self.bytes[..self.length] {
             [] | [0xff] | [0xff, 0xff] => true,
-            // a third 0xFF is not a servo number: the header begins one byte later
+            // a third 0xFF is not a servo number: the header starts one byte later
             [0xff, 0xff, servo] => *servo != 0xff,
             [0xff, 0xff, 0xfd, 0, ..] => {
                 self.length < 7 || self.whole().is_some_and(|(_, whole)| whole <= LONGEST)

@@ -1,4 +1,4 @@
-//! Checks of a drive table that need no robot.
+//! Checks of a drive table that do not require a robot.
 
 use super::{Table, TableError};
 use super::{current, homing, wire};
@@ -8,10 +8,10 @@ use crate::protocols::entries::{BusEntry, BusKind, ControlMode, DriveEntry, Loop
 use crate::protocols::spec::Refusal;
 use crate::servo::{FAST_HEAD, LONGEST};
 
-/// Mistake: the entry and its index, the value found, the advice.
+/// Mistake in a table: entry with its index, value found, and advice.
 pub(super) type Mistake = (Option<(&'static str, usize)>, String, &'static str);
 
-/// Largest number of servos on one serial line, all of whose numbers fit into one packet.
+/// Maximum number of servos on one serial line, limited by the size of one packet.
 const SERVOS: usize = 50;
 
 impl Table {
@@ -51,7 +51,7 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
     if bus.name.is_empty() || !bus.name.chars().all(is_plain) {
         let message = format!("a bus named {:?}", bus.name);
-        return Err((message, "name it by letters, digits, `_` and `-`: its ports are named after it"));
+        return Err((message, "use letters, digits, `_` and `-`: its ports are named after it"));
     }
     let speeds = if is_serial { 9_600..=4_000_000 } else { 10_000..=1_000_000 };
     if !speeds.contains(&bus.bitrate) {
@@ -62,11 +62,11 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
         return refuse(&format!("a bitrate of {}", bus.bitrate), advice);
     }
     if bus.data_bitrate.is_some() && is_serial {
-        return refuse("a bitrate of data on a serial line", "leave `data_bitrate` out");
+        return refuse("a data bitrate on a serial line", "leave `data_bitrate` out");
     }
     if bus.data_bitrate.is_some_and(|fast| fast < bus.bitrate || fast > 8_000_000) {
         let advice = "write bits per second, from `bitrate` to 8000000";
-        return refuse("a bitrate of data below the other, or too high", advice);
+        return refuse("a data bitrate that is below `bitrate` or too high", advice);
     }
     if let Some(place) = bus.interface.as_deref().and_then(Place::from_interface) {
         check_place(bus, place)?;
@@ -82,7 +82,7 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
         }
     }
     if before.iter().any(|other| bus.interface.is_some() && other.interface == bus.interface) {
-        return refuse("another bus has its interface", "each bus has a separate interface");
+        return refuse("another bus has its interface", "give each bus its own interface");
     }
     if before.first().is_some_and(|first| first.interface.is_some() != bus.interface.is_some()) {
         let advice = "give all of them an `interface`, or none";
@@ -91,11 +91,11 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
     let is_offered =
         |bus: &BusEntry| bus.interface.as_deref().is_some_and(|name| Place::from_interface(name).is_some());
     if before.first().is_some_and(|first| is_offered(first) != is_offered(bus)) {
-        let advice = "give all of them a place of a simulated bus (`unix:`, `pty:`), or none";
+        let advice = "give all of them the address of a simulated bus (`unix:`, `pty:`), or none";
         return refuse("simulated buses and interfaces of the computer in one table", advice);
     }
     if before.iter().any(|other| other.name == bus.name) {
-        return Err((format!("bus `{}` stands there twice", bus.name), "name each bus once"));
+        return Err((format!("bus `{}` is defined twice", bus.name), "name each bus once"));
     }
     Ok(())
 }
@@ -111,14 +111,14 @@ fn check_place(bus: &BusEntry, place: Place<'_>) -> Result<(), Refusal> {
         }
         Place::Terminal(path) if !path.starts_with('/') => {
             let advice =
-                "write `pty:PATH`, with the whole path of a link that is made, such as `pty:/tmp/can0`";
+                "write `pty:PATH`, with the absolute path of the link to create, such as `pty:/tmp/can0`";
             refuse(&format!("a terminal at {path:?}"), advice)
         }
         _ => Ok(()),
     }
 }
 
-/// Refuses drives on one bus whose identifiers have another meaning in the protocol of others.
+/// Refuses drives on one bus whose identifiers have a different meaning in another drive's protocol.
 fn check_protocols(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
     let on_bus = || table.drives.iter().filter(|drive| drive.bus == bus.name);
     let Some(first) = on_bus().next() else { return Ok(()) };
@@ -132,7 +132,7 @@ fn check_protocols(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
         );
         return Err((
             message,
-            "put ODrives, CANopen drives, and the servos of each protocol on buses of their own",
+            "put ODrives, CANopen drives, and the servos of each protocol on separate buses",
         ));
     }
     wire::check_forms(table, bus)?;
@@ -166,12 +166,12 @@ fn check_drive(table: &Table, index: usize) -> Result<(), Refusal> {
         return refuse("another drive moves that joint".into(), "name each joint once");
     }
     if !drive.protocol.spec().nodes.contains(&drive.node) {
-        let advice = "nodes are numbered from 1 (ODrive: 0); those of Damiao drives end at 15, of ODrives at 63, of \
-                      CiA 402 and moteus at 126, of servos at 253 (Dynamixel: 252)";
+        let advice = "write a number from 1 (ODrive: 0), up to 15 for Damiao drives, 63 for ODrives, 126 for CiA 402 \
+                      and moteus, 253 for servos (Dynamixel: 252)";
         return refuse(format!("node {}", drive.node), advice);
     }
     if before.iter().any(|other| other.bus == drive.bus && other.node == drive.node) {
-        let message = format!("node {} stands on that bus twice", drive.node);
+        let message = format!("node {} is used twice on that bus", drive.node);
         return refuse(message, "give each its own number");
     }
     if drive.master.is_some_and(|master| master > 0x7fe) {
@@ -187,13 +187,14 @@ fn check_drive(table: &Table, index: usize) -> Result<(), Refusal> {
         return refuse("a range that is not positive".into(), "write the largest value of each field");
     }
     if !(drive.ratio.is_finite() && drive.ratio > 0.0 && drive.offset.is_finite()) {
-        let advice = "write a positive ratio, and `reversed = true` for a drive that turns the other way";
+        let advice =
+            "write a positive ratio, and `reversed = true` for a drive that turns in the opposite direction";
         return refuse(format!("a ratio of {}, an offset of {}", drive.ratio, drive.offset), advice);
     }
     Ok(())
 }
 
-/// Checks the keys that only one protocol supports or requires.
+/// Checks the keys that only some protocols support or require.
 fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
     let (protocol, spec) = (drive.protocol.definition(), drive.protocol.spec());
     let Some(bus) = table.bus_of(drive).map(|index| &table.buses[index]) else { return Ok(()) };
@@ -205,7 +206,7 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
     let keys = [
         ("master", drive.master.is_some(), "the MIT family"),
         ("mode", drive.mode.is_some(), "ODrive and CiA 402"),
-        ("position_loop", drive.position_loop.is_some(), "drives with a loop of their own"),
+        ("position_loop", drive.position_loop.is_some(), "drives with an internal loop"),
         ("report_every", drive.report_every.is_some(), "ODrive"),
         ("reference", drive.reference.is_some(), "moteus without `homing`"),
         ("eds", drive.eds.is_some(), "CiA 402"),
@@ -242,10 +243,7 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
         ));
     }
     if drive.position_loop.is_some_and(|gains| !is_sound(gains)) {
-        return Err((
-            "gains of its loop that are not positive".into(),
-            "write `kp` above 0, `kd` of 0 or more",
-        ));
+        return Err(("loop gains that are not positive".into(), "write `kp` above 0, `kd` of 0 or more"));
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Current limit of a drive, in its own units.
+//! Current limit of a drive.
 
 use crate::protocols::entries::DriveEntry;
 use crate::protocols::spec::{CurrentLimit, Refusal};

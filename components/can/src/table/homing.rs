@@ -5,7 +5,7 @@ use crate::protocols::spec::Refusal;
 
 /// Keys of a homing at a stop.
 const AT_STOP: [&str; 7] = ["order", "timeout", "velocity", "effort", "position", "back_off", "energy"];
-/// Keys that a homing with them requires.
+/// Required keys of a homing, if the kind of homing has them.
 const REQUIRED: [&str; 7] =
     ["method", "velocity", "creep_velocity", "acceleration", "steps", "effort", "position"];
 
@@ -25,7 +25,7 @@ pub(super) fn check(drive: &DriveEntry) -> Result<(), Refusal> {
     }
 }
 
-/// Refuses keys of another homing, and missing keys.
+/// Refuses keys of another kind of homing, and missing keys.
 fn check_keys(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
     let spec = drive.protocol.spec();
     let keys = [
@@ -46,7 +46,7 @@ fn check_keys(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
         HomingBy::Drive => ("drive", spec.homing.keys, spec.homing.is_supported),
         HomingBy::Stop => ("stop", &AT_STOP[..], spec.takes_torques(drive.mode)),
     };
-    // a joint that does not move is homed at once
+    // a joint that does not move is homed immediately
     let is_known = |key| known.contains(&key) && (spec.homing.moves || !matches!(key, "order" | "timeout"));
     for (key, is_there) in keys {
         if is_there && !is_known(key) {
@@ -84,7 +84,7 @@ fn check_stop(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
     let (is_positive, back_off) = (|x: f64| x.is_finite() && x > 0.0, homing.back_off());
     if !is_positive(homing.energy()) {
         let message = format!("a homing with an `energy` of {} J", homing.energy());
-        return Err((message, "write what the stop stands, such as 0.1"));
+        return Err((message, "write what the stop withstands, such as 0.1"));
     }
     if !(is_number && is_positive(effort) && is_positive(back_off)) {
         return Err((
@@ -101,12 +101,14 @@ fn check_stop(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
             "write less `effort`",
         ));
     }
-    // its torque at standstill comes from the velocity gain
+    // the torque at standstill results from the velocity gain
     let gain = effort / velocity.abs() / ratio;
     let most = drive.protocol.definition().largest_damping(drive);
     if gain > most {
         return Err((
-            format!("a homing with a velocity gain of {gain:.3} N m s/rad, and the drive ends at {most:.3}"),
+            format!(
+                "a homing with a velocity gain of {gain:.3} N m s/rad, but the drive is limited to {most:.3}"
+            ),
             "write a higher `velocity`, or less `effort`: the gain is effort over velocity",
         ));
     }

@@ -1,4 +1,4 @@
-//! Drive table: it assigns a drive, bus, protocol and settings to each joint.
+//! Drive table, which assigns a drive, bus, protocol and settings to each joint.
 
 mod check;
 mod current;
@@ -54,7 +54,7 @@ pub struct Table {
     /// The drives.
     #[serde(rename = "drive")]
     pub drives: Vec<DriveEntry>,
-    /// Line and column of the name of each drive's joint, from 1; empty if the table was not read from a
+    /// Line and column of the joint name of each drive, from 1; empty if the table was not parsed from a
     /// text.
     #[serde(skip)]
     pub(crate) joint_places: Vec<(usize, usize)>,
@@ -83,7 +83,7 @@ pub struct Transmission {
     pub ratio: f64,
     /// Joint position at which the drive reads zero (rad or m).
     pub offset: f64,
-    /// Turns of the drive included in `offset`.
+    /// Number of turns of the drive included in `offset`.
     pub turns: i32,
 }
 
@@ -110,7 +110,7 @@ impl Table {
         })
     }
 
-    /// Parses and checks a table; `read` reads the text of a file named in it.
+    /// Parses and checks a table. `read` returns the text of a file named in the table.
     ///
     /// # Errors
     /// Returns an error if the text is not a drive table, if a value is invalid, or if a named file cannot be
@@ -136,7 +136,7 @@ impl Table {
         Ok(table)
     }
 
-    /// Completes the drives from their data sheets, whose texts `read` reads by name.
+    /// Completes the drives from their data sheets. `read` returns the text of a data sheet by name.
     ///
     /// # Errors
     /// Returns an error if a data sheet cannot be read, or contradicts the table.
@@ -179,8 +179,8 @@ impl Table {
         }
     }
 
-    /// Returns `true` if each bus timestamps received frames, however late they are read: interfaces of the
-    /// kernel and unix sockets, but not serial lines.
+    /// Returns `true` if each bus timestamps received frames independently of when they are read, as kernel
+    /// interfaces and unix sockets do, but not serial lines.
     pub(crate) fn tells_times(&self) -> bool {
         self.buses.iter().filter_map(|bus| bus.interface.as_deref()).all(|name| {
             match Place::from_interface(name) {
@@ -208,7 +208,7 @@ impl Table {
         mit_codec(&self.setup(index))
     }
 
-    /// A drive with what follows from its limits and its bus.
+    /// A drive with the properties derived from its limits and its bus.
     pub(crate) fn setup(&self, index: usize) -> DriveSetup<'_> {
         let entry = &self.drives[index];
         let bus = self.bus_of(entry).map(|bus| &self.buses[bus]);
@@ -271,14 +271,14 @@ impl Table {
             (BusKind::Serial, true) => {
                 others.push(Shape { extended: false, form: Form::Packet, bytes: FAST_HEAD });
             }
-            // they answer in turn
+            // the servos answer in turn
             (BusKind::Serial, false) => turn_rounds = exchanges.len() as u64,
         }
         let turn_round_ns = entry.turn_round.ns * turn_rounds;
         Budget { rates: self.rates(bus), exchanges, others, turn_round_ns, cycle_ns }
     }
 
-    /// Indices of the joints' drives, in this order of the joints.
+    /// Returns the index of each joint's drive, in the order of `joints`.
     ///
     /// # Errors
     /// Returns an error if a joint has no drive, or if a drive moves a joint that is not in the list.
@@ -341,7 +341,7 @@ fn position_prefix(line: Option<usize>, column: Option<usize>) -> String {
     }
 }
 
-/// Line of the `index`-th header.
+/// Returns the line of the `index`-th header.
 fn nth_line(text: &str, header: &str, index: usize) -> Option<usize> {
     text.lines()
         .enumerate()

@@ -1,24 +1,21 @@
-//! Checks against the wire: frames that a drive does not support, identifiers shared by two drives, and
-//! watchdogs beyond their fields.
+//! Wire-level checks: frames that a drive does not support, identifiers shared by two drives, and watchdogs
+//! beyond their fields.
 
 use super::Table;
 use crate::frame::{Form, Id};
 use crate::protocols::entries::{BusEntry, DriveEntry};
 use crate::protocols::spec::{Refusal, Watchdog};
 
-/// Refuses classic-only drives on a bus with drives that receive CAN FD frames.
+/// Refuses classic-only drives on a bus where other drives receive CAN FD frames.
 pub(super) fn check_forms(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
     let on_bus = || table.drives.iter().filter(|drive| drive.bus == bus.name);
     let of = |form| on_bus().find(|drive| table.form(drive) == form);
     let (Some(fast), Some(classic)) = (of(Form::FdFast), of(Form::Classic)) else { return Ok(()) };
     let message = format!(
-        "bus `{}`: drives of {:?} are sent frames of CAN FD, which one of {:?} does not know, and disturbs",
+        "bus `{}`: drives of {:?} receive CAN FD frames, which a drive of {:?} does not support and disturbs",
         bus.name, fast.protocol, classic.protocol
     );
-    Err((
-        message,
-        "put them on buses of their own, or leave `data_bitrate` out where all know classic frames",
-    ))
+    Err((message, "put them on separate buses, or leave `data_bitrate` out if all support classic frames"))
 }
 
 /// Identifiers of a drive's commands and of its answers, on a bus shared by several protocols.
@@ -26,14 +23,13 @@ fn identifiers(table: &Table, index: usize) -> Option<(Id, Id)> {
     table.drives[index].protocol.definition().identifiers(&table.setup(index))
 }
 
-/// Refuses a drive whose answers another one would interpret as commands, or whose answers look like another
-/// protocol's.
+/// Refuses a drive whose answers look like commands to another drive, or like answers of another protocol.
 pub(super) fn check_identifiers(table: &Table, index: usize) -> Result<(), Refusal> {
     let drive = &table.drives[index];
     let Some((mine, answers)) = identifiers(table, index) else { return Ok(()) };
     let refuse = |message: String| Err((message, "choose another `master`, or another `node`"));
     if answers == mine {
-        return refuse("the identifier of its answers is taken".into());
+        return refuse("the identifier of its answers is already in use".into());
     }
     for (i, other) in
         table.drives.iter().enumerate().filter(|(i, other)| *i != index && other.bus == drive.bus)
@@ -45,7 +41,7 @@ pub(super) fn check_identifiers(table: &Table, index: usize) -> Result<(), Refus
                 other.joint
             ));
         }
-        // answers of one protocol contain the drive's number
+        // within one protocol, answers contain the drive's number
         if answers == their_answers && drive.protocol != other.protocol {
             return refuse(format!(
                 "its answers have the identifier {answers}, like the answers of `{}`, a drive of {:?}",
@@ -56,7 +52,7 @@ pub(super) fn check_identifiers(table: &Table, index: usize) -> Result<(), Refus
     Ok(())
 }
 
-/// Refuses a watchdog beyond the range of its unit.
+/// Refuses a watchdog time that its register cannot represent.
 pub(super) fn check_watchdog(drive: &DriveEntry) -> Result<(), Refusal> {
     let ns = drive.watchdog.ns;
     match drive.protocol.spec().watchdog {

@@ -33,14 +33,15 @@ pub(super) fn translate(line: &str) -> Result<Option<String>, RecordError> {
     }
 }
 
-/// Time in seconds with six decimals.
+/// Formats a time in seconds with six decimals.
 fn micros(time: &str) -> Option<String> {
     let (seconds, fraction) = time.split_once('.')?;
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
     (is_number(seconds) && is_number(fraction)).then(|| format!("{seconds}.{:0<6.6}", fraction))
 }
 
-/// Screen line without its time: `can0 123 [3] 11 22 33`. The length of a CAN FD frame has two digits there.
+/// Parses a screen line without its time: `can0 123 [3] 11 22 33`. The length of a CAN FD frame has two
+/// digits.
 fn screen(time: &str, line: &str) -> Option<String> {
     let mut fields = line.split_whitespace().filter(|field| !matches!(*field, "RX" | "TX" | "-" | "B" | "E"));
     let (interface, id) = (fields.next()?, fields.next()?);
@@ -52,9 +53,9 @@ fn screen(time: &str, line: &str) -> Option<String> {
         let length = if count == 0 { String::new() } else { count.to_string() };
         return Some(format!("({time}) {interface} {id}#R{length}"));
     }
-    // the text behind the bytes comes from `candump -a`, or is the name of an error
+    // text after the bytes comes from `candump -a`, or is the name of an error
     let bytes = rest.get(..count).filter(|bytes| bytes.iter().all(|byte| is_byte(byte)))?;
-    // `B` among the flags of `candump -x`: the data are at the higher rate
+    // flag `B` of `candump -x`: the data are sent at the higher rate
     let is_fast =
         || line.split_whitespace().take_while(|field| !field.starts_with('[')).any(|field| field == "B");
     let separator = match length.len() {
@@ -108,7 +109,7 @@ fn asc(fields: &[&str]) -> Option<Option<String>> {
 }
 
 impl Record {
-    /// Parses a log line: of `candump -L`, of the screen output of `candump`, or of an ASC file, whose
+    /// Parses a log line in the format of `candump -L`, the screen output of `candump`, or an ASC file, whose
     /// channel N becomes the interface `canN`. Returns `None` for an empty line and for a header.
     ///
     /// ```

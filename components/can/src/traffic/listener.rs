@@ -1,4 +1,4 @@
-//! Receiving and sending on interfaces of the kernel and on simulated buses.
+//! Receiving and sending on kernel interfaces and simulated buses, for tools.
 
 use core::time::Duration;
 use std::io;
@@ -37,7 +37,7 @@ pub struct Listener {
     sources: Vec<Source>,
 }
 
-/// Simulated bus with this name; `None` for an interface of the kernel.
+/// Opens the simulated bus with this name; returns `None` for a kernel interface.
 fn simulated(name: &str) -> Result<Option<Box<UnixBus>>, OpenError> {
     match Place::from_interface(name) {
         Some(Place::Socket(socket)) => UnixBus::open(socket).map(|bus| Some(Box::new(bus))),
@@ -74,7 +74,7 @@ impl Source {
         }
     }
 
-    /// Next record, if available.
+    /// Returns the next record, if available.
     fn next(&mut self) -> io::Result<Option<Record>> {
         match self {
             Self::Kernel(name, socket) => match socket.read_frame_with_timestamp() {
@@ -116,8 +116,7 @@ impl Listener {
 
     /// Returns the next record if one arrives within `timeout`.
     ///
-    /// # Errors
-    /// Returns an error if an interface went down or disappeared.
+    /// # Errors Returns an error if an interface has gone down or disappeared.
     pub fn next(&mut self, timeout: Duration) -> io::Result<Option<Record>> {
         if let Some(record) = self.take()? {
             return Ok(Some(record));
@@ -174,10 +173,9 @@ impl Sender {
         Ok(Self { name: name.to_string(), line })
     }
 
-    /// Sends the frame of a record, whatever interface it came from.
+    /// Sends the frame of a record, regardless of the interface that it came from.
     ///
-    /// # Errors
-    /// Returns an error if the interface does not accept the frame; the error explains the cause.
+    /// # Errors Returns an error that explains the cause if the interface does not accept the frame.
     pub fn send(&mut self, record: &Record) -> io::Result<()> {
         let name = &self.name;
         let socket = match &mut self.line {

@@ -1,4 +1,4 @@
-//! Adapter against simulated drives on a simulated bus, without a runtime.
+//! Adapter with simulated drives on a simulated bus, without a runtime.
 
 use motorium_can::adapter::{Adapter, OnTrip, Phase, WrongSetting};
 use motorium_can::bus::simulated::Event;
@@ -9,7 +9,7 @@ use motorium_drive::JointSetpoint;
 const CYCLE_NS: u64 = 1_000_000;
 const DELAY_NS: u64 = 50_000;
 
-/// Fault of a drive's answers: returns the answers sent instead, with their delays.
+/// Fault of a drive's answers: returns the answers that are sent instead, with their delays.
 type Befalls = fn(u64, Frame) -> Vec<(Frame, u64)>;
 
 /// Two drives on a bus, and the adapter.
@@ -95,7 +95,7 @@ impl Rig {
 fn drives_are_checked_queried_and_enabled_together() {
     let mut rig = Rig::new(well);
     rig.run(3);
-    assert_eq!(rig.phases(), [Phase::Checking(3); 2], "one setting a cycle");
+    assert_eq!(rig.phases(), [Phase::Checking(3); 2], "one setting per cycle");
     rig.run(2);
     assert_eq!(rig.phases(), [Phase::Disabled; 2]);
     rig.run(2);
@@ -103,7 +103,7 @@ fn drives_are_checked_queried_and_enabled_together() {
     rig.run(1000);
     assert_eq!(rig.counts().missing, 0);
     let (position, ..) = rig.adapter.links()[0].state();
-    assert!((position - 0.5).abs() < 25.0 / 65535.0 / 2.0, "{position} rad behind a gear of 2");
+    assert!((position - 0.5).abs() < 25.0 / 65535.0 / 2.0, "{position} rad with a gear ratio of 2");
 }
 
 #[test]
@@ -111,7 +111,7 @@ fn a_drive_switched_on_later_is_awaited() {
     let mut rig = Rig::new(|cycle, answer| if cycle < 30 { vec![] } else { well(0, answer) });
     rig.run(30);
     assert!(!rig.adapter.links()[0].is_found() && rig.adapter.links()[1].is_found());
-    assert_eq!(rig.phases()[1], Phase::Disabled, "nothing is enabled without the other");
+    assert_eq!(rig.phases()[1], Phase::Disabled, "no drive is enabled without the other one");
     assert_eq!((rig.counts().awaited, rig.counts().missing), (30, 0));
     rig.run(100);
     assert_eq!(rig.phases(), [Phase::Enabled; 2]);
@@ -157,7 +157,7 @@ fn a_late_answer_counts_as_late_and_missing() {
 }
 
 #[test]
-fn second_answers_are_counted_and_not_taken() {
+fn duplicate_answers_are_counted_and_ignored() {
     let mut rig = Rig::new(|cycle, answer| if cycle == 50 { vec![(answer, 0); 2] } else { well(0, answer) });
     rig.run(100);
     assert_eq!((rig.counts().duplicate, rig.counts().missing), (1, 0));
@@ -167,7 +167,7 @@ fn second_answers_are_counted_and_not_taken() {
 fn malformed_answers_are_counted_and_ignored() {
     let mut rig = Rig::new(|cycle, answer| match cycle {
         50 => vec![(Frame::classic(answer.id, &answer.data()[..7]), 0)],
-        // the invalid state 5, and a position far away
+        // the invalid state 5, and a distant position
         51 => vec![(Frame::classic(answer.id, &[0x51, 0xff, 0xff, 0, 0, 0, 0, 0]), 0)],
         _ => well(0, answer),
     });
@@ -177,7 +177,7 @@ fn malformed_answers_are_counted_and_ignored() {
 }
 
 #[test]
-fn frames_of_a_stranger_are_counted_apart() {
+fn frames_of_unknown_devices_are_counted_separately() {
     let mut rig = Rig::new(well);
     let stranger = Received { frame: Frame::classic(Id::Standard(0x321), &[0; 8]), time_ns: 0 };
     rig.adapter.take(0, &stranger);
@@ -223,7 +223,7 @@ fn a_released_drive_trips_the_adapter_until_resumed() {
     rig.run(2);
     assert!(rig.adapter.has_tripped());
     rig.run(100);
-    assert!(rig.adapter.has_tripped() && !rig.drives[0].is_enabled(), "it does not come back by itself");
+    assert!(rig.adapter.has_tripped() && !rig.drives[0].is_enabled(), "it does not resume automatically");
     rig.adapter.resume();
     rig.run(10);
     assert_eq!(rig.phases(), [Phase::Enabled; 2]);
@@ -237,7 +237,7 @@ fn the_others_are_damped_while_the_adapter_has_tripped() {
     let (still, moving) =
         (rig.drives[1].step(1.0, 0.0, 30 * CYCLE_NS), rig.drives[1].step(1.0, 4.0, 30 * CYCLE_NS));
     assert!(still.abs() < 0.01, "no effort at rest: {still} N m");
-    // 0.3 N m s/rad at the joint are 0.075 behind a gear of 2
+    // 0.3 N m s/rad at the joint are 0.075 at the drive of a gear with ratio 2
     assert!((moving + 0.3).abs() < 0.02, "{moving} N m");
 }
 
@@ -247,7 +247,7 @@ fn drives_release_after_the_adapter_dies_100_of_100() {
     for trial in 0..100 {
         let mut rig = Rig::new(well);
         rig.run(20 + trial % 7);
-        // the last frame arrives at some point within a period of the 4 kHz inner loop
+        // the last frame arrives at any time within a period of the 4 kHz inner loop
         let last_ns = rig.cycle * CYCLE_NS + 7_919 * trial;
         for drive in &mut rig.drives {
             let frame = drive.codec().command(&Command { torque: 1.0, ..Default::default() });
@@ -256,10 +256,7 @@ fn drives_release_after_the_adapter_dies_100_of_100() {
         let step_ns = 250_000;
         let loops = (1..).map(|k| (last_ns / step_ns + k) * step_ns);
         for now_ns in loops.take_while(|now_ns| *now_ns < last_ns + 5_000_000) {
-            assert!(
-                rig.drives.iter_mut().all(|drive| drive.step(1.0, 0.0, now_ns) > 0.9),
-                "not before its time"
-            );
+            assert!(rig.drives.iter_mut().all(|drive| drive.step(1.0, 0.0, now_ns) > 0.9), "not early");
         }
         let over_ns = (last_ns + 5_000_000).div_ceil(step_ns) * step_ns;
         let has_let_go =
@@ -271,10 +268,10 @@ fn drives_release_after_the_adapter_dies_100_of_100() {
 
 #[test]
 fn constant_latency_is_distinguished_from_a_lost_answer() {
-    // as late as answers to the frames of the next cycle
+    // late by a whole cycle, like answers to the next cycle's frames
     let mut rig = Rig::new(|cycle, answer| vec![(answer, if cycle < 50 { 0 } else { CYCLE_NS + 20_000 })]);
     rig.run(52);
-    assert!(!rig.adapter.has_tripped(), "the answer to the cycle before is believed");
+    assert!(!rig.adapter.has_tripped(), "the answer to the previous cycle is accepted");
     rig.run(2);
     assert!(rig.adapter.has_tripped());
     assert_eq!((rig.counts().lost_in, rig.counts().late), (Some(53), 2));

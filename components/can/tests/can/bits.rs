@@ -1,4 +1,4 @@
-//! Bits of frames, against published lengths and an independent count.
+//! Bits of frames, compared with published lengths and an independent count.
 
 use motorium_can::{Bits, Form, Frame, Id, Rates};
 
@@ -27,7 +27,7 @@ fn extreme_classic_frames_have_published_lengths() {
 }
 
 #[test]
-fn frames_of_can_fd_take_the_published_times() {
+fn can_fd_frames_have_published_durations() {
     let us = |bits: Bits| (bits.ns(&FD) as f64 / 1e3).round();
     for (extended, bytes, shortest, longest) in [
         (false, 8, 49.0, 57.0),
@@ -61,10 +61,10 @@ fn random_frames_have_the_published_mean_length() {
     }
 }
 
-/// Counts the bits of a frame as text, stuffed by replacing runs from the left: slow, but independent of the
-/// library's algorithm.
+/// Counts the bits of a frame as text, where stuffing replaces runs from the left: slow, but independent of
+/// the library's algorithm.
 #[test]
-fn stuffing_is_that_of_a_text_of_bits() {
+fn stuffing_matches_an_independent_count() {
     fn checksum(bits: &str) -> String {
         let mut register = vec![0_u8; 15];
         for bit in bits.bytes().map(|bit| bit - b'0') {
@@ -94,7 +94,7 @@ fn stuffing_is_that_of_a_text_of_bits() {
     let mut numbers = Numbers(99);
     for round in 0..2_000 {
         let bytes = round % 9;
-        // mostly zero bits, so that there are long runs
+        // mostly zero bits, which form long runs
         let data = (numbers.next() & numbers.next() & numbers.next()).to_le_bytes();
         let id = (numbers.next() & 0x7ff) as u16;
         let body: String = data[..bytes].iter().map(|byte| format!("{byte:08b}")).collect();

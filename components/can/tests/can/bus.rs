@@ -21,7 +21,7 @@ fn delivered(bus: &mut SimulatedBus, until_ns: u64) -> Vec<(usize, Frame, u64)> 
 }
 
 #[test]
-fn of_frames_that_wait_the_lowest_identifier_is_sent_first() {
+fn the_lowest_waiting_identifier_is_sent_first() {
     let mut bus = SimulatedBus::new(RATES, 4, 8);
     for (node, id) in [(1, 0x300), (2, 0x100), (3, 0x200)] {
         assert!(bus.enqueue(node, frame(id), 0));
@@ -40,7 +40,7 @@ fn a_running_frame_is_not_interrupted() {
 }
 
 #[test]
-fn frames_take_their_bit_times_without_gaps() {
+fn frames_follow_each_other_without_gaps() {
     let mut bus = SimulatedBus::new(RATES, 2, 8);
     let frames = [frame(0x000), frame(0x2aa)];
     frames.iter().for_each(|frame| assert!(bus.enqueue(0, *frame, 0)));
@@ -74,7 +74,7 @@ fn a_disturbed_frame_is_sent_again_and_counted() {
 }
 
 #[test]
-fn a_disturbed_sender_becomes_passive_and_then_leaves() {
+fn a_disturbed_sender_becomes_passive_and_then_bus_off() {
     let mut bus = SimulatedBus::new(RATES, 2, 8);
     bus.enqueue(0, frame(0x123), 0);
     bus.disturb(100);
@@ -82,7 +82,7 @@ fn a_disturbed_sender_becomes_passive_and_then_leaves() {
     while let Some(Event::Disturbed { state, .. }) = bus.next(1_000_000_000) {
         states.push(state);
     }
-    // 8 errors each time: the 16th makes 128, the 32nd 256
+    // each error counts 8: the 16th reaches 128, the 32nd reaches 256
     let expected: Vec<ErrorState> = (1..=32)
         .map(|n| match n {
             32 => ErrorState::Off,
@@ -91,7 +91,7 @@ fn a_disturbed_sender_becomes_passive_and_then_leaves() {
         })
         .collect();
     assert_eq!(states, expected);
-    assert!(!bus.enqueue(0, frame(0x123), 0), "it has left the bus");
+    assert!(!bus.enqueue(0, frame(0x123), 0), "it is bus-off");
     bus.restart(0);
     assert!(bus.enqueue(0, frame(0x123), 0));
 }
@@ -114,13 +114,13 @@ fn two_nodes_with_one_identifier_disturb_each_other() {
     bus.enqueue(2, Frame::classic(Id::Standard(7), &[2]), 0);
     assert!(matches!(bus.next(1_000_000), Some(Event::Disturbed { .. })));
     while let Some(event) = bus.next(1_000_000_000) {
-        assert!(matches!(event, Event::Disturbed { .. }), "the third hears nothing: {event:?}");
+        assert!(matches!(event, Event::Disturbed { .. }), "the third node receives nothing: {event:?}");
     }
     assert_eq!((bus.state(1), bus.state(2)), (ErrorState::Off, ErrorState::Off));
 }
 
 #[test]
-fn a_full_queue_takes_no_more() {
+fn a_full_queue_rejects_frames() {
     let mut bus = SimulatedBus::new(RATES, 2, 3);
     let taken = (0..5).filter(|_| bus.enqueue(0, frame(1), 0)).count();
     assert_eq!(taken, 3);

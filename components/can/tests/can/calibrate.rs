@@ -1,4 +1,4 @@
-//! Offsets measured in a known pose, with simulated drives on a bus without bit times.
+//! Measuring offsets in a known pose, with simulated drives on a bus without bit times.
 
 use core::time::Duration;
 
@@ -79,7 +79,7 @@ fn measured(table: &Table, desk: &mut Desk) -> Result<Vec<Calibrated>, Calibrati
 }
 
 #[test]
-fn with_the_offsets_found_every_joint_stands_as_the_pose_says() {
+fn measured_offsets_reproduce_the_pose() {
     for (protocol, more) in [
         ("damiao", ""),
         ("mini_cheetah", ""),
@@ -102,7 +102,7 @@ fn with_the_offsets_found_every_joint_stands_as_the_pose_says() {
 }
 
 #[test]
-fn what_makes_an_offset_worthless_is_told() {
+fn invalid_measurements_are_reported() {
     let table = table("damiao", "");
     let fresh = || desk(&table, [0.5, 1.0]);
     let silent = Desk { drives: fresh().drives.split_off(1), ..fresh() };
@@ -121,7 +121,7 @@ fn what_makes_an_offset_worthless_is_told() {
         matches!(&wrong, CalibrationError::Setting { joint, wrong: WrongSetting::Range { .. } } if joint == "b"),
         "{wrong}"
     );
-    // a command of another program, which a kernel socket delivers to every listener
+    // another program's command, which a kernel socket delivers to every listener
     let frame = table.drive(1).unwrap().command(&Command::default());
     let commanded = Desk { received: vec![Received { frame, time_ns: 0 }], ..fresh() };
     assert_eq!(error(commanded), CalibrationError::Commanded { joint: "b".into() });

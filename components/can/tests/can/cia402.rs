@@ -1,4 +1,4 @@
-//! CANopen and CiA 402, against the published frame formats.
+//! CANopen and CiA 402, compared with the published frame formats.
 
 use motorium_can::cia402::{
     DriveState, Mode, NetworkCommand, NetworkState, Node, Object, Process, Service, Setpoint, Value, sync,
@@ -27,7 +27,7 @@ fn canopen_management_frames_match_the_standard() {
 }
 
 #[test]
-fn an_expedited_service_says_its_length_in_its_first_byte() {
+fn an_expedited_service_encodes_its_length() {
     let write = |value| hex(node().service(&Service::Write(Object::HEARTBEAT_PRODUCER, value)));
     assert_eq!(write(Value::byte(1)), "0x605#2F17100001000000");
     assert_eq!(write(Value::word(100)), "0x605#2B17100064000000");
@@ -36,7 +36,7 @@ fn an_expedited_service_says_its_length_in_its_first_byte() {
 }
 
 #[test]
-fn a_service_is_answered_with_a_value_or_with_a_refusal() {
+fn a_service_is_answered_with_a_value_or_an_abort_code() {
     let read = Service::Read(Object::MODE);
     let answer = Frame::classic(Id::Standard(0x585), &[0x4f, 0x60, 0x60, 0, 8, 0, 0, 0]);
     assert_eq!(node().service_result(&read, &answer), Ok(Some(Value::byte(8))));
@@ -48,7 +48,7 @@ fn a_service_is_answered_with_a_value_or_with_a_refusal() {
 }
 
 #[test]
-fn the_statusword_tells_the_state_of_the_profile() {
+fn the_statusword_encodes_the_drive_state() {
     for (word, state) in [
         (0x0000, DriveState::NotReady),
         (0x0250, DriveState::SwitchOnDisabled),
@@ -71,7 +71,7 @@ fn a_fault_is_never_reset_on_the_way_to_enabled() {
 }
 
 #[test]
-fn setpoints_have_six_bytes_and_torques_four() {
+fn setpoints_have_six_bytes_or_four_in_torque_mode() {
     let setpoint = Setpoint { controlword: 0x0f, target: -2 };
     assert_eq!(hex(node().setpoint(Mode::Position, &setpoint)), "0x205#0F00FEFFFFFF");
     assert_eq!(hex(node().setpoint(Mode::Torque, &setpoint)), "0x205#0F00FEFF");
@@ -87,7 +87,7 @@ fn unused_bytes_of_a_service_must_be_zero() {
 
 proptest! {
     #[test]
-    fn process_data_and_setpoints_arrive_as_they_were_sent(a in any::<i32>(), b in any::<i16>(), word in any::<u16>()) {
+    fn process_data_and_setpoints_round_trip(a in any::<i32>(), b in any::<i16>(), word in any::<u16>()) {
         let motion = Process::Motion { velocity: a, torque: b };
         prop_assert_eq!(node().process(&node().process_frame(&motion)), Ok(motion));
         let position = Process::Position { statusword: 0x0227, position: a };
@@ -101,7 +101,7 @@ proptest! {
     }
 
     #[test]
-    fn a_value_is_read_and_written_through_the_dictionary(index in any::<u16>(), subindex in any::<u8>(), x in any::<u32>()) {
+    fn services_round_trip(index in any::<u16>(), subindex in any::<u8>(), x in any::<u32>()) {
         let object = Object { index, subindex };
         for value in [Value::byte(x as u8), Value::word(x as u16), Value::long(x)] {
             let (read, write) = (Service::Read(object), Service::Write(object, value));

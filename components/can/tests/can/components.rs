@@ -68,7 +68,7 @@ impl Drop for Folder {
 /// Positions at which the joints are held, rad.
 pub(super) const GOAL: [f64; 3] = [0.35, 0.75, -0.85];
 
-/// Planar arm held by commands through drives, with these additions to the tables of the simulated drives and
+/// Planar arm that commands hold through its drives, with additions to the tables of the simulated drives and
 /// of the safety.
 pub(super) fn graph(folder: &Folder, simulation: &str, safety: &str) -> Graph {
     let command = Source::new("commands", "arm/command", |_| Some(command()));
@@ -87,12 +87,12 @@ pub(super) fn command() -> JointCommand {
     command
 }
 
-/// The same without a commander, and without the adapter's kind.
+/// Same graph without a commander and without the adapter's kind.
 pub(super) fn bare_graph(folder: &Folder, simulation: &str, safety: &str) -> Graph {
     pushed_graph(folder, "pushes = []", simulation, safety)
 }
 
-/// The same, with pushes on the arm.
+/// Same graph with pushes on the arm.
 pub(super) fn pushed_graph(folder: &Folder, pushes: &str, simulation: &str, safety: &str) -> Graph {
     let text = format!(
         r#"
@@ -193,7 +193,7 @@ fn the_joint_lags_its_motor_by_load_over_stiffness() {
     for joint in 0..3 {
         let twist = measured.position()[joint] - truth.position()[joint];
         let expected = truth.effort()[joint] / 120.0;
-        // to the resolution of 16 bits over 25 rad, behind the gear
+        // within the resolution of 16 bits over 25 rad, at the joint
         assert!((twist - expected).abs() < 2e-4, "joint {joint}: {twist}, {expected}");
     }
     assert!(truth.effort()[0].abs() > 1.0, "the push bends it: {:?}", truth.effort());
@@ -206,7 +206,7 @@ fn a_silent_drive_is_lost_in_the_third_cycle() {
         let fault = format!(r#"faults = [{{ at = "{at} ms", kind = "silent", joint = "joint2" }}]"#);
         let report = run(&format!("silent-{at}"), &fault, "800 ms");
         let joint = &adapter(&report)["joints"]["joint2"];
-        // the first unanswered query is the one in this cycle, and it counts as missing a cycle later
+        // the query of this cycle is the first unanswered one, which counts as missing a cycle later
         assert_eq!(
             (&joint["lost"], &joint["lost_in_cycle"]),
             (&Value::from(1), &Value::from(at + 4)),
@@ -231,7 +231,7 @@ fn the_health_of_the_joints_shows_the_lost_one() {
 }
 
 #[test]
-fn each_fault_of_an_answer_is_counted_as_what_it_is() {
+fn answer_faults_are_counted_by_kind() {
     for (kind, count) in [
         ("wrong_length", "refused_frames"),
         ("corrupt", "refused_frames"),
@@ -261,7 +261,7 @@ fn late_answers_belong_to_their_own_cycle() {
 }
 
 #[test]
-fn a_bus_that_the_adapter_has_left_trips_it_and_is_counted() {
+fn bus_off_trips_the_adapter_and_is_counted() {
     let off = r#"faults = [{ at = "300 ms", lasts = "50 ms", kind = "bus_off", bus = "can1" }]"#;
     let report = run("bus-off", off, "500 ms");
     let result = adapter(&report);
@@ -271,17 +271,17 @@ fn a_bus_that_the_adapter_has_left_trips_it_and_is_counted() {
 }
 
 #[test]
-fn a_babbling_node_loses_the_adapter_its_drives() {
+fn a_babbling_node_makes_the_adapter_lose_its_drives() {
     let babbling = r#"faults = [{ at = "300 ms", lasts = "20 ms", kind = "babbling", bus = "can0" }]"#;
     let report = run("babbling", babbling, "500 ms");
     let result = adapter(&report);
     assert_eq!(result["tripped"], true, "{result}");
     assert!(result["stray_frames"].as_u64().is_some_and(|stray| stray > 100), "{result}");
-    assert_eq!(result["joints"]["joint3"]["missing_replies"], 0, "the other bus goes on");
+    assert_eq!(result["joints"]["joint3"]["missing_replies"], 0, "the other bus continues");
 }
 
 #[test]
-fn a_disturbed_bus_sends_again_and_no_answer_is_missing() {
+fn a_disturbed_bus_retransmits_and_no_answer_is_missing() {
     let disturbed = r#"faults = [{ at = "300 ms", lasts = "2 ms", kind = "disturbed", bus = "can1" }]"#;
     let report = run("disturbed", disturbed, "500 ms");
     assert_eq!(adapter(&report)["missing_replies"], 0, "{}", adapter(&report));
@@ -305,7 +305,7 @@ fn drives_with_other_settings_than_the_table_are_not_enabled() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_before_anything_runs() {
+fn invalid_configurations_are_refused_before_the_run() {
     let refused = |name: &str, drives: &str, simulation: &str| {
         let folder = Folder::new(name, drives);
         graph(&folder, simulation, "").check().unwrap_err().render(false)
@@ -319,7 +319,7 @@ fn what_cannot_be_is_refused_before_anything_runs() {
     assert!(text.contains("the watchdog of the drive of `joint1` is off"), "{text}");
     let text = refused("short", &DRIVES.replacen("\"20 ms\"", "\"1 ms\"", 1), "");
     assert!(
-        text.contains("the drive of `joint1` lets go after 1ms without a command, and one is sent each 1ms"),
+        text.contains("the drive of `joint1` disables itself after 1ms without a command, but commands are sent every 1ms"),
         "{text}"
     );
     let text = refused("range", &DRIVES.replacen("position = 12.5", "position = 6.0", 1), "");
@@ -331,7 +331,7 @@ fn what_cannot_be_is_refused_before_anything_runs() {
 }
 
 #[test]
-fn answers_that_come_twice_point_to_two_drives_with_one_number() {
+fn duplicate_answers_suggest_two_drives_with_one_number() {
     let fault = r#"faults = [{ at = "300 ms", lasts = "50 ms", kind = "duplicate", joint = "joint1" }]"#;
     let report = run("twins", fault, "500 ms");
     let bus = &adapter(&report)["buses"]["can0"];

@@ -1,4 +1,4 @@
-//! Current limit of a drive: set before the drive is enabled, checked against its unit, and an upper bound of
+//! Current limit of a drive: it is set before the drive is enabled, converted to the drive's unit, and bounds
 //! every torque.
 
 use motorium_can::Table;
@@ -28,7 +28,8 @@ fn torque(protocol: &'static str, more: String) -> f64 {
 
 #[test]
 fn a_drive_keeps_its_current_limit() {
-    // without a limit its loop has all 10 N m; 20 A of 0.1 N m/A, and 1.6 A of 4 A for 5 N m, are 2 N m
+    // without a limit, the loop applies the full 10 N m; 20 A at 0.1 N m/A, and 1.6 A of 4 A for 5 N m, are 2
+    // N m
     assert_eq!(torque("odrive", ODRIVE.into()), 10.0);
     let limited = torque("odrive", format!("{ODRIVE}\ncurrent_limit = 20.0\ntorque_constant = 0.1"));
     assert!((limited - 2.0).abs() < 1e-6, "{limited}");
@@ -45,14 +46,14 @@ fn a_drive_keeps_its_current_limit() {
 }
 
 #[test]
-fn a_damiao_drive_lets_go_at_the_limit_of_its_current() {
+fn a_damiao_drive_disables_itself_at_its_current_limit() {
     let follow = |position: f64| {
         let mut rig = Rig::healthy(&Case { protocol: "damiao", bus: "", more: DAMIAO, cycle_ns: 1_000_000 });
         rig.adapter.set(0, JointSetpoint { position, kp: 20.0, kd: 0.1, ..JointSetpoint::default() });
         rig.run(20);
         (rig.torques[0], rig.adapter.links()[0].fault(), rig.adapter.has_tripped())
     };
-    // 6 A of 0.5 N m/A are 3 N m: 2 N m over 0.1 rad, and 4 N m over 0.2
+    // 6 A at 0.5 N m/A are 3 N m; the loop applies 2 N m at 0.1 rad, and 4 N m at 0.2 rad
     let (torque, fault, tripped) = follow(0.6);
     assert!((torque - 2.0).abs() < 0.05 && fault.is_none() && !tripped, "{torque} {fault:?}");
     assert_eq!(follow(0.7), (0.0, Some(Fault::OverCurrent), true));
@@ -108,11 +109,15 @@ fn a_current_limit_bounds_the_effort_range() {
     let torque = |more: &str| table("odrive", more).unwrap().ranges(0).torque.max;
     assert_eq!(torque(""), 10.0);
     assert!((torque("current_limit = 20.0\ntorque_constant = 0.1") - 2.0).abs() < 1e-12);
-    assert_eq!(torque("current_limit = 200.0\ntorque_constant = 0.1"), 10.0, "no more than it reaches");
+    assert_eq!(
+        torque("current_limit = 200.0\ntorque_constant = 0.1"),
+        10.0,
+        "no more than the drive reaches"
+    );
 }
 
 #[test]
-fn a_drive_of_another_rated_current_is_not_enabled() {
+fn a_drive_with_another_rated_current_is_not_enabled() {
     let rated = |current: f64| {
         let keys = format!("{CIA402}\ncurrent_limit = 1.6\nrated_current = {current:?}");
         table("cia402", &keys).unwrap()

@@ -6,7 +6,7 @@ use motorium_can::{DecodeError, Frame, Id};
 const MASTER: Id = Id::Standard(0x11);
 
 #[test]
-fn a_request_has_published_bytes_and_is_decoded() {
+fn a_request_has_the_published_bytes() {
     let request = Request { node: 1, register: Register::TorqueMax };
     assert_eq!(request.frame(), Frame::classic(Id::Standard(0x7ff), &[1, 0, 0x33, 23, 0, 0, 0, 0]));
     assert_eq!(Request::decode(&request.frame(), 1), Ok(request));
@@ -14,7 +14,7 @@ fn a_request_has_published_bytes_and_is_decoded() {
 }
 
 #[test]
-fn a_range_and_a_watchdog_come_back_as_they_are_set() {
+fn ranges_and_watchdogs_round_trip() {
     for (register, value) in [
         (Register::VelocityMax, Value::Number(45.0)),
         (Register::Timeout, Value::Watchdog(Some(20_000_000))),
@@ -32,7 +32,7 @@ fn a_range_and_a_watchdog_come_back_as_they_are_set() {
 }
 
 #[test]
-fn an_answer_about_something_else_is_refused() {
+fn an_answer_to_another_request_is_refused() {
     let (asked, other) = (
         Request { node: 7, register: Register::TorqueMax },
         Request { node: 7, register: Register::PositionMax },

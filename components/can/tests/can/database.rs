@@ -1,4 +1,4 @@
-//! Message databases, against cantools (`databases/golden.py`) and the codec of ODrives.
+//! Message databases, compared with cantools (`databases/golden.py`) and the ODrive codec.
 
 use core::f64::consts::TAU;
 
@@ -20,7 +20,7 @@ fn frame(id: &str, data: &str) -> Frame {
 }
 
 #[test]
-fn every_frame_has_the_values_that_cantools_finds_in_it() {
+fn decoded_values_match_cantools() {
     let (odrive, kinds) = (Database::parse(ODRIVE).unwrap(), Database::parse(KINDS).unwrap());
     let mut compared = 0;
     for line in GOLDEN.lines() {
@@ -45,7 +45,7 @@ fn every_frame_has_the_values_that_cantools_finds_in_it() {
 }
 
 #[test]
-fn signal_of_an_absent_multiplexor_is_absent() {
+fn signals_of_an_absent_multiplexer_are_absent() {
     let text = "VERSION \"\"\nNS_ :\nBS_:\nBU_:\nBO_ 2024 Diagnosis: 8 Vector__XXX\n \
                 SG_ Service M : 0|8@1+ (1,0) [0|255] \"\" Vector__XXX\n \
                 SG_ Pid m1M : 8|8@1+ (1,0) [0|255] \"\" Vector__XXX\n \
@@ -57,10 +57,10 @@ fn signal_of_an_absent_multiplexor_is_absent() {
     let decoded =
         |data: &[u8]| database.decode(&Frame::classic(Id::Standard(2024), data)).unwrap().to_string();
     assert_eq!(decoded(&[1, 13, 80]), "Diagnosis(Service: 1, Pid: 13, Speed: 80 km/h)");
-    // The bytes hold 13 where `Pid` would be.
+    // The byte at the position of `Pid` is 13.
     assert_eq!(decoded(&[2, 13, 80]), "Diagnosis(Service: 2, Code: 20493)");
     assert_eq!(decoded(&[1, 12, 80]), "Diagnosis(Service: 1, Pid: 12)");
-    // Two that switch one another are never there.
+    // Two multiplexers that depend on each other are never present.
     let circle = text.replace("Pid Service 1-1", "Pid Speed 1-1");
     let database = Database::parse(&circle).unwrap();
     let found = database.decode(&Frame::classic(Id::Standard(2024), &[1, 13, 1])).unwrap().to_string();
@@ -68,7 +68,7 @@ fn signal_of_an_absent_multiplexor_is_absent() {
 }
 
 #[test]
-fn pages_of_a_nested_multiplexor_depend_on_the_main_one() {
+fn nested_multiplexer_pages_depend_on_the_main_one() {
     let text = "VERSION \"\"\nNS_ :\nBS_:\nBU_:\nBO_ 7 Pages: 8 Vector__XXX\n \
                 SG_ Sub m1M : 8|8@1+ (1,0) [0|255] \"\" Vector__XXX\n \
                 SG_ Speed m2 : 16|8@1+ (1,0) [0|255] \"\" Vector__XXX\n \
@@ -109,7 +109,7 @@ fn named(names: [&str; 2], numbers: [f64; 2]) -> Vec<(String, f64)> {
 
 proptest! {
     #[test]
-    fn what_the_codec_of_an_odrive_writes_the_database_reads(
+    fn the_database_decodes_frames_of_the_odrive_codec(
         node in 0_u8..64, a in -1000.0..1000.0_f64, b in -30.0..30.0_f64, c in -30.0..30.0_f64,
     ) {
         let node = Node::new(node).unwrap();
@@ -177,7 +177,7 @@ fn logs_of_screens_and_asc_files_are_read() {
 }
 
 #[test]
-fn states_and_modes_have_the_numbers_of_the_database() {
+fn states_and_modes_match_the_database() {
     let node = Node::new(5).unwrap();
     let database = odrive();
     let text = |frame: &Frame| database.decode(frame).unwrap().to_string();
@@ -197,27 +197,30 @@ fn states_and_modes_have_the_numbers_of_the_database() {
 }
 
 #[test]
-fn without_its_mask_a_database_knows_its_own_node_alone() {
+fn without_a_mask_only_the_own_node_is_decoded() {
     let plain = Database::parse(ODRIVE).unwrap();
     assert!(plain.decode(&frame("s9", "0000000000000000")).is_some());
     assert!(plain.decode(&frame("s69", "0000000000000000")).is_none());
     assert!(odrive().decode(&frame("s69", "0000000000000000")).is_some());
-    assert!(odrive().decode(&frame("x69", "0000000000000000")).is_none(), "29 bits are another identifier");
+    assert!(
+        odrive().decode(&frame("x69", "0000000000000000")).is_none(),
+        "a 29-bit identifier is a different one"
+    );
     let error = Database::parse(KINDS).unwrap().with_mask(0xff).unwrap_err();
     assert!(matches!(error, DatabaseError::Twice { mask: 0xff, .. }), "{error}");
 }
 
 #[test]
-fn a_frame_that_is_too_short_has_the_signals_that_fit() {
+fn a_short_frame_has_the_signals_that_fit() {
     let database = Database::parse(KINDS).unwrap();
     let decoded = database.decode(&frame("s100", "f0ff")).unwrap();
-    // -1 of 0.5 degrees, from -3
+    // raw value -1, factor 0.5 deg, offset -3 deg
     assert_eq!(decoded.to_string(), "Orders(Intel: -3.5 deg)");
     assert_eq!(database.decode(&frame("s100", "")).unwrap().signals, []);
 }
 
 #[test]
-fn signals_of_other_pages_are_left_out() {
+fn signals_of_inactive_pages_are_omitted() {
     let database = Database::parse(KINDS).unwrap();
     let names = |id, data| -> Vec<String> {
         let decoded = database.decode(&frame(id, data)).unwrap();
@@ -230,7 +233,7 @@ fn signals_of_other_pages_are_left_out() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_with_its_place() {
+fn invalid_databases_are_refused_with_their_position() {
     let refused = |text: &str| Database::parse(text).unwrap_err().to_string();
     let broken = refused(&KINDS.replace("12@1-", "12@7-"));
     assert!(broken.contains("it is not a DBC file") && broken.contains("10:"), "{broken}");
@@ -248,6 +251,6 @@ fn what_cannot_be_is_refused_with_its_place() {
     );
     assert_eq!(
         refused(&KINDS.replace("Page M : 0|4", "Page : 0|4")),
-        "the signal `Current` of the message `Switched`: no signal switches it"
+        "the signal `Current` of the message `Switched`: its multiplexer is missing"
     );
 }

@@ -1,4 +1,4 @@
-//! Adapter against simulated drives of every protocol on a simulated bus, without a runtime.
+//! Adapter with simulated drives of every protocol on a simulated bus, without a runtime.
 
 use motorium_can::adapter::{Adapter, Link, OnTrip, Phase, WrongSetting};
 use motorium_can::bus::simulated::Event;
@@ -11,7 +11,7 @@ const STEP_NS: u64 = 250_000;
 /// Initial position of the shafts, rad.
 const SHAFT: f64 = 0.5;
 
-/// Protocol with its specific keys.
+/// Protocol, with its specific keys.
 pub(super) struct Case {
     pub(super) protocol: &'static str,
     pub(super) bus: &'static str,
@@ -89,7 +89,7 @@ impl Rig {
             AnySimulatedDrive::new(&table, 0, overrides),
             AnySimulatedDrive::new(&table, 1, Overrides::default()),
         ];
-        // drives answer with the positions of their last step
+        // drives report the position of their last step
         drives.iter_mut().for_each(|drive| _ = drive.step(SHAFT, 0.0, 0));
         Self {
             adapter,
@@ -186,7 +186,7 @@ fn drives_of_every_protocol_are_enabled_in_place() {
 }
 
 #[test]
-fn commands_turn_the_shafts_towards_their_goals() {
+fn commands_move_the_shafts_towards_their_goals() {
     for case in all() {
         let mut rig = Rig::healthy(&case);
         let goal = |position: f64| JointSetpoint { position, kp: 4.0, kd: 0.1, ..JointSetpoint::default() };
@@ -195,7 +195,7 @@ fn commands_turn_the_shafts_towards_their_goals() {
         rig.run(20);
         let [forwards, backwards] = rig.torques;
         assert!(forwards > 0.05 && backwards < -0.05, "{}: {:?}", case.protocol, rig.torques);
-        // gains of the command, if they reach the drive: 4 N m/rad over 20 mrad
+        // gains of the command, if they reach the drive: 4 N m/rad at 20 mrad
         if case.more.contains("\"torque\"") || matches!(case.protocol, "damiao" | "moteus") {
             assert!((forwards - 0.08).abs() < 0.01, "{}: {forwards}", case.protocol);
         }
@@ -220,7 +220,7 @@ fn a_silent_drive_of_any_protocol_is_lost_in_three_cycles() {
 fn reenabled_drives_begin_at_their_moved_position() {
     for case in all() {
         let mut rig = Rig::healthy(&case);
-        // without power, at another position
+        // moved to another position while unpowered
         rig.drives.iter_mut().for_each(AnySimulatedDrive::cut_power);
         rig.is_silent = true;
         rig.run(5);
@@ -249,7 +249,7 @@ fn a_drive_without_power_trips_until_resumed() {
         // an ODrive reports its state each tenth of a second
         rig.run(150_000_000 / rig.cycle_ns);
         assert!(rig.adapter.has_tripped(), "{}", case.protocol);
-        // a moteus follows any command, and is damped
+        // a moteus follows any command, so it is damped
         assert!(!rig.drives[0].is_enabled() || case.protocol == "moteus", "{}", case.protocol);
         rig.adapter.resume();
         rig.run(400);
@@ -274,7 +274,7 @@ fn watchdog_releases_are_detected() {
         }
         assert!(!rig.drives.iter().any(AnySimulatedDrive::is_enabled), "{}", case.protocol);
         assert!(rig.drives.iter().all(|drive| drive.watchdog_trips() == 1), "{}", case.protocol);
-        // the adapter returns, and detects the disabled drives
+        // the adapter resumes, and detects the disabled drives
         rig.cycle = 2 + (killed_ns + WATCHDOG_NS + STEP_NS) / rig.cycle_ns;
         rig.run(150_000_000 / rig.cycle_ns);
         assert!(
@@ -291,7 +291,7 @@ fn watchdog_releases_are_detected() {
 }
 
 #[test]
-fn a_hundred_interrupted_batches_end_by_watchdogs() {
+fn watchdogs_act_after_a_hundred_interrupted_batches() {
     for case in &CASES {
         for run in 0..100 {
             let mut rig = Rig::healthy(case);
@@ -300,7 +300,7 @@ fn a_hundred_interrupted_batches_end_by_watchdogs() {
             rig.adapter.write(0, &mut frames);
             let sent = run as usize % (frames.len() + 1);
             frames[..sent].iter().for_each(|frame| assert!(rig.bus.enqueue(0, *frame, begin_ns)));
-            // no command is older than a cycle, and none arrives later than a cycle from now
+            // the last command is at most a cycle old, or arrives within a cycle from now
             let (soonest_ns, latest_ns) = (begin_ns - case.cycle_ns, begin_ns + case.cycle_ns);
             for now_ns in (begin_ns..latest_ns + WATCHDOG_NS + STEP_NS).step_by(STEP_NS as usize) {
                 rig.step(now_ns);
@@ -335,7 +335,7 @@ fn a_canopen_drive_with_other_settings_is_not_enabled() {
 fn a_dynamixel_watchdog_stops_it_until_checked() {
     let mut rig = Rig::healthy(&DYNAMIXEL);
     let killed_ns = rig.cycle * rig.cycle_ns;
-    // the last packet arrived at the end of the commands of the last cycle
+    // the last packet arrived at the end of the last cycle's commands
     for now_ns in (killed_ns..killed_ns + WATCHDOG_NS + STEP_NS).step_by(STEP_NS as usize) {
         rig.step(now_ns);
     }
@@ -343,8 +343,8 @@ fn a_dynamixel_watchdog_stops_it_until_checked() {
     assert!(rig.drives.iter().all(|drive| drive.watchdog_trips() == 1));
     rig.shaft = SHAFT + 0.03;
     rig.step(killed_ns + WATCHDOG_NS + 2 * STEP_NS);
-    assert!(rig.torques.iter().all(|torque| *torque < -5.0), "it holds the place: {:?}", rig.torques);
-    // goals are refused until the watchdog is set again, which the check of a resumed adapter does
+    assert!(rig.torques.iter().all(|torque| *torque < -5.0), "it holds its position: {:?}", rig.torques);
+    // goals are refused until the checks of a resumed adapter set the watchdog again
     rig.cycle = 2 + (killed_ns + WATCHDOG_NS) / rig.cycle_ns;
     rig.run(5);
     assert!(!rig.drives.iter().any(AnySimulatedDrive::is_enabled));
@@ -356,7 +356,7 @@ fn a_dynamixel_watchdog_stops_it_until_checked() {
 }
 
 #[test]
-fn a_dynamixel_that_keeps_another_watchdog_is_not_enabled() {
+fn a_dynamixel_with_a_fixed_watchdog_is_not_enabled() {
     let keeps = Overrides { watchdog_ns: Some(100_000_000), ..Overrides::default() };
     let mut rig = Rig::new(&DYNAMIXEL, keeps);
     rig.run(50);
@@ -365,8 +365,8 @@ fn a_dynamixel_that_keeps_another_watchdog_is_not_enabled() {
     assert!(!rig.drives[0].is_enabled());
 }
 
-/// Runs the adapter of one drive with a table, against the drive of the same table or of another one. Returns
-/// `true` if the drive is enabled, and the setting that differs.
+/// Runs the adapter of one drive with a table, and simulates the drive of the same table or of another one.
+/// Returns `true` if the drive is enabled, and the mismatched setting.
 pub(super) fn follow(table: &Table, drive: Option<&Table>) -> (bool, Option<WrongSetting>) {
     let mut adapter = Adapter::new(table, &[0], &[0.3], OnTrip::Damp);
     let mut drive = AnySimulatedDrive::new(drive.unwrap_or(table), 0, Overrides::default());
@@ -390,7 +390,8 @@ pub(super) fn follow(table: &Table, drive: Option<&Table>) -> (bool, Option<Wron
 fn the_adapter_closes_the_position_loop_in_velocity_mode() {
     let mut rig = Rig::healthy(&CASES[5]);
     assert!(CASES[5].more.contains("velocity"));
-    // 20 mrad at 100 / 5 = 20 1/s are 0.4 rad/s, times 5 N m s/rad is 2 N m; the commanded velocity is added
+    // 20 mrad at 100 / 5 = 20 1/s are 0.4 rad/s, which times 5 N m s/rad is 2 N m; the commanded velocity is
+    // added
     for (velocity, kp, torque) in [(0.0, 4.0, 2.0), (0.1, 4.0, 2.5), (0.3, 0.0, 1.5), (0.0, 0.0, 0.0)] {
         let goal =
             JointSetpoint { position: SHAFT + 0.02, velocity, kp, kd: 0.1, ..JointSetpoint::default() };

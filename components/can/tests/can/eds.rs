@@ -1,5 +1,5 @@
-//! Electronic data sheets: the reader against the values that canopen reads (`databases/golden_eds.py`), and
-//! drive tables that name a data sheet.
+//! Electronic data sheets: the parser, compared with canopen (`databases/golden_eds.py`), and drive tables
+//! with a data sheet.
 
 use std::io;
 
@@ -11,7 +11,7 @@ use motorium_can::{Table, TableError};
 const SHEET: &str = include_str!("databases/motor.eds");
 
 #[test]
-fn every_object_of_a_data_sheet_is_what_canopen_reads() {
+fn data_sheet_objects_match_canopen() {
     let sheet = Eds::parse(SHEET).unwrap();
     let mut objects = 0;
     for line in include_str!("databases/golden_eds.txt").lines() {
@@ -21,13 +21,13 @@ fn every_object_of_a_data_sheet_is_what_canopen_reads() {
         let index = u16::from_str_radix(head[0], 16).unwrap();
         let entry = sheet.entry(Object { index, subindex: head[1].parse().unwrap() }).expect(line);
         assert_eq!((entry.name(), entry.is_writable()), (name, head[2] == "rw"), "{line}");
-        // canopen reports no limit that equals the type's
+        // canopen does not report a limit that equals the limit of the type
         let number = |text: &str| text.parse::<i64>().ok();
         assert_eq!(entry.value(5), number(head[3]), "{line}");
         assert_eq!((entry.low(5), entry.high(5)), (number(low), number(high)), "{line}");
         objects += 1;
     }
-    // canopen counts a record or an array by its entries; here its head counts, too
+    // canopen only counts the entries of a record or array; here its head is counted, too
     assert!(objects > 40 && sheet.len() >= objects, "{objects} of {}", sheet.len());
     assert_eq!((sheet.product(), sheet.is_empty()), ("Test drive", false));
 }
@@ -76,7 +76,7 @@ fn hexadecimal_numbers_of_signed_types_are_negative() {
 }
 
 #[test]
-fn what_is_no_data_sheet_is_refused_with_its_line() {
+fn an_invalid_data_sheet_is_refused_with_its_line() {
     let refused = |text: &str| Eds::parse(text).unwrap_err();
     assert_eq!(
         refused("[DeviceInfo]\nProductName=X\n").message,
@@ -149,15 +149,15 @@ fn drive_homing_needs_its_mode_objects_and_method() {
     // the lowest method is -4, written as unsigned
     let all = |access: &str| with(access, "LowLimit=0xFC\nHighLimit=35");
     let drive = table(&homing(17), &all("rw")).unwrap().drives.remove(0);
-    // half a radian per second is 65536 / 4 pi increments
+    // 0.5 rad/s is 65536 / 4 pi increments per second
     let objects = [(0x6098, 0, 17), (0x6099, 1, 5215), (0x6099, 2, 1043), (0x609a, 0, 10430), (0x607c, 0, 0)];
     assert_eq!(drive.homing_registers(), objects);
     assert!(table(&homing(-4), &all("rw")).is_ok());
-    // the whole byte, unsigned
+    // limits of the whole unsigned byte
     assert!(table(&homing(17), &with("rw", "LowLimit=0x00\nHighLimit=0xFF")).is_ok());
     let refused = |method: i8, sheet: &str| table(&homing(method), sheet).unwrap_err().to_string();
     let found = refused(17, SHEET);
-    assert!(found.contains("the drive does not know homing: 0x6502 is 0x380"), "{found}");
+    assert!(found.contains("the drive does not support homing: 0x6502 is 0x380"), "{found}");
     let largest = object("6073", "rw", "");
     let found = refused(17, &format!("{}{largest}", SHEET.replace("0x380", "0x3A0")));
     assert!(found.contains("it has no object 0x6098:00"), "{found}");
@@ -173,19 +173,19 @@ fn drive_homing_needs_its_mode_objects_and_method() {
 }
 
 #[test]
-fn an_entry_against_the_data_sheet_is_refused() {
+fn an_entry_that_contradicts_the_data_sheet_is_refused() {
     let refused = |entry: &str, sheet: &str| table(entry, sheet).unwrap_err().to_string();
     let found = refused(RANGES, &SHEET.replace("0x380", "0x300"));
-    assert!(found.contains("does not know the mode 8 of `mode`: 0x6502 is 0x300"), "{found}");
+    assert!(found.contains("does not support the mode 8 of `mode`: 0x6502 is 0x300"), "{found}");
     let found = refused("ranges = { position = 3.0, velocity = 30.0, torque = 13.0 }", SHEET);
     assert!(
-        found.contains("`ranges.torque` is 13 N m, and the drive ends at 12.5000 (0x6071, 0x6072)"),
+        found.contains("`ranges.torque` is 13 N m, but the drive is limited to 12.5000 (0x6071, 0x6072)"),
         "{found}"
     );
     let found = refused("ranges = { position = 3.0, velocity = 50.0, torque = 10.0 }", SHEET);
-    assert!(found.contains("`ranges.velocity` is 50 rad/s, and the drive ends at 47.9369"), "{found}");
+    assert!(found.contains("`ranges.velocity` is 50 rad/s, but the drive is limited to 47.9369"), "{found}");
     let found = refused("ranges = { position = 3.2, velocity = 30.0, torque = 10.0 }", SHEET);
-    assert!(found.contains("`ranges.position` is 3.2 rad, and the drive ends at 3.1415"), "{found}");
+    assert!(found.contains("`ranges.position` is 3.2 rad, but the drive is limited to 3.1415"), "{found}");
     let found = refused(RANGES, &SHEET.replace("[60C2sub2]", "[5FFFsub2]"));
     assert!(found.contains("motor.eds: it has no object 0x60C2:02"), "{found}");
     let found = refused(RANGES, &SHEET.replace("[1A01sub2]", "[5FFFsub2]"));
@@ -218,7 +218,7 @@ fn a_fixed_mapping_must_match() {
     use super::drives::follow;
     let sheet = fixed();
     assert_eq!(follow(&table(RANGES, &sheet).unwrap(), None), (true, None));
-    // the drive's mapping differs from its data sheet
+    // the drive's mapping differs from the data sheet
     let read = table(RANGES, &sheet).unwrap();
     let is =
         table(&format!("{RANGES}\nmode = \"torque\""), &sheet.replace("0x607A0020", "0x60710010")).unwrap();

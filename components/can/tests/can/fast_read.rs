@@ -20,20 +20,20 @@ fn answered_after_ns(rig: &mut Rig) -> u64 {
 }
 
 #[test]
-fn a_fast_read_saves_six_bytes_a_servo() {
+fn a_fast_read_saves_six_bytes_per_servo() {
     let (mut fast, mut plain) = (Rig::healthy(&FAST), Rig::healthy(&DYNAMIXEL));
     for link in fast.adapter.links() {
         assert_eq!((link.counts().missing, link.counts().late, link.counts().refused), (0, 0, 0));
     }
     assert_eq!(fast.adapter.stray(), 0);
-    // two packets of 11 bytes and the state, or one of 8 bytes plus 4 and the state for each; ten bits per
-    // byte at 1 Mbit/s
+    // two packets of 11 bytes plus the state, or one packet of 8 bytes plus 4 bytes and the state per servo;
+    // ten bits per byte at 1 Mbit/s
     let saved_ns = answered_after_ns(&mut plain) - answered_after_ns(&mut fast);
     assert_eq!(saved_ns, (2 * 11 - (8 + 2 * 4)) * 10_000);
 }
 
 #[test]
-fn servos_behind_a_silent_one_are_asked_alone() {
+fn servos_after_a_silent_one_are_polled_separately() {
     let mut rig = Rig::healthy(&FAST);
     rig.is_silent = true;
     rig.run(3);
@@ -43,7 +43,7 @@ fn servos_behind_a_silent_one_are_asked_alone() {
 }
 
 #[test]
-fn servos_without_fast_read_are_asked_normally() {
+fn servos_without_fast_read_are_polled_normally() {
     let mut rig = Rig::new(&FAST, Overrides::default());
     rig.is_old = true;
     rig.run(100);
@@ -77,7 +77,7 @@ fn a_long_common_answer_arrives_in_parts() {
         }
         found
     };
-    // two of three answers, an incomplete packet
+    // two of three answers: an incomplete packet
     master.write_all(&whole[..whole.len() - 25]).unwrap();
     std::thread::sleep(std::time::Duration::from_millis(20));
     assert_eq!(line.receive(&mut [Received::default(); 4]), 0);
@@ -113,6 +113,6 @@ fn an_impossible_fast_read_is_refused() {
     let (fast, plain) =
         (Table::parse(&text).unwrap(), Table::parse(&text.replace("fast_read = true", "")).unwrap());
     let time_ns = |table: &Table| table.budget(0, 10_000_000).complete_ns();
-    // seven bytes less for each servo, eight more in total, and one turnaround time of 100 us instead of nine
+    // seven bytes fewer per servo, eight more in total, and one turnaround time of 100 us instead of nine
     assert_eq!(time_ns(&plain) - time_ns(&fast), (9 * 7 - 8) * 10_000 + 8 * 100_000);
 }

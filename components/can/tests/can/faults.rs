@@ -1,4 +1,4 @@
-//! Table of faults on simulated buses, in lockstep. Each row runs twice, with bit-identical results.
+//! Faults on simulated buses, in lockstep. Each fault runs twice, with bit-identical results.
 
 use motorium::launcher::Report;
 use motorium::prelude::*;
@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::components::{DRIVES, Folder, adapter, bare_graph, command, graph};
 
-/// Runs a fault twice for 600 ms, and returns the result of both runs.
+/// Runs a fault twice for 600 ms, checks that both runs are identical, and returns the report.
 fn row(name: &str, fault: &str) -> Report {
     let run = |turn: &str| {
         let folder = Folder::new(&format!("row-{name}-{turn}"), DRIVES);
@@ -25,14 +25,14 @@ fn row(name: &str, fault: &str) -> Report {
 }
 
 fn number(value: &Value) -> u64 {
-    value.as_u64().unwrap_or_else(|| panic!("{value} is no number"))
+    value.as_u64().unwrap_or_else(|| panic!("{value} is not a number"))
 }
 
 fn drive<'a>(report: &'a Report, joint: &str) -> &'a Value {
     &report.results["drives"]["drives"][joint]
 }
 
-/// Drives disabled by their watchdog, and still disabled.
+/// Drives that their watchdogs have disabled and that are still disabled.
 fn let_go(report: &Report) -> Vec<&'static str> {
     let has = |joint: &&str| {
         let drive = drive(report, joint);
@@ -52,15 +52,15 @@ fn a_silent_node_is_lost_in_its_third_cycle() {
 
 #[test]
 fn a_constantly_late_reply_is_lost_in_three_cycles() {
-    // by less than a cycle; by a cycle, like answers in time; by two cycles; and by more than it takes to be
-    // lost
+    // less than a cycle; a whole cycle, like timely answers; two cycles; and longer than the time until a
+    // drive is lost
     for delay in ["800 us", "1 ms", "1.05 ms", "1.3 ms", "2 ms", "2.2 ms", "3.5 ms"] {
         let fault = format!(r#"kind = "late", delay = "{delay}", joint = "joint1""#);
         let report = row(&format!("late-{}", delay.replace([' ', '.'], "-")), &fault);
         let result = adapter(&report);
         let joint = &result["joints"]["joint1"];
         assert_eq!(result["tripped"], true, "{delay}: {joint}");
-        // a drive whose late answers look like answers in time is exposed by the cycle that it is left out of
+        // a drive whose late answers look timely is exposed by the cycle in which it is skipped
         assert_eq!(joint["lost"], 1, "{delay}: {joint}");
         assert!((304..=305).contains(&number(&joint["lost_in_cycle"])), "{delay}: {joint}");
         assert!(number(&joint["missing_replies"]) >= 3, "{delay}: {joint}");
@@ -71,7 +71,7 @@ fn a_constantly_late_reply_is_lost_in_three_cycles() {
 }
 
 #[test]
-fn a_single_reply_that_is_a_whole_cycle_late_trips_nothing() {
+fn a_single_reply_a_cycle_late_does_not_trip() {
     for (delay, late) in [("1 ms", 1), ("1.05 ms", 1)] {
         let fault = format!(r#"lasts = "1 ms", kind = "late", delay = "{delay}", joint = "joint1""#);
         let report = row(&format!("late-once-{}", delay.replace([' ', '.'], "-")), &fault);
@@ -91,7 +91,7 @@ fn a_single_lost_reply_costs_one_cycle() {
     let result = adapter(&report);
     assert_eq!((&result["missing_replies"], &result["late_replies"]), (&json!(1), &json!(0)), "{result}");
     assert_eq!(result["tripped"], false);
-    // the drive is left out of one cycle, to check that its answers are not late
+    // the drive is skipped for one cycle, to check that its answers are not late
     let sent = |bus: &str| number(&result["buses"][bus]["sent"]);
     assert_eq!((sent("can0"), sent("can1")), (2 * number(&result["cycles"]) - 1, number(&result["cycles"])));
 }
@@ -110,11 +110,11 @@ fn a_saturated_bus_is_refused_and_a_blocked_one_trips() {
     let result = adapter(&report);
     let bus = &result["buses"]["can0"];
     assert_eq!(result["tripped"], true, "{result}");
-    // a frame takes 0.12 ms: 50 ms have room for 400
+    // a frame lasts 0.12 ms, so 50 ms have room for 400
     assert!((380..=500).contains(&number(&result["stray_frames"])), "{result}");
     assert!(number(&bus["queue_full"]) > 0 && number(&bus["unsent"]) > 0, "{bus}");
     assert!(bus["highest_load"].as_f64().unwrap() > 0.9, "{bus}");
-    assert_eq!(result["joints"]["joint3"]["missing_replies"], 0, "the other bus goes on");
+    assert_eq!(result["joints"]["joint3"]["missing_replies"], 0, "the other bus continues");
 }
 
 #[test]
@@ -124,7 +124,7 @@ fn unacknowledged_frames_are_reported_and_dropped() {
     let bus = &result["buses"]["can0"];
     assert!(number(&bus["unacknowledged"]) > 100, "{bus}");
     assert_eq!(bus["diagnosis"], "nobody acknowledges on `can0`: power, bitrate, termination?");
-    // two frames per cycle: twelve are kept, the rest is dropped
+    // two frames per cycle: twelve are buffered, the rest are dropped
     assert!((180..=200).contains(&number(&bus["unsent"])), "{bus}");
     assert!(number(&bus["queue_full"]) >= 90, "{bus}");
     assert_eq!((&bus["condition"], &bus["bus_off"]), (&json!("active"), &json!(0)), "{bus}");
@@ -135,8 +135,8 @@ fn unacknowledged_frames_are_reported_and_dropped() {
 }
 
 #[test]
-fn a_bus_that_is_error_passive_is_told_and_goes_on() {
-    // four frames per millisecond are disturbed, and sent again
+fn an_error_passive_bus_is_reported_and_keeps_running() {
+    // four frames per millisecond are disturbed and retransmitted
     let report = row("passive", r#"lasts = "10 ms", kind = "disturbed", bus = "can1""#);
     let result = adapter(&report);
     let bus = &result["buses"]["can1"];
@@ -153,7 +153,7 @@ fn bus_off_trips_the_adapter_and_drives_release() {
     assert_eq!((&bus["condition"], &bus["bus_off"]), (&json!("bus-off"), &json!(1)), "{bus}");
     let diagnosis = bus["diagnosis"].as_str().unwrap();
     assert!(
-        diagnosis.contains("has left the bus: look for a short circuit or a wrong bitrate"),
+        diagnosis.contains("has left the bus: check for a short circuit or a wrong bitrate"),
         "{diagnosis}"
     );
     assert_eq!(result["tripped"], true);
@@ -172,7 +172,7 @@ fn nothing_is_sent_after_bus_off_until_drives_release() {
 }
 
 #[test]
-fn a_link_that_goes_down_trips_and_is_used_again_when_it_is_up() {
+fn a_link_that_goes_down_trips_and_recovers() {
     let report = row("down", r#"lasts = "100 ms", kind = "down", bus = "can1""#);
     let result = adapter(&report);
     let bus = &result["buses"]["can1"];
@@ -196,7 +196,7 @@ fn two_drives_with_one_number_are_lost() {
     let result = adapter(&report);
     let joint = &result["joints"]["joint1"];
     assert_eq!((&joint["lost"], &result["tripped"]), (&json!(1), &json!(true)), "{result}");
-    // only the drive's own positions became states
+    // only the drive's own positions are published
     assert_eq!(number(&joint["duplicate_replies"]) + number(&joint["refused_frames"]), 0, "{joint}");
     assert_eq!(result["buses"]["can0"]["condition"], "active", "the adapter stays");
 }
@@ -209,7 +209,7 @@ fn malformed_and_corrupt_answers_are_refused() {
             let result = adapter(&report);
             let strays = number(&result["stray_frames"]);
             let health = &result["joints"][joint];
-            // an answer of another device with the identifier of a mini cheetah is a stray frame
+            // an answer of another device with a mini cheetah's identifier is a stray frame
             assert!(number(&health["refused_frames"]) + strays > 3, "{kind}: {result}");
             assert_eq!(
                 (&health["lost"], &health["lost_in_cycle"]),
@@ -222,13 +222,13 @@ fn malformed_and_corrupt_answers_are_refused() {
 }
 
 #[test]
-fn a_drive_that_lost_its_power_stays_disabled_when_it_is_back() {
+fn a_drive_stays_disabled_after_power_returns() {
     let report = row("power", r#"lasts = "50 ms", kind = "off", joint = "joint2""#);
     assert_eq!(adapter(&report)["tripped"], true);
     assert_eq!(drive(&report, "joint2")["enabled"], false);
 }
 
-/// Adapter that dies or hangs in the step at 300 ms.
+/// Adapter that dies or hangs in its step at 300 ms.
 struct Doomed<const DIES: bool>(CanAdapter);
 
 impl<const DIES: bool> Component for Doomed<DIES> {
@@ -274,7 +274,7 @@ fn drives_release_when_the_adapter_dies_or_hangs() {
 }
 
 #[test]
-fn a_silent_controller_leads_to_the_safe_state() {
+fn a_silent_controller_triggers_the_safe_state() {
     let run = |turn: u32| {
         let folder = Folder::new(&format!("controller-{turn}"), DRIVES);
         let commands =
@@ -287,6 +287,6 @@ fn a_silent_controller_leads_to_the_safe_state() {
     let result = adapter(&one);
     assert!(number(&result["cycles_in_safe_state"]) > 250, "{result}");
     assert_eq!((&result["missing_replies"], &result["tripped"]), (&json!(0), &json!(false)), "{result}");
-    assert!(health.flags[..3].iter().all(|flags| flags & JointHealth::ENABLED != 0), "held, not let go");
+    assert!(health.flags[..3].iter().all(|flags| flags & JointHealth::ENABLED != 0), "held, not disabled");
     assert_eq!(one.state_hash, two.state_hash);
 }

@@ -1,4 +1,4 @@
-//! Homing of joints whose position is unknown after power-up: by drives of every family, and at mechanical
+//! Homing of joints whose position is unknown after power-up, by drives of every family and at mechanical
 //! stops.
 
 use motorium_can::adapter::{Adapter, HomingState, Link, OnTrip, Phase};
@@ -187,7 +187,7 @@ impl Rig {
             self.step(now_ns + STEP_NS);
         }
         self.adapter.end_cycle(true);
-        // a joint that has lost its position is damped after the trip
+        // a joint without a known position is damped after the trip
         let enabled = |link: &Link| matches!(link.phase(), Phase::Enabled | Phase::Enabling);
         let links = self.adapter.links();
         assert!(
@@ -250,7 +250,7 @@ fn joints_of_every_family_are_homed() {
         let mut rig = Rig::one(&case);
         rig.run(0.1);
         let unknown = (rig.adapter.links()[0].state().0 - rig.joints[0].position).abs();
-        assert!(unknown > 0.2, "{}: its encoder counts from where its power came on: {unknown}", case.name);
+        assert!(unknown > 0.2, "{}: its encoder counts from its power-up position: {unknown}", case.name);
         assert_eq!(rig.run_until_over(0, 10.0), HomingState::Homed, "{}", case.name);
         rig.run(0.3);
         let (link, joint) = (&rig.adapter.links()[0], &rig.joints[0]);
@@ -265,7 +265,7 @@ fn homing_to_a_stop_keeps_its_effort_limit() {
     for case in AT_STOPS {
         let mut rig = Rig::one(&case);
         assert_eq!(rig.run_until_over(0, 10.0), HomingState::Homed, "{}", case.name);
-        // within the rounding of its frames
+        // within the rounding of the frames
         assert!(rig.joints[0].most < 1.1 * EFFORT, "{}: {}", case.name, rig.joints[0].most);
         assert!(rig.joints[0].most > 0.9 * EFFORT, "{}: {}", case.name, rig.joints[0].most);
         let off = rig.joints[0].position - STOP;
@@ -287,9 +287,9 @@ fn joints_are_homed_in_order_while_others_hold() {
         rig.run_cycle();
         assert!(rig.cycle * CYCLE_NS < 20_000_000_000);
     }
-    assert_eq!(rig.joints[0].position, 0.4, "it has not moved");
+    assert_eq!(rig.joints[0].position, 0.4, "the joint has not moved");
     let links = rig.adapter.links();
-    assert_eq!(links[2].phase(), Phase::Disabled, "one that needs none waits until all are homed");
+    assert_eq!(links[2].phase(), Phase::Disabled, "a joint without homing waits until all are homed");
     assert_eq!([links[1].phase(), links[3].phase()], [Phase::Enabled; 2]);
     let held = rig.joints[1].position;
     assert_eq!(rig.run_until_over(0, 10.0), HomingState::Homed);
@@ -305,7 +305,7 @@ fn homing_in_place_moves_nothing() {
     assert_eq!(rig.run_until_over(0, 5.0), HomingState::Homed);
     rig.run(0.2);
     assert!((rig.joints[0].position - 0.4).abs() < 0.01, "{}", rig.joints[0].position);
-    // the drive reads zero there, where the table sets the joint to its offset
+    // the drive reads zero there, which the table maps to the offset of the joint
     assert!((rig.adapter.links()[0].state().0 - 0.1).abs() < 0.01);
 }
 
@@ -313,7 +313,7 @@ fn homing_in_place_moves_nothing() {
 fn a_slow_odrive_is_homed_by_a_report_after_its_mark() {
     let case = &BY_DRIVE[0];
     let seldom = Case { drive: case.drive.replace("2 ms", "50 ms").leak(), ..*case };
-    // its search ends at any time between a report and the heartbeat
+    // the search ends at any time between a report and the heartbeat
     for place in 0..8 {
         let mut rig = Rig::one(&seldom);
         rig.joints[0].position = 0.2 + 0.03 * f64::from(place);

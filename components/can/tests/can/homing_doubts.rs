@@ -1,4 +1,4 @@
-//! Homing with doubtful readings: the adapter does not move, and restarts the homing.
+//! Homing with doubtful readings: the adapter does not move the joint, and restarts the homing.
 
 use motorium_can::adapter::{HomingFault, HomingState, OnTrip, Phase};
 use motorium_drive::JointSetpoint;
@@ -11,16 +11,16 @@ fn at_stop(order: u8) -> String {
 }
 
 #[test]
-fn a_joint_that_its_weight_balances_is_not_at_its_stop() {
+fn a_joint_balanced_by_its_weight_is_not_at_its_stop() {
     let case = &AT_STOPS[0];
-    // the spring takes up the whole effort on the way, at the same position each time
+    // the spring balances the whole effort on the way, at the same position each time
     let mut rig = Rig::one(case);
     rig.joints[0].spring = 4.0;
     assert_eq!(rig.run_until_over(0, 15.0), HomingState::Failed(HomingFault::Balanced));
     assert!(rig.joints[0].position > -0.1, "{}", rig.joints[0].position);
     rig.run(0.1);
     assert!(rig.adapter.has_tripped() && !rig.drives[0].has_torque());
-    // at the stop itself, with a load above and below half of the effort
+    // at the stop itself, with loads below and above half of the effort
     for (load, outcome) in [(0.4, HomingState::Homed), (0.9, HomingState::Failed(HomingFault::Balanced))] {
         let mut rig = Rig::one(case);
         (rig.joints[0].load, rig.joints[0].position) = (load, -0.6);
@@ -29,12 +29,12 @@ fn a_joint_that_its_weight_balances_is_not_at_its_stop() {
 }
 
 #[test]
-fn the_failure_of_one_joint_is_none_of_its_neighbour() {
+fn the_failure_of_one_joint_does_not_affect_another() {
     let mut rig = Rig::new(&AT_STOPS[0], &[&at_stop(0), &at_stop(0)], OnTrip::Damp);
     rig.joints[0].is_jammed = true;
     assert_eq!(rig.run_until_over(0, 5.0), HomingState::Failed(HomingFault::Jammed));
     rig.run(0.1);
-    assert_eq!(rig.state(1), HomingState::Waiting, "it was on its way");
+    assert_eq!(rig.state(1), HomingState::Waiting, "it was moving");
     assert_eq!(rig.adapter.links()[1].counts().faults, 0);
     // an external trip is not a homing failure
     for case in &AT_STOPS {
@@ -56,7 +56,7 @@ fn held_joints_follow_setpoints_while_homing_is_paused() {
     rig.run(0.3);
     assert_eq!(rig.state(1), HomingState::Running);
     rig.adapter.allow_homing(false);
-    assert_eq!(rig.state(1), HomingState::Waiting, "at once, before another frame goes out");
+    assert_eq!(rig.state(1), HomingState::Waiting, "immediately, before another frame is sent");
     rig.adapter.set(0, JointSetpoint { kd: 0.5, ..JointSetpoint::default() });
     rig.joints[0].load = 0.3;
     rig.run(1.0);
@@ -76,7 +76,7 @@ fn a_drive_without_power_before_enabling_is_set_up_again() {
     let limited = "protocol = \"damiao\"\ncurrent_limit = 10.0\ntorque_constant = 0.5\nfull_current = 40.0";
     let damiao = Case { name: "damiao", bus: "", drive: limited, homing: "" };
     let cia402 = Case { name: "cia402", bus: "", drive: CIA402, homing: "" };
-    // a drive that reports a restart need not have been silent
+    // a drive that reports its restart does not have to be silent before
     for (case, homing, silent_s) in [
         (&damiao, at_stop(0), 0.02),
         (&cia402, BY_DRIVE[2].homing.into(), 0.0),
@@ -130,7 +130,7 @@ fn a_drive_that_restarts_is_checked_from_the_beginning() {
 }
 
 #[test]
-fn a_drive_that_restarts_while_homing_trips_at_once() {
+fn a_drive_that_restarts_while_homing_trips_immediately() {
     let mut rig = Rig::one(&BY_DRIVE[2]);
     rig.run(0.4);
     assert_eq!(rig.state(0), HomingState::Running);
@@ -151,10 +151,7 @@ fn homing_is_forgotten_after_a_silence_of_late_answers() {
     rig.late_ns = CYCLE_NS;
     while !rig.adapter.has_tripped() {
         rig.run_cycle();
-        assert!(
-            rig.adapter.has_tripped() || rig.adapter.links()[0].silent() < 3,
-            "its answers seem to come in time"
-        );
+        assert!(rig.adapter.has_tripped() || rig.adapter.links()[0].silent() < 3, "its answers seem timely");
     }
     rig.drives[0].cut_power();
     rig.silent = Some(0);

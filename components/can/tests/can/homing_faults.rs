@@ -17,10 +17,14 @@ fn a_missing_mark_trips_and_homing_restarts_on_resume() {
         rig.run(1.0);
         assert_eq!(rig.state(0), HomingState::Failed(HomingFault::TimedOut), "{}", case.name);
         assert!(rig.adapter.has_tripped(), "{}", case.name);
-        assert!(!rig.drives[0].has_torque(), "{}: it has let go", case.name);
+        assert!(!rig.drives[0].has_torque(), "{}: it is disabled", case.name);
         let given_up = rig.joints[0].position;
         rig.run(1.0);
-        assert!((rig.joints[0].position - given_up).abs() < 0.2, "{}: nothing begins by itself", case.name);
+        assert!(
+            (rig.joints[0].position - given_up).abs() < 0.2,
+            "{}: nothing starts automatically",
+            case.name
+        );
         rig.drives[0].set_mark(Mark::Works);
         rig.joints[0].position = 0.3;
         rig.joints[0].velocity = 0.0;
@@ -32,7 +36,7 @@ fn a_missing_mark_trips_and_homing_restarts_on_resume() {
 }
 
 #[test]
-fn a_switch_that_is_stuck_is_no_mark() {
+fn a_stuck_switch_fails_the_homing() {
     for case in [&BY_DRIVE[0], &BY_DRIVE[2]] {
         let mut rig = Rig::one(case);
         rig.drives[0].set_mark(Mark::Stuck);
@@ -44,14 +48,14 @@ fn a_switch_that_is_stuck_is_no_mark() {
 }
 
 #[test]
-fn a_drive_that_is_not_set_up_for_homing_is_found_out() {
-    // the switch of this drive is pressed from the start, and its homing ends immediately, without being seen
-    // running
+fn a_drive_not_configured_for_homing_is_detected() {
+    // the switch of this drive is pressed from the start, so its homing ends immediately, without being
+    // observed running
     let mut rig = Rig::one(&BY_DRIVE[0]);
     let mut heartbeats = 0;
     for _ in 0..2000 {
         rig.run_cycle();
-        // without power, it forgets the request
+        // a power cut discards the request
         if rig.state(0) == HomingState::Running {
             heartbeats += 1;
             rig.drives[0].cut_power();
@@ -65,10 +69,10 @@ fn a_drive_that_is_not_set_up_for_homing_is_found_out() {
 }
 
 #[test]
-fn what_is_no_stop_is_told_from_one() {
+fn false_stops_are_distinguished_from_real_ones() {
     let case = &AT_STOPS[0];
     let homing = case.homing.replace("by =", "timeout = \"3 s\", by =");
-    // jammed in the middle of its range: at rest, and not able to back off
+    // jammed in the middle of its range: at rest, and unable to back off
     let mut rig = Rig::new(case, &[&homing], OnTrip::Damp);
     rig.joints[0].is_jammed = true;
     assert_eq!(rig.run_until_over(0, 5.0), HomingState::Failed(HomingFault::Jammed));
@@ -91,7 +95,7 @@ fn what_is_no_stop_is_told_from_one() {
         panic!("{:?}", rig.state(0))
     };
     assert!((apart - 0.04).abs() < 0.005, "{apart}");
-    // a load that pulls it
+    // a load that pulls the joint
     let mut rig = Rig::new(case, &[&homing], OnTrip::Damp);
     (rig.joints[0].load, rig.joints[0].stops) = (-10.0, [-100.0, 100.0]);
     assert!(
@@ -102,7 +106,7 @@ fn what_is_no_stop_is_told_from_one() {
 }
 
 #[test]
-fn homing_that_is_interrupted_lets_go_and_begins_anew() {
+fn interrupted_homing_disables_the_drive_and_restarts() {
     for case in all() {
         let mut rig = Rig::one(&case);
         rig.run(0.3);
@@ -167,11 +171,15 @@ fn only_the_drive_that_lost_its_power_is_homed_again() {
         rig.run(0.2);
         assert!(rig.adapter.has_tripped(), "{name}");
         assert_eq!(rig.state(1), HomingState::Homed, "{name}");
-        assert_eq!(rig.adapter.links()[1].counts().faults, 0, "{name}: it has let go for the other one");
+        assert_eq!(
+            rig.adapter.links()[1].counts().faults,
+            0,
+            "{name}: it is disabled because of the other one"
+        );
         assert_eq!(rig.drives[1].is_enabled(), on_trip == OnTrip::Damp, "{name}");
         let held = rig.joints[1].position;
         rig.adapter.resume();
-        // a drive that does not report its state may have lost its power, too
+        // a drive that does not report its state may also have lost power
         let tells = case.name != "mini cheetah";
         assert_eq!(rig.state(1) == HomingState::Homed, tells, "{name}");
         for joint in [0, 1] {

@@ -56,7 +56,7 @@ offset       = -1.2
 homing       = { by = "drive", method = 17, velocity = 0.5, creep_velocity = 0.1, acceleration = 2.0, order = 1 }
 "#;
 
-/// The same with an ODrive, which reports unsolicited, instead of the CiA 402 drive.
+/// Same table with an ODrive, which reports unsolicited, instead of the CiA 402 drive.
 fn with_odrive() -> String {
     let own = &PLANAR[PLANAR.find("protocol     = \"cia402\"").unwrap()..];
     let odrive = r#"protocol = "odrive"
@@ -98,7 +98,7 @@ fn homes_an_arm(name: &str, drives: &str) {
     assert_eq!((&result["tripped"], &result["missing_replies"]), (&false.into(), &0.into()), "{result}");
     let adapter = report.components.iter().find(|component| component.name == "adapter").unwrap();
     assert_eq!(adapter.allocations, Some(0));
-    // published positions are the true ones from the first state on
+    // published positions are true from the first state on
     let truth = truth.samples();
     for sample in measured.samples() {
         let now = sample.stamp.source_time;
@@ -116,7 +116,7 @@ fn homes_an_arm(name: &str, drives: &str) {
     for (q, goal) in last.position().iter().zip(GOAL) {
         assert!((q - goal).abs() < 0.2, "{:?}", last.position());
     }
-    // nothing was enabled before, and the flags reported the reason
+    // nothing was enabled before, and the flags report the reason
     let first = health.values()[100];
     assert_eq!(
         first.flags[0] & (JointHealth::HOMING | JointHealth::NOT_HOMED),
@@ -139,12 +139,12 @@ fn an_emergency_stop_interrupts_a_homing() {
     let at = |time: f64| {
         truth.samples().iter().find(|sample| sample.tick.time() >= time).unwrap().value.position()[0]
     };
-    assert!(at(0.95) > at(0.5) + 0.3, "it was on its way");
-    assert!((at(2.9) - at(1.2)).abs() < 1e-3, "and stands: {} {}", at(1.2), at(2.9));
+    assert!(at(0.95) > at(0.5) + 0.3, "it was moving");
+    assert!((at(2.9) - at(1.2)).abs() < 1e-3, "and rests: {} {}", at(1.2), at(2.9));
 }
 
 #[test]
-fn while_an_arm_is_homed_no_command_is_judged() {
+fn commands_are_not_checked_while_an_arm_is_homed() {
     let folder = Folder::new("homing-judged", PLANAR);
     // far beyond all limits
     let wild = Source::new("commands", "arm/command", |_| {
@@ -172,7 +172,7 @@ fn a_homing_beyond_the_limits_of_its_joint_is_refused() {
             "effort = 21.0, position = 2.9",
             "an effort beyond the joint's limit, 20.000",
         ),
-        ("position = 2.9", "position = 3.0", "it ends at 2.9500, and the joint has -2.9000 to 2.9000"),
+        ("position = 2.9", "position = 3.0", "it ends at 2.9500, but the joint has -2.9000 to 2.9000"),
     ] {
         let folder = Folder::new("homing-limits", &PLANAR.replacen(from, to, 1));
         let text = graph(&folder, "", "").check().unwrap_err().render(false);

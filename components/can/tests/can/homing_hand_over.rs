@@ -1,5 +1,5 @@
-//! A stop of the run in the middle of a homing, in a graph. Held joints apply the safe state of the graph,
-//! joints in progress are disabled, and the homing continues once the run is resumed.
+//! Stopping a run in the middle of a homing, in a graph. Held joints apply the graph's safe state, joints in
+//! progress are disabled, and the homing continues once the run is resumed.
 
 use std::time::Duration;
 
@@ -41,7 +41,7 @@ impl Component for Commander {
     }
 }
 
-/// Arm whose first joint is homed before the others, while a push presses it off its stop.
+/// Arm whose first joint is homed before the others, while a force pushes it off its stop.
 struct Arm {
     session: Session<'static>,
     region: Region,
@@ -68,7 +68,7 @@ impl Arm {
         ];
         let registry = Registry::new(RobotSource { check }, kinds);
         let session = Session::launch(plan, &registry, &Options::threads()).unwrap();
-        let region = RunFolder::find(session.id()).expect("the run goes on").region().unwrap();
+        let region = RunFolder::find(session.id()).expect("the run continues").region().unwrap();
         Self { session, region, _folder: folder }
     }
 
@@ -110,27 +110,27 @@ fn is_between([first, second, _]: [u32; 3]) -> bool {
 }
 
 #[test]
-fn held_joints_take_the_safe_state_while_homing_is_paused() {
-    // 1.92 N m against 20 N m s/rad for 0.7 s, or 100 N m/rad
+fn held_joints_apply_the_safe_state_while_homing_is_paused() {
+    // 1.92 N m against 20 N m s/rad for 0.7 s, or against 100 N m/rad
     for (safe_state, sinks_by) in [("hold", -0.02..0.02), ("damp", 0.055..0.08)] {
         let mut arm =
             Arm::launch(&format!("hand-over-{safe_state}"), &format!("safe_state = \"{safe_state}\""));
         arm.run_until("between two homings", is_between);
         arm.run(0.3);
         arm.region.header().latch(Latch::Stop);
-        // the brake that stops the second joint turns the first one a little
+        // braking the second joint slightly moves the first
         arm.run(0.3);
         let before = arm.positions();
         arm.run(0.7);
         let (after, flags) = (arm.positions(), arm.flags());
         let sunk = before[0] - after[0];
-        assert!(sinks_by.contains(&sunk), "{safe_state}: the push moves the joint that is held by {sunk}");
-        assert_eq!(flags[0] & STATES, JointHealth::ENABLED, "{safe_state}: it goes on following");
+        assert!(sinks_by.contains(&sunk), "{safe_state}: the push moves the held joint by {sunk}");
+        assert_eq!(flags[0] & STATES, JointHealth::ENABLED, "{safe_state}: it keeps following");
         for joint in [1, 2] {
             assert_eq!(
                 flags[joint] & STATES,
                 JointHealth::NOT_HOMED,
-                "{safe_state}: joint {joint} has let go"
+                "{safe_state}: joint {joint} is disabled"
             );
             let moved = (after[joint] - before[joint]).abs();
             assert!(moved < 0.02, "{safe_state}: its brake holds joint {joint}, which moved by {moved}");
@@ -141,7 +141,7 @@ fn held_joints_take_the_safe_state_while_homing_is_paused() {
         arm.run(0.3);
         let held = arm.positions()[0];
         assert!((held - after[0]).abs() < 0.03, "{safe_state}: {held} instead of {}", after[0]);
-        assert!(is_between(arm.flags()), "{safe_state}: the homing goes on: {:?}", arm.flags());
+        assert!(is_between(arm.flags()), "{safe_state}: the homing continues: {:?}", arm.flags());
         arm.run_until("all follow", |flags| flags.iter().all(|flags| flags & STATES == JointHealth::ENABLED));
         arm.run(4.0);
         for (q, goal) in arm.positions().into_iter().zip(GOAL) {

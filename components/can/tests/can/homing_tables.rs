@@ -44,7 +44,7 @@ fn an_impossible_homing_is_refused() {
             "by = \"drive\", velocity = 0.6, creep_velocity = 0.1, acceleration = 2.0",
             "without `method`",
         ),
-        (CIA402, &own.replace("17", "31"), "`homing.method` is 31, which CiA 402 does not know"),
+        (CIA402, &own.replace("17", "31"), "`homing.method` is 31, which CiA 402 does not define"),
         (
             CIA402,
             &own.replace("0.1", "0.00001"),
@@ -86,7 +86,7 @@ fn an_impossible_homing_is_refused() {
         (
             "protocol = \"damiao\"",
             &stop.replace("-0.5", "-0.1"),
-            "a velocity gain of 12.000 N m s/rad, and the drive ends at 5",
+            "a velocity gain of 12.000 N m s/rad, but the drive is limited to 5",
         ),
         ("protocol = \"damiao\"", &format!("{stop}, timeout = \"0 s\""), "`homing.timeout` is 0"),
     ] {

@@ -1,5 +1,5 @@
-//! One robot on two adapters with different rates: an arm on CAN at 1 kHz and its gripper on a line of servos
-//! at 200 Hz, whose states are merged by `joint.merge`.
+//! One robot on two adapters with different rates: an arm on CAN at 1 kHz, and its gripper on a line of
+//! servos at 200 Hz. `joint.merge` merges their states.
 
 use motorium::launcher::Report;
 use motorium::prelude::*;
@@ -63,7 +63,7 @@ fn urdf(name: &str, joints: &[&str]) -> String {
     text + "</robot>\n"
 }
 
-/// Components of one part: physics, drives and adapter.
+/// Components of one part of the robot: physics, drives and adapter.
 fn part(robot: &str, rate: u32, adapter: &str, drives: &str) -> String {
     format!(
         r#"
@@ -180,7 +180,7 @@ fn the_merged_state_has_its_rate_and_the_oldest_age() {
             *part.iter().rev().find(|part| part.stamp.publish_time <= now).expect("a part")
         };
         let is_from = |part: &[motorium::testing::Sample<JointState>], joints: core::ops::Range<usize>| {
-            // a state published exactly at the time of the step may or may not be included
+            // a state published exactly at the time of the step may be included or not
             part.iter().any(|part| {
                 part.stamp.publish_time + 5_500_000 > now
                     && part.value.position() == &sample.value.position()[joints.clone()]
@@ -188,13 +188,13 @@ fn the_merged_state_has_its_rate_and_the_oldest_age() {
         };
         assert!(is_from(&arm, 0..2) && is_from(&gripper, 2..3), "at {now}: {:?}", sample.value.position());
         let oldest = newest(&arm).stamp.source_time.min(newest(&gripper).stamp.source_time);
-        // or the state of the gripper's previous cycle
+        // possibly the state of the gripper's previous cycle
         assert!(sample.stamp.source_time <= oldest && sample.stamp.source_time + 5_000_000 >= oldest);
         let age_ns = now - sample.stamp.source_time;
         assert!((1_000_000..=11_000_000).contains(&age_ns), "{age_ns}");
     }
-    // each state of the slow part occurs in two or three merged states, and each of the fast part in one;
-    // slow motion hides its steps
+    // each state of the slow part occurs in two or three merged states, and each state of the fast part in
+    // one; slow motion hides its steps
     let changes = |joint: usize| {
         whole
             .windows(2)
@@ -218,8 +218,8 @@ fn a_stale_part_silences_the_merged_state() {
     let (report, [arm, gripper, whole]) = run("two-adapters-silent", faults);
     let last = |samples: Vec<motorium::testing::Sample<JointState>>| samples.last().expect("one").stamp;
     let (arm, gripper, whole) = (last(arm.samples()), last(gripper.samples()), last(whole.samples()));
-    assert!(arm.publish_time - whole.publish_time > 400_000_000, "the arm goes on");
-    // not before its measurement is stale, and at most one step later
+    assert!(arm.publish_time - whole.publish_time > 400_000_000, "the arm continues");
+    // no earlier than the measurement is stale, and at most one step later
     let age_ns = whole.publish_time - gripper.source_time;
     assert!((20_000_000..=25_000_000).contains(&age_ns), "{age_ns}");
     let result = &report.results["merge"];

@@ -1,4 +1,4 @@
-//! MIT protocol: published bytes, and round trips within half a step of the field.
+//! MIT protocol: published bytes, and round trips within half a field step.
 
 use motorium_can::drive::{Command, Fault, Feedback, Ranges, State};
 use motorium_can::mit::{Drive, Instruction, Reply};
@@ -21,13 +21,13 @@ fn every_drive() -> [Drive; 5] {
 }
 
 #[test]
-fn a_command_of_nothing_has_the_published_bytes() {
+fn a_zero_command_has_the_published_bytes() {
     let frame = knee().command(&Command::default());
     assert_eq!(frame, Frame::classic(Id::Standard(1), &[0x7f, 0xff, 0x7f, 0xf0, 0, 0, 0x07, 0xff]));
 }
 
 #[test]
-fn each_field_stands_at_its_published_place() {
+fn fields_are_at_their_published_positions() {
     let drive = knee();
     let lowest = Command { position: -99.0, velocity: -99.0, kp: 0.0, kd: 0.0, torque: -99.0 };
     let bytes = |command: &Command| drive.command(command).data().to_vec();
@@ -51,20 +51,20 @@ fn enabling_disabling_and_zeroing_have_the_published_codes() {
 }
 
 #[test]
-fn no_command_is_taken_for_enabling_or_disabling() {
+fn no_command_looks_like_enabling_or_disabling() {
     let highest = Command { position: 1e9, velocity: 1e9, kp: 1e9, kd: 1e9, torque: 1e9 };
     let frame = knee().command(&highest);
     assert!(matches!(knee().instruction(&frame), Ok(Instruction::Command(_))), "{frame:?}");
 }
 
 #[test]
-fn a_setpoint_that_is_no_number_is_sent_as_none() {
+fn a_nan_setpoint_is_sent_as_zero() {
     let broken = Command { position: f64::NAN, velocity: f64::NAN, kp: f64::NAN, kd: 0.0, torque: f64::NAN };
     assert_eq!(knee().command(&broken), knee().command(&Command::default()));
 }
 
 #[test]
-fn each_state_and_fault_that_a_form_tells_arrives() {
+fn states_and_faults_round_trip_in_every_format() {
     let faults = [
         Fault::OverVoltage,
         Fault::UnderVoltage,
@@ -162,7 +162,7 @@ proptest! {
     }
 
     #[test]
-    fn an_answer_keeps_its_precision_in_two_round_trips(
+    fn an_answer_keeps_its_precision_over_two_round_trips(
         form in 0..5_usize, position in -8.0..8.0_f64, velocity in -8.0..8.0_f64, torque in -10.0..10.0_f64,
         temperature in 0..100_i32,
     ) {

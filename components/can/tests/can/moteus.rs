@@ -1,4 +1,4 @@
-//! moteus, against the frames in the manufacturer's own protocol tests.
+//! moteus, compared with the frames in the manufacturer's protocol tests.
 
 use core::f64::consts::TAU;
 
@@ -26,7 +26,7 @@ fn frame(id: Id, hex: &str) -> Frame {
 }
 
 #[test]
-fn frames_are_those_of_the_makers_own_tests() {
+fn frames_match_the_manufacturers_tests() {
     // mode and three numbers, as queried by default, then six registers from the motor temperature to the
     // fault
     assert_eq!(data(&node().frame(&Instruction::Query, Resolution::Float)), "11001f0110060a");
@@ -41,7 +41,7 @@ fn frames_are_those_of_the_makers_own_tests() {
         max_torque: 8.0,
         watchdog: 0.2,
     };
-    // like the manufacturer's, with eight registers instead of eleven, and no stop position
+    // like the manufacturer's frame, but with eight registers instead of eleven, and without a stop position
     assert!(
         data(&node().frame(&Instruction::Position(command), Resolution::Int16))
             .starts_with("01000a040820c409d0076400ff1fff0f20030080c800"),
@@ -50,32 +50,32 @@ fn frames_are_those_of_the_makers_own_tests() {
     let expected = Command { position: 0.0, ..Command::default() };
     let Ok(Instruction::Position(found)) = node().instruction(&defaults) else { panic!() };
     assert_eq!((found.position, found.velocity, found.kp_scale), (expected.position, 0.0, 1.0));
-    assert!(found.watchdog == 0.0 && found.max_torque.is_nan(), "those of the drive");
+    assert!(found.watchdog == 0.0 && found.max_torque.is_nan(), "the drive's own values");
 }
 
 #[test]
-fn answers_of_the_makers_own_tests_are_read() {
+fn answers_of_the_manufacturers_tests_are_decoded() {
     let minimal = frame(node().reply_id(), "2404000a00100200fe2000230d203040");
     let state = node().reply(&minimal).unwrap();
     assert_eq!((state.mode, state.fault), (Mode::Position, 64));
     assert_eq!((state.voltage, state.temperature), (16.0, 48.0));
-    assert_eq!((state.motor_temperature, state.home), (None, None), "it tells neither");
+    assert_eq!((state.motor_temperature, state.home), (None, None), "neither is reported");
     let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-12, "{found}");
     near(state.position, 0.0528 * TAU);
     near(state.velocity, -0.128 * TAU);
     near(state.torque, 0.320);
-    // with registers that are never queried here
+    // contains registers that are never queried here
     let maximal = frame(
         node().reply_id(),
         "2407000a00100200fe200010004000700020060a100102203040240250200030 00".replace(' ', "").as_str(),
     );
-    // and two more that are queried here
+    // plus two more that are queried here
     let expected = State { motor_temperature: Some(16.0), home: Some(Home::Output), ..state };
     assert_eq!(node().reply(&maximal), Ok(expected));
 }
 
 #[test]
-fn a_drive_beyond_number_7_answers_with_29_bits() {
+fn a_drive_above_id_7_answers_with_29_bits() {
     assert_eq!(Node::new(7).unwrap().reply_id(), Id::Standard(0x700));
     assert_eq!(Node::new(8).unwrap().reply_id(), Id::Extended(0x800));
     assert_eq!(Node::new(8).unwrap().id(), Id::Extended(0x8008));
@@ -83,7 +83,7 @@ fn a_drive_beyond_number_7_answers_with_29_bits() {
 }
 
 #[test]
-fn what_is_cut_off_refused_or_lacking_is_no_state() {
+fn truncated_refused_or_incomplete_states_are_errors() {
     let reply = |hex| node().reply(&frame(node().reply_id(), hex));
     let whole = "2404000a00100200fe2000230d203040";
     assert!(reply(whole).is_ok());
@@ -100,7 +100,7 @@ fn what_is_cut_off_refused_or_lacking_is_no_state() {
     );
     assert!(matches!(reply("24040000"), Err(DecodeError::Length { .. })));
     assert!(matches!(reply("70"), Err(DecodeError::Field { .. })));
-    assert!(matches!(reply("01000a"), Err(DecodeError::Field { .. })), "a write is no answer");
+    assert!(matches!(reply("01000a"), Err(DecodeError::Field { .. })), "a write is not an answer");
     let stranger = frame(Id::Standard(0x200), whole);
     assert!(matches!(node().reply(&stranger), Err(DecodeError::Id { .. })));
 }
@@ -208,7 +208,7 @@ fn faults_have_names_and_limits() {
 }
 
 #[test]
-fn the_hotter_of_board_and_motor_is_told() {
+fn the_higher_temperature_is_reported() {
     for (motor, expected) in [(None, 30.0), (Some(12.0), 30.0), (Some(71.0), 71.0)] {
         let state = State { motor_temperature: motor, ..well(Home::Output) };
         assert_eq!(answered(adapter(""), &state).links()[0].temperature(), Some(expected));
@@ -221,12 +221,12 @@ fn ranges_beyond_the_registers_of_16_bits_are_refused() {
         (
             "position = 12.5",
             "position = 25.0",
-            "a position of 25 rad, and the registers of a moteus end at 20.59",
+            "a position of 25 rad, but the registers of a moteus are limited to 20.59",
         ),
         (
             "velocity = 30.0",
             "velocity = 60.0",
-            "a velocity of 60 rad/s, and the registers of a moteus end at 51.47",
+            "a velocity of 60 rad/s, but the registers of a moteus are limited to 51.47",
         ),
     ] {
         let error = Table::parse(&table("").replace(from, to)).unwrap_err().to_string();
@@ -273,7 +273,7 @@ proptest! {
     }
 
     #[test]
-    fn a_position_that_is_none_stays_so_in_every_resolution(resolution in resolution()) {
+    fn a_missing_position_round_trips_in_every_resolution(resolution in resolution()) {
         let frame = node().frame(&Instruction::Position(Command::default()), resolution);
         let Ok(Instruction::Position(found)) = node().instruction(&frame) else { panic!() };
         prop_assert!(found.position.is_nan() && found.max_torque.is_nan());

@@ -1,4 +1,4 @@
-//! An adapter that only listens: drives of every protocol answer while they are off.
+//! An adapter that only observes: drives of every protocol answer while disabled.
 
 use motorium::prelude::*;
 use motorium::testing::{Graph, Probe};
@@ -9,8 +9,8 @@ use motorium_physics::ArticulatedPhysics;
 
 use super::components::{Folder, adapter};
 
-/// A protocol: its name, further keys of its bus and of its drives, their first number, the rate at which
-/// three of them fit on a bus (Hz).
+/// Protocol name, additional keys of its bus and of its drives, first drive number, and rate at which three
+/// drives fit on a bus (Hz).
 const PROTOCOLS: [(&str, &str, &str, u8, u32); 10] = [
     ("damiao", "", "", 1, 400),
     ("mini_cheetah", "", "", 1, 400),
@@ -24,7 +24,7 @@ const PROTOCOLS: [(&str, &str, &str, u8, u32); 10] = [
     ("dynamixel", "kind = \"serial\"", "", 1, 100),
 ];
 
-/// The drives of the arm; their watchdogs are off, which an adapter that enables them would refuse.
+/// Drives of the arm, with disabled watchdogs, which an adapter that enables them would refuse.
 fn table((protocol, bus, drive, first, _): (&str, &str, &str, u8, u32)) -> String {
     let mut text = format!("[[bus]]\nname = \"bus0\"\nbitrate = 1_000_000\n{bus}\n");
     for (node, joint) in (first..).zip(["joint1", "joint2", "joint3"]) {
@@ -36,7 +36,7 @@ fn table((protocol, bus, drive, first, _): (&str, &str, &str, u8, u32)) -> Strin
     text
 }
 
-/// The arm has no brakes and is pushed while the adapter listens.
+/// Graph whose arm has no brakes and is pushed while the adapter observes.
 fn graph(folder: &Folder, rate: u32, more: &str, simulation: &str) -> Graph {
     let text = format!(
         r#"
@@ -79,7 +79,7 @@ config    = {{ drives = "drives.toml", observe = true, {more} }}
 }
 
 #[test]
-fn drives_of_every_protocol_are_measured_while_they_are_off() {
+fn drives_of_every_protocol_are_measured_while_disabled() {
     for protocol in PROTOCOLS {
         let (name, rate) = (protocol.0, protocol.4);
         let folder = Folder::new(&format!("observed-{name}"), &table(protocol));
@@ -109,12 +109,12 @@ fn drives_of_every_protocol_are_measured_while_they_are_off() {
             assert_eq!(result["joints"][joint]["phase"], "disabled", "{name}: {result}");
         }
         let is_off = |command: &JointCommand| command.effort().iter().all(|effort| *effort == 0.0);
-        assert!(efforts.values().iter().all(is_off), "{name}: no drive gives torque");
+        assert!(efforts.values().iter().all(is_off), "{name}: no drive applies torque");
         let flags = JointHealth::ENABLED | JointHealth::FAULT | JointHealth::LOST;
         let healths = health.values();
         assert!(healths.iter().all(|health| health.flags.iter().all(|found| found & flags == 0)), "{name}");
 
-        // each state is as old as its source time says
+        // each state has the age given by its source time
         let truth = truth.samples();
         let last = measured.samples().pop().unwrap_or_else(|| panic!("{name}: no state"));
         let then = truth.iter().rev().find(|sample| sample.time_ns <= last.stamp.source_time).unwrap();
@@ -154,7 +154,7 @@ fn a_silent_drive_is_measured_again_when_it_answers() {
 }
 
 #[test]
-fn what_needs_torque_is_refused_by_name() {
+fn observers_refuse_keys_that_require_torque() {
     let refusal = |table: &str, more: &str| {
         let folder = Folder::new("observed-refused", table);
         graph(&folder, 400, more, "").check().unwrap_err().render(false)

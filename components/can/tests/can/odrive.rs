@@ -1,4 +1,4 @@
-//! CANSimple, against bytes worked out by hand from the published database.
+//! CANSimple, compared with bytes derived by hand from the published database.
 
 use core::f64::consts::TAU;
 
@@ -11,7 +11,7 @@ fn node() -> Node {
 }
 
 #[test]
-fn identifiers_and_fields_stand_where_the_database_has_them() {
+fn identifiers_and_fields_match_the_database() {
     let text = |instruction| format!("{:?}", node().frame(&instruction));
     assert_eq!(text(Instruction::EmergencyStop), "0x062#");
     assert_eq!(text(Instruction::SetState(AxisState::ClosedLoop)), "0x067#08000000");
@@ -34,7 +34,7 @@ fn identifiers_and_fields_stand_where_the_database_has_them() {
 }
 
 #[test]
-fn a_heartbeat_and_estimates_are_read() {
+fn a_heartbeat_and_estimates_are_decoded() {
     let heartbeat = Frame::classic(Id::Standard(0x061), &[0x40, 0, 0, 0, 8, 1, 0, 1]);
     assert_eq!(
         node().report(&heartbeat),
@@ -50,7 +50,7 @@ fn a_heartbeat_and_estimates_are_read() {
 }
 
 #[test]
-fn what_the_database_does_not_know_is_refused() {
+fn invalid_messages_are_refused() {
     let report = |id, bytes: &[u8]| node().report(&Frame::classic(Id::Standard(id), bytes));
     assert_eq!(report(0x069, &[0; 6]), Err(DecodeError::Length { found: 6, expected: 8 }));
     let endless = report(0x069, &[0, 0, 0xc0, 0x7f, 0, 0, 0, 0]);

@@ -16,7 +16,7 @@ fn frame(id: u16, data: &[u8]) -> Frame {
     Frame::classic(Id::Standard(id), data)
 }
 
-/// Name that no other test uses.
+/// Name that is unique to a test.
 fn name(test: &str) -> String {
     format!("test-{test}-{}", std::process::id())
 }
@@ -50,8 +50,8 @@ fn programs_share_a_bus_over_a_socket() {
     assert_eq!(offer.receive(&mut inbox), 2);
     assert_eq!([inbox[0].frame, inbox[1].frame], [frame(1, &[1, 2]), long]);
     assert!(inbox[0].time_ns > 0 && inbox[0].time_ns == inbox[1].time_ns);
-    assert_eq!(received(&mut two, 2), [frame(1, &[1, 2]), long], "those of the other one");
-    assert_eq!(one.receive(&mut inbox), 0, "not its own");
+    assert_eq!(received(&mut two, 2), [frame(1, &[1, 2]), long], "frames of the other program");
+    assert_eq!(one.receive(&mut inbox), 0, "not its own frames");
 
     two.receive_only(&[Id::Standard(0x11)]).unwrap();
     offer.deliver(&Received { frame: frame(0x11, &[3]), time_ns: 42 });
@@ -64,7 +64,7 @@ fn programs_share_a_bus_over_a_socket() {
     for bus in [&mut one, &mut two] {
         assert_eq!(bus.receive(&mut inbox), 0);
         assert_eq!((bus.condition(), bus.counts().bus_off, bus.counts().queue_full), (Condition::Off, 1, 1));
-        assert_eq!(bus.send(&[frame(1, &[])]), 0, "a controller that has left the bus sends nothing");
+        assert_eq!(bus.send(&[frame(1, &[])]), 0, "a bus-off controller sends nothing");
     }
     offer.set_link_down(true);
     offer.flush();
@@ -78,7 +78,7 @@ fn programs_share_a_bus_over_a_socket() {
 }
 
 #[test]
-fn a_bus_whose_simulator_ends_has_gone_and_is_found_again() {
+fn a_bus_disappears_and_returns_with_its_simulator() {
     let name = name("gone");
     assert!(matches!(UnixBus::open(&name), Err(OpenError::NotOffered(_))));
     let offer = Offer::open(Place::Socket(&name), RATES, false, false).unwrap();
@@ -97,8 +97,8 @@ fn a_bus_whose_simulator_ends_has_gone_and_is_found_again() {
     assert_eq!(bus.condition(), Condition::Active);
 }
 
-/// Adapter simulated by a thread until this value is dropped. It answers each frame with one that has the
-/// next identifier.
+/// Adapter simulated by a thread until this value is dropped. It answers each frame with a frame of the next
+/// identifier.
 struct Device<'a> {
     stop: &'a AtomicBool,
 }
@@ -124,7 +124,7 @@ fn serve(offer: &mut Offer, stop: &AtomicBool) {
 }
 
 #[test]
-fn an_offered_terminal_is_an_adapter_with_slcan() {
+fn an_offered_terminal_acts_as_an_slcan_adapter() {
     let (path, stop) = (path("slcan"), AtomicBool::new(false));
     let mut offer = Offer::open(Place::Terminal(&path), RATES, true, false).unwrap();
     std::thread::scope(|scope| {
@@ -187,7 +187,7 @@ fn an_offered_line_of_servos_carries_packets_of_both_protocols() {
 }
 
 #[test]
-fn something_else_at_the_path_of_a_terminal_is_left_alone() {
+fn an_existing_file_at_a_terminal_path_is_kept() {
     let path = path("file");
     std::fs::write(&path, "mine").unwrap();
     assert!(Offer::open(Place::Terminal(&path), RATES, false, false).is_err());
@@ -196,7 +196,7 @@ fn something_else_at_the_path_of_a_terminal_is_left_alone() {
 }
 
 #[test]
-fn the_places_of_a_drive_table_are_checked() {
+fn bus_addresses_of_a_drive_table_are_checked() {
     let table = |one: &str, two: &str| {
         let bus =
             |name: &str, more: &str| format!("[[bus]]\nname = \"{name}\"\nbitrate = 1_000_000\n{more}\n");

@@ -143,7 +143,7 @@ stale_after = "50 ms"
 }
 
 #[test]
-fn an_arm_is_led_to_its_goal_through_drives_of_every_protocol() {
+fn drives_of_every_protocol_move_an_arm_to_its_goal() {
     for case in &CASES {
         let folder = Folder::new(&format!("{}-closed", case.name), &case.table());
         let states = Probe::<JointState>::for_topic("arm/state");

@@ -1,4 +1,4 @@
-//! Random frames: none makes a decoder panic, and encoding an accepted frame reproduces it.
+//! Random frames: no frame makes a decoder panic, and encoding a decoded frame reproduces it.
 
 use motorium_can::bus::slcan::{LONGEST, Line, Reader, write};
 use motorium_can::drive::Ranges;
@@ -70,7 +70,7 @@ fn ten_million_random_frames_cause_no_panic() {
             let numbers = [feedback.position, feedback.velocity, feedback.torque];
             assert!(numbers.iter().all(|x| x.is_finite()), "{frame:?}");
             let again = drive.answer(&feedback);
-            // two temperatures become the higher one, and an unused byte becomes zero
+            // the higher of two temperatures is kept, and an unused byte becomes zero
             assert_eq!(drive.reply(&again), Ok(feedback), "{frame:?}");
             assert_eq!(again.data()[..6], frame.data()[..6], "{frame:?}");
         }
@@ -157,7 +157,7 @@ fn random_fd_frames_cause_no_panic_or_corrupt_value() {
             let numbers = [state.position, state.velocity, state.torque, state.voltage, state.temperature];
             assert!(numbers.iter().all(|number| number.is_finite()), "{frame:?}");
             assert!((state.mode as u8) < 16, "{frame:?}");
-            // a number at the very end of its range may round to infinity
+            // a number at the end of its range may round to infinity
             if numbers.iter().all(|number| number.abs() < 1e37) {
                 let again = node.reply(&node.reply_frame(&state, moteus::Resolution::Float)).unwrap();
                 let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs() + 1e-44;
@@ -196,7 +196,7 @@ fn random_serial_lines_cause_no_panic() {
         let mut line = [0; LONGEST];
         let sent = if numbers.next() % 2 == 0 { numbers.frame() } else { fd_frame(&mut numbers) };
         let length = write(&sent, &mut line);
-        // half of the lines lose a byte, or have a wrong one
+        // half of the lines lack a byte or have a wrong one
         let choice = numbers.next();
         let place = (choice >> 8) as usize % length;
         if choice % 4 == 0 {
@@ -212,7 +212,7 @@ fn random_serial_lines_cause_no_panic() {
                 assert!(length <= LONGEST && (choice % 4 < 2 || found == sent), "{found:?} {sent:?}");
             }
         }
-        // ends any damaged line
+        // terminates any damaged line
         reader.push(b'\r');
     }
     assert!(read > frames() / 10 && torn > 0, "{read} {torn}");

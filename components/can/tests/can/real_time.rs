@@ -1,4 +1,4 @@
-//! Components in real time, over unix sockets: a controller answers each state with a command.
+//! Components in real time over unix sockets, where a controller answers each state with a command.
 
 use motorium::prelude::*;
 use motorium::testing::{Function, Graph, machine};
@@ -10,7 +10,7 @@ use super::components::{DRIVES, Folder, adapter, command};
 
 /// Result of a 20 Hz adapter with this configuration.
 fn run(name: &str, config: &str) -> Value {
-    // long watchdogs tolerate a busy machine: the test is about the order of a step
+    // long watchdogs tolerate a busy machine, because the test only concerns the order of a step
     let drives = DRIVES.replace("\"20 ms\"", "\"5 s\"");
     let folder = Folder::new(name, &drives);
     let place = |bus: &str| format!("{bus} = \"unix:{name}-{bus}-{}\"", std::process::id());
@@ -64,8 +64,8 @@ stale_after = "5 s"
     adapter(&report).clone()
 }
 
-/// Median time from a command to its frames, microseconds, in a run in which the drives followed for a while.
-/// On a machine too busy to receive all answers, the adapter trips, as it should.
+/// Median time from a command to its frames, us, in a run in which the drives followed for a while. On a
+/// machine too busy to receive all answers, the adapter rightly trips.
 fn median(name: &str, config: &str) -> f64 {
     let mut runs = (0..5).map(|turn| run(&format!("{name}-{turn}"), config));
     let followed = |result: &Value| result["command_to_frame_us"]["count"].as_u64() >= Some(20);
@@ -74,7 +74,7 @@ fn median(name: &str, config: &str) -> f64 {
 }
 
 #[test]
-fn a_waiting_step_sends_its_command_at_once() {
+fn a_waiting_step_sends_its_command_immediately() {
     let (at_once, later) = (median("at-once", "command_within = \"20 ms\""), median("later", ""));
     assert!(at_once < later / 2.0, "{at_once} us and {later} us");
 }

@@ -1,4 +1,4 @@
-//! The recipe for a drive protocol in CONTRIBUTING.md, which every protocol follows.
+//! Checks that every protocol follows the recipe for drive protocols in CONTRIBUTING.md.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -11,10 +11,10 @@ const FOLDERS: [(&str, &[&str]); 5] = [
     ("odrive", &["odrive"]),
     ("servo", &["feetech", "dynamixel"]),
 ];
-/// Files outside of the recipe that name a protocol: kinds of devices found by a scan, and the codec of
+/// Files outside of the recipe that may name a protocol: kinds of devices found by a scan, and the codec of
 /// `Table::drive`.
 const OTHERS: [&str; 3] = ["protocols/device.rs", "lib.rs", "table/mod.rs"];
-/// Largest number of files that a new protocol touches.
+/// Maximum number of files that a new protocol touches.
 const MOST: usize = 6;
 
 fn root() -> PathBuf {
@@ -37,7 +37,7 @@ fn recipe() -> Vec<String> {
     steps.map(path).collect()
 }
 
-/// Names in the code of a source, in lower case, without comments, texts and tests.
+/// Names in the code of a source, in lower case, excluding comments, string literals and tests.
 fn names(source: &str) -> BTreeSet<String> {
     let product = source.split("#[cfg(test)]").next().unwrap();
     let code = product.lines().map(|line| line.split("//").next().unwrap()).collect::<Vec<_>>().join("\n");
@@ -64,7 +64,7 @@ fn a_protocol_has_the_files_of_the_recipe() {
     for (folder, _) in FOLDERS {
         for path in &recipe {
             let path = root().join(path.replace("NAME", folder));
-            // a long file may be a folder of files
+            // a long file may be split into a folder
             assert!(path.exists() || path.with_extension("").is_dir(), "{}", path.display());
         }
     }

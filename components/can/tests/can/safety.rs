@@ -1,4 +1,4 @@
-//! Implausible readings, drives that are not enabled, and the end of a run: the adapter against one simulated
+//! Implausible readings, drives that are not enabled, and the end of a run: the adapter with one simulated
 //! drive.
 
 use motorium_can::adapter::{Adapter, Link, OnTrip, Phase, WrongSetting};
@@ -52,7 +52,7 @@ impl Rig {
         let table = table(protocol, more);
         let adapter = Adapter::new(&table, &[0], &[0.3], OnTrip::Damp).with_limits(&[([-2.5, 2.5], 0.05)]);
         let mut drive = AnySimulatedDrive::new(&table, 0, Overrides::default());
-        // the drive answers with the position of its last step
+        // the drive reports the position of its last step
         drive.step(shaft, 0.0, 0);
         Self {
             adapter,
@@ -118,7 +118,7 @@ impl Rig {
     }
 }
 
-/// All frames of an ODrive except its heartbeats.
+/// Passes all frames of an ODrive except its heartbeats.
 fn without_heartbeat(frame: &Frame) -> Option<Frame> {
     let report = odrive::Node::new(5).unwrap().report(frame);
     (!matches!(report, Ok(Report::Heartbeat { .. }))).then_some(*frame)
@@ -137,7 +137,7 @@ fn a_drive_outside_of_its_joints_range_is_not_enabled() {
             };
             assert!((found - shaft).abs() < 2e-3 && advised == turns, "{protocol}: {found} {advised:?}");
         }
-        // at its stop, slightly outside of the range
+        // at the stop, slightly outside of the range
         let mut rig = Rig::standing(protocol, more, 2.53);
         rig.run(400);
         assert!(rig.drive.is_enabled(), "{protocol}: {:?}", rig.adapter.wrong_setting());
@@ -210,7 +210,7 @@ fn an_odrive_without_heartbeat_is_lost() {
     }
 }
 
-/// All frames of a CANopen node except its heartbeats; a boot-up message is not a heartbeat.
+/// Passes all frames of a CANopen node except its heartbeats; a boot-up message is not a heartbeat.
 fn without_beat(frame: &Frame) -> Option<Frame> {
     let beat = cia402::Node::new(5).unwrap().heartbeat(frame);
     beat.map_or(true, |state| state == cia402::NetworkState::BootUp).then_some(*frame)
@@ -233,7 +233,7 @@ fn a_cia402_drive_whose_heartbeat_stops_is_lost() {
 }
 
 #[test]
-fn a_cia402_drive_without_heartbeat_is_watched() {
+fn a_cia402_drive_without_heartbeat_is_monitored() {
     let mut rig = Rig::new("cia402", FAMILIES[3].1);
     rig.change = without_beat;
     rig.run(4000);
@@ -250,16 +250,16 @@ fn an_odrive_that_never_sends_a_heartbeat_is_not_enabled() {
 }
 
 #[test]
-fn positions_that_cannot_be_are_refused_and_trip() {
+fn implausible_positions_are_refused_and_trip() {
     for wrong in [1e35, -1e35, 1e6, 9.0] {
         let mut rig = Rig::enabled("odrive", FAMILIES[2].1);
         let node = odrive::Node::new(5).unwrap();
         rig.receive(node.report_frame(&Report::Encoder { position: wrong, velocity: 0.0 }));
         assert_eq!((rig.link().counts().implausible, rig.link().counts().refused), (1, 1), "{wrong}");
-        assert!((rig.link().state().0 - 0.5).abs() < 1e-3, "{wrong}: the last one is kept");
+        assert!((rig.link().state().0 - 0.5).abs() < 1e-3, "{wrong}: the last position is kept");
         rig.run(50);
-        assert!(!rig.adapter.has_tripped(), "a single one changes nothing");
-        // all of them from now on
+        assert!(!rig.adapter.has_tripped(), "a single implausible position has no effect");
+        // all frames from now on
         rig.change = |frame| {
             let node = odrive::Node::new(5).unwrap();
             match node.report(frame) {
@@ -272,7 +272,7 @@ fn positions_that_cannot_be_are_refused_and_trip() {
         rig.run(10);
         assert!(rig.adapter.has_tripped(), "{wrong}");
         assert!((rig.link().state().0 - 0.5).abs() < 1e-3);
-        // while damped, it is held at its real position, not at the implausible one
+        // while damped, the drive is held at its real position, not at the implausible one
         let mut frames = Vec::new();
         rig.adapter.write(0, &mut frames);
         if let Ok(odrive::Instruction::Position { position, .. }) = node.instruction(&frames[0]) {
@@ -282,7 +282,7 @@ fn positions_that_cannot_be_are_refused_and_trip() {
 }
 
 #[test]
-fn motion_within_the_velocity_limit_is_believed() {
+fn motion_within_the_velocity_limit_is_plausible() {
     for (protocol, more) in FAMILIES {
         let mut rig = Rig::enabled(protocol, more);
         rig.adapter.set(0, JointSetpoint::default());
@@ -317,7 +317,7 @@ fn an_emergency_message_is_counted_and_trips() {
 }
 
 #[test]
-fn a_simulated_cia402_drive_has_the_objects_of_all() {
+fn a_simulated_cia402_drive_has_the_mandatory_objects() {
     let node = cia402::Node::new(5).unwrap();
     let mut drive = AnySimulatedDrive::new(&table("cia402", FAMILIES[3].1), 0, Overrides::default());
     let mut ask = |service: cia402::Service| {
@@ -344,7 +344,7 @@ fn a_simulated_cia402_drive_has_the_objects_of_all() {
 }
 
 #[test]
-fn drives_of_every_family_are_let_go_at_the_end() {
+fn drives_of_every_family_are_disabled_at_the_end() {
     for (protocol, more) in FAMILIES {
         let mut rig = Rig::enabled(protocol, more);
         rig.adapter.release();

@@ -1,4 +1,4 @@
-//! Packets of serial servos, against the manufacturers' manuals.
+//! Packets of serial servos, compared with the manufacturers' manuals.
 
 use motorium_can::servo::{
     FastReader, FastTurn, Instruction, LONGEST, Packet, Protocol, Reader, fast_sum, write, write_fast_status,
@@ -33,7 +33,7 @@ fn read(bytes: &[u8]) -> Vec<Result<Answer, DecodeError>> {
 }
 
 #[test]
-fn packets_of_protocol_1_are_those_of_the_manual() {
+fn packets_of_protocol_1_match_the_manual() {
     let one = |servo, instruction| written(Protocol::One, servo, &instruction);
     assert_eq!(one(1, Instruction::Ping), bytes("FF FF 01 02 01 FB"));
     assert_eq!(one(1, Instruction::Read { register: 0x2b, count: 1 }), bytes("FF FF 01 04 02 2B 01 CC"));
@@ -47,7 +47,7 @@ fn packets_of_protocol_1_are_those_of_the_manual() {
 }
 
 #[test]
-fn packets_of_protocol_2_are_those_of_the_manual() {
+fn packets_of_protocol_2_match_the_manual() {
     let two = |servo, instruction| written(Protocol::Two, servo, &instruction);
     assert_eq!(two(1, Instruction::Ping), bytes("FF FF FD 00 01 03 00 01 19 4E"));
     assert_eq!(
@@ -66,7 +66,7 @@ fn packets_of_protocol_2_are_those_of_the_manual() {
 }
 
 #[test]
-fn many_servos_are_synchronised_as_in_the_manual() {
+fn packets_to_many_servos_match_the_manual() {
     let data = bytes("01 00 02 00 00 02 C7 05 00 00");
     assert_eq!(
         written(Protocol::Two, 0xfe, &Instruction::WriteMany { register: 116, each: 4, data: &data }),
@@ -77,7 +77,7 @@ fn many_servos_are_synchronised_as_in_the_manual() {
         written(Protocol::Two, 0xfe, &fast),
         bytes("FF FF FD 00 FE 0A 00 8A 84 00 04 00 03 07 04 20 F2")
     );
-    // one packet; each servo writes a part, with the checksum of everything before
+    // one packet; each servo writes its share, with the checksum of all previous bytes
     let whole = bytes(
         "FF FF FD 00 FE 19 00 55 00 03 A6 00 00 00 84 08 00 07 1F 08 00 00 16 CA 00 04 FF 03 00 00 D1 9E",
     );
@@ -95,13 +95,13 @@ fn many_servos_are_synchronised_as_in_the_manual() {
     };
     let expected = [(3, 0, vec![0xa6, 0, 0, 0]), (7, 0, vec![0x1f, 8, 0, 0]), (4, 0, vec![0xff, 3, 0, 0])];
     assert_eq!(answers(&whole), expected);
-    // up to the first damaged share
+    // shares up to the first damaged one
     for (place, count) in [(10, 0), (15, 0), (18, 1), (28, 2), (5, 0)] {
         let mut broken = whole.clone();
         broken[place] ^= 1;
         assert_eq!(answers(&broken), expected[..count], "byte {place}");
     }
-    assert_eq!(answers(&whole[..whole.len() - 1]), expected[..2], "those before one that is silent");
+    assert_eq!(answers(&whole[..whole.len() - 1]), expected[..2], "the answers before a silent servo");
     // the servo side writes the same bytes
     let (mut said, mut share) = (Vec::new(), [0; LONGEST]);
     for (servo, error, data) in &expected {
@@ -124,7 +124,7 @@ fn both_protocols_are_read_from_a_noisy_line() {
 }
 
 #[test]
-fn what_does_not_fit_is_not_written() {
+fn oversized_packets_are_not_written() {
     let mut packet = [0; LONGEST];
     let mut refused =
         |protocol, instruction: Instruction<'_>| write(protocol, 1, &instruction, &mut packet).is_none();
@@ -136,7 +136,7 @@ fn what_does_not_fit_is_not_written() {
 
 proptest! {
     #[test]
-    fn answers_arrive_as_they_were_written(
+    fn answers_round_trip(
         two: bool, servo in 0..0xfd_u8, error: u8, data in prop::collection::vec(prop_oneof![Just(0xff_u8), Just(0xfd), any::<u8>()], 0..80),
     ) {
         let protocol = if two { Protocol::Two } else { Protocol::One };
@@ -146,7 +146,7 @@ proptest! {
     }
 
     #[test]
-    fn an_answer_with_one_wrong_bit_is_never_read_as_it_was(
+    fn an_answer_with_one_flipped_bit_is_never_accepted(
         servo in 0..0xfd_u8, data in prop::collection::vec(any::<u8>(), 0..40), place: u16, bit in 0..8,
     ) {
         for protocol in [Protocol::One, Protocol::Two] {
@@ -159,13 +159,13 @@ proptest! {
     }
 
     #[test]
-    fn no_bytes_whatever_make_the_reader_panic(stream in prop::collection::vec(prop_oneof![Just(0xff_u8), Just(0xfd), Just(0), any::<u8>()], 0..600)) {
+    fn no_byte_stream_makes_the_reader_panic(stream in prop::collection::vec(prop_oneof![Just(0xff_u8), Just(0xfd), Just(0), any::<u8>()], 0..600)) {
         read(&stream);
     }
 }
 
 #[test]
-fn a_servo_reads_what_the_adapter_writes() {
+fn instructions_round_trip() {
     let data = [1, 0x00, 0x08, 2, 0xff, 0x0f];
     for (servo, instruction) in [
         (3, Instruction::Ping),
@@ -190,7 +190,7 @@ fn a_servo_reads_what_the_adapter_writes() {
 
 proptest! {
     #[test]
-    fn no_packet_whatever_makes_a_servo_or_the_adapter_panic(bytes in prop::collection::vec(any::<u8>(), 0..64), whole in any::<bool>(), two in any::<bool>()) {
+    fn no_packet_makes_a_servo_or_the_adapter_panic(bytes in prop::collection::vec(any::<u8>(), 0..64), whole in any::<bool>(), two in any::<bool>()) {
         let (mut bytes, mut packet) = (bytes, Packet::default());
         let mut reader = FastReader::default();
         reader.expect(4);

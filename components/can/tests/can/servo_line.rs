@@ -1,4 +1,4 @@
-//! Line of serial servos over pseudo-terminals: the adapter's end, a wire, and the end of simulated servos.
+//! Line of serial servos over pseudo-terminals: the adapter's end, a wire, and the simulated servos' end.
 
 use std::fs::File;
 use std::io::Write as _;

@@ -1,4 +1,4 @@
-//! slcan: the codec against lines of published documents, and the bus over a pseudo-terminal.
+//! slcan: the codec, compared with lines of published documents, and the bus over a pseudo-terminal.
 
 #![allow(unsafe_code)] // a pseudo-terminal needs a few libc calls
 
@@ -25,7 +25,7 @@ fn lines(text: &[u8]) -> Vec<Line> {
 }
 
 #[test]
-fn frames_are_the_lines_that_the_manuals_print() {
+fn frames_match_the_lines_in_the_manuals() {
     let standard = Frame::classic(Id::Standard(0x7ff), &[0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88]);
     assert_eq!(text(&standard), "t7FF81122334455667788\r");
     assert_eq!(text(&Frame::classic(Id::Standard(0x0a7), &[])), "t0A70\r");
@@ -37,21 +37,21 @@ fn frames_are_the_lines_that_the_manuals_print() {
 }
 
 #[test]
-fn lines_with_times_of_either_case_and_states_are_read() {
+fn timestamps_either_case_and_states_are_decoded() {
     let frame = Frame::classic(Id::Standard(0x100), &[0x11, 0x33]);
     assert_eq!(lines(b"t10021133\rt10021133A902\rt100211e3\r")[..2], [Line::Frame(frame); 2]);
     assert_eq!(lines(b"\rz\rZ\r\x07"), [Line::Done, Line::Done, Line::Done, Line::Refused]);
     let state =
         |state, counters| Report { state: Some(state), counters: Some(counters), ..Report::default() };
     assert_eq!(lines(b"sa000000\r"), [Line::Report(state(ErrorState::Active, [0, 0]))]);
-    // receive errors come first
+    // the receive error counter comes first
     assert_eq!(lines(b"sp012136\r"), [Line::Report(state(ErrorState::Passive, [136, 12]))]);
     assert_eq!(lines(b"sb255130\r"), [Line::Report(state(ErrorState::Off, [130, 255]))]);
     assert_eq!(lines(b"e1a\r"), [Line::Report(Report { is_unacknowledged: true, ..Report::default() })]);
 }
 
 #[test]
-fn what_is_no_line_is_told_apart_and_the_next_one_is_read() {
+fn the_reader_recovers_after_an_invalid_line() {
     for broken in [
         "t",
         "t12",
@@ -81,7 +81,7 @@ fn what_is_no_line_is_told_apart_and_the_next_one_is_read() {
 
 proptest! {
     #[test]
-    fn each_frame_is_read_as_it_was_written(
+    fn every_frame_round_trips(
         id in 0_u32..1 << 29, extended: bool, form in 0..3_usize, length in 0..16_usize, data: [u8; 32],
     ) {
         let form = [Form::Classic, Form::Fd, Form::FdFast][form];
@@ -148,7 +148,7 @@ fn opened(answer: &'static [u8], is_fd: bool) -> (File, Result<SlcanBus, OpenErr
 }
 
 #[test]
-fn a_bus_is_set_up_frames_go_both_ways_and_states_are_followed() {
+fn a_bus_exchanges_frames_and_tracks_its_state() {
     let (mut terminal, bus, commands) = opened(b"\r", true);
     assert_eq!(String::from_utf8(commands).unwrap(), "\rC\rS8\rY5\rO\r");
     let mut bus = bus.unwrap();
@@ -159,8 +159,8 @@ fn a_bus_is_set_up_frames_go_both_ways_and_states_are_followed() {
         [Line::Frame(frame), Line::Frame(Frame::classic(Id::Standard(1), &[2]))]
     );
     let mut inbox = [Received::default(); 4];
-    assert_eq!(bus.receive(&mut inbox), 0, "nothing has come, and nothing is waited for");
-    // a line in two parts, one of a node that is filtered out, and a report
+    assert_eq!(bus.receive(&mut inbox), 0, "nothing has arrived, and the call does not block");
+    // a line in two parts, a line of a filtered node, and a report
     bus.receive_only(&[Id::Standard(0x0a7)]);
     terminal.write_all(b"\rt0A7").unwrap();
     assert_eq!(bus.receive(&mut inbox), 0);
@@ -184,7 +184,7 @@ fn the_channel_is_closed_at_the_end() {
 }
 
 #[test]
-fn an_unread_line_takes_whole_frames_only() {
+fn an_unread_line_accepts_whole_frames_only() {
     let (mut terminal, bus, _) = opened(b"", false);
     let mut bus = bus.unwrap();
     let frame = |k: u32| Frame::classic(Id::Extended(k), &k.to_le_bytes());
@@ -200,7 +200,7 @@ fn an_unread_line_takes_whole_frames_only() {
     }
     assert!(full && taken > 20, "{taken}");
     assert!(bus.counts().queue_full > 0);
-    // once the terminal is read again, the next frames arrive whole, after the rest of the partly written one
+    // once the terminal is read again, the rest of the partly written frame arrives, followed by whole frames
     let mut all = written(&mut terminal);
     let until = Instant::now() + Duration::from_secs(10);
     while Instant::now() < until {
@@ -224,7 +224,7 @@ fn an_unread_line_takes_whole_frames_only() {
 }
 
 #[test]
-fn an_adapter_that_is_pulled_is_gone() {
+fn an_unplugged_adapter_is_gone() {
     let (terminal, bus, _) = opened(b"", false);
     let mut bus = bus.unwrap();
     drop(terminal);
@@ -244,11 +244,11 @@ fn a_refusing_adapter_and_a_missing_line_are_reported() {
     assert!(error.advice().contains("/dev/serial/by-id"));
     let odd = Rates { nominal: 333_333, fast: 333_333 };
     let error = SlcanBus::open("/dev/no-such-line", odd, false).unwrap_err();
-    assert_eq!(error.to_string(), "the adapter on `/dev/no-such-line` knows no 333333 bit/s");
+    assert_eq!(error.to_string(), "the adapter on `/dev/no-such-line` does not support 333333 bit/s");
 }
 
 #[test]
-fn a_drive_table_names_a_serial_line_as_the_interface_of_a_bus() {
+fn a_drive_table_accepts_a_serial_line_as_interface() {
     let text = "[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\ninterface = \"/dev/serial/by-id/usb-CANable-if00\"\n\
                 [[drive]]\njoint = \"a\"\nbus = \"can0\"\nprotocol = \"damiao\"\nnode = 1\nwatchdog = \"20 ms\"\n\
                 ranges = { position = 12.5, velocity = 30.0, torque = 10.0 }\n";

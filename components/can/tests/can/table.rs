@@ -18,24 +18,24 @@ fn refused(text: &str) -> (Option<usize>, String) {
 }
 
 #[test]
-fn a_drive_turns_its_joint_by_the_gear_between_them() {
+fn positions_convert_through_the_transmission() {
     let table = format!("{BUS}{}", drive("a", 1, "ratio = 4.0\nreversed = true\noffset = 0.5"));
     let gear = Table::parse(&table).unwrap().transmission(0);
     assert_eq!((gear.to_drive(1.5), gear.to_joint(-4.0)), (-4.0, 1.5));
 }
 
 #[test]
-fn mistakes_are_named_with_their_line() {
+fn mistakes_are_reported_with_their_line() {
     let missing = "[[drive]]\njoint = \"a\"\n";
     assert_eq!(refused(&format!("{BUS}{missing}")).0, Some(4));
     let twice = format!("{BUS}{}{}", drive("a", 1, ""), drive("b", 1, ""));
-    assert_eq!(refused(&twice), (Some(12), "drive of `b`: node 1 stands on that bus twice".into()));
+    assert_eq!(refused(&twice), (Some(12), "drive of `b`: node 1 is used twice on that bus".into()));
     let nowhere = format!("{BUS}{}", drive("a", 1, "").replace("can0", "can7"));
     assert_eq!(refused(&nowhere).1, "drive of `a`: no bus is named `can7`");
     let named = format!("{}{}", BUS.replace("can0", "can 0"), drive("a", 1, ""));
     assert_eq!(refused(&named), (Some(1), "a bus named \"can 0\"".into()));
     let gains = format!("{BUS}{}", drive("a", 1, "").replace("torque = 10.0", "torque = 10.0, kp = 900.0"));
-    assert_eq!(refused(&gains).1, "drive of `a`: the gains of a Damiao drive end at 500 and 5");
+    assert_eq!(refused(&gains).1, "drive of `a`: the gains of a Damiao drive are limited to 500 and 5");
     let key = format!("{BUS}{}", drive("a", 1, "torqe = 2"));
     assert!(refused(&key).1.contains("torqe"));
 }
@@ -58,7 +58,7 @@ fn an_unknown_joint_is_reported_with_its_position() {
 }
 
 #[test]
-fn the_budget_counts_as_many_joints_as_the_published_table() {
+fn the_budget_matches_the_published_table() {
     for (rate, joints) in [(1000, 2), (500, 5), (250, 11), (100, 29)] {
         let drives: String = (1..=joints.min(15)).map(|node| drive(&format!("j{node}"), node, "")).collect();
         let budget = Table::parse(&format!("{BUS}{drives}")).unwrap().budget(0, 1_000_000_000 / rate);
@@ -72,20 +72,20 @@ fn the_budget_counts_as_many_joints_as_the_published_table() {
 }
 
 #[test]
-fn the_arithmetic_stands_in_the_words_of_the_budget() {
+fn the_budget_displays_its_arithmetic() {
     let text: String = (1..=4).map(|node| drive(&format!("j{node}"), node, "")).collect();
     let budget = Table::parse(&format!("{BUS}{text}")).unwrap().budget(0, 1_000_000);
     assert!(!budget.fits());
     assert_eq!(
         budget.to_string(),
-        "4 x (135 + 135 bits) with the most stuffing = 1080 us at 1000 kbit/s, + 100 us turn-round = 1180 us of 1000 us \
+        "4 x (135 + 135 bits) with maximum stuffing = 1080 us at 1000 kbit/s, + 100 us turnaround = 1180 us of 1000 us \
          (108 % load)"
     );
     assert_eq!(budget.most(), 3);
 }
 
 #[test]
-fn the_budget_counts_what_a_drive_sends_beside_its_answers() {
+fn the_budget_counts_additional_frames_of_a_drive() {
     let others = |protocol: &str, more: &str| {
         let drive = drive("a", 1, more).replace("damiao", protocol);
         Table::parse(&format!("{BUS}{drive}")).unwrap().budget(0, 1_000_000).others.len()
@@ -95,8 +95,8 @@ fn the_budget_counts_what_a_drive_sends_beside_its_answers() {
     let cia402 = "increments = 65536.0\nrated_torque = 5.0\ncurrent_limit = 2.0\nrated_current = 4.0";
     let homing =
         "homing = { by = \"drive\", method = 17, velocity = 0.6, creep_velocity = 0.1, acceleration = 2.0 }";
-    // its second process data, synchronisation, heartbeat of the adapter; service data while the drive homes
-    // itself
+    // second process data, synchronisation, and the adapter's heartbeat; also service data while the drive
+    // homes itself
     assert_eq!(others("cia402", cia402), 3);
     assert_eq!(others("cia402", &format!("{cia402}\n{homing}")), 5);
     let at_stop =

@@ -45,7 +45,7 @@ fn a_classic_only_drive_is_refused_next_to_can_fd() {
     for (fast, name) in [("damiao", "Damiao"), ("moteus", "Moteus")] {
         let text = refused(FD, &[(fast, 1, ""), ("mini_cheetah", 2, "")]);
         let words =
-            format!("drives of {name} are sent frames of CAN FD, which one of MiniCheetah does not know");
+            format!("drives of {name} receive CAN FD frames, which a drive of MiniCheetah does not support");
         assert!(text.contains(&words), "{text}");
     }
     assert!(table("", &[("damiao", 1, ""), ("mini_cheetah", 2, "")]).is_ok());
@@ -62,7 +62,10 @@ fn answers_that_collide_with_commands_are_refused() {
         text,
         "drive of `damiao1`: its answers have the identifier 0x011, like commands to `mini_cheetah17`"
     );
-    assert!(refused("", &[("damiao", 1, "master = 1")]).contains("the identifier of its answers is taken"));
+    assert!(
+        refused("", &[("damiao", 1, "master = 1")])
+            .contains("the identifier of its answers is already in use")
+    );
     assert!(refused("", &[("damiao", 1, "master = 0x7ff")]).contains("answers with the identifier"));
 }
 
@@ -91,17 +94,17 @@ fn ranges_beyond_the_protocol_are_refused() {
         (
             "odrive",
             ranges(12.5, 206.0, 10.0),
-            "a velocity of 206 rad/s, and the field of its feed-forward ends at 205.88",
+            "a velocity of 206 rad/s, but the field of its feed-forward is limited to 205.88",
         ),
         (
             "odrive",
             ranges(12.5, 30.0, 33.0),
-            "a torque of 33 N m, and the field of its feed-forward ends at 32.77",
+            "a torque of 33 N m, but the field of its feed-forward is limited to 32.77",
         ),
         (
             "cia402",
             cia402("", ranges(206_000.0, 30.0, 10.0)),
-            "a position of 206000 rad, and its field of 32 bits ends at 205887",
+            "a position of 206000 rad, but its field of 32 bits is limited to 205887",
         ),
         ("cia402", cia402("", ranges(12.5, 206_000.0, 10.0)), "a velocity of 206000 rad/s"),
         (
@@ -145,7 +148,7 @@ fn an_unreachable_watchdog_is_refused_in_the_table() {
 }
 
 #[test]
-fn gains_of_commands_to_a_moteus_end_at_those_that_stand_in_it() {
+fn moteus_command_gains_are_limited_to_stored_gains() {
     let gains = |more: &str| {
         let ranges = table(FD, &[("moteus", 1, more)]).unwrap().ranges(0);
         [ranges.kp.max, ranges.kd.max]
@@ -171,7 +174,7 @@ fn process_data_are_stopped_before_mapping() {
         drive.receive(frame, 0, &mut |answer| answers.push(answer));
         answers
     };
-    // as left by a previous adapter
+    // state left behind by a previous adapter
     answers(&node.network(NetworkCommand::Start));
     let refused = node.service_answer(&steps[2], Err(0x0800_0022));
     assert_eq!(answers(&node.service(&steps[2])), [refused]);

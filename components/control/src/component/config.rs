@@ -54,8 +54,8 @@ with_defaults! {
     /// Largest distance of the position setpoint from the measured position, rad or m. A blocked joint is
     /// pushed with at most `kp` times this. Default 0.1.
     pub max_lead: f64 = 0.1;
-    /// Tikhonov regularisation of the joint velocity, 1/(rad/s)^2, 1e-12 to 1, of all levels without their
-    /// own. Default 1e-7.
+    /// Tikhonov regularisation of the joint velocity, 1/(rad/s)^2, 1e-12 to 1, for all levels without an
+    /// entry in `levels`. Default 1e-7.
     pub damping: f64 = 1e-7;
     /// Maximum age of the joint state. When it is older, the controller publishes no command, and the drives
     /// enter their safe state. Default 10 ms.

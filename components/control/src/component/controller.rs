@@ -25,9 +25,10 @@ use crate::{GoalSummary, Mixture, SetpointIntegrator};
 /// ([`InverseDynamics`](crate::inverse_dynamics::InverseDynamics)).
 ///
 /// It starts at the measured positions of the first joint state. After a crash it continues from the previous
-/// setpoint if the robot is still near it. Without a fresh joint state it commands nothing, so the drives
-/// enter their safe state; it restarts with the next joint state. For contradictory constraints the graph
-/// selects a policy: by default velocity control holds the setpoint, and torque control relaxes constraints.
+/// setpoint if the robot is still near it. Without a fresh joint state it publishes no command, so the drives
+/// enter their safe state; it restarts with the next joint state. If constraints contradict each other, the
+/// configured policy applies: by default velocity control holds the setpoint, and torque control relaxes
+/// constraints.
 pub struct QpController(Selected);
 
 /// The controller of the configured formulation.
@@ -38,8 +39,7 @@ enum Selected {
 
 impl Component for QpController {
     const KIND: &'static str = "control.qp";
-    const SUMMARY: &'static str =
-        "whole-body control: targets of tasks to joint commands, by inverse kinematics or inverse dynamics";
+    const SUMMARY: &'static str = "whole-body control: converts task targets to joint commands by inverse kinematics or inverse dynamics";
     const READS_WORLD: bool = true;
     const READS_GRAVITY: bool = true;
     const RESETS: bool = true;

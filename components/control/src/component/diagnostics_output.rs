@@ -9,11 +9,11 @@ use motorium_qp::Side;
 
 use crate::inverse_dynamics::ConstraintName;
 
-/// Output of [`ControlDiagnostics`]. It costs nothing unless it is wired: no figure is computed and no time
-/// is measured.
+/// Output of [`ControlDiagnostics`]. While it is not wired, no statistics are computed and no time is
+/// measured.
 pub(super) struct DiagnosticsOutput {
     output: Output<ControlDiagnostics>,
-    /// True in real time. In lockstep a measured time would differ from run to run.
+    /// `true` in real time. In lockstep a measured time would differ from run to run.
     timed: bool,
     began: Option<Instant>,
     solve_ns: u64,
@@ -21,7 +21,7 @@ pub(super) struct DiagnosticsOutput {
 
 impl DiagnosticsOutput {
     pub(super) fn declare(declare: &mut Declare) {
-        let doc = "residuals of the tasks, active constraints, slack, and the solver's figures of each step";
+        let doc = "task residuals, active constraints, slack and solver statistics of each step";
         declare.output::<ControlDiagnostics>("diagnostics", doc);
     }
 

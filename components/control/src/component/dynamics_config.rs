@@ -31,13 +31,13 @@ with_defaults! {
     #[serde(default, deny_unknown_fields)]
     pub struct InverseDynamicsConfig;
 
-    /// Quantities that each step decides. Default "accelerations_and_forces".
+    /// Decision variables of each step. Default "accelerations_and_forces".
     pub unknowns: Unknowns = Unknowns::AccelerationsAndForces;
     /// Contacts with the ground. Default: all feet of the robot's profile.
     pub contacts: Option<Vec<ContactConfig>> = None;
     /// Cost of a contact force, 1/N, 0 to 1000, which spreads the load over the contact points. Default 1e-3.
     pub force_weight: f64 = 1e-3;
-    /// Deceleration with which a joint can always stop before its limits, rad/s2 or m/s2, 1e-3 to 1e6, and
+    /// Deceleration that always suffices to stop a joint before its limits, rad/s2 or m/s2, 1e-3 to 1e6, and
     /// at most the joint's largest acceleration. Default 20.
     pub braking: f64 = InverseDynamicsSettings::default().joints.braking;
     /// Largest acceleration of a joint, rad/s2 or m/s2, at least `braking`. Default: 0.9 times the limit of
@@ -45,26 +45,26 @@ with_defaults! {
     pub max_acceleration: Option<f64> = None;
     /// Fraction of the torque limits that may be used, more than 0, at most 1. Default 1.
     pub torque_fraction: f64 = InverseDynamicsSettings::default().torque_fraction;
-    /// Rate at which the room between a velocity and one of `limits.frames`, `limits.collision` and
-    /// `limits.support` may be used up, 1/s, 1e-3 to 1e6; at most the tick rate is used. Default 100.
+    /// Rate at which the margin between a velocity and its limit in `limits.frames`, `limits.collision` or
+    /// `limits.support` may shrink, 1/s, 1e-3 to 1e6; limited to the tick rate. Default 100.
     pub barrier_rate: f64 = InverseDynamicsSettings::default().barrier_rate;
     /// Fraction of the joint damping in the robot's file that the torques compensate, 0 to 1. Default 0.
     pub joint_damping: f64 = InverseDynamicsSettings::default().joint_damping;
-    /// Rate at which the velocity of a contact that slips decays, 1/s, 0 to 1000. Default 20.
+    /// Decay rate of the velocity of a slipping contact, 1/s, 0 to 1000. Default 20.
     pub contact_damping: f64 = InverseDynamicsSettings::default().contact_damping;
-    /// Time in which a contact that is switched on or off is loaded or unloaded. Default 200 ms.
+    /// Duration of loading or unloading a contact that is switched on or off. Default 200 ms.
     pub contact_ramp: TimeSpan = TimeSpan { ns: 200_000_000 };
     /// Fraction of the gains kp and kd with which the drives follow the integrated accelerations, 0 to 1.
     /// Default 0: torques alone; with `unknowns = "accelerations"` 1: positions and velocities, with the
     /// torques as a feed-forward.
     pub impedance: Option<f64> = None;
-    /// Initial time for which the drives hold their positions by full kp and kd in addition to the torques,
-    /// while their actuator leaves its safe state; the gains then fall to `impedance` in half of that time.
-    /// Default 600 ms.
+    /// Initial period in which the drives hold their positions with full kp and kd in addition to the
+    /// torques, while their actuators leave the safe state. The gains then ramp down to `impedance` within
+    /// half of that period. Default 600 ms.
     pub stiff_start: TimeSpan = TimeSpan { ns: 600_000_000 };
     /// Form of the friction of all contacts. Default "pyramid".
     pub friction_model: FrictionModel = FrictionModel::Pyramid;
-    /// Largest number of iterations of all solvers in a step together, the bound of its time, 10 to 100000. A
+    /// Maximum total number of solver iterations in a step, 10 to 100000; it bounds the computing time. A
     /// step that needs more has no solution, and its joints are held. Default 500.
     pub max_iterations: u32 = InverseDynamicsSettings::default().max_iterations;
     /// Policy for infeasible constraints. Default "relax".
@@ -78,10 +78,10 @@ pub enum InfeasiblePolicy {
     /// Contacts at rest, joint limits and constraint tasks are relaxed; the result reports the violation.
     /// Torque limits and friction are never relaxed. Without `inverse_dynamics` only the tasks are relaxed.
     Relax,
-    /// The joints hold their positions by their gains, with the torques that carry the robot's weight.
-    /// Without `inverse_dynamics` the setpoint stands still.
+    /// The joints hold their positions with their gains and the torques that carry the robot's weight.
+    /// Without `inverse_dynamics` the setpoint stays constant.
     Hold,
-    /// Nothing is commanded: the drives go to their safe state.
+    /// Nothing is commanded: the drives enter their safe state.
     SafeStop,
 }
 
@@ -89,9 +89,9 @@ pub enum InfeasiblePolicy {
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ContactConfig {
-    /// Foot of the robot's profile, whose name the contact gets. Either this or `frame`.
+    /// Foot of the robot's profile; its name becomes the contact's. Set either this or `frame`.
     pub foot: Option<String>,
-    /// Link whose frame touches the ground, whose name the contact gets. Either this or `foot`.
+    /// Link whose frame touches the ground; its name becomes the contact's. Set either this or `foot`.
     pub frame: Option<String>,
     /// Radius of a ball about the origin of `frame`, m. Without it and `sole`: a point.
     pub radius: Option<f64>,
@@ -112,12 +112,12 @@ pub struct ContactConfig {
 #[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct WrenchConfig {
-    /// Sides of the rectangle, centred at the origin of the frame, that the centre of pressure stays in,
-    /// along x and y, m. Default: the sole less `margin`.
+    /// Sides of the rectangle that contains the centre of pressure, along x and y, centred at the origin of
+    /// the frame, m. Default: the sole less `margin`.
     pub sides: Option<[f64; 2]>,
     /// Coefficient of friction of force and yaw torque, 1e-3 to 10. Default: the contact's value.
     pub friction: Option<f64>,
-    /// Least normal force, N, at least 0. Default 0.
+    /// Minimum normal force, N, at least 0. Default 0.
     pub min_force: Option<f64>,
     /// Largest normal force, N, more than `min_force`. Default: no limit.
     pub max_force: Option<f64>,
@@ -129,7 +129,7 @@ impl WrenchConfig {
     /// Converts the limits of a contact and checks them.
     fn cone(&self, contact: &Contact, key: &dyn Fn(&str) -> String) -> Result<WrenchCone, ConfigError> {
         let ContactShape::Sole { sides } = contact.shape else {
-            return Err(ConfigError::key(key("wrench"), "of a contact that is no sole")
+            return Err(ConfigError::key(key("wrench"), "the contact has no sole")
                 .advise("a point or a ball transmits no torque: limit it by `friction` and `max_force`"));
         };
         let cone = WrenchCone {
@@ -147,9 +147,8 @@ impl WrenchConfig {
         in_range(&key("wrench.max_yaw"), cone.max_yaw, 0.0..=f64::INFINITY)?;
         if cone.max_force.is_nan() || cone.max_force <= cone.min_force {
             let message = format!("{} N, with a min_force of {} N", cone.max_force, cone.min_force);
-            return Err(
-                ConfigError::key(key("wrench.max_force"), message).advise("the larger one of the two")
-            );
+            return Err(ConfigError::key(key("wrench.max_force"), message)
+                .advise("set `max_force` above `min_force`"));
         }
         Ok(cone)
     }
@@ -157,7 +156,7 @@ impl WrenchConfig {
 
 /// Returns the error for a key that has no effect with `unknowns`.
 fn no_use(unknowns: &str, key: impl Into<String>) -> ConfigError {
-    let message = format!("with `unknowns = \"{unknowns}\"`, where it has no effect");
+    let message = format!("it has no effect with `unknowns = \"{unknowns}\"`");
     ConfigError::key(key, message)
         .advise("leave it out, or decide both: unknowns = \"accelerations_and_forces\"")
 }
@@ -181,7 +180,7 @@ impl InverseDynamicsConfig {
             let key = |name: &str| format!("inverse_dynamics.contacts[{index}].{name}");
             let contact = config.contact(model, profile, &key)?;
             if contacts.iter().any(|other| other.name == contact.name) {
-                let message = format!("`{}` is a contact twice", contact.name);
+                let message = format!("contact `{}` is listed twice", contact.name);
                 return Err(ConfigError::key(key("foot"), message));
             }
             contacts.push(contact);
@@ -324,7 +323,7 @@ impl ContactConfig {
                     model.frame(name).map_err(|error| ConfigError::key(key("frame"), error.to_string()))?;
                 let shape = match (self.sole, self.radius) {
                     (Some(_), Some(_)) => {
-                        return Err(ConfigError::key(key("radius"), "of a contact that has a `sole`, too"));
+                        return Err(ConfigError::key(key("radius"), "the contact also has a `sole`"));
                     }
                     (Some(sides), None) => ContactShape::Sole { sides },
                     (None, Some(radius)) => ContactShape::Ball { radius },
@@ -350,7 +349,7 @@ impl ContactConfig {
         }
         if let Some(margin) = self.margin {
             let ContactShape::Sole { sides } = contact.shape else {
-                return Err(ConfigError::key(key("margin"), "of a contact that is no sole"));
+                return Err(ConfigError::key(key("margin"), "the contact has no sole"));
             };
             let half = 0.5 * sides[0].min(sides[1]);
             contact.margin = in_range(&key("margin"), margin, 0.0..=f64::MAX)?;
@@ -358,7 +357,7 @@ impl ContactConfig {
                 let message =
                     format!("{margin} m leaves nothing of a sole of {} m by {} m", sides[0], sides[1]);
                 return Err(ConfigError::key(key("margin"), message)
-                    .advise(format!("less than half of its shorter side, {half} m")));
+                    .advise(format!("choose less than half of its shorter side, {half} m")));
             }
         }
         if let Some(force) = self.max_force {

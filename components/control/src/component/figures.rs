@@ -1,4 +1,4 @@
-//! Figures of a run.
+//! Statistics of a run.
 
 use serde_json::{Value, json};
 
@@ -6,7 +6,7 @@ use super::formulation::{Formulation, SolveStats};
 use crate::inverse_dynamics::{Conflicting, ConstraintName, Slack};
 use crate::tasks::Held;
 
-/// Sum and maximum of a figure over the steps.
+/// Sum and maximum of a quantity over the steps.
 #[derive(Clone, Copy, Debug, Default)]
 struct Figure {
     sum: f64,
@@ -27,7 +27,7 @@ impl Figure {
     }
 }
 
-/// Figures of the steps so far.
+/// Statistics of the steps so far.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Figures {
     /// One per task.
@@ -92,7 +92,7 @@ impl Figures {
         }
     }
 
-    /// Adds the figures to the result of a run.
+    /// Adds the statistics to the result of a run.
     pub(super) fn add_to(
         &self,
         result: &mut Value,

@@ -55,7 +55,7 @@ pub struct MeasuredState {
     timeout_ns: u64,
     /// Time of the last step with a fresh state, ns since the start of the run.
     last_ns: Option<u64>,
-    /// Number of steps without a fresh state, not counting those before the first one.
+    /// Number of steps without a fresh state after the first fresh one.
     stale: u64,
     /// `true` if the kinematics include velocities.
     velocities: bool,
@@ -66,8 +66,8 @@ pub struct MeasuredState {
 pub struct FreshStep {
     /// `true` at the start and after an interruption.
     pub begins: bool,
-    /// Time since the last step, s: several periods after missed steps, so that setpoints do not fall behind
-    /// the robot.
+    /// Time since the last step, s. After missed steps it spans several periods, so that setpoints do not
+    /// fall behind the robot.
     pub dt: f64,
 }
 
@@ -175,12 +175,12 @@ impl MeasuredState {
         (self.last_ns, self.stale) = (None, 0);
     }
 
-    /// Returns the state read last.
+    /// Returns the state of the last read.
     pub fn motion(&self) -> MotionState<'_> {
         MotionState { model: &self.model, kinematics: &self.kinematics, q: &self.q, v: &self.v }
     }
 
-    /// Returns the state read last without its velocity.
+    /// Returns the state of the last read without its velocity.
     pub fn robot(&self) -> RobotState<'_> {
         RobotState { model: &self.model, kinematics: &self.kinematics, q: &self.q }
     }

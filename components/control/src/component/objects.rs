@@ -1,4 +1,4 @@
-//! Moving objects of the world that links must stay away from.
+//! Moving objects of the world that the links must avoid.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -18,8 +18,8 @@ use crate::limits::RowLimit;
 /// Poll interval of the helper thread that reports rejected poses.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Poses of the objects for limits that need them. An invalid pose is rejected: one that is not finite, or
-/// whose orientation is not a unit quaternion. The limits then use the object's last valid pose.
+/// Poses of the objects for limits that need them. A pose that is not finite, or whose orientation is not a
+/// unit quaternion, is rejected. The limits then use the object's last valid pose.
 pub(super) struct MovingObjects {
     /// `None` if no limit involves a moving object.
     input: Option<Input<ObjectPoses>>,
@@ -69,7 +69,7 @@ impl MovingObjects {
     /// Declares the input if a limit requires it.
     pub(super) fn declare(config: &QpControllerConfig, parts: &ControllerSetup, declare: &mut Declare) {
         if Self::are_needed(config, parts) {
-            declare.input::<ObjectPoses>(OBJECTS_INPUT, "poses of the objects that the links stay away from");
+            declare.input::<ObjectPoses>(OBJECTS_INPUT, "poses of the objects that the links must avoid");
         }
     }
 

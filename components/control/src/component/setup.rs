@@ -82,9 +82,7 @@ impl ControllerSetup {
                 "tasks",
                 "an empty list: a controller without a task moves nothing",
             )
-            .advise(
-                "add a task, such as `{ posture = {} }`, or leave `tasks` out for the tasks of the default",
-            ));
+            .advise("add a task, such as `{ posture = {} }`, or leave `tasks` out for the default tasks"));
         }
         let torque = config.inverse_dynamics.is_some();
         let unknowns = config.inverse_dynamics.as_ref().map_or(Unknowns::default(), |table| table.unknowns);
@@ -98,7 +96,7 @@ impl ControllerSetup {
         let setup =
             Self { model, profile, torque, unknowns, gravity, world, contacts, tasks, gains, feed_forward };
         if unknowns == Unknowns::Forces && setup.contacts.is_empty() {
-            let message = "`forces` of a robot without a contact";
+            let message = "`forces` for a robot without a contact";
             return Err(ConfigError::key("inverse_dynamics.unknowns", message)
                 .advise("add `contacts`, or choose unknowns = \"accelerations\""));
         }
@@ -241,14 +239,14 @@ impl ControllerSetup {
                 _ => None,
             };
             if let Some((what, unknowns)) = unused {
-                let message = format!("task `{name}` is about {what}, where {unknowns} alone are decided");
+                let message = format!("task `{name}` acts on {what}, but {unknowns} alone are decided");
                 return Err(ConfigError::key(&context.path, message)
                     .advise("leave it out, or decide both: unknowns = \"accelerations_and_forces\""));
             }
             for (key, input) in [("target", target), ("wrench", wrench)] {
                 let Some(input) = input else { continue };
                 if targets[own.len()..].contains(&input) {
-                    let message = format!("two tasks take their {key} from `{input}`");
+                    let message = format!("two tasks read their {key} from `{input}`");
                     return Err(ConfigError::key(context.key(key), message)
                         .advise(format!("give each its own input, such as `{key} = \"left_{key}\"`")));
                 }
@@ -333,15 +331,12 @@ fn refuse_velocity_keys(config: &QpControllerConfig) -> Result<(), ConfigError> 
         ("limits.position.rate", config.limits.position.rate != default.limits.position.rate),
     ];
     if config.on_infeasible.is_some() {
-        return Err(ConfigError::key(
-            "on_infeasible",
-            "with `inverse_dynamics`, which has a key of this name",
-        )
-        .advise("move it there: inverse_dynamics = { on_infeasible = \"hold\" }"));
+        return Err(ConfigError::key("on_infeasible", "`inverse_dynamics` has its own key of this name")
+            .advise("move it there: inverse_dynamics = { on_infeasible = \"hold\" }"));
     }
     match given.into_iter().find(|(_, given)| *given) {
         None => Ok(()),
-        Some((key, _)) => Err(ConfigError::key(key, "with `inverse_dynamics`, where it has no effect")
+        Some((key, _)) => Err(ConfigError::key(key, "it has no effect with `inverse_dynamics`")
             .advise("leave it out: torques balance gravity and inertia, and joints accelerate by `inverse_dynamics.max_acceleration` and brake at `inverse_dynamics.braking`")),
     }
 }

@@ -51,10 +51,10 @@ pub struct Contact {
     pub max_force: f64,
     /// Distance that the centre of pressure of a sole keeps from its edges \[m\]. Forces act at the corners
     /// of a rectangle that is smaller by this distance on each side. Limited to half of the shorter side.
-    /// Default 0: the sole may be about to tip at its edge.
+    /// Default 0: the centre of pressure may reach an edge, where the sole is about to tip.
     pub margin: f64,
-    /// Limits of the total wrench of a sole, in addition to its points. Default none; ignored for other
-    /// shapes.
+    /// Limits of the total wrench of a sole, in addition to the limits of its points. Default `None`; ignored
+    /// for other shapes.
     pub wrench: Option<WrenchCone>,
     /// Surface normal for a point or a ball; a sole uses its frame's. Default up.
     pub normal: Vector3<f64>,

@@ -13,10 +13,10 @@ with_defaults! {
     ///  mu (X + Y) f_z - |Y f_x + mu t_x| - |X f_y + mu t_y|  >=  t_z
     /// ```
     ///
-    /// Forces at the four corners of the rectangle within their friction pyramids have exactly these wrenches
-    /// as their sums, so for a whole sole with its own friction the limits add nothing. They tighten the
-    /// corners' limits: a smaller rectangle or friction than the contact's, a minimum force that keeps the
-    /// foot loaded, a maximum force of the whole foot, or a maximum yaw torque. Caron, Pham and Nakamura,
+    /// Forces at the four corners of the rectangle, each within its friction pyramid, sum to exactly these
+    /// wrenches. Limits with the sole's own sides and friction are therefore redundant. Use them to tighten
+    /// the corners' limits: a smaller rectangle or friction than the contact's, a minimum force that keeps
+    /// the foot loaded, a maximum force of the whole foot, or a maximum yaw torque. Caron, Pham and Nakamura,
     /// *Stability of surface contacts for humanoid robots: closed-form formulae of the contact wrench for
     /// rectangular support areas*, ICRA 2015.
     ///

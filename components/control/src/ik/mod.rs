@@ -25,8 +25,8 @@ with_defaults! {
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct IkSettings;
 
-    /// Tikhonov regularisation: cost of any joint velocity \[1/(rad/s)^2\]. Keeps the solution unique where
-    /// the tasks leave a joint open.
+    /// Tikhonov regularisation: cost of any joint velocity \[1/(rad/s)^2\]. It makes the solution unique if
+    /// the tasks leave a joint undetermined.
     pub damping: f64 = 1e-7;
     /// Weight of held contacts and constraint tasks when constraints are contradictory: cost of violating
     /// them \[1/(m/s) or 1/(rad/s)\]. Limits are never relaxed. With `None`, the default, such a tick has no
@@ -161,8 +161,8 @@ impl DifferentialIk {
         Self { motions: model.nv(), ..Self::with_solver(solver, settings) }
     }
 
-    /// The structure of the problem for `model`: one bounded unknown per velocity, six of a floating base
-    /// among them.
+    /// Returns the structure of the problem for `model`: one bounded unknown per velocity, including the six
+    /// of a floating base.
     pub fn structure(model: &Model) -> Structure {
         Structure::new(model.nv()).bounds(Sides::Both)
     }

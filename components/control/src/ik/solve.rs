@@ -133,7 +133,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         returns
     }
 
-    /// Returns `true` if a row has to return. Soft limits are violated anyway.
+    /// Returns `true` if a row has to return. Soft limits may be violated, so their rows never do.
     fn returns(&self, row: usize) -> bool {
         !self.is_soft[row] && (self.problem.row_lower[row] > 0.0 || self.problem.row_upper[row] < 0.0)
     }
@@ -158,8 +158,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Halves the velocity changes of returning rows. Returns `false` if the conflict has no returning row or
-    /// no joint that could accelerate more.
+    /// Halves the velocity changes of returning rows. Returns `false` if the conflict has no returning row,
+    /// or no joint that could accelerate more.
     fn ease_returns(&mut self, conflict: &Conflict) -> bool {
         let names = |predicate: &dyn Fn(Constraint) -> bool| conflict.constraints().any(predicate);
         let returns = names(&|constraint| matches!(constraint, Constraint::Row(row, _) if self.returns(row)));

@@ -55,7 +55,7 @@ impl InverseDynamics {
         self.contacts[contact].active = active;
     }
 
-    /// True if a contact is active.
+    /// Returns `true` if a contact is active.
     pub fn is_active(&self, contact: usize) -> bool {
         self.contacts[contact].active
     }

@@ -303,7 +303,8 @@ impl InverseDynamics {
 /// A = J,   b = kp e + kd e' + nu' - J' v          kp e: no faster than the largest speeds
 /// ```
 pub trait AccelerationTask {
-    /// Evaluates the error, `A` and `b` at this state, at which `dynamics` has started its tick.
+    /// Evaluates the error, `A` and `b` at this state. `dynamics` must have started its tick at the same
+    /// state.
     fn update(&mut self, state: &MotionState<'_>, dynamics: &InverseDynamics);
 
     /// Returns the cost of the last update.

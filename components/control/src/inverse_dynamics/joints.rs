@@ -24,7 +24,7 @@ with_defaults! {
     /// use motorium_control::inverse_dynamics::JointAccelerationLimits;
     ///
     /// let limits = JointAccelerationLimits { braking: 10.0, ..JointAccelerationLimits::default() };
-    /// // in the middle of its range a joint at rest may do what it likes
+    /// // at rest in the middle of its range, a joint may use its full acceleration
     /// assert_eq!(limits.bounds(0.0, 0.0, (-1.0, 1.0), f64::INFINITY, 1e-3), (-1000.0, 1000.0));
     /// // at 1 rad/s, 5 cm before its end, it must brake: 1^2 / (2 0.05) = 10 rad/s2
     /// let (_, most) = limits.bounds(0.95, 1.0, (-1.0, 1.0), f64::INFINITY, 1e-3);
@@ -34,7 +34,7 @@ with_defaults! {
     #[serde(default, deny_unknown_fields)]
     pub struct JointAccelerationLimits;
 
-    /// Deceleration with which a joint can always stop, rad/s2 or m/s2, more than 0. Default 20.
+    /// Deceleration that always suffices to stop a joint, rad/s2 or m/s2, more than 0. Default 20.
     pub braking: f64 = 20.0;
     /// Largest acceleration and deceleration, rad/s2 or m/s2, at least `braking`. Default 1000.
     pub max_acceleration: f64 = 1000.0;
@@ -46,8 +46,8 @@ with_defaults! {
 }
 
 impl JointAccelerationLimits {
-    /// Returns the lower and upper bound of the acceleration \[rad/s2 or m/s2\] of a joint at position `q`
-    /// and velocity `v`, with limits `range` and `speed`, for a tick of `dt` seconds.
+    /// Returns the lower and upper bound of the acceleration \[rad/s2 or m/s2\] of a joint for a tick of `dt`
+    /// seconds. The joint is at position `q` with velocity `v`; its limits are `range` and `speed`.
     pub fn bounds(&self, q: f64, v: f64, range: (f64, f64), speed: f64, dt: f64) -> (f64, f64) {
         let margin = self.margin.min(0.5 * (range.1 - range.0));
         let speed = self.velocity_fraction * speed;

@@ -49,9 +49,9 @@ impl InverseDynamics {
     ///
     /// so that `e >= 0`, and therefore `h >= 0`, remain true up to `a dt^2 / 2` once they hold. (Nguyen and
     /// Sreenath, *Exponential control barrier functions for enforcing high relative-degree safety-critical
-    /// constraints*, 2016.) For contradictory constraints, the involved row that is least beyond its limit
-    /// returns more slowly or stays in place. If torques or contacts do not permit even that, limits are
-    /// relaxed like joint limits.
+    /// constraints*, 2016.) If constraints contradict each other, the involved row that is least beyond its
+    /// limit returns more slowly or stays in place. If torques or contacts do not permit even that, limits
+    /// are relaxed like joint limits.
     ///
     /// ```
     /// use motorium_control::inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings, MotionState};
@@ -118,8 +118,8 @@ impl InverseDynamics {
         }
     }
 
-    /// Solves the first level. For contradictory constraints, the slowest involved return is reduced first
-    /// and then dropped; the others continue.
+    /// Solves the first level. If constraints contradict each other, the slowest involved return is reduced
+    /// first and then dropped; the others continue.
     pub(super) fn solve_returning(&mut self) -> Result<Result<(), SolveError>, UpdateError> {
         let mut decided = self.solve_first()?;
         let mut named = NAMED;
@@ -197,7 +197,7 @@ impl InverseDynamics {
     }
 
     /// Updates `task` at `state` and makes it a constraint above all levels: `A x = b` holds exactly for the
-    /// rows that have a weight. For contradictory constraints it is relaxed like contacts at rest.
+    /// rows with nonzero weight. If constraints contradict each other, it is relaxed like contacts at rest.
     ///
     /// # Panics
     /// If the capacity for rows is exceeded.

@@ -58,7 +58,8 @@ impl Return {
     }
 }
 
-/// Factor by which a contradicted return is reduced, and fraction at which the row stays instead.
+/// Factor that reduces a contradicted return, and the fraction at or below which the row stays in place
+/// instead.
 const EASE: f64 = 0.125;
 const LEAST: f64 = 0.1;
 impl Predicted {

@@ -77,7 +77,7 @@ impl AccelerationLimit {
 }
 
 with_defaults! {
-    /// Largest accelerations of the joints. They begin to brake in time for their position limits.
+    /// Largest accelerations of the joints. Joints start to brake in time for their position limits.
     ///
     /// ```toml
     /// fraction = 0.5

@@ -66,7 +66,7 @@ impl CentreOfMassLimitConfig {
         };
         let most = Vector3::new(axis("x", self.x)?, axis("y", self.y)?, axis("z", self.z)?);
         if most.iter().all(|speed| speed.is_infinite()) {
-            return Err(ConfigError::key(key, "it limits nothing")
+            return Err(ConfigError::key(key, "the limit has no axis")
                 .advise("give the largest speed along at least one axis, such as `x = 0.2`"));
         }
         if model.mass() <= 0.0 {

@@ -170,8 +170,8 @@ with_defaults! {
     /// the input `object_poses` is required. Default: no objects.
     pub objects: Option<WorldObjects> = None;
     /// Pairs of links, or of a link and "ground" or an object, to ignore. Pairs of links, and of links and
-    /// the ground, that are nearer than `distance` at the home pose are always ignored: the robot is built
-    /// like this.
+    /// the ground, that are nearer than `distance` at the home pose are always ignored, since the robot's
+    /// design places them there.
     pub ignore: Vec<[String; 2]> = Vec::new();
 }
 
@@ -328,7 +328,7 @@ impl CollisionConfig {
                     "`{}` moves, but only the poses of the first {MAX_OBJECTS} objects are known",
                     object.name
                 );
-                return Err(mistaken(message).advise("name objects that move first"));
+                return Err(mistaken(message).advise("list moving objects first in the world"));
             }
             let meshes = CollisionOptions::default().meshes;
             for (frame, shape) in object.shape.shapes() {

@@ -56,7 +56,7 @@ impl FrameLimitConfig {
             if most - least < 2.0 * margin {
                 let message = format!("from {least} to {most}, with a margin of {margin}");
                 return Err(ConfigError::key(key(name), message)
-                    .advise("give the smaller one first, with room between them"));
+                    .advise("give the smaller bound first, and at least twice the margin between them"));
             }
             (lower[axis], upper[axis]) = (least, most);
         }
@@ -74,8 +74,11 @@ impl FrameLimitConfig {
         if linear.is_finite() || angular.is_finite() {
             limits.push(Box::new(CartesianVelocityLimit::new(model, frame, linear, angular)));
         } else if !bounded {
-            return Err(ConfigError::key(key("frame"), "a limit that limits nothing")
-                .advise("add `x`, `y`, `z`, `max_linear` or `max_angular`"));
+            return Err(ConfigError::key(
+                key("frame"),
+                "the limit has neither a position nor a velocity bound",
+            )
+            .advise("add `x`, `y`, `z`, `max_linear` or `max_angular`"));
         }
         Ok(())
     }

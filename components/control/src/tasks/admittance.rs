@@ -223,7 +223,7 @@ task_config! {
         );
         /// Rate at which the frame approaches the displaced pose, 1/s, 0 to 1000; limited to half the tick
         /// rate. Default 20.
-        gain: f64 = 20.0 => live(GAINS, "1/s", "rate at which the frame follows");
+        gain: f64 = 20.0 => live(GAINS, "1/s", "rate at which the frame approaches the displaced pose");
         /// Mass, kg, 1e-3 to 1e6. Default 4.
         mass: f64 = AdmittanceSettings::default().mass => live(
             MASSES, "kg", "apparent mass of the frame"

@@ -84,7 +84,7 @@ impl AxisShares {
         Self::matrices(axes, position, orientation)
     }
 
-    /// Creates factors from matrices, each row a direction whose error has a cost.
+    /// Creates factors from matrices; each row is a direction whose error has a cost.
     pub fn matrices(axes: PoseAxes, position: Matrix3<f64>, orientation: Matrix3<f64>) -> Self {
         Self { axes, position: Part::new(position), orientation: Part::new(orientation) }
     }
@@ -187,7 +187,7 @@ with_defaults! {
 pub enum SharesConfig {
     /// One factor per axis; 0 leaves the axis free.
     Each([f64; 3]),
-    /// A matrix whose rows are directions whose error has a cost.
+    /// A matrix; each row is a direction whose error has a cost.
     Matrix([[f64; 3]; 3]),
 }
 
@@ -224,7 +224,11 @@ impl AxesConfig {
         let shares =
             AxisShares::matrices(self.of, position, self.orientation.matrix(context, "orientation")?);
         if !shares.has_position() && !shares.has_orientation() {
-            return Err(ConfigError::key(context.key("axes"), "they leave the whole pose free").advise(
+            return Err(ConfigError::key(
+                context.key("axes"),
+                "no axis has a factor, so the whole pose is free",
+            )
+            .advise(
                 "give at least one axis a factor, such as `position = [1, 1, 0]`, or leave the task out",
             ));
         }

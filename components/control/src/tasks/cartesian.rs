@@ -101,6 +101,7 @@ impl CartesianSettings {
 /// Levenberg-Marquardt damping is proportional to the error, not to its square. An error that no motion can
 /// reduce bends the cost by about `|W^2 c|` times the reach of the robot, which a step of `dt` must not
 /// overshoot. With less damping than `dt reach / 2` a stretched arm chatters between its velocity limits,
+/// regardless of the correction speed.
 /// however slow the correction is.
 #[derive(Clone, Debug)]
 pub struct CartesianTask {

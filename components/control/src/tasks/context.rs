@@ -23,7 +23,7 @@ pub(crate) struct TaskContext<'a> {
     pub(crate) profile: Option<&'a Profile>,
     /// Time between two steps, s; 0 while a graph is checked.
     pub(crate) period: f64,
-    /// True if the controller computes torques.
+    /// `true` if the controller computes torques.
     pub(crate) torque: bool,
     /// Acceleration of free fall, m/s2.
     pub(crate) gravity: Vector3<f64>,
@@ -98,11 +98,8 @@ impl TaskContext<'_> {
     /// to half the tick rate.
     pub(super) fn rate(&self, given: Option<f64>) -> Result<f64, ConfigError> {
         if given.is_some() && !self.torque {
-            return Err(ConfigError::key(
-                self.key("rate"),
-                "without `inverse_dynamics`, where it has no effect",
-            )
-            .advise("leave it out: velocities are commanded immediately"));
+            return Err(ConfigError::key(self.key("rate"), "it has no effect without `inverse_dynamics`")
+                .advise("leave it out: velocities are commanded immediately"));
         }
         let rate = self.in_range("rate", given.unwrap_or(RATE), GAINS)?;
         Ok(if self.period > 0.0 { rate.min(0.5 / self.period) } else { rate })
@@ -132,7 +129,7 @@ impl TaskContext<'_> {
         if !self.torque {
             return Err(ConfigError::key(
                 self.key("impedance"),
-                "without `inverse_dynamics`, which computes forces",
+                "it requires `inverse_dynamics`, which computes forces",
             )
             .advise("add `inverse_dynamics = {}`, or use `gain`"));
         }

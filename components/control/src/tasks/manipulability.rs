@@ -1,4 +1,4 @@
-//! Moves the joints to where a frame moves, or exerts forces, more easily.
+//! Moves the joints towards configurations in which a frame moves, or exerts forces, more easily.
 
 use motorium::prelude::*;
 use motorium_robots::{FrameId, Model, TaskRows};
@@ -134,7 +134,8 @@ impl Task for ManipulabilityTask {
 }
 
 task_config! {
-    /// A manipulability task: moves the joints to where a frame moves, or exerts forces, more easily.
+    /// A manipulability task: moves the joints towards configurations in which a frame moves, or exerts
+    /// forces, more easily.
     ManipulabilityConfig "manipulability" {
         /// Link of the evaluated frame. Default: the robot's only end effector.
         frame: Option<String> = None;

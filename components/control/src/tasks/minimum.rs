@@ -63,14 +63,14 @@ impl TaskKind for MinimumConfig {
         match self.of {
             MinimumOf::Velocity | MinimumOf::Effort => context.rate(self.rate).map(drop)?,
             _ if self.rate.is_some() => {
-                let message =
-                    "of a quantity other than `velocity` and `effort`, the only ones with an effect";
+                let message = "it has no effect on a quantity other than `velocity` and `effort`";
                 return Err(ConfigError::key(context.key("rate"), message).advise("leave it out"));
             }
             _ => {}
         }
         if self.of == MinimumOf::Effort && context.model.base().floating {
-            let message = "`effort` of a robot with a floating base: the load of its drives depends on its contact forces";
+            let message =
+                "`effort` for a robot with a floating base, whose drive loads depend on its contact forces";
             return Err(ConfigError::key(context.key("of"), message)
                 .advise("of = \"torque\" minimises the torques of the drives instead"));
         }

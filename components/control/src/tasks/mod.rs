@@ -241,7 +241,7 @@ task_kinds! {
     "gaze" => Gaze(gaze::GazeConfig),
     /// Soft limits; velocities only.
     "limit" => Limit(limit::LimitConfig),
-    /// The joints move to where a frame is moved, or exerts forces, more easily.
+    /// The joints move towards configurations in which a frame moves, or exerts forces, more easily.
     "manipulability" => Manipulability(manipulability::ManipulabilityConfig),
     /// Velocities, accelerations, efforts, torques or contact forces are minimised.
     "minimum" => Minimum(minimum::MinimumConfig),
@@ -255,7 +255,7 @@ task_kinds! {
     "rigid_rotation" => RigidRotation(rigid_rotation::RigidRotationConfig),
     /// A wheel rolls without slipping.
     "rolling" => Rolling(rolling::RollingConfig),
-    /// A frame drives forward and turns, and never sideways.
+    /// A frame drives forward and turns, but never moves sideways.
     "unicycle" => Unicycle(unicycle::UnicycleConfig),
 }
 

@@ -5,7 +5,7 @@ use motorium::prelude::*;
 /// Step settings that a controller passes to its tasks.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TaskBounds {
-    /// True in the first step at a state.
+    /// `true` in the first step at a state.
     pub(crate) begins: bool,
     /// Duration of parameter ramps, s.
     pub(crate) ramp: f64,
@@ -94,7 +94,7 @@ pub(crate) struct Fades {
     presences: Vec<f64>,
     /// Minimum presence of a participating weight.
     threshold: f64,
-    /// True while the parameters advance by a step.
+    /// `true` while the parameters advance by a step.
     begins: bool,
 }
 

@@ -59,8 +59,8 @@ struct RollingContact {
 methods!(RollingTask: weight("1/(m/s) or 1/(m/s2)"), rate("the slip"), set_weight, cost);
 
 impl RollingTask {
-    /// Creates a task for the wheel whose centre is the origin of `frame`, with its axis in the axes of the
-    /// frame and its radius \[m\], on level ground, with weight 1 and a rate of 20/s.
+    /// Creates a task for a wheel on level ground, with weight 1 and a rate of 20/s. The centre of the wheel
+    /// is the origin of `frame`, its `axis` is in the axes of that frame, and its `radius` is in m.
     pub fn new(model: &Model, frame: FrameId, axis: Unit<Vector3<f64>>, radius: f64) -> Self {
         let mut equation = Equation::dense(3, 0, model.nv());
         equation.response = Response::velocity(RATE);

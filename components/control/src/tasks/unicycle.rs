@@ -29,7 +29,7 @@ with_defaults! {
     pub yaw_weight: f64 = 1.0;
 }
 
-/// Moves a frame forward and turns it as commanded, and never sideways:
+/// Moves a frame forward and turns it as commanded, without sideways motion:
 ///
 /// ```text
 /// J  = rows x, y of J_v and z of J_w              Jacobian of the frame in its own axes, 3 x nv
@@ -126,20 +126,20 @@ impl Task for UnicycleTask {
 }
 
 task_config! {
-    /// A unicycle task: a frame moves forward and turns as commanded, and never sideways.
+    /// A unicycle task: a frame moves forward and turns as commanded, without sideways motion.
     UnicycleConfig "unicycle" {
         /// Link whose frame drives along its x axis and turns about its z axis.
         frame: String = String::new();
-        /// Name of the input port of the target, of which `linear` x and `angular` z are used, in the axes of
-        /// the frame. Without a target, or with a stale one (`target_timeout`), the frame stands still.
-        /// Default "unicycle_target".
+        /// Name of the input port of the target. Only `linear` x and `angular` z are used, in the axes of the
+        /// frame. Without a target, or with a stale one (`target_timeout`), the frame stands still. Default
+        /// "unicycle_target".
         target: String = "unicycle_target".to_owned() => target(
             optional TwistTarget, "forward speed (linear x) and yaw rate (angular z), in the axes of the frame"
         );
         /// Cost of an error of the forward speed, 1/(m/s), 0 to 1000. Default 1.
         forward_weight: f64 = 1.0 => live(WEIGHTS, "1/(m/s)", "cost of an error of the forward speed");
         /// Cost of sideways motion, 1/(m/s), 0 to 1000. Default 1.
-        sideways_weight: f64 = 1.0 => live(WEIGHTS, "1/(m/s)", "cost of a motion sideways");
+        sideways_weight: f64 = 1.0 => live(WEIGHTS, "1/(m/s)", "cost of sideways motion");
         /// Cost of an error of the yaw rate, 1/(rad/s), 0 to 1000. Default 1.
         yaw_weight: f64 = 1.0 => live(WEIGHTS, "1/(rad/s)", "cost of an error of the yaw rate");
         /// With `inverse_dynamics`: decay rate of velocity errors, 1/s, 0 to 1000; limited to half the tick

@@ -92,8 +92,8 @@ fn joints_without_acceleration_limit_are_not_slowed() {
     assert!(first[3] > 2.0 && (first[0] - 1e-3).abs() < 1e-9, "{first:?}");
 }
 
-/// Ground below the hand but not below its supporting links. Pairs of links whose names contain one of these
-/// words are checked.
+/// Ground below the hand but not below its supporting links. Only pairs with a link whose name contains one
+/// of these words are checked.
 fn ground_below(panda: &Panda, words: &[&str]) -> CollisionModel {
     let options = CollisionOptions { self_collision: false, ..CollisionOptions::default() };
     let mut solids = CollisionModel::new(&panda.model, &options).unwrap();

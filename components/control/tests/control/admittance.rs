@@ -220,6 +220,6 @@ fn invalid_admittances_are_refused_by_key() {
     );
     refused(
         "{ tasks = [{ admittance = {} }, { admittance = { name = \"other\", target = \"other_target\" } }] }",
-        &["two tasks take their wrench from `wrench`", "left_wrench"],
+        &["two tasks read their wrench from `wrench`", "left_wrench"],
     );
 }

@@ -71,7 +71,7 @@ fn a_strong_posture_disturbs_the_hand_only_in_a_sum() {
 }
 
 #[test]
-fn a_regularised_level_is_calmer_and_leaves_higher_ones() {
+fn regularising_a_level_does_not_change_higher_levels() {
     let ran = |levels: &str| {
         let tasks = "tasks = [{ cartesian = {} }, { posture = { level = 2, weight = 0.1, positions = [0.6, -0.5, 0.3, -2.0, 0.2, 1.8, 0.5, 0.02] } }]";
         run(graph("{}", resting(), controller(&format!("{{ {tasks}, {levels} }}"))))
@@ -243,7 +243,7 @@ fn a_hand_keeps_its_box_and_speed_for_any_target() {
     for axis in 0..3 {
         assert!((slow[axis] - start[axis]).abs() < 0.05 * 4.0 + 1e-3, "{slow:?}");
     }
-    assert_refused("{ limits = { frames = [{}] } }", &["limits.frames[0].frame", "limits nothing"]);
+    assert_refused("{ limits = { frames = [{}] } }", &["limits.frames[0].frame", "neither a position"]);
     assert_refused(
         "{ limits = { frames = [{ z = [0.5, 0.4] }] } }",
         &["limits.frames[0].z", "from 0.5 to 0.4"],
@@ -251,7 +251,7 @@ fn a_hand_keeps_its_box_and_speed_for_any_target() {
 }
 
 #[test]
-fn commands_carry_the_gains_of_the_profile_or_those_configured() {
+fn commands_use_the_gains_of_the_profile_or_configuration() {
     let profile = run(graph("{}", Targets::default(), controller("{}")));
     let gains = motorium_robots::load("panda", Path::new(".")).unwrap();
     let gains = gains.profile.unwrap().gains(&gains.model).unwrap();
@@ -301,7 +301,7 @@ fn invalid_configurations_are_refused_with_key_and_advice() {
     );
     assert_refused(
         "{ tasks = [{ cartesian = {} }, { cartesian = { name = \"other\" } }] }",
-        &["two tasks take their target from `target`"],
+        &["two tasks read their target from `target`"],
     );
     assert_refused("{ tasks = [{ posture = {} }, { posture = {} }] }", &["task name `posture`"]);
     assert_refused("{ kd = [1.0] }", &["kd", "1 numbers, expected 8"]);

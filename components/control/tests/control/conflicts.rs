@@ -124,7 +124,7 @@ fn a_lone_constraint_uses_the_smallest_velocities() {
 }
 
 #[test]
-fn policy_for_torques_belongs_in_their_table() {
+fn torque_policy_is_configured_in_inverse_dynamics() {
     let config = "{ on_infeasible = \"hold\", inverse_dynamics = {} }";
     let error = graph("{}", Targets::default(), controller(config)).check().expect_err("it must be refused");
     let error = error.render(false);

@@ -7,7 +7,7 @@ use motorium::prelude::*;
 
 use crate::graph::session;
 
-/// Time in which a task fades, s, and duration of a step, s.
+/// Fade duration of a task, s, and duration of a step, s.
 const RAMP: f64 = 0.2;
 const DT: f64 = 1e-3;
 

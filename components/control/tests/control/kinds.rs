@@ -49,7 +49,7 @@ fn relative_task_without_a_target_keeps_the_initial_pose() {
 }
 
 #[test]
-fn velocity_and_force_manipulability_move_opposite_ways() {
+fn velocity_and_force_manipulability_are_opposed() {
     let reach = |of: &str| {
         let task = format!("{{ manipulability = {{ of = \"{of}\", gain = 20.0, weight = 1.0 }} }}");
         let report = ran(&format!("{{ tasks = [{task}] }}"));
@@ -99,7 +99,7 @@ fn minimum_tasks_reduce_their_quantity() {
     refused("{ tasks = [{ minimum = { of = \"velocity\", rate = 1.0 } }] }", &["minimum.rate"]);
     refused(
         "{ inverse_dynamics = {}, tasks = [{ minimum = { of = \"force\", rate = 1.0 } }] }",
-        &["minimum.rate", "of a quantity other than"],
+        &["minimum.rate", "no effect on a quantity other than"],
     );
     refused(
         "{ inverse_dynamics = {}, tasks = [{ limit = { frames = [{ max_linear = 1.0 }] } }] }",
@@ -212,7 +212,7 @@ fn a_hand_keeps_its_distance_from_the_ground() {
 }
 
 #[test]
-fn a_support_is_points_or_the_contacts() {
+fn support_comes_from_points_or_contacts() {
     let points = "points = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]";
     for of in ["centre_of_mass", "capture_point"] {
         ran(&format!("{{ tasks = [{AWAY}], limits = {{ support = {{ of = \"{of}\", {points} }} }} }}"));
@@ -300,6 +300,6 @@ fn the_centre_of_mass_keeps_its_speed_limit() {
     );
     refused(
         "{ limits = { centre_of_mass_velocity = {} } }",
-        &["limits.centre_of_mass_velocity", "limits nothing"],
+        &["limits.centre_of_mass_velocity", "has no axis"],
     );
 }

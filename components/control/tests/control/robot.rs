@@ -83,7 +83,7 @@ impl<'a> ClosedLoop<'a> {
         }
     }
 
-    /// Runs one tick and asserts that the limits hold, whatever was requested.
+    /// Runs one tick and asserts that the limits hold for any request.
     pub(crate) fn tick(&mut self, dt: f64) {
         let model = &self.panda.model;
         let before = self.setpoint.position().to_vec();

@@ -1,4 +1,4 @@
-//! Limits as control barriers: once they hold, they continue to hold whatever the tasks request.
+//! Limits as control barriers: once they hold, they continue to hold under any task.
 
 use motorium_control::tasks::Feedback;
 use motorium_control::tasks::{CartesianSettings, CentreOfMassTask};

@@ -105,7 +105,8 @@ fn a_block_rests_on_slopes_up_to_the_friction_angle() {
     }
 }
 
-/// A humanoid whose centre of mass is to accelerate: returns the solved controller and its cost.
+/// Solves for a humanoid with a desired acceleration of its centre of mass. Returns the controller and its
+/// cost.
 fn pushed(robot: &Robot, aim: Vector3<f64>, model: FrictionModel, mu: f64) -> (InverseDynamics, f64) {
     let mut contacts = robot.feet();
     contacts.iter_mut().for_each(|contact| contact.friction = mu);
@@ -214,7 +215,7 @@ fn the_centre_of_pressure_reaches_but_stays_within_the_margin() {
                 // the ground pushes forwards, from the rear of the soles
                 farthest = farthest.max(-pressure[0] * direction.x);
             }
-            // sideways the load goes to the other foot instead
+            // for sideways motion the load moves to the other foot instead
             let edge = direction.x == 0.0 || (farthest - (0.1 - margin)).abs() < 1e-6;
             assert!(edge, "{margin} {direction}: {farthest}");
         }

@@ -129,7 +129,7 @@ fn an_effort_turns_only_its_joint_by_effort_over_stiffness() {
     let robot = Robot::new("iiwa14");
     let (model, home) = (robot.model.clone(), robot.q.clone());
     let joints = model.joint_count();
-    // springs and dampers as heavy as what they move
+    // springs and dampers proportional to the inertia of each joint
     let mut control = InverseDynamics::new(&model, Vec::new());
     control.begin(&robot.state(), 1e-3);
     let stiffness: Vec<f64> = control.mass().diagonal().iter().map(|mass| 60.0 * mass).collect();

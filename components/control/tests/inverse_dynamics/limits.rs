@@ -139,7 +139,7 @@ fn a_reaching_humanoid_keeps_its_balance_and_its_hand_limit() {
     let mut target = robot.kinematics.pose(&model, hand);
     target.translation.vector.x += 1.0;
     reach.set_target(target);
-    // and it is requested to fall forwards
+    // the centre of mass is also requested to move forwards off the support
     let settings = CentreOfMassSettings { weight: 1.0, ..CentreOfMassSettings::default() };
     let mut lean = CentreOfMassTask::new(&model).with(settings);
     lean.set_target(robot.kinematics.centre_of_mass(&model).position + Vector3::new(0.5, 0.0, 0.0));

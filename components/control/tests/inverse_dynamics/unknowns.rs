@@ -84,7 +84,7 @@ fn forces_at_rest_are_the_minimum_for_the_weight() {
 }
 
 #[test]
-fn forces_alone_and_inverse_dynamics_agree_at_rest() {
+fn forces_only_and_inverse_dynamics_agree_at_rest() {
     for name in ["quadruped", "humanoid"] {
         let robot = Robot::new(name);
         let model = &robot.model;

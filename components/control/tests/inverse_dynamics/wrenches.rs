@@ -1,4 +1,4 @@
-//! Wrenches of contacts, accelerations that are small, wheels that roll.
+//! Contact wrenches, minimum accelerations, and rolling wheels.
 
 use motorium_control::tasks::PostureTask;
 use motorium_control::tasks::{AccelerationMinimum, ContactWrench, Feedback};
@@ -68,7 +68,7 @@ fn an_arm_at_zero_acceleration_has_the_bias_torques() {
     for (torque, bias) in solution.torque.iter().zip(&bias) {
         assert!((torque - bias).abs() < 1e-4, "{torque} {bias}");
     }
-    // the base of a robot in free fall is among them, and falls all the same
+    // the minimised accelerations include the base, which falls freely nevertheless
     let robot = Robot::new("humanoid");
     let mut control = InverseDynamics::new(&robot.model, Vec::new());
     let mut least = AccelerationMinimum::new(&robot.model);
@@ -97,7 +97,7 @@ fn the_contact_point_of_a_wheel_moves_as_its_rows_predict() {
             assert!((task.contact().norm() - 0.12).abs() < 1e-12);
             assert!(task.contact().dot(&(pose.rotation * axis)).abs() < 1e-12);
             assert!(task.contact().dot(&normal) < 0.0, "towards the ground");
-            // the point of the wheel that is at the contact now, a little later
+            // the wheel point that is now at the contact, shortly afterwards
             let on_wheel = pose.rotation.inverse() * task.contact();
             let v = DVector::from_fn(model.nv(), |_, _| random.within(1.0));
             let at = |h: f64| {
@@ -129,7 +129,7 @@ fn a_rolling_wheel_turns_by_distance_over_radius() {
     kinematics.update(&model, &q);
     let state = RobotState { model: &model, kinematics: &kinematics, q: &q };
     let mut wheel = RollingTask::new(&model, model.frame("wheel").unwrap(), Vector3::y_axis(), 0.2);
-    // so upright that it does not tilt to go sideways
+    // a large weight, so that the body does not tilt to move sideways
     let settings = CartesianSettings { orientation_weight: 100.0, ..CartesianSettings::default() };
     let mut body = CartesianTask::new(&model, model.frame("body").unwrap()).with(settings);
     body.set_moving_target(
@@ -142,7 +142,7 @@ fn a_rolling_wheel_turns_by_distance_over_radius() {
     ik.add_task(&state, 0, &mut wheel);
     ik.add_task(&state, 1, &mut body);
     let v = ik.solve().unwrap();
-    // forwards as it is asked to, and not sideways, where the wheel would slide
+    // moves forwards as requested, but not sideways, where the wheel would slide
     assert!((v[0] - 1.0).abs() < 1e-5 && v[1].abs() < 1e-5, "{v:?}");
     assert!((v[6] - 1.0 / 0.2).abs() < 1e-4, "{v:?}");
 }

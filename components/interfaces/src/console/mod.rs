@@ -1,8 +1,8 @@
 //! `log.console`: prints the newest values of topics of any type as lines, on standard error.
 //!
-//! The step only copies bytes to a bounded queue; a separate thread decodes them by the layout of their topic
-//! and prints them. A slow terminal or a full pipe never blocks the graph: lines are dropped and counted
-//! instead.
+//! The step only copies bytes to a bounded queue; a separate thread decodes them with the layout of their
+//! topic and prints them. A slow terminal or a full pipe never blocks the graph: lines are dropped and
+//! counted instead.
 
 mod queue;
 
@@ -89,7 +89,7 @@ impl Component for ConsoleLog {
             inputs.push(input);
         }
         if inputs.is_empty() {
-            let advice = "subscribe = { joint_state = \"TOPIC\" }, or name inputs of your own in `inputs`";
+            let advice = "subscribe = { joint_state = \"TOPIC\" }, or list additional inputs in `inputs`";
             return Err(ConfigureError::failed(format!(
                 "nothing to print: none of its inputs is wired; add {advice}"
             )));

@@ -8,7 +8,7 @@ use motorium::state::{TypeLayout, built_in};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Longest payload of a datagram over IPv4, bytes.
+/// Maximum payload of an IPv4 datagram, bytes.
 const LONGEST: usize = 65_507;
 
 /// The `config` table of `sensor.udp`.
@@ -96,14 +96,15 @@ impl UdpSensorConfig {
     pub(super) fn socket_address(&self) -> Result<SocketAddr, ConfigError> {
         if self.port == 0 {
             let error = ConfigError::key("port", "port 0 is not allowed, expected 1 to 65535");
-            return Err(error.advise("choose one that no other program receives on, such as 7400"));
+            return Err(error.advise("choose a port that no other program uses, such as 7400"));
         }
         let address: IpAddr = self.address.parse().map_err(|_| {
-            ConfigError::key("address", format!("\"{}\" is not an IP address", self.address))
-                .advise("write it in numbers: \"127.0.0.1\", or \"0.0.0.0\" for all addresses of the machine")
+            ConfigError::key("address", format!("\"{}\" is not an IP address", self.address)).advise(
+                "write it numerically: \"127.0.0.1\", or \"0.0.0.0\" for all addresses of the machine",
+            )
         })?;
         if !address.is_loopback() && self.from.is_empty() {
-            return Err(ConfigError::key("address", format!("{address} is reached from other machines"))
+            return Err(ConfigError::key("address", format!("{address} is reachable from other machines"))
                 .advise("list the accepted senders: `from = [\"192.168.1.7\"]`"));
         }
         Ok(SocketAddr::new(address, self.port))

@@ -25,14 +25,14 @@ use socket::{Datagram, Socket};
 
 /// Name of the output.
 const VALUE: &str = "value";
-/// Maximum number of datagrams read in one step; remaining ones release the next step.
+/// Maximum number of datagrams read in one step; the remaining ones trigger the next step.
 const TAKEN: usize = 64;
 
 /// A component that publishes the newest datagram.
 pub struct UdpSensor {
     socket: Socket,
     senders: Vec<Sender>,
-    /// The check of senders on this machine; `None` if all of its users are trusted.
+    /// Check of local senders; `None` if all users of this machine are trusted.
     owners: Option<Owners>,
     /// Addresses of this machine among the senders, other than loopback.
     own_addresses: Vec<IpAddr>,
@@ -40,7 +40,7 @@ pub struct UdpSensor {
     is_emergency_stop: bool,
     output: RawOutput,
     clock: RunClock,
-    /// Payload of the last datagram; one byte longer than a value.
+    /// Payload of the last datagram, with room for one byte more than a value.
     read: Box<[u8]>,
     /// The newest valid value of a step.
     newest: Box<[u8]>,
@@ -74,7 +74,8 @@ impl Component for UdpSensor {
         declare.raw_output(VALUE, config.layout()?, "newest datagram");
         declare.wakes_on_descriptor();
         if declare.clock() == ClockKind::Lockstep {
-            let warning = declare.warn("datagrams come in real time: no two runs in lockstep are the same");
+            let warning =
+                declare.warn("datagrams arrive in real time, so lockstep runs are not reproducible");
             warning.advise("simulate their source by a component in its place");
         }
         Ok(())
@@ -124,7 +125,8 @@ impl Component for UdpSensor {
             self.counts.lost = datagram.lost.unwrap_or(self.counts.lost);
             if self.admit(&datagram) {
                 if self.is_emergency_stop && self.read[..datagram.length].iter().any(|byte| *byte != 0) {
-                    // The stop takes effect whatever follows it in the same step; earlier values are older.
+                    // The stop takes effect regardless of later values in the same step; earlier values are
+                    // older.
                     self.counts.replaced += u64::from(newest.take().is_some());
                     core::mem::swap(&mut self.read, &mut self.newest);
                     self.publish(&datagram);
@@ -181,7 +183,7 @@ impl UdpSensor {
         checked.map_err(|defect| self.counts.refuse(defect)).is_ok() && self.is_owned(datagram)
     }
 
-    /// Returns `true` if a local sender is a process of this user or of root, and was so before.
+    /// Returns `false` for a local sender whose socket is not yet known to belong to this user or to root.
     fn is_owned(&mut self, datagram: &Datagram) -> bool {
         let Some(owners) = &mut self.owners else { return true };
         let is_local = |sender: &SocketAddr| {
@@ -273,7 +275,7 @@ mod tests {
     #[test]
     fn public_address_requires_a_list_of_senders() {
         let open = serde_json::json!({ "type": "motorium.Wrench", "port": 1, "address": "0.0.0.0" });
-        assert_eq!(refused(open).1, "0.0.0.0 is reached from other machines");
+        assert_eq!(refused(open).1, "0.0.0.0 is reachable from other machines");
         let known = serde_json::json!(
             { "type": "motorium.Wrench", "port": 1, "address": "::", "from": ["192.168.1.7", "10.0.0.1:5"] }
         );

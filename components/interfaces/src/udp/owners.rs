@@ -1,10 +1,10 @@
 //! Owners of this machine's UDP sockets, to authenticate local senders.
 //!
 //! UDP carries no credentials, but the kernel lists every socket with its address, its user and its inode.
-//! While a socket holds an address, no other user can send from it. A datagram is therefore from a socket of
-//! this user if the socket was listed before the datagram arrived and is still listed under the same inode.
-//! The first datagram of a socket only introduces the socket, because a program of another user could have
-//! sent it from the same address and exited.
+//! While a socket holds an address, no other user can send from it. A datagram therefore comes from a socket
+//! of this user if the socket was listed before the datagram arrived and is still listed under the same
+//! inode. The first datagram only introduces its socket: another user's program could have sent it from the
+//! same address and exited.
 
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _};
@@ -44,7 +44,7 @@ impl Known {
     }
 }
 
-/// Origin of a local datagram.
+/// Ownership of a local datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ownership {
     /// Sent by a socket of this user or of root.
@@ -168,7 +168,7 @@ fn ip(text: &str) -> Option<IpAddr> {
     }
 }
 
-/// Returns `true` if the address of the sender is one of this machine.
+/// Returns `true` if the sender's address belongs to this machine.
 pub(super) fn is_of_this_machine(address: IpAddr) -> bool {
     let address = address.to_canonical();
     address.is_loopback() || UdpSocket::bind((address, 0)).is_ok()

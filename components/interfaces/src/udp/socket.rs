@@ -1,4 +1,4 @@
-//! A UDP socket that reports the arrival time of each datagram and the number of lost ones.
+//! A UDP socket that reports the arrival time of each datagram and the number of lost datagrams.
 
 #![allow(unsafe_code)] // `recvmsg` has no safe wrapper that reports the receive times of datagrams
 
@@ -7,7 +7,7 @@ use std::mem::{size_of, zeroed};
 use std::net::{Ipv6Addr, SocketAddr, SocketAddrV4, SocketAddrV6, UdpSocket};
 use std::os::fd::{AsFd, AsRawFd as _, BorrowedFd};
 
-/// Room for the control messages of a datagram: its time, and the number of those that were lost.
+/// Room for the control messages of a datagram: its receive time, and the number of lost datagrams.
 const CONTROL: usize = 128;
 
 /// A non-blocking UDP socket.
@@ -22,8 +22,8 @@ pub(super) struct Datagram {
     /// Address of the sender; `None` if it is not an internet address.
     pub(super) sender: Option<SocketAddr>,
     /// Time at which the kernel received it, ns on `CLOCK_REALTIME`. The kernel starts stamping shortly after
-    /// the first socket of the machine requests it. A datagram that arrived earlier has the time at which it
-    /// is read.
+    /// the first socket on the machine requests it. A datagram that arrived earlier is stamped when it is
+    /// read.
     pub(super) received_ns: Option<u64>,
     /// Number of datagrams dropped by the kernel for lack of space since the socket was opened, modulo 2^32.
     pub(super) lost: Option<u32>,
@@ -85,8 +85,8 @@ impl AsFd for Socket {
 /// Extracts the receive time and the number of lost datagrams from the control messages.
 fn control_data(message: &libc::msghdr) -> (Option<u64>, Option<u32>) {
     let (mut received_ns, mut lost) = (None, None);
-    // SAFETY: the kernel has filled the control buffer of this header, and wrote its length; the macros stay
-    // within it, and each value is read from the data of a message of its type, at any alignment.
+    // SAFETY: the kernel has filled the control buffer of this header and set its length. The macros stay
+    // within that length, and each value is read unaligned from the data of a message of its type.
     unsafe {
         let mut head = libc::CMSG_FIRSTHDR(message);
         while let Some(control) = head.as_ref() {

@@ -11,7 +11,7 @@ use crate::{BuildError, Entry, Frame, Layout, LibraryParts, Metric, MotionLibrar
 /// Largest size of a library file, bytes.
 const LONGEST: u64 = 2 * 1024 * 1024 * 1024;
 
-/// The file is not a valid library.
+/// Error of a file that is not a valid library.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// The file system reported an error.
@@ -114,7 +114,7 @@ impl<'a> View<'a> {
         let rows = head.samples.checked_sub(1).and_then(|forces| forces.checked_mul(dofs));
         let rows = rows.ok_or_else(|| {
             FileError::Head(format!(
-                "{} samples of {dofs} degrees of freedom, which no file holds",
+                "{} samples of {dofs} degrees of freedom, which exceed the size of any file",
                 head.samples
             ))
         })?;
@@ -225,7 +225,7 @@ fn head(bytes: &[u8]) -> Result<Head, FileError> {
     let head: Head = serde_json::from_slice(text).map_err(|error| FileError::Head(error.to_string()))?;
     if head.labels.len() != head.ids.len() {
         let (ids, labels) = (head.ids.len(), head.labels.len());
-        return Err(FileError::Head(format!("{ids} ids and {labels} labels, expected as many")));
+        return Err(FileError::Head(format!("{ids} ids and {labels} labels, expected equal numbers")));
     }
     Ok(head)
 }

@@ -1,6 +1,6 @@
 //! Errors of Gaussian processes.
 
-/// The errors of Gaussian processes.
+/// An error of a Gaussian process.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GpError {
     /// The dimensions of the data do not match.
@@ -16,7 +16,7 @@ pub enum GpError {
     /// A value is not finite.
     #[error("{what} {index} is {value}, expected a finite number")]
     NotFinite {
-        /// The quantity that the value belongs to.
+        /// Quantity to which the value belongs.
         what: &'static str,
         /// Index of the value.
         index: usize,

@@ -17,19 +17,20 @@ pub(crate) struct Marginal {
     pub(crate) factor: Cholesky,
     /// `K^-1 y` of each output, one after the other.
     pub(crate) weights: Vec<f64>,
-    /// Rows of the covariance, without noise, from the diagonal on.
+    /// Rows of the covariance, without noise, starting at the diagonal.
     values: Vec<f64>,
     /// Derivatives of the covariance, if the kernel has them.
     slopes: Vec<f64>,
-    /// Rows of the inverse covariance, or of the gradient by the covariance, from the diagonal on.
+    /// Rows of the inverse covariance, or of the gradient with respect to the covariance, starting at the
+    /// diagonal.
     inverse: Vec<f64>,
 }
 
 /// Buffers to which gradients are added.
 pub(crate) struct Gradient<'a> {
-    /// Gradient by the logarithms of the kernel's parameters, then by the noise variance.
+    /// Gradient with respect to the logarithms of the kernel's parameters, then the noise variance.
     pub(crate) parameters: &'a mut [f64],
-    /// Gradient by the points, dimension by dimension.
+    /// Gradient with respect to the points, dimension by dimension.
     pub(crate) by_points: Option<&'a mut [f64]>,
 }
 

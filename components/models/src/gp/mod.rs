@@ -36,10 +36,10 @@ pub use sparse::{Approximation, SparseGaussianProcess, SparseScratch};
 use crate::kernel::{Kernel, Points};
 use crate::optimise::{Minimum, Options, minimise};
 
-/// Logarithms of hyperparameters stay within plus and minus this value during optimisation.
+/// Bound of the logarithms of hyperparameters during optimisation, in both directions.
 pub(crate) const LOG_RANGE: f64 = 12.0;
 
-/// Clamps logarithms; [`release`] drops gradients that point out of the range.
+/// Clamps logarithms to the range; [`release`] drops gradients that point out of it.
 pub(crate) fn clamp(logarithms: &mut [f64]) {
     logarithms.iter_mut().for_each(|value| *value = value.clamp(-LOG_RANGE, LOG_RANGE));
 }
@@ -111,22 +111,22 @@ impl GaussianProcess {
         Ok(made)
     }
 
-    /// The kernel.
+    /// Returns the kernel.
     pub fn kernel(&self) -> &Kernel {
         &self.kernel
     }
 
-    /// Noise variance.
+    /// Returns the noise variance.
     pub fn noise(&self) -> f64 {
         self.noise
     }
 
-    /// Number of points.
+    /// Returns the number of points.
     pub fn len(&self) -> usize {
         self.points.len()
     }
 
-    /// True without points.
+    /// Returns `true` if there are no points.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
@@ -145,7 +145,7 @@ impl GaussianProcess {
         Ok(())
     }
 
-    /// The logarithms of the kernel's parameters, then the noise variance.
+    /// Returns the logarithms of the kernel's parameters, then the logarithm of the noise variance.
     pub fn parameters(&self) -> Vec<f64> {
         let mut found = self.kernel.parameters();
         found.push(self.noise.ln());
@@ -173,17 +173,17 @@ impl GaussianProcess {
         assign(logarithms).or_else(|error| assign(&before).and(Err(error)))
     }
 
-    /// Number of inputs.
+    /// Returns the number of inputs.
     pub fn dimensions(&self) -> usize {
         self.points.dimensions()
     }
 
-    /// Number of outputs.
+    /// Returns the number of outputs.
     pub fn output_count(&self) -> usize {
         self.targets.len()
     }
 
-    /// Returns the negative log marginal likelihood at some parameters, and writes its gradient.
+    /// Returns the negative log marginal likelihood at the given parameters, and writes its gradient.
     ///
     /// # Errors
     /// If the covariance is not positive definite.
@@ -210,7 +210,7 @@ impl GaussianProcess {
         marginal.evaluate(&kernel, noise, &self.points, targets, Some(gradient))
     }
 
-    /// Fits the hyperparameters, starting from the current ones.
+    /// Fits the hyperparameters, starting from the current values.
     ///
     /// # Errors
     /// If the covariance is not positive definite.

@@ -9,7 +9,7 @@ use super::{GpError, check_finite, clamp, release};
 use crate::kernel::{Kernel, Points};
 use crate::optimise::{Minimum, Options, minimise};
 
-/// The approximation of the covariance `K`, with `Q = K_fu K_uu^-1 K_uf` of the inducing points `u`.
+/// Approximation of the covariance `K`, with `Q = K_fu K_uu^-1 K_uf` for the inducing points `u`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Approximation {
     /// Fully independent training conditional: `Q + diag(K - Q) + n I` (Snelson, Ghahramani, NIPS 2005).
@@ -56,8 +56,8 @@ pub struct SparseScratch {
     kernel: Vec<f64>,
 }
 
-/// Returns the indices of points far from each other: first the one nearest to the mean, then repeatedly the
-/// one farthest from the previous ones.
+/// Returns the indices of points far from each other: first the point nearest to the mean, then repeatedly
+/// the point farthest from all previous points.
 fn spread(points: &Points, count: usize) -> Vec<usize> {
     let n = points.len();
     let deviation = |d: usize| {
@@ -78,7 +78,7 @@ fn spread(points: &Points, count: usize) -> Vec<usize> {
         for (a, nearest) in nearest.iter_mut().enumerate() {
             *nearest = nearest.min(distance(a, &|d| points.coordinate(d)[last]));
         }
-        // repeated points add nothing
+        // repeated points have no effect
         let Some(next) = (0..n).max_by(|a, b| nearest[*a].total_cmp(&nearest[*b])) else { break };
         if nearest[next] <= 0.0 {
             break;
@@ -90,7 +90,7 @@ fn spread(points: &Points, count: usize) -> Vec<usize> {
 
 impl SparseGaussianProcess {
     /// Creates a process with a noise variance and data: `x` has one point of `dimensions` per row, `y` has
-    /// one row of `outputs` per point. `inducing` of the points, spread over all, become the inducing points;
+    /// one row of `outputs` per point. `inducing` points, spread over the data, become the inducing points;
     /// fewer if points repeat.
     ///
     /// # Errors
@@ -130,41 +130,41 @@ impl SparseGaussianProcess {
         Ok(Self { kernel, noise, approximation, points, inducing: chosen.len(), targets, fitted })
     }
 
-    /// The kernel.
+    /// Returns the kernel.
     pub fn kernel(&self) -> &Kernel {
         &self.kernel
     }
 
-    /// Noise variance.
+    /// Returns the noise variance.
     pub fn noise(&self) -> f64 {
         self.noise
     }
 
-    /// Number of inducing points.
+    /// Returns the number of inducing points.
     pub fn inducing(&self) -> usize {
         self.inducing
     }
 
     /// Returns the objective at the current hyperparameters: the negative log marginal likelihood of the
-    /// approximation, including the penalty of the variational one.
+    /// approximation, including the penalty of the variational approximation.
     pub fn objective(&self) -> f64 {
         self.fitted.energy
     }
 
-    /// Logarithms of the kernel's parameters and of the noise variance.
+    /// Returns the logarithms of the kernel's parameters and of the noise variance.
     pub fn parameters(&self) -> Vec<f64> {
         let mut found = self.kernel.parameters();
         found.push(self.noise.ln());
         found
     }
 
-    /// Returns the objective at some parameters, and writes its gradient.
+    /// Returns the objective at the given parameters, and writes its gradient.
     ///
     /// # Errors
     /// If a covariance is not positive definite.
     ///
     /// # Panics
-    /// If a slice is not as long as the parameters.
+    /// If the length of a slice differs from the number of parameters.
     pub fn energy(&self, parameters: &[f64], gradient: &mut [f64]) -> Result<f64, GpError> {
         let (noise, own) = parameters.split_last().expect("the noise");
         let mut kernel = self.kernel.clone();
@@ -178,7 +178,7 @@ impl SparseGaussianProcess {
     /// Fits the hyperparameters by L-BFGS; the inducing points stay fixed.
     ///
     /// # Errors
-    /// If a covariance is not positive definite at the end.
+    /// If a covariance is not positive definite at the final parameters.
     pub fn optimise(&mut self, options: &Options) -> Result<Minimum, GpError> {
         let mut parameters = self.parameters();
         clamp(&mut parameters);
@@ -311,11 +311,11 @@ impl Terms {
         Ok(Self { variances, projected, diagonal, pulled, fitted })
     }
 
-    /// Writes the gradient by the logarithms of the parameters.
+    /// Writes the gradient with respect to the logarithms of the parameters.
     ///
     /// With `S` the covariance of the approximation, `A = K_uu^-1 K_uf` and `G = (D S^-1 - sum a a^T) / 2`,
-    /// `a = S^-1 y`: the derivative by `K_uf` is `2 A G'` and by `K_uu` `-A G' A^T`, where `G'` is `G`
-    /// without the part that the diagonal of `K - Q` absorbs.
+    /// `a = S^-1 y`: the derivative with respect to `K_uf` is `2 A G'`, and with respect to `K_uu` it is
+    /// `-A G' A^T`. `G'` is `G` without the part absorbed by the diagonal of `K - Q`.
     fn gradient(
         &self,
         (kernel, noise): (&Kernel, f64),
@@ -385,7 +385,7 @@ impl Terms {
             kernel.add_gradient((row, points), covariances, &weights[..count], by_kernel, None);
         }
         for (i, (variance, weight)) in self.variances.iter().zip(&by_variance).enumerate() {
-            // the distance of a point from itself is 0, whatever the slope
+            // the distance of a point from itself is 0, so the slope is irrelevant
             kernel.add_gradient((m + i, points), (&[*variance], &[0.0]), &[*weight], by_kernel, None);
         }
     }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::space::Scaling;
 
-/// The functional form of a back constraint.
+/// Functional form of a back constraint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BackForm {
@@ -45,7 +45,7 @@ pub(super) struct Back {
     pub(super) weights: Vec<f64>,
 }
 
-/// Values that are computed once for all training poses.
+/// Values computed once for all training poses.
 pub(super) struct Prepared {
     /// Kernel: the `N x N` matrix. Network and pose: the poses, row by row.
     matrix: Vec<f64>,
@@ -196,7 +196,8 @@ impl Back {
         }
     }
 
-    /// Writes the gradient by the weights, computed from the gradient by the latent points.
+    /// Writes the gradient with respect to the weights, computed from the gradient with respect to the latent
+    /// points.
     pub(super) fn gradient(&self, prepared: &Prepared, by_latent: &[f64], out: &mut [f64]) {
         if self.variables() == 0 {
             return;

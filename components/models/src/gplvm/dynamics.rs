@@ -1,4 +1,4 @@
-//! A prior on latent points that follow each other: a Gaussian process from each point to the next.
+//! A prior on sequences of latent points: a Gaussian process from each point to the next.
 //!
 //! Reference: Wang, Fleet, Hertzmann, *Gaussian process dynamical models for human motion*, IEEE TPAMI 30,
 //! 2008.
@@ -12,7 +12,7 @@ use crate::kernel::{Kernel, Points, Stationary};
 pub(super) struct Dynamics {
     kernel: Kernel,
     noise: f64,
-    /// Points that begin a movement.
+    /// Points at which a movement starts.
     starts: Vec<usize>,
     /// Points with a successor.
     predecessors: Vec<usize>,
@@ -24,8 +24,8 @@ pub(super) struct Dynamics {
 }
 
 impl Dynamics {
-    /// Creates the prior of `points` latent points; `starts` are those that do not follow the point before
-    /// them. The first point always begins a movement.
+    /// Creates the prior of `points` latent points. `starts` are the points that do not follow the previous
+    /// point; the first point always starts a movement.
     ///
     /// # Errors
     /// If a start is out of range, or no point follows another one.
@@ -65,7 +65,7 @@ impl Dynamics {
         found
     }
 
-    /// Returns the negative logarithm of the prior at some parameters, and adds its gradients.
+    /// Returns the negative logarithm of the prior at the given parameters, and adds its gradients.
     ///
     /// # Errors
     /// If the covariance is not positive definite.
@@ -95,7 +95,7 @@ impl Dynamics {
         release(parameters, by_parameters);
         for d in 0..points.dimensions() {
             let (x, by_points) = (points.coordinate(d), &mut by_points[d * n..(d + 1) * n]);
-            // the derivative by a target is K^-1 y
+            // the derivative with respect to a target is K^-1 y
             let slopes = self.by_inputs[d * count..].iter().zip(&self.marginal.weights[d * count..]);
             for (index, (by_input, by_target)) in self.predecessors.iter().zip(slopes) {
                 by_points[*index] += by_input;

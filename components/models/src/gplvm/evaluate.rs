@@ -52,7 +52,7 @@ pub fn compare(
     Ok(made.collect())
 }
 
-/// Checks that two spaces have poses at the same instants, and enough of them for the folds.
+/// Checks that two spaces have poses at the same instants, and enough poses for the folds.
 pub(super) fn check_pair(human: &Poses, robot: &Poses, folds: usize) -> Result<(), LatentError> {
     let n = human.len();
     if robot.len() != n {

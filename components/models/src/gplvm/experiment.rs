@@ -1,4 +1,4 @@
-//! Experiments on transfer: compared with full training, and with few poses of the robot.
+//! Transfer experiments: comparison with full training, and transfer with few poses of the robot.
 
 use std::time::Instant;
 
@@ -35,9 +35,9 @@ pub struct TransferResult {
     pub transferred: Estimate,
     /// Mean squared error of a model trained for the human and this robot.
     pub trained: Estimate,
-    /// Duration of the transfer and of the training, s.
+    /// Duration of the transfer, s.
     pub transfer_seconds: Estimate,
-    /// See `transfer_seconds`.
+    /// Duration of the training, s.
     pub training_seconds: Estimate,
 }
 
@@ -136,7 +136,7 @@ pub fn trained_together(
 }
 
 /// Computes errors with few poses of the robot. In each split a fifth of the poses is held out. The robot has
-/// `counts` of the others, sampled at random; the human and `source` have all of them.
+/// `counts` of the remaining poses, sampled at random; the human and `source` have all of them.
 ///
 /// # Errors
 /// If sizes do not match, or a count is below 2 or above the number of poses of a split.

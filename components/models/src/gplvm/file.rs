@@ -7,11 +7,11 @@
 //! |---|---|
 //! | `latents` | number of latent dimensions |
 //! | `x` | latent points, row by row |
-//! | `spaces` | per space: name, columns, mean, scale, kernel, noise, and `targets`: standardised poses by column |
+//! | `spaces` | per space: name, columns, mean, scale, kernel, noise, `targets` (standardised, by column) |
 //! | `back` | the back constraint, or null |
 //! | `source` | folder of the poses, if known |
 //!
-//! Numbers are written so that reading restores them bit for bit.
+//! Reading restores numbers bit for bit.
 
 use std::path::Path;
 
@@ -27,7 +27,7 @@ pub const VERSION: u32 = 1;
 
 const MAGIC: &str = "motorium-latent";
 
-/// The errors of reading and writing a model.
+/// A model file cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// The file cannot be read or written.
@@ -45,9 +45,7 @@ pub enum FileError {
         found: String,
     },
     /// The version is not supported.
-    #[error(
-        "version {found} of the format, expected {VERSION}\nhelp: train the model again with this program"
-    )]
+    #[error("format version {found}, expected {VERSION}\nhelp: train the model again with this program")]
     Version {
         /// The version found.
         found: String,

@@ -18,7 +18,7 @@ impl LatentModel {
     }
 
     /// Writes the mean pose of a space at a latent point, and the variance of an observation for each column.
-    /// Returns the share of the kernel's variance that the training poses do not explain: 0 where they
+    /// Returns the fraction of the kernel's variance not explained by the training poses: 0 where they
     /// determine the pose, 1 far from all of them. Does not allocate.
     ///
     /// # Panics
@@ -81,7 +81,7 @@ impl LatentModel {
     /// constraint. Does not allocate.
     ///
     /// # Panics
-    /// If a slice has the wrong length: `standard` is as long as the pose.
+    /// If a slice has the wrong length; `standard` has the length of the pose.
     pub fn map_back(&self, pose: &[f64], standard: &mut [f64], x: &mut [f64]) -> bool {
         let Some(back) = &self.back else { return false };
         let space = &self.spaces[back.space];

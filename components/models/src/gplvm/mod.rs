@@ -1,17 +1,18 @@
 //! Latent spaces shared by a human and any number of robots (shared Gaussian process latent variable models).
 //!
-//! Each space `i`, a set of poses `Y_i` with `N` rows, is a Gaussian process of one latent matrix `X` with
-//! `N` rows and `q` columns: `E_i = (D_i N ln 2 pi + D_i ln |K_i| + tr K_i^-1 Y_i Y_i^T) / 2`, with an RBF
-//! kernel with one length scale for each latent dimension and noise. Training minimises `sum_i E_i + |X|^2 /
-//! 2` by L-BFGS with analytic gradients, starting from the principal components of the first space.
+//! Each space `i`, a set of poses `Y_i` with `N` rows, is a Gaussian process of a common latent matrix `X`
+//! with `N` rows and `q` columns: `E_i = (D_i N ln 2 pi + D_i ln |K_i| + tr K_i^-1 Y_i Y_i^T) / 2`, with an
+//! RBF kernel with one length scale for each latent dimension and noise. Training minimises
+//! `sum_i E_i + |X|^2 / 2` by L-BFGS with analytic gradients, starting from the principal components of the
+//! first space.
 //!
 //! **Back constraints** make the latent point a function of one space's pose: the standardised pose itself
 //! (the default), a kernel regression, or a network with one hidden layer. A new pose then maps directly to a
-//! latent point. If the latent point is the pose, the spaces share no unknowns, so each is fitted alone, as
-//! in a transfer.
+//! latent point. If the latent point is the pose, the spaces share no unknowns, and each space is fitted
+//! separately, as in a transfer.
 //!
-//! A **prior** on the latent points is flat, standard normal (the default), or a Gaussian process from each
-//! point to the next one of its movement.
+//! The **prior** on the latent points is flat, standard normal (the default), or a Gaussian process from each
+//! point to the next point of its movement.
 //!
 //! **Transfer** adds a robot to a trained model: `X` and all other spaces stay fixed, and only the robot's
 //! `q + 2` hyperparameters are fitted, from three starts.
@@ -47,7 +48,7 @@ pub use train::{Prior, Settings, Trained, Workspace};
 
 use crate::gp::GpError;
 
-/// The errors of latent models.
+/// An error of a latent model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LatentError {
     /// The poses of a space are invalid.

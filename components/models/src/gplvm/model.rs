@@ -22,35 +22,35 @@ pub struct LatentModel {
 /// The result of [`LatentModel::transfer`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transferred {
-    /// Objective of each start where it ended: of the best at the end, of the others after a few iterations.
+    /// Final objective of each start: at convergence for the best start, after a few iterations for the
+    /// others.
     pub starts: Vec<f64>,
     /// The best start.
     pub minimum: Minimum,
     /// Mean squared error of each pose predicted from the latent points of all others, relative to the
     /// variance.
     pub left_out: f64,
-    /// Set if the noise is more than half of the variance, or `left_out` more than 0.8: the space hardly
-    /// depends on the latent point.
+    /// Set if the noise exceeds half of the variance, or `left_out` exceeds 0.8: the space hardly depends on
+    /// the latent point.
     pub warning: Option<String>,
 }
 
 /// The result of fitting one space to the latent points.
 pub(super) struct Fitted {
-    /// Objective at the beginning of the best start.
+    /// Initial objective of the best start.
     pub(super) start: f64,
-    /// Objective of each start where it ended.
+    /// Final objective of each start.
     pub(super) starts: Vec<f64>,
     /// The best start.
     pub(super) minimum: Minimum,
 }
 
-/// Iterations from each start, of which only the best continues. The paired poses of arms need 20 to 60 to
-/// the end, and the order of their starts does not change after these.
+/// Iterations from each start before only the best continues. Paired poses of arms need 20 to 60 iterations
+/// to converge, and the ranking of their starts no longer changes after this number.
 const TRIAL: usize = 8;
 /// Fraction of the noise above which a transfer warns.
 const NOISY: f64 = 0.5;
-/// Leave-one-out error above which a transfer warns: short length scales fit noise as well as the noise term
-/// does.
+/// Leave-one-out error above which a transfer warns: short length scales fit noise like the noise term.
 const UNPREDICTABLE: f64 = 0.8;
 
 pub(super) fn find(spaces: &[Space], name: &str) -> Result<usize, LatentError> {
@@ -95,7 +95,7 @@ impl LatentModel {
         self.points.dimensions()
     }
 
-    /// Number of poses.
+    /// Returns the number of poses.
     pub fn poses(&self) -> usize {
         self.points.len()
     }
@@ -105,17 +105,17 @@ impl LatentModel {
         self.points.to_rows()
     }
 
-    /// The folder with the poses of the training, if known.
+    /// Returns the folder of the training poses, if known.
     pub fn source(&self) -> Option<&str> {
         self.source.as_deref()
     }
 
-    /// Sets the folder with the poses of the training, which the file then names.
+    /// Sets the folder of the training poses, which is stored in the file.
     pub fn set_source(&mut self, folder: &str) {
         self.source = Some(folder.to_string());
     }
 
-    /// The spaces.
+    /// Returns the spaces.
     pub fn spaces(&self) -> &[Space] {
         &self.spaces
     }
@@ -188,8 +188,8 @@ impl LatentModel {
     /// Adds a robot while the latent points and all other spaces stay fixed. There are three starts: the
     /// hyperparameters of the last space; the standard deviations of the latent points as length scales with
     /// noise 0.01; and these divided by e with noise 0.1. If the latent point is the pose itself
-    /// ([`BackForm::Pose`]), the latter two are longer by the square root of the number of its dimensions.
-    /// After a few iterations from each, only the best start continues.
+    /// ([`BackForm::Pose`]), the length scales of the latter two are multiplied by the square root of the
+    /// number of its dimensions. After a few iterations from each, only the best start continues.
     ///
     /// # Errors
     /// If the poses do not match the model or no start has a positive definite covariance.
@@ -244,7 +244,7 @@ impl LatentModel {
             starts.insert(0, last.parameters());
         }
         let mut marginal = Marginal::new();
-        // minimises from parameters, and returns the objective there, too
+        // minimises from `parameters`; also returns the initial objective
         let mut descend = |parameters: &mut Vec<f64>, iterations: usize| {
             let options = Options { iterations, improvement: 1e-8, ..Options::default() };
             let mut first = None;

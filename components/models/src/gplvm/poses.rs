@@ -17,7 +17,7 @@ pub struct Poses {
     pub columns: Vec<String>,
     /// Poses, one per row.
     pub values: Vec<f64>,
-    /// Rows at which the label `clip` changes: the starts of movements. The first row is one.
+    /// Rows at which the label `clip` changes: the starts of movements, including the first row.
     pub starts: Vec<usize>,
 }
 
@@ -110,7 +110,7 @@ impl Poses {
         Ok(Self { name: name.to_string(), columns, values, starts })
     }
 
-    /// Number of poses.
+    /// Returns the number of poses.
     pub fn len(&self) -> usize {
         self.values.len() / self.columns.len()
     }
@@ -120,7 +120,7 @@ impl Poses {
         self.values.is_empty()
     }
 
-    /// Returns the poses whose index satisfies a condition. Each begins a movement.
+    /// Returns the poses whose index satisfies a condition. Each pose starts a movement.
     pub(super) fn select(&self, keep: impl Fn(usize) -> bool) -> Self {
         let rows = self.values.chunks_exact(self.columns.len()).enumerate();
         let values: Vec<f64> = rows.filter(|(i, _)| keep(*i)).flat_map(|(_, row)| row.to_vec()).collect();
@@ -128,7 +128,7 @@ impl Poses {
         Self { values, starts, ..self.clone() }
     }
 
-    /// Returns the poses with these indices, in this order. Each begins a movement.
+    /// Returns the poses with these indices, in this order. Each pose starts a movement.
     pub(super) fn rows_at(&self, indices: &[usize]) -> Self {
         let d = self.columns.len();
         let values = indices.iter().flat_map(|i| &self.values[i * d..(i + 1) * d]).copied().collect();

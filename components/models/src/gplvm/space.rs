@@ -42,8 +42,8 @@ pub struct Space {
 pub(super) enum Scaling {
     /// Each column is scaled by its standard deviation.
     Columns,
-    /// All columns are scaled by the square root of their mean variance, so their errors count in the units
-    /// of the columns.
+    /// All columns are scaled by the square root of their mean variance, which keeps the relative weights of
+    /// their errors.
     Common,
 }
 
@@ -85,18 +85,18 @@ impl Space {
         Self { targets, ..self.clone() }
     }
 
-    /// Number of columns.
+    /// Returns the number of columns.
     pub fn dimensions(&self) -> usize {
         self.mean.len()
     }
 
-    /// Number of poses.
+    /// Returns the number of poses.
     pub fn poses(&self) -> usize {
         self.targets.len() / self.mean.len()
     }
 
-    /// Returns the share of the noise in the variance that the model explains; near 1, the space does not
-    /// depend on the latent point.
+    /// Returns the fraction of noise in the model's variance; near 1, the space does not depend on the latent
+    /// point.
     pub fn noise_share(&self) -> f64 {
         self.noise / (self.noise + self.kernel.variance)
     }

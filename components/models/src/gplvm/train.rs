@@ -19,11 +19,11 @@ pub enum Prior {
     /// Standard normal; constant if the latent point is a pose.
     #[default]
     Normal,
-    /// Points that follow each other: a Gaussian process from each to the next, with an RBF and a linear
-    /// kernel whose hyperparameters are trained along, and a standard normal prior on the points that begin a
+    /// Sequences of points: a Gaussian process from each point to the next, with an RBF and a linear kernel
+    /// whose hyperparameters are also trained, and a standard normal prior on the points that start a
     /// movement. Keeps the latent points of a movement close together. Not for a latent point that is a pose.
     Dynamics {
-        /// Rows of the poses that begin a movement; the first row always does.
+        /// Rows of the poses that start a movement; the first row always does.
         starts: Vec<usize>,
     },
 }
@@ -39,7 +39,7 @@ pub struct Settings {
     pub back: Option<(String, BackForm)>,
     /// Prior on the latent points. Default: [`Prior::Normal`].
     pub prior: Prior,
-    /// Largest number of iterations, for each space and start if the latent point is a pose. Default: 300.
+    /// Maximum number of iterations; per space and start if the latent point is a pose. Default: 300.
     pub iterations: usize,
 }
 
@@ -62,7 +62,7 @@ pub struct Trained {
     pub minimum: Minimum,
 }
 
-/// Matrices of [`LatentModel::energy`], reused by its next call.
+/// Workspace of [`LatentModel::energy`], reused between calls.
 #[derive(Clone, Debug)]
 pub struct Workspace(Marginal);
 
@@ -82,7 +82,7 @@ struct Objective<'a> {
     prior: PriorTerm,
 }
 
-/// A prior with its memory.
+/// A prior with its workspace.
 enum PriorTerm {
     None,
     Normal,
@@ -240,7 +240,7 @@ impl LatentModel {
                 expected,
             });
         };
-        // the space whose principal components start the training, or whose poses are the latent points
+        // the space whose principal components initialise the training, or whose poses are the latent points
         let first = match pose {
             Some((name, _)) => &spaces[super::model::find(&spaces, name)?],
             None => first,
@@ -319,9 +319,9 @@ impl LatentModel {
         Ok((model, Trained { start, minimum: sum }))
     }
 
-    /// Returns the objective of one space at latent points (row by row), without a prior, and its gradients:
-    /// by the latent points, row by row, and by the logarithms of variance, length scales and noise.
-    /// `targets` is not standardised.
+    /// Returns the objective of one space at latent points (row by row), without a prior, and its gradients
+    /// with respect to the latent points, row by row, and to the logarithms of variance, length scales and
+    /// noise. `targets` is not standardised.
     ///
     /// # Errors
     /// If the covariance is not positive definite.

@@ -1,13 +1,13 @@
-//! Hidden semi-Markov models, in which the time spent in a state has an explicit distribution.
+//! Hidden semi-Markov models, with an explicit distribution of the time spent in a state.
 
 use super::{Hmm, HmmError, check_distribution};
 
 /// A hidden Markov model whose states last for explicit numbers of observations.
 ///
-/// `P(d | s)` is a table for each state, from 1 observation to a longest duration; the rest is the
+/// `P(d | s)` is a table for each state, from 1 observation to a maximum duration; the remainder is the
 /// probability of longer stays. States are entered by the transitions of the underlying model, without
-/// self-transitions. The last stay of a sequence may be truncated: it counts with the probability of at least
-/// its length. Reference: Yu, *Hidden semi-Markov models*, Artificial Intelligence 174, 2010.
+/// self-transitions. The last stay of a sequence may be truncated: it has the probability of at least its
+/// length. Reference: Yu, *Hidden semi-Markov models*, Artificial Intelligence 174, 2010.
 #[derive(Clone, Debug)]
 pub struct Hsmm {
     model: Hmm,
@@ -33,8 +33,8 @@ fn add(a: f64, b: f64) -> f64 {
 }
 
 impl Hsmm {
-    /// Creates a model with the states of `model` and a table of durations, one row per state, each as long
-    /// as the longest duration.
+    /// Creates a model with the states of `model` and a table of durations: one row per state, with one
+    /// column per duration.
     ///
     /// # Errors
     /// If the table has the wrong size, or a row is not part of a distribution.
@@ -134,8 +134,9 @@ impl Hsmm {
         Ok(sums)
     }
 
-    /// Visits the values of stays that end at each row as `(end, state, begin, value)`, in the order of ends.
-    /// `ended` provides the value of ending there.
+    /// Runs the recursion over stays, in the order of their ends. `combine` accumulates the values of stays
+    /// that end in one state, and `enter` the values of entering one, as `(row, from, to, value, total)`.
+    /// Returns the value of all stays that end with the sequence.
     fn stays(
         &self,
         sequence: &[f64],
@@ -222,9 +223,9 @@ impl Hsmm {
     }
 
     /// Fits observations, transitions and normal durations to the most probable paths of some sequences.
-    /// Stops when the joint log-probability rises by less than `tolerance`, or falls, which the floors of
-    /// variances and durations allow. Returns the joint log-probability before each iteration. Truncated
-    /// stays count with their length.
+    /// Stops when the joint log-probability increases by less than `tolerance`, or decreases, which is
+    /// possible because of the floors of variances and durations. Returns the joint log-probability before
+    /// each iteration. Truncated stays are counted with their observed length.
     ///
     /// # Errors
     /// If a sequence is invalid or impossible, or a covariance is no longer positive definite.
@@ -271,8 +272,8 @@ impl Hsmm {
             let n = lengths.len() as f64;
             let mean = lengths.iter().sum::<f64>() / n;
             let variance = lengths.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>() / n;
-            // one movement has no information about the variation of durations: use a tenth of the mean, at
-            // least half an observation
+            // one movement contains no information about the variation of durations: use a tenth of the mean,
+            // at least half an observation
             let deviation = variance.sqrt().max(0.1 * mean).max(0.5);
             row.iter_mut()
                 .enumerate()

@@ -2,7 +2,7 @@
 
 use motorium_algebra::Cholesky;
 
-/// The form of covariances.
+/// Form of covariances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// Variances of independent columns.
@@ -22,7 +22,7 @@ pub(super) struct Gaussian {
 }
 
 impl Gaussian {
-    /// Returns `None` if the covariance is not positive definite.
+    /// Creates the model; `None` if the covariance is not positive definite.
     pub(super) fn new(mean: &[f64], covariance: &[f64]) -> Option<Self> {
         let d = mean.len();
         let mut factor = Cholesky::with_capacity(d);
@@ -39,7 +39,7 @@ impl Gaussian {
     }
 }
 
-/// Mean and covariance of rows.
+/// Returns the mean and covariance of rows.
 pub(super) fn moments(rows: &[f64], d: usize) -> (Vec<f64>, Vec<f64>) {
     let n = (rows.len() / d) as f64;
     let mut mean = vec![0.0; d];

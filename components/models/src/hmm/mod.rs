@@ -2,8 +2,8 @@
 //!
 //! A chain of `K` states: `P(s_1 = i) = pi_i`, `P(s_{t+1} = j | s_t = i) = A_ij`, `y_t | s_t ~ N(m_s, C_s)`.
 //! The scaled forward-backward recursion computes the likelihood and the E-step, [`viterbi`](Hmm::viterbi)
-//! the most probable path. A **left-right** model starts in the first state and moves only to the same or the
-//! next state; entries of `A` that are 0 stay 0 in training. Reference: Rabiner, *A tutorial on hidden Markov
+//! the most probable path. A **left-right** model starts in the first state and stays or moves to the next
+//! state only; entries of `A` that are 0 stay 0 in training. Reference: Rabiner, *A tutorial on hidden Markov
 //! models and selected applications in speech recognition*, Proc. IEEE 77, 1989.
 //!
 //! [`Hsmm`] adds an explicit distribution of the time spent in a state. Movements are reproduced by
@@ -32,7 +32,7 @@ pub use reproduction::{Regression, Tracker};
 
 use gaussian::Gaussian;
 
-/// The errors of hidden Markov models.
+/// An error of a hidden Markov model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum HmmError {
     /// A list has the wrong length.
@@ -186,17 +186,17 @@ impl Hmm {
         Ok(made)
     }
 
-    /// Number of states.
+    /// Returns the number of states.
     pub fn states(&self) -> usize {
         self.start.len()
     }
 
-    /// Columns of an observation.
+    /// Returns the number of columns of an observation.
     pub fn dimensions(&self) -> usize {
         self.dimensions
     }
 
-    /// Start probabilities.
+    /// Returns the start probabilities.
     pub fn start(&self) -> &[f64] {
         &self.start
     }
@@ -206,12 +206,12 @@ impl Hmm {
         &self.transitions
     }
 
-    /// Mean of a state.
+    /// Returns the mean of a state.
     pub fn mean(&self, state: usize) -> &[f64] {
         &self.gaussians[state].mean
     }
 
-    /// Covariance of a state, row by row.
+    /// Returns the covariance of a state, row by row.
     pub fn covariance(&self, state: usize) -> &[f64] {
         &self.gaussians[state].covariance
     }

@@ -6,7 +6,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::{Hmm, HmmError};
 
-/// Gaussian mixture regression with the states of a model: some columns of an observation, given others.
+/// Gaussian mixture regression with the states of a model: predicts some columns of an observation from the
+/// others.
 ///
 /// `h_i ~ P(s_t = i | inputs so far)` from the forward recursion on the input columns, and `y = sum_i h_i
 /// (m_i^o + C_i^oi (C_i^ii)^-1 (x - m_i^i))`. Reference: Calinon and others, *Learning and reproduction of
@@ -22,11 +23,11 @@ pub struct Regression {
 }
 
 impl Regression {
-    /// Creates a regression whose outputs are all columns that are not inputs.
+    /// Creates a regression with all columns that are not inputs as outputs.
     ///
     /// # Errors
-    /// If `inputs` is empty, contains a column twice or one that does not exist, or leaves no output; or a
-    /// covariance of the inputs is not positive definite.
+    /// If `inputs` is empty, contains a duplicate or missing column, or leaves no output, or if a covariance
+    /// of the inputs is not positive definite.
     pub fn new(model: &Hmm, inputs: &[usize]) -> Result<Self, HmmError> {
         let (k, d) = (model.states(), model.dimensions());
         let outputs: Vec<usize> = (0..d).filter(|column| !inputs.contains(column)).collect();
@@ -60,12 +61,12 @@ impl Regression {
         Ok(Self { inputs: inputs.to_vec(), outputs, marginal, gains })
     }
 
-    /// The input columns.
+    /// Returns the input columns.
     pub fn inputs(&self) -> &[usize] {
         &self.inputs
     }
 
-    /// The output columns.
+    /// Returns the output columns.
     pub fn outputs(&self) -> &[usize] {
         &self.outputs
     }
@@ -90,8 +91,8 @@ impl Regression {
     }
 }
 
-/// Follows a path of states by a double integrator, closely where a state is precise and loosely where it is
-/// not.
+/// Tracks a path of states with a double integrator: closely where the variance of a state is small, loosely
+/// where it is large.
 ///
 /// `min sum_t (y_t - m_s)^T C_s^-1 (y_t - m_s) + r |u_t|^2` with `y'' = u`, sampled at `dt`, by the backward
 /// Riccati recursion. Reference: Calinon, *A tutorial on task-parameterized movement learning and retrieval*,
@@ -105,12 +106,11 @@ pub struct Tracker {
 }
 
 impl Tracker {
-    /// Creates the regulator of a path, with the weight `effort` of squared accelerations, in s^4 per unit of
+    /// Creates the regulator of a path. `effort` is the weight of squared accelerations, in s^4 per unit of
     /// the data squared.
     ///
     /// # Errors
-    /// If the path is empty or contains a state that does not exist, or `dt` or `effort` is not positive and
-    /// finite.
+    /// If the path is empty or contains an unknown state, or `dt` or `effort` is not positive and finite.
     pub fn new(model: &Hmm, path: &[usize], dt: f64, effort: f64) -> Result<Self, HmmError> {
         let d = model.dimensions();
         if let Some(state) = path.iter().find(|state| **state >= model.states()) {
@@ -162,7 +162,7 @@ impl Tracker {
         Ok(Self { dimensions: d, dt, steps })
     }
 
-    /// Returns the movement from a position at rest, one row per state of the path.
+    /// Returns the movement starting at rest at a position, one row per state of the path.
     ///
     /// # Errors
     /// If the position has the wrong number of columns.

@@ -9,7 +9,7 @@ struct Sums {
     transitions: Vec<f64>,
     occupancy: Vec<f64>,
     first: Vec<f64>,
-    /// Second moments about the current mean, so that subtracting squares does not cancel.
+    /// Second moments about the current mean, to avoid cancellation.
     second: Vec<f64>,
 }
 
@@ -100,12 +100,12 @@ impl Hmm {
         Ok(likelihood)
     }
 
-    /// Runs expectation maximisation over some sequences, until an iteration raises the log-likelihood by
+    /// Runs expectation maximisation over the sequences until an iteration increases the log-likelihood by
     /// less than `tolerance`. Returns the log-likelihood before each iteration.
     ///
     /// # Errors
     /// If a sequence is invalid or impossible, or a covariance is no longer positive definite. The model then
-    /// has the result of the last complete iteration.
+    /// contains the result of the last complete iteration.
     pub fn train(
         &mut self,
         sequences: &[&[f64]],
@@ -136,8 +136,8 @@ impl Hmm {
         Ok(history)
     }
 
-    /// Returns the model whose observations, transitions and start are the moments of sequences with known
-    /// states. States that are never visited, and transitions from them, stay unchanged.
+    /// Returns the model whose observations, transitions and start probabilities are the moments of sequences
+    /// with known states. Unvisited states, and transitions from them, are unchanged.
     pub(super) fn segmented(&self, sequences: &[&[f64]], paths: &[Vec<usize>]) -> Result<Self, HmmError> {
         let (k, d) = (self.states(), self.dimensions());
         let mut made = self.clone();
@@ -173,7 +173,7 @@ impl Hmm {
         let mut gaussians = vec![];
         for (state, gaussian) in self.gaussians.iter().enumerate() {
             let occupancy = sums.occupancy[state];
-            // a state that is never visited keeps its observations
+            // an unvisited state keeps its observations
             if occupancy <= 1e-12 {
                 gaussians.push(gaussian.clone());
                 continue;

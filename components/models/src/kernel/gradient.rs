@@ -3,10 +3,10 @@
 use super::{Kernel, Points, stationary};
 
 impl Kernel {
-    /// Adds the gradients of `sum_b weights[b] k(x_a, x_b)` for point `a` and the points `b >= a`: by the
-    /// logarithms of the parameters to `parameters`, and by the points to `by_points` (dimension by
-    /// dimension) if given. `values` and `slopes` are the row of the covariances and their derivatives that
-    /// [`row_with_slopes`](Self::row_with_slopes) writes.
+    /// Adds the gradients of `sum_b weights[b] k(x_a, x_b)` for point `a` and the points `b >= a`: with
+    /// respect to the logarithms of the parameters to `parameters`, and with respect to the points to
+    /// `by_points` (dimension by dimension), if given. `values` and `slopes` are the row of covariances and
+    /// their derivatives written by [`row_with_slopes`](Self::row_with_slopes).
     ///
     /// # Panics
     /// If a slice is too short.
@@ -73,8 +73,8 @@ impl Kernel {
         }
     }
 
-    /// Propagates gradients to the parts of a kernel. Sums pass the weights on to their parts; a part of a
-    /// product is weighted by the other parts.
+    /// Propagates gradients to the parts of a kernel. Parts of a sum have the weights of the sum; a part of a
+    /// product is also weighted by the other parts.
     fn add_parts(
         &self,
         (a, query): (usize, &[f64]),

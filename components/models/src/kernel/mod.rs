@@ -55,12 +55,12 @@ pub enum Kernel {
 }
 
 impl Kernel {
-    /// An RBF kernel of variance 1 with one length scale for each dimension.
+    /// Creates an RBF kernel of variance 1 with one length scale for each dimension.
     pub fn rbf(dimensions: usize, length: f64) -> Self {
         Self::Rbf(Stationary::new(1.0, &vec![length; dimensions]))
     }
 
-    /// A Matern 5/2 kernel of variance 1 with one length scale for each dimension.
+    /// Creates a Matern 5/2 kernel of variance 1 with one length scale for each dimension.
     pub fn matern52(dimensions: usize, length: f64) -> Self {
         Self::Matern52(Stationary::new(1.0, &vec![length; dimensions]))
     }
@@ -103,7 +103,7 @@ impl Kernel {
         }
     }
 
-    /// Number of parameters.
+    /// Returns the number of parameters.
     pub fn parameter_count(&self) -> usize {
         match self {
             Self::Rbf(s) | Self::Matern32(s) | Self::Matern52(s) => 1 + s.lengths.len(),
@@ -114,7 +114,7 @@ impl Kernel {
         }
     }
 
-    /// Logarithms of the parameters.
+    /// Returns the logarithms of the parameters.
     pub fn parameters(&self) -> Vec<f64> {
         let mut found = Vec::with_capacity(self.parameter_count());
         self.clone().each(&mut |value| found.push(value.ln()));
@@ -144,7 +144,7 @@ impl Kernel {
     /// the query among the points, if it is one of them. Does not allocate.
     ///
     /// # Panics
-    /// If `scratch` has fewer than [`scratch_rows`](Self::scratch_rows) rows as long as `out`.
+    /// If `scratch` has fewer than [`scratch_rows`](Self::scratch_rows) rows of the length of `out`.
     pub fn row(
         &self,
         (query, own): (&[f64], Option<usize>),
@@ -202,11 +202,11 @@ impl Kernel {
         }
     }
 
-    /// Writes covariances as [`row`](Self::row) does, and for an RBF or Matern kernel their derivatives by
-    /// `r^2 / 2`; other kernels leave `slopes` unchanged.
+    /// Writes covariances like [`row`](Self::row) and, for an RBF or Matern kernel, their derivatives with
+    /// respect to `r^2 / 2`. Other kernels leave `slopes` unchanged.
     ///
     /// # Panics
-    /// As [`row`](Self::row), and if `slopes` is shorter than `out`.
+    /// Like [`row`](Self::row), and if `slopes` is shorter than `out`.
     pub fn row_with_slopes(
         &self,
         (query, own): (&[f64], Option<usize>),
@@ -224,7 +224,7 @@ impl Kernel {
         stationary::row_with_slopes(profile, s, query, points, first, (out, slopes));
     }
 
-    /// Returns the variance at a point, without independent noise unless `own`.
+    /// Returns the variance at a point; includes independent noise if `own`.
     pub fn variance(&self, x: &[f64], own: bool) -> f64 {
         match self {
             Self::Rbf(s) | Self::Matern32(s) | Self::Matern52(s) | Self::Periodic { scales: s, .. } => {

@@ -1,6 +1,6 @@
 //! Inputs of a kernel, stored by dimension.
 
-/// Points in some dimensions, stored one dimension after another so that loops over points are contiguous.
+/// Points stored one dimension after another, which makes loops over points contiguous.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Points {
     dimensions: usize,
@@ -30,12 +30,12 @@ impl Points {
         Self { dimensions, count, capacity: count, values }
     }
 
-    /// Dimensions of a point.
+    /// Returns the number of dimensions of a point.
     pub fn dimensions(&self) -> usize {
         self.dimensions
     }
 
-    /// Number of points.
+    /// Returns the number of points.
     pub fn len(&self) -> usize {
         self.count
     }
@@ -62,7 +62,7 @@ impl Points {
         }
     }
 
-    /// The points as rows.
+    /// Returns the points as rows.
     pub fn to_rows(&self) -> Vec<f64> {
         (0..self.count).flat_map(|i| (0..self.dimensions).map(move |d| self.coordinate(d)[i])).collect()
     }
@@ -87,7 +87,7 @@ impl Points {
         self.count += 1;
     }
 
-    /// Removes a point; later ones move up.
+    /// Removes a point; later points move up.
     pub fn remove(&mut self, index: usize) {
         for d in 0..self.dimensions {
             self.coordinate_mut(d).copy_within(index + 1.., index);

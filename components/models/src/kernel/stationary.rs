@@ -16,7 +16,7 @@ pub struct Stationary {
 }
 
 impl Stationary {
-    /// A variance and length scales.
+    /// Creates a kernel's variance and length scales.
     pub fn new(variance: f64, lengths: &[f64]) -> Self {
         Self { variance, lengths: lengths.to_vec() }
     }
@@ -38,7 +38,7 @@ const SQRT_3: f64 = 1.732_050_807_568_877_2;
 const SQRT_5: f64 = 2.236_067_977_499_79;
 
 /// `exp(x)` for `x <= 0`, to one unit in the last place, in a form that compiles to vector instructions.
-/// Every operation is rounded once, so the bits do not depend on the width of the instructions.
+/// Every operation rounds once, so the bits do not depend on the width of the instructions.
 #[inline(always)]
 fn exp(x: f64) -> f64 {
     // below, the result is subnormal
@@ -70,7 +70,7 @@ fn exp(x: f64) -> f64 {
     sum * power
 }
 
-/// Squared distances of a query from the points starting at `first`, scaled by the lengths.
+/// Writes the squared distances of a query from the points starting at `first`, scaled by the lengths.
 #[inline(always)]
 fn distances(s: &Stationary, query: &[f64], points: &Points, first: usize, out: &mut [f64]) {
     out.fill(0.0);
@@ -121,7 +121,8 @@ pub(super) fn row(
     );
 }
 
-/// Writes the covariances of a query with the points starting at `first`, and their derivatives by `r^2 / 2`.
+/// Writes the covariances of a query with the points starting at `first`, and their derivatives with respect
+/// to `r^2 / 2`.
 pub(super) fn row_with_slopes(
     profile: Profile,
     s: &Stationary,
@@ -157,12 +158,12 @@ pub(super) fn row_with_slopes(
     );
 }
 
-/// Number of points whose slopes are weighted at a time.
+/// Number of points whose slopes are weighted in one pass.
 const CHUNK: usize = 256;
 
-/// Adds the gradients of `sum_b weights[b] k(query, points[first + b])`: by the logarithms of the parameters
-/// to `parameters`, and by the points to `by_points` (dimension by dimension, `points.len()` each). The query
-/// is point `first`. `slopes` are the derivatives by `r^2 / 2`.
+/// Adds the gradients of `sum_b weights[b] k(query, points[first + b])`: with respect to the logarithms of
+/// the parameters to `parameters`, and with respect to the points to `by_points` (dimension by dimension,
+/// `points.len()` each). The query is point `first`. `slopes` are the derivatives with respect to `r^2 / 2`.
 pub(super) fn gradient(
     s: &Stationary,
     query: &[f64],
@@ -227,8 +228,8 @@ fn squares(x: f64, z: &[f64], products: &[f64]) -> f64 {
     sums.iter().sum()
 }
 
-/// Subtracts `products[b] (x - z_b) inverse` from `out`, and returns the sum of these times `x - z_b`, and
-/// their sum.
+/// Subtracts `products[b] (x - z_b) inverse` from `out`. Returns the sum of these terms times `x - z_b`, and
+/// the sum of these terms.
 #[inline(always)]
 fn pulls(x: f64, z: &[f64], products: &[f64], inverse: f64, out: &mut [f64]) -> (f64, f64) {
     let (mut sums, mut by_length) = ([0.0_f64; 8], [0.0_f64; 8]);
@@ -257,7 +258,7 @@ fn pulls(x: f64, z: &[f64], products: &[f64], inverse: f64, out: &mut [f64]) -> 
 #[cfg(test)]
 mod tests {
     #[test]
-    fn exponentials_equal_those_of_the_standard_library() {
+    fn exponentials_match_the_standard_library() {
         for i in 0..200_000 {
             let x = -0.003_54 * f64::from(i);
             let (found, expected) = (super::exp(x), x.exp());

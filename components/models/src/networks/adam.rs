@@ -2,13 +2,13 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// Added to the root of the second moment.
+/// Constant added to the root of the second moment.
 const EPSILON: f32 = 1e-8;
 
 /// Decay of the first and of the second moment.
 const BETA: [f32; 2] = [0.9, 0.999];
 
-/// The state of Adam for all parameters of a network, in their order.
+/// State of Adam for all parameters of a network, in their order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
     first: Vec<Vec<f32>>,
@@ -17,7 +17,7 @@ pub struct Adam {
     epsilon: f32,
 }
 
-/// A step of a slice of parameters.
+/// One step of a slice of parameters.
 struct Step<'a> {
     parameters: &'a mut [f32],
     gradients: &'a [f32],
@@ -49,7 +49,7 @@ impl Adam {
         Self { first: zeros(), second: zeros(), steps: 0, epsilon: EPSILON }
     }
 
-    /// Replaces the number that is added to the root of the second moment, 1e-8 by default (Kingma, Ba 2015).
+    /// Sets the constant added to the root of the second moment. Default: 1e-8 (Kingma, Ba 2015).
     #[must_use]
     pub fn with_epsilon(self, epsilon: f32) -> Self {
         Self { epsilon, ..self }
@@ -58,7 +58,7 @@ impl Adam {
     /// Steps against the gradients; `decay` additionally shrinks parameters towards 0 (AdamW).
     ///
     /// # Panics
-    /// If the slices differ in length from the slices of [`new`](Self::new).
+    /// If the lengths of the slices differ from the lengths passed to [`new`](Self::new).
     pub fn step<'a>(
         &mut self,
         parameters: impl IntoIterator<Item = &'a mut [f32]>,
@@ -77,18 +77,18 @@ impl Adam {
         }
     }
 
-    /// Steps so far.
+    /// Returns the number of steps so far.
     pub fn steps(&self) -> i32 {
         self.steps
     }
 
-    /// First and second moments of each slice of parameters.
+    /// Returns the first and second moments of each slice of parameters.
     pub fn moments(&self) -> [&[Vec<f32>]; 2] {
         [&self.first, &self.second]
     }
 
-    /// Restores the state after `steps` steps from the moments that [`moments`](Self::moments) returned;
-    /// `None` if their lengths differ.
+    /// Restores the state after `steps` steps from [`moments`](Self::moments); `None` if their lengths
+    /// differ.
     pub fn from_moments([first, second]: [Vec<Vec<f32>>; 2], steps: i32) -> Option<Self> {
         let lengths = |moments: &[Vec<f32>]| moments.iter().map(Vec::len).collect::<Vec<_>>();
         (steps >= 0 && lengths(&first) == lengths(&second)).then_some(Self {

@@ -11,7 +11,7 @@ pub const IMAGE_SIDE: usize = 28;
 
 const CHANNELS: [usize; 2] = [8, 16];
 const HIDDEN: usize = 256;
-/// Gain that brings the few dark pixels of a picture to a root mean square of about 1.
+/// Gain that scales the few dark pixels of an image to a root mean square of about 1.
 const GAIN: f32 = 1.0;
 /// Sides after the first convolution, its pooling, and the second convolution.
 const SIDES: [usize; 3] = [IMAGE_SIDE - 4, (IMAGE_SIDE - 4) / 2, (IMAGE_SIDE - 4) / 2 - 4];
@@ -37,7 +37,7 @@ pub struct ConvolutionalNetwork {
     layers: [Linear; 4],
 }
 
-/// Intermediate results of the forward pass that the backward pass needs.
+/// Intermediate results of the forward pass, for the backward pass.
 struct Trace {
     patches: [DMatrix<f32>; 2],
     /// Activations after the ReLU, before pooling.
@@ -51,25 +51,24 @@ struct Trace {
 /// Weights (outputs x inputs) and bias of a layer.
 pub type Layer = (DMatrix<f32>, DVector<f32>);
 
-/// Outputs and inputs of the layers.
+/// Returns the number of outputs and inputs of each layer.
 fn sizes(outputs: usize) -> [(usize, usize); 4] {
     let flat = CHANNELS[1] * (SIDES[2] / 2) * (SIDES[2] / 2);
     [(CHANNELS[0], 25), (CHANNELS[1], 25 * CHANNELS[0]), (HIDDEN, flat), (outputs, HIDDEN)]
 }
 
 impl ConvolutionalNetwork {
-    /// Random weights for `outputs` outputs.
+    /// Creates a network with random weights and `outputs` outputs.
     pub fn random(outputs: usize, random: &mut Pcg64) -> Self {
         Self { layers: sizes(outputs).map(|(outputs, inputs)| Linear::random(outputs, inputs, random)) }
     }
 
-    /// The weights (outputs x inputs) and the bias of each layer.
+    /// Returns the weights (outputs x inputs) and the bias of each layer.
     pub fn layers(&self) -> impl Iterator<Item = (&DMatrix<f32>, &DVector<f32>)> {
         self.layers.iter().map(|layer| (&layer.weights, &layer.bias))
     }
 
-    /// Creates a network from layers, such as the ones returned by [`layers`](Self::layers); `None` if their
-    /// sizes do not match.
+    /// Creates a network from [`layers`](Self::layers); `None` if their sizes do not match.
     pub fn from_layers(layers: [Layer; 4]) -> Option<Self> {
         let outputs = layers[3].0.nrows();
         let fits =
@@ -78,12 +77,12 @@ impl ConvolutionalNetwork {
         possible.then(|| Self { layers: layers.map(|(weights, bias)| Linear { weights, bias }) })
     }
 
-    /// Number of parameters.
+    /// Returns the number of parameters.
     pub fn parameters(&self) -> usize {
         self.layers.iter().map(|layer| layer.weights.len() + layer.bias.len()).sum()
     }
 
-    /// Computes the outputs of pictures, one per column.
+    /// Computes the outputs for images, one image per column.
     pub fn forward(&self, pictures: &DMatrix<f32>) -> DMatrix<f32> {
         self.trace(pictures).out
     }
@@ -180,7 +179,7 @@ mod tests {
     use rand::SeedableRng as _;
 
     #[test]
-    fn gradients_are_those_of_finite_differences() {
+    fn kernel_gradients_match_finite_differences() {
         let mut random = Pcg64::seed_from_u64(3);
         let mut network = ConvolutionalNetwork::random(5, &mut random);
         let pictures =

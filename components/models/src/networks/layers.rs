@@ -22,7 +22,7 @@ pub(super) struct Gradients {
 }
 
 impl Linear {
-    /// Random weights for units with ReLU (He et al. 2015).
+    /// Creates random weights for ReLU units (He et al. 2015).
     pub(super) fn random(outputs: usize, inputs: usize, random: &mut Pcg64) -> Self {
         let scale = (2.0 / inputs as f32).sqrt();
         let mut normal = || {
@@ -43,7 +43,7 @@ impl Linear {
         Gradients { weights: output * input.transpose(), bias: output.column_sum() }
     }
 
-    /// Returns the gradient by the input, computed from the gradient by the output.
+    /// Returns the gradient with respect to the input, computed from the gradient with respect to the output.
     pub(super) fn backward(&self, output: &DMatrix<f32>) -> DMatrix<f32> {
         self.weights.transpose() * output
     }

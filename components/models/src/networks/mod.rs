@@ -3,7 +3,7 @@
 //! - [`ConvolutionalNetwork`]: two convolutions and two dense layers on a grey image.
 //! - [`differentiable`]: layers with backward passes, for any network.
 //! - [`Perceptron`]: a multilayer perceptron on batches.
-//! - [`Adam`]: the stochastic gradient method that trains them.
+//! - [`Adam`]: the stochastic gradient method used for training.
 
 mod adam;
 mod convolutional;

@@ -42,13 +42,13 @@ struct Dense {
     inputs: usize,
     /// Weights of the first input, then of the second.
     weights: Vec<f32>,
-    /// The same, output by output.
+    /// The same weights, output by output.
     by_output: Vec<f32>,
     bias: Vec<f32>,
 }
 
 impl Dense {
-    /// A layer with weights (outputs x inputs) and without bias.
+    /// Creates a layer with weights (outputs x inputs) and zero bias.
     fn new(weights: &DMatrix<f32>) -> Self {
         let (outputs, inputs) = weights.shape();
         Self {
@@ -93,7 +93,7 @@ impl Dense {
         .compute();
     }
 
-    /// Writes the gradient by weights and bias from the gradient by the output.
+    /// Writes the gradient with respect to weights and bias from the gradient with respect to the output.
     fn gradients(&self, input: &DMatrix<f32>, output: &DMatrix<f32>, gradients: &mut [f32]) {
         let (weights, bias) = gradients.split_at_mut(self.weights.len());
         Product {
@@ -111,7 +111,7 @@ impl Dense {
         }
     }
 
-    /// Writes the gradient by the input from the gradient by the output.
+    /// Writes the gradient with respect to the input from the gradient with respect to the output.
     fn backward(&self, output: &DMatrix<f32>, input: &mut DMatrix<f32>) {
         resize(input, self.inputs, output.ncols());
         Product {
@@ -126,25 +126,25 @@ impl Dense {
     }
 }
 
-/// Gives a matrix a shape; its memory stays if it has the shape.
+/// Resizes a matrix; keeps its memory if the shape is unchanged.
 fn resize(matrix: &mut DMatrix<f32>, rows: usize, columns: usize) {
     if matrix.shape() != (rows, columns) {
         *matrix = DMatrix::zeros(rows, columns);
     }
 }
 
-/// Inputs of all layers of a forward pass, then its output. It can be used again: passes over batches of one
-/// size do not allocate then.
+/// Inputs of all layers of a forward pass, then its output. Reusing it avoids allocation in passes over
+/// batches of the same size.
 #[derive(Clone, Debug, Default)]
 pub struct PerceptronTrace {
     /// Inputs of all layers, then the output.
     values: Vec<DMatrix<f32>>,
-    /// Gradients by them.
+    /// Gradients with respect to these values.
     gradients: Vec<DMatrix<f32>>,
 }
 
 impl PerceptronTrace {
-    /// The input of `samples` samples with as many numbers, one sample a column, to be overwritten.
+    /// Returns the input for `samples` samples of `inputs` numbers, one sample per column, to be overwritten.
     pub fn input_mut(&mut self, inputs: usize, samples: usize) -> &mut [f32] {
         self.values.resize_with(self.values.len().max(1), DMatrix::default);
         resize(&mut self.values[0], inputs, samples);
@@ -158,9 +158,9 @@ impl PerceptronTrace {
 }
 
 impl Perceptron {
-    /// Random weights for layers between these numbers of units. Weights are orthogonal, times the square
-    /// root of 2, or times `gain` in the last layer; biases are 0 (Saxe, McClelland, Ganguli 2014; the gains
-    /// are common for policy gradients).
+    /// Creates layers between these numbers of units with random weights. Weights are orthogonal, scaled by
+    /// the square root of 2, or by `gain` in the last layer; biases are 0 (Saxe, McClelland, Ganguli 2014;
+    /// the gains are common for policy gradients).
     ///
     /// # Panics
     ///
@@ -181,7 +181,7 @@ impl Perceptron {
         Self { function, ..self }
     }
 
-    /// Number of parameters.
+    /// Returns the number of parameters.
     pub fn parameters(&self) -> usize {
         self.layers.iter().map(Dense::parameters).sum()
     }
@@ -207,14 +207,13 @@ impl Perceptron {
         }
     }
 
-    /// Weights (outputs x inputs, row by row) and bias of each layer, as
-    /// [`Program::mlp`](crate::inference::Program::mlp) and [`write_mlp`](crate::onnx::write_mlp) expect
-    /// them.
+    /// Returns the weights (outputs x inputs, row by row) and bias of each layer, as expected by
+    /// [`Program::mlp`](crate::inference::Program::mlp) and [`write_mlp`](crate::onnx::write_mlp).
     pub fn rows(&self) -> Vec<(Vec<f32>, Vec<f32>)> {
         self.layers.iter().map(|layer| (layer.by_output.clone(), layer.bias.clone())).collect()
     }
 
-    /// Computes the output and keeps the inputs of all layers.
+    /// Computes the output and stores the inputs of all layers.
     pub fn forward(&self, input: DMatrix<f32>) -> PerceptronTrace {
         let mut trace = PerceptronTrace { values: vec![input], gradients: vec![] };
         self.run(&mut trace);
@@ -225,7 +224,7 @@ impl Perceptron {
     ///
     /// # Panics
     ///
-    /// If the trace has no input, or of another number of units.
+    /// If the trace has no input, or an input with another number of units.
     pub fn run(&self, PerceptronTrace { values, .. }: &mut PerceptronTrace) {
         assert_eq!(values.first().map(DMatrix::nrows), Some(self.layers[0].inputs), "inputs");
         values.resize_with(self.layers.len() + 1, DMatrix::default);
@@ -238,20 +237,21 @@ impl Perceptron {
         }
     }
 
-    /// Gradient of a loss by all parameters, summed over the batch, from its gradient by the outputs. The
-    /// order equals [`to_vec`](Self::to_vec)'s.
+    /// Returns the gradient of a loss with respect to all parameters, summed over the batch, from its
+    /// gradient with respect to the outputs. The order is the same as in [`to_vec`](Self::to_vec).
     pub fn gradients(&self, trace: &PerceptronTrace, output: DMatrix<f32>) -> Vec<f32> {
         let mut parameters = vec![0.0; self.parameters()];
         self.propagate(&trace.values, &mut vec![output], Some(&mut parameters));
         parameters
     }
 
-    /// Writes the [gradient](Self::gradients) by all parameters. `output` writes the gradient by the outputs,
-    /// one sample after the other, from the outputs; numbers that it does not write are undefined.
+    /// Writes the [gradient](Self::gradients) with respect to all parameters. `output` computes the gradient
+    /// with respect to the outputs from the outputs, one sample after the other; numbers that it does not
+    /// write are undefined.
     ///
     /// # Panics
     ///
-    /// If `parameters` has another length than the parameters.
+    /// If the length of `parameters` is not the number of parameters.
     pub fn write_gradients(
         &self,
         trace: &mut PerceptronTrace,
@@ -267,16 +267,17 @@ impl Perceptron {
         self.propagate(values, gradients, Some(parameters));
     }
 
-    /// Gradient of a loss by the inputs, one sample a column, from its gradient by the outputs.
+    /// Returns the gradient of a loss with respect to the inputs, one sample per column, from its gradient
+    /// with respect to the outputs.
     pub fn input_gradients(&self, trace: &PerceptronTrace, output: DMatrix<f32>) -> DMatrix<f32> {
         let mut gradients = vec![output];
         self.propagate(&trace.values, &mut gradients, None);
         gradients.swap_remove(self.layers.len())
     }
 
-    /// Propagates the first of the gradients, by the outputs, back through the layers: the next is by the
-    /// input of the last layer. Writes the gradient by all parameters, or that by the first input without
-    /// them.
+    /// Propagates the first gradient, with respect to the outputs, back through the layers; each following
+    /// gradient is with respect to a layer's input, starting with the last layer. Writes the gradient with
+    /// respect to all parameters or, without `parameters`, to the first input.
     fn propagate(
         &self,
         values: &[DMatrix<f32>],
@@ -303,7 +304,7 @@ impl Perceptron {
     }
 }
 
-/// A matrix with orthonormal rows or columns, uniformly distributed.
+/// Returns a uniformly distributed matrix with orthonormal rows or columns.
 fn orthogonal(rows: usize, columns: usize, random: &mut Pcg64) -> DMatrix<f32> {
     let (long, short) = (rows.max(columns), rows.min(columns));
     let normal = DMatrix::<f64>::from_fn(long, short, |_, _| StandardNormal.sample(random));
@@ -368,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn traces_used_again_give_the_same_bits() {
+    fn reused_traces_give_the_same_bits() {
         let network = Perceptron::random(&[3, 6, 17, 2], 1.0, &mut Pcg64::seed_from_u64(6));
         let mut used = PerceptronTrace::default();
         let mut gradient = vec![f32::NAN; network.parameters()];

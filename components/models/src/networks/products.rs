@@ -1,7 +1,7 @@
 //! Products of matrices of `f32`, for batches of samples.
 //!
 //! Every entry is a sum in ascending order of the common dimension with fused multiply-adds, each rounded
-//! once. The lanes of a vector hold different columns, so the bits depend neither on the other rows and
+//! once. The lanes of a vector contain different columns, so the bits depend neither on other rows and
 //! columns nor on the width of the processor's instructions.
 
 use core::array;
@@ -72,8 +72,8 @@ struct Matrices<'a> {
 }
 
 impl Matrices<'_> {
-    /// Computes `VECTORS` vectors of columns, or the `LAST` ones, for all rows; returns the number of
-    /// columns.
+    /// Computes `VECTORS` vectors of columns, or the remaining columns if `LAST`, for all rows; returns the
+    /// number of columns.
     #[inline(always)]
     fn block<S: Simd, const VECTORS: usize, const LAST: bool>(&mut self, simd: S, column: usize) -> usize {
         let mut row = 0;
@@ -132,7 +132,7 @@ impl Matrices<'_> {
         }
     }
 
-    /// Sums of `ROWS` rows, whose left factors are `left(k, row)`.
+    /// Computes the sums of `ROWS` rows with the left factors `left(k, row)`.
     #[inline(always)]
     fn sums<S: Simd, const ROWS: usize, const VECTORS: usize, const LAST: bool>(
         &self,
@@ -159,7 +159,7 @@ impl Matrices<'_> {
     }
 }
 
-/// The first vectors of some numbers, or all numbers where they are the `LAST`.
+/// Loads the first vectors of `numbers`, or all numbers if `LAST`.
 #[inline(always)]
 fn load<S: Simd, const VECTORS: usize, const LAST: bool>(simd: S, numbers: &[f32]) -> [S::f32s; VECTORS] {
     if LAST {
@@ -173,7 +173,7 @@ fn load<S: Simd, const VECTORS: usize, const LAST: bool>(simd: S, numbers: &[f32
     }
 }
 
-/// Writes what [`load`] reads.
+/// Stores vectors loaded by [`load`].
 #[inline(always)]
 fn store<S: Simd, const VECTORS: usize, const LAST: bool>(
     simd: S,

@@ -1,4 +1,4 @@
-//! Networks with several inputs as networks that read one observation.
+//! Conversion of networks with several inputs to networks with one observation.
 
 use prost::Message as _;
 
@@ -6,14 +6,14 @@ use super::proto::{GraphProto, INT64, ModelProto, TensorProto};
 use super::write::{integer, node, port, tensor};
 use super::{Input, Length, Model, OnnxError};
 
-/// How a network reads one observation and writes one action.
+/// Mapping of a network's inputs and outputs to one observation and one action.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Adapter {
     /// Number of values of the observation.
     pub width: usize,
     /// Sources of the inputs.
     pub parts: Vec<Part>,
-    /// Output that is the action.
+    /// Name of the action's output.
     pub action: String,
     /// Values subtracted from the action; empty for none.
     pub subtract: Vec<f32>,
@@ -26,15 +26,15 @@ pub struct Adapter {
 pub struct Part {
     /// Name of the input.
     pub input: String,
-    /// Index in the observation of each value of the input. With an orientation: of the three values of the
-    /// direction of gravity. Empty for an input of constants, which are `add`.
+    /// Index in the observation of each value of the input. With an orientation: the indices of the three
+    /// components of the direction of gravity. Empty for a constant input, whose values are `add`.
     pub picks: Vec<usize>,
     /// Factors of the values; empty for 1.
     pub scale: Vec<f32>,
     /// Values added after the factors; empty for none.
     pub add: Vec<f32>,
-    /// The input is a unit quaternion: order of its values as indices of x, y, z, w. It has the direction of
-    /// gravity of the observation, and a heading of 0.
+    /// Set if the input is a unit quaternion: the order of its values as indices of x, y, z, w. Its direction
+    /// of gravity is the observation's, and its heading is 0.
     pub orientation: Option<[usize; 4]>,
 }
 
@@ -45,7 +45,7 @@ impl Part {
     }
 }
 
-/// Keeps the quaternion of a base that is upside down from vanishing: it is then a turn about x.
+/// Prevents a zero quaternion for an upside-down base, which becomes a rotation about x.
 const UPSIDE_DOWN: f32 = 1e-6;
 
 /// Names of added tensors.
@@ -81,8 +81,8 @@ fn integers(graph: &mut GraphProto, names: &mut Names, values: &[i64]) -> String
     name
 }
 
-/// Adds the nodes from a direction of gravity to a unit quaternion without heading: the shortest turn between
-/// the direction and the vertical, `(-y, x, 0, 1 - z)` before it is normalised.
+/// Adds the nodes that convert a direction of gravity to a unit quaternion without heading: the shortest
+/// rotation between the direction and the vertical, `(-y, x, 0, 1 - z)` before normalisation.
 fn orientation(graph: &mut GraphProto, names: &mut Names, gravity: &str, order: [usize; 4]) -> String {
     let rows = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, -1.0]];
     let offsets = [UPSIDE_DOWN, 0.0, 0.0, 1.0];
@@ -108,14 +108,14 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// [`OnnxError::Input`] or [`OnnxError::Output`] with a name that the network does not have.
+    /// [`OnnxError::Input`] or [`OnnxError::Output`] with the unknown name.
     pub fn adapt(&self, adapter: &Adapter) -> Result<Vec<u8>, OnnxError> {
         adapt(&self.proto, &self.inputs(), adapter)
     }
 }
 
 /// Returns the bytes of an adapted model: input `obs` (1, width), output `actions` (1, joints), and the
-/// recurrent states behind both, in the order of the adapter.
+/// recurrent states after both, in the order of the adapter.
 fn adapt(model: &ModelProto, inputs: &[Input], adapter: &Adapter) -> Result<Vec<u8>, OnnxError> {
     let mut model = model.clone();
     let Some(source) = model.graph.take() else { return Err(OnnxError::Empty) };
@@ -128,7 +128,7 @@ fn adapt(model: &ModelProto, inputs: &[Input], adapter: &Adapter) -> Result<Vec<
     while used().any(|name| name.starts_with(&names.prefix)) {
         names.prefix.push('_');
     }
-    // a tensor of the network may have these names already
+    // the network may already have tensors with these names
     let free = |name: &str| {
         let mut name = name.to_owned();
         while used().any(|other| *other == name) {
@@ -203,7 +203,7 @@ fn adapt(model: &ModelProto, inputs: &[Input], adapter: &Adapter) -> Result<Vec<
 }
 
 /// Returns the bytes of a network with inputs of these names and shapes in place of its observation, which is
-/// all of them in a row.
+/// their concatenation.
 #[cfg(test)]
 pub(crate) fn split_input(bytes: &[u8], inputs: &[(&str, &[usize])]) -> Vec<u8> {
     let mut model = ModelProto::decode(bytes).expect("a model");

@@ -16,7 +16,7 @@ pub(super) struct Compiler {
     numbers: usize,
 }
 
-/// Values of all outputs of a node, in order.
+/// Values of all outputs of a node.
 pub(super) type Outputs = Result<Vec<Value>, OnnxError>;
 
 impl Compiler {
@@ -29,7 +29,7 @@ impl Compiler {
         Ok(())
     }
 
-    /// Counts the numbers of a tensor against the limit, and returns their number.
+    /// Counts the numbers of a tensor against the limit and returns their count.
     fn length(&mut self, node: &Node<'_>, shape: &[usize]) -> Result<usize, OnnxError> {
         let length =
             count(shape).ok_or_else(|| node.error(format!("a tensor of shape {shape:?} is too large")))?;

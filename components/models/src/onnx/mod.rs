@@ -7,8 +7,8 @@
 //! Operators: Add, BatchNormalization, Cast, Clip, Concat, Constant, Conv, Div, Elu, Expand, Flatten, GRU,
 //! Gather, Gemm, GlobalAveragePool, Hardmax, Identity, LSTM, LayerNormalization, LeakyRelu, MatMul, Max,
 //! MaxPool, Min, Mul, Neg, Pow, ReduceMean, Relu, Reshape, Shape, Sigmoid, Slice, Softmax, Softplus,
-//! Softsign, Split, Sqrt, Squeeze, Sub, Tanh, Transpose, Unsqueeze. Anything else is an error that names the
-//! node. Source: the ONNX operator specification, operator sets 7 to 23.
+//! Softsign, Split, Sqrt, Squeeze, Sub, Tanh, Transpose, Unsqueeze. Any other operator is an error that names
+//! the node. Source: the ONNX operator specification, operator sets 7 to 23.
 
 mod adapt;
 mod compile;
@@ -58,7 +58,7 @@ impl Model {
         self.proto.metadata_props.iter().map(|entry| (&entry.key[..], &entry.value[..]))
     }
 
-    /// Returns the inputs that the caller provides, which are the inputs without a constant of the same name.
+    /// Returns the inputs to be provided by the caller: those without a constant of the same name.
     pub fn inputs(&self) -> Vec<Input> {
         let graph = self.proto.graph.iter();
         let provided = graph.flat_map(|graph| {

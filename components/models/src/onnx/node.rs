@@ -48,7 +48,7 @@ impl Node<'_> {
         OnnxError::Node { node: self.label(), operator: self.proto.op_type.clone(), message: message.into() }
     }
 
-    /// Creates the error of an unsupported operator.
+    /// Creates the error for an unsupported operator.
     pub(super) fn unsupported(&self) -> OnnxError {
         let NodeProto { domain, op_type, .. } = self.proto;
         let operator = if domain.is_empty() { op_type.clone() } else { format!("{domain}.{op_type}") };
@@ -105,7 +105,7 @@ impl Node<'_> {
         match &self.constant(index)?.numbers {
             Numbers::Whole(values) => Ok(values.clone()),
             Numbers::Real(_) => {
-                Err(self.error(format!("input {index} holds real numbers, expected integers")))
+                Err(self.error(format!("input {index} contains real numbers, expected integers")))
             }
         }
     }

@@ -1,4 +1,4 @@
-//! The messages of the ONNX format that networks use, with their field numbers in `onnx.proto`.
+//! Messages of the ONNX format used by networks, with their field numbers in `onnx.proto`.
 
 #[derive(Clone, PartialEq, prost::Message)]
 pub(super) struct ModelProto {

@@ -3,7 +3,7 @@
 use super::error::OnnxError;
 use super::proto::TensorProto;
 
-/// Largest total size of all buffers of a network, in numbers.
+/// Maximum total size of all buffers of a network, in numbers.
 pub(super) const MAX_NUMBERS: usize = 1 << 24;
 
 /// Numbers of a constant.
@@ -57,7 +57,7 @@ impl Constant {
         Self { shape, numbers: Numbers::Real(values) }
     }
 
-    /// Numbers as `f32`.
+    /// Returns the numbers as `f32`.
     pub(super) fn to_reals(&self) -> Vec<f32> {
         match &self.numbers {
             Numbers::Real(values) => values.clone(),

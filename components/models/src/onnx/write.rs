@@ -96,7 +96,7 @@ fn activate(graph: &mut GraphProto, activation: Unary, input: &str) -> String {
     output
 }
 
-/// Adds dense layers with an activation between them; returns the name and the width of the last.
+/// Adds dense layers with an activation between them; returns the name and the width of the last layer.
 fn dense(
     graph: &mut GraphProto,
     input: (&str, usize),
@@ -151,9 +151,9 @@ pub fn write_mlp(
     model(graph, metadata)
 }
 
-/// Bytes of an ONNX file with a choice: the output `actions` is the row of `table` whose number in the output
-/// of a multilayer perceptron is the largest, the first of equal ones. Inputs and layers as for
-/// [`write_mlp`]; `table` holds one row for each output of the last layer.
+/// Returns the bytes of an ONNX file with a discrete choice. The output `actions` is the row of `table` with
+/// the largest output of a multilayer perceptron, the first row in a tie. Inputs and layers are as for
+/// [`write_mlp`]; `table` has one row for each output of the last layer.
 ///
 /// ```
 /// use motorium_models::{inference::Unary, onnx};
@@ -171,7 +171,7 @@ pub fn write_mlp(
 ///
 /// # Panics
 ///
-/// If there is no layer, or the last has no output.
+/// If there is no layer, or the last layer has no output.
 pub fn write_choice(
     inputs: usize,
     layers: &[(Vec<f32>, Vec<f32>)],
@@ -204,7 +204,7 @@ pub struct GruLayer {
     pub input_weights: Vec<f32>,
     /// Weights of the state: 3 hidden x hidden.
     pub state_weights: Vec<f32>,
-    /// Biases: 3 hidden of the inputs, then 3 hidden of the state.
+    /// Biases: 3 hidden for the inputs, then 3 hidden for the state.
     pub bias: Vec<f32>,
 }
 

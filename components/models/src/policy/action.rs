@@ -1,4 +1,4 @@
-//! The definition of a policy's outputs.
+//! Definition of a policy's outputs.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::numbers::{finite, one, zero};
 use super::{JointTarget, JointTargets, Numbers, PolicyError, is_ordered};
 
-/// The quantity that an action commands.
+/// Quantity commanded by an action.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ActionKind {
@@ -19,7 +19,7 @@ pub enum ActionKind {
     Effort,
 }
 
-/// The definition of a network's outputs.
+/// Definition of a network's outputs.
 ///
 /// The target of a joint is `default_pose + offset + scale clamp(output, clip)`; the default pose applies to
 /// positions only.
@@ -95,7 +95,7 @@ impl Action {
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Joints`] with the joints that the robot does not have.
+    /// [`PolicyError::Joints`] with the joints missing from the robot.
     pub fn joint_targets(&self, robot: &[impl AsRef<str>]) -> Result<JointTargets, PolicyError> {
         let (mut targets, mut missing) = (Vec::new(), Vec::new());
         for (index, name) in self.joints.iter().enumerate() {

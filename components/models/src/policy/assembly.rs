@@ -2,7 +2,7 @@
 
 use super::{Observation, Policy};
 
-/// The observation of a policy while it runs. Only [`new`](Self::new) allocates.
+/// Observation of a running policy. Only [`new`](Self::new) allocates.
 ///
 /// ```
 /// use motorium_models::policy::{Assembly, Policy};
@@ -69,14 +69,14 @@ impl Assembly {
         self.terms.iter_mut().for_each(|term| term.is_filled = false);
     }
 
-    /// Appends the value of a term at one step: bounds first, then factors.
+    /// Appends the value of a term at one step, after applying its bounds and then its factors.
     ///
     /// # Panics
     ///
     /// If the index is out of range, or `values` differs in length from the term.
     pub fn push(&mut self, term: usize, values: &[f64]) {
         let Window { scale, clip: [low, high], values: window, is_filled } = &mut self.terms[term];
-        assert_eq!(values.len(), scale.len(), "numbers of term {term}");
+        assert_eq!(values.len(), scale.len(), "number of values of term {term}");
         let width = scale.len();
         let newest = window.len() - width;
         window.copy_within(width.., 0);

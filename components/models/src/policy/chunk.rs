@@ -1,21 +1,21 @@
 //! Chunks of actions, played by time.
 //!
 //! A policy that plans ahead returns a chunk of consecutive actions, delayed by its inference time. When a
-//! chunk arrives, the previous plan stays in force for [`frozen`](ChunkTiming::frozen). It then blends into
+//! chunk arrives, the previous plan remains active for [`frozen`](ChunkTiming::frozen). It then blends into
 //! the new chunk over [`blend`](ChunkTiming::blend); earlier actions of the new chunk are not used. After its
-//! last action a chunk holds. Source: Black, Galliker and Levine, "Real-Time Execution of Action Chunking
-//! Flow Policies" (2025): the frozen prefix. A blend replaces the paper's in-painting, which needs the
-//! network.
+//! last action, a chunk holds that action. Source: Black, Galliker and Levine, "Real-Time Execution of Action
+//! Chunking Flow Policies" (2025): the frozen prefix. A blend replaces the paper's in-painting, which needs
+//! the network.
 
-/// Number of points of the previous plan that are kept for the blend into a new chunk.
+/// Number of points of the previous plan stored for the blend into a new chunk.
 const FADE_POINTS: usize = 64;
-/// Largest lead of the first action of a chunk \[ns\].
+/// Maximum time from now to the first action of a chunk \[ns\].
 const MOST_AHEAD: u64 = 10_000_000_000;
 
 /// Timing of the transition between chunks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChunkTiming {
-    /// Time for which the previous plan stays in force \[ns\].
+    /// Time for which the previous plan remains active \[ns\].
     pub frozen: u64,
     /// Duration of the blend into the new chunk \[ns\].
     pub blend: u64,
@@ -28,7 +28,7 @@ pub struct Chunk<'a> {
     pub time: u64,
     /// Time between two actions \[ns\], above 0.
     pub period: u64,
-    /// Number of the chunk at its producer.
+    /// Sequence number assigned by the producer.
     pub sequence: u64,
     /// Number of values of each action.
     pub width: usize,
@@ -41,7 +41,7 @@ pub struct Chunk<'a> {
 pub struct ChunkArrival {
     /// Number of actions of the chunk.
     pub actions: usize,
-    /// Number of actions that were already over when the chunk arrived.
+    /// Number of actions already over when the chunk arrived.
     pub late: usize,
     /// Time between the first action and the arrival \[ns\]; 0 if the chunk arrived before it.
     pub delay: u64,
@@ -87,10 +87,10 @@ pub enum ChunkError {
         ahead: u64,
     },
     /// The chunk has already been accepted.
-    #[error("the chunk repeats the one that is played")]
+    #[error("the chunk repeats the current chunk")]
     Repeated,
     /// The chunk is older than the current one.
-    #[error("the chunk begins {by} ns before the one that is played")]
+    #[error("the chunk starts {by} ns before the current chunk")]
     OutOfOrder {
         /// Difference between the times of the first actions \[ns\].
         by: u64,
@@ -121,7 +121,7 @@ impl Track {
         self.start + self.period * (self.steps.saturating_sub(1)) as u64
     }
 
-    /// Returns the two actions around a time, and the weight of the second.
+    /// Returns the indices of the two actions around a time, and the weight of the second.
     fn about(&self, now: u64) -> (usize, usize, f64) {
         let since = now.saturating_sub(self.start);
         let last = self.steps - 1;
@@ -139,7 +139,7 @@ impl Track {
     }
 }
 
-/// A plan of joint targets made of chunks. Only [`new`](Self::new) allocates.
+/// A plan of joint targets composed of chunks. Only [`new`](Self::new) allocates.
 ///
 /// ```
 /// use motorium_models::policy::{Chunk, ChunkPlan, ChunkTiming};
@@ -189,7 +189,7 @@ impl ChunkPlan {
         }
     }
 
-    /// Clears all chunks, and rests at `targets`.
+    /// Clears all chunks and rests at `targets`.
     ///
     /// # Panics
     ///
@@ -204,8 +204,8 @@ impl ChunkPlan {
         (self.current.steps > 0).then(|| self.current.end())
     }
 
-    /// Blends into a chunk that arrives at `now` \[ns\]. `target` converts a joint's value in an action to
-    /// its target.
+    /// Accepts a chunk that arrives at `now` \[ns\], and blends into it. `target` converts a joint's value in
+    /// an action to its target.
     ///
     /// # Errors
     ///
@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_chunk_leaves_the_frozen_prefix_and_fades_in() {
+    fn new_chunk_keeps_the_frozen_prefix_and_fades_in() {
         let mut plan = plan(40, 100);
         let line: Vec<f64> = (0..30).map(f64::from).collect();
         plan.accept(1000 * MS, chunk(1000, 1, &line), |_, value| value).expect("a first chunk");
@@ -351,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn chunks_that_cannot_be_played_leave_the_plan_unchanged() {
+    fn rejected_chunks_leave_the_plan_unchanged() {
         let mut plan = plan(0, 0);
         plan.accept(100 * MS, chunk(100, 7, &[1.0, 2.0]), |_, value| value).expect("a chunk");
         let line = [3.0; 4];

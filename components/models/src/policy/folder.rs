@@ -82,7 +82,7 @@ pub enum NetworkMismatch {
         input: String,
     },
     /// The initial states do not match the recurrent inputs.
-    #[error("`initial_states` has {found:?} numbers, expected {expected:?}, as the recurrent inputs have")]
+    #[error("`initial_states` has {found:?} numbers, expected {expected:?}, as in the recurrent inputs")]
     InitialStates {
         /// Size of each initial state.
         found: Vec<usize>,
@@ -133,8 +133,8 @@ impl PolicyFolder {
     }
 }
 
-/// The network of a policy: the first input is the observation, the first output the action. Further inputs
-/// are recurrent states, in the order of the further outputs. Running it does not allocate.
+/// The network of a policy. Its first input is the observation, and its first output is the action. Further
+/// inputs are recurrent states, in the order of the further outputs. Running it does not allocate.
 #[derive(Clone, Debug)]
 pub struct PolicyNetwork {
     program: Program,
@@ -144,7 +144,7 @@ pub struct PolicyNetwork {
 }
 
 impl PolicyNetwork {
-    /// Wraps a network that was compiled for one observation of `policy`.
+    /// Wraps a network compiled for one observation of `policy`.
     ///
     /// # Errors
     ///
@@ -181,7 +181,7 @@ impl PolicyNetwork {
         Ok(network)
     }
 
-    /// Returns the recurrent states to their initial values, at the start of an episode.
+    /// Resets the recurrent states to their initial values, at the start of an episode.
     pub fn reset(&mut self) {
         for index in 1..self.states {
             let state = self.program.input_mut(index);
@@ -197,7 +197,7 @@ impl PolicyNetwork {
         self.program.input_mut(0)
     }
 
-    /// Computes the action, and passes the recurrent states on to the next run.
+    /// Computes the action, and passes the recurrent states to the next run.
     pub fn run(&mut self) -> &[f32] {
         self.program.run();
         (1..self.states).for_each(|index| self.program.feed_back(index, index));

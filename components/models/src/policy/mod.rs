@@ -1,6 +1,6 @@
 //! The folder of a trained policy: `policy.toml` and its network.
 //!
-//! The file lists the joints of the action, so that each number reaches the right joint on a robot with a
+//! The file lists the joints of the action, which maps each number to the right joint on a robot with a
 //! different joint order:
 //!
 //! ```
@@ -64,9 +64,9 @@ pub struct Policy {
     pub network: String,
     /// Rate at which the policy was trained \[Hz\], above 0.
     pub rate: f64,
-    /// Robot the policy was trained for, as listed by `motorium robot list`.
+    /// Robot for which the policy was trained, as listed by `motorium robot list`.
     pub robot: Option<String>,
-    /// Values of each recurrent state at the start of an episode, in the order of the network's inputs behind
+    /// Values of each recurrent state at the start of an episode, in the order of the network's inputs after
     /// the observation. Default: zeros.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub initial_states: Vec<Vec<f32>>,
@@ -74,9 +74,10 @@ pub struct Policy {
     pub observations: Vec<Observation>,
     /// Definition of the network's outputs.
     pub action: Action,
-    /// Pattern generator that the action commands. Default: the action commands the joints directly.
+    /// Pattern generator commanded by the action. Default: the action commands the joints directly.
     pub pattern: Option<Pattern>,
-    /// Digest of the robot the policy was trained for. Default: robots are compared by joint names only.
+    /// Digest of the robot for which the policy was trained. Default: robots are compared by joint names
+    /// only.
     pub robot_digest: Option<RobotDigest>,
 }
 
@@ -94,27 +95,26 @@ pub struct Observation {
     /// Number of steps, the newest last. Default: 1. Range: 1 to 64.
     #[serde(default = "single")]
     pub history: usize,
-    /// Number of rays of a height scan; only for that term.
+    /// Number of rays; only for a height scan.
     pub rays: Option<usize>,
     /// Duration of one gait cycle \[s\], above 0; only for the phase.
     pub period: Option<f64>,
-    /// A point, and the point that it is relative to; the origin of the world if not given. Only for the
-    /// position and the velocity of a point. A point is the origin of a link, the centre of an object, or
-    /// [`TARGET`].
+    /// A point and its reference point (default: the origin of the world). Only for the position and the
+    /// velocity of a point. A point is the origin of a link, the centre of an object, or [`TARGET`].
     pub points: Option<Vec<String>>,
 }
 
-/// The name of the target among [`Observation::points`].
+/// Name of the target among [`Observation::points`].
 pub const TARGET: &str = "target";
 
 impl Observation {
-    /// Creates a term without bounds and history, with the factor 1.
+    /// Creates a term with a factor of 1, without bounds and history.
     pub fn new(term: Term) -> Self {
         Self { term, scale: one(), clip: None, history: single(), rays: None, period: None, points: None }
     }
 }
 
-/// A quantity that a policy observes.
+/// A quantity observed by a policy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Term {
@@ -160,8 +160,8 @@ impl Term {
         }
     }
 
-    /// Returns the message that carries the quantity; `None` for quantities that the policy computes. The
-    /// target of a point is carried by another message, `motorium.PoseTarget`.
+    /// Returns the message that contains the quantity; `None` for quantities computed by the policy. The
+    /// target of a point is in another message, `motorium.PoseTarget`.
     pub fn message(self) -> Option<&'static str> {
         Some(match self {
             Self::BaseLinearVelocity => "motorium.BaseState",
@@ -310,7 +310,7 @@ impl Policy {
         let sum = widths.into_iter().try_fold(0_usize, |sum, width| sum.checked_add(width?));
         sum.filter(|sum| (1..1 << 20).contains(sum)).ok_or_else(|| PolicyError::Value {
             key: "observations".to_owned(),
-            message: "expected between one number and a million in all terms together".to_owned(),
+            message: "expected a total of one to a million numbers in all terms".to_owned(),
         })
     }
 
@@ -319,7 +319,7 @@ impl Policy {
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Joints`] with the joints that the robot does not have.
+    /// [`PolicyError::Joints`] with the joints missing from the robot.
     pub fn joint_targets(&self, robot: &[impl AsRef<str>]) -> Result<JointTargets, PolicyError> {
         self.action.joint_targets(robot)
     }

@@ -9,9 +9,9 @@ use super::PolicyError;
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(untagged, expecting = "expected one number, or a list of numbers")]
 pub enum Numbers {
-    /// The same for all.
+    /// The same number for all elements.
     All(f64),
-    /// In the order of the policy's joints, or of the term's numbers.
+    /// One number for each element, in the order of the policy's joints or of the term's values.
     Each(Vec<f64>),
 }
 

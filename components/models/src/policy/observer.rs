@@ -1,4 +1,4 @@
-//! From the measurements of a robot to the observation of its policy.
+//! Conversion of a robot's measurements to the observation of its policy.
 
 use core::f64::consts::TAU;
 
@@ -17,8 +17,8 @@ pub struct BaseMotion {
     pub gravity: [f64; 3],
 }
 
-/// Direction of gravity in the frame of a base with this orientation in the world (x y z w), which is
-/// normalised; `None` where it has no direction: a norm below 0.5.
+/// Returns the direction of gravity in the frame of a base with this orientation in the world (x y z w),
+/// which is normalised first. `None` for a norm below 0.5.
 ///
 /// ```
 /// use motorium_models::policy::projected_gravity;
@@ -45,7 +45,7 @@ pub struct Measurements<'a> {
     pub base: BaseMotion,
     /// Desired velocity: forward, left \[m/s\], turn \[rad/s\].
     pub command: [f64; 3],
-    /// The action of the step before, within its bounds; zero at the start of an episode.
+    /// The action of the previous step, within its bounds; zero at the start of an episode.
     pub last_action: &'a [f64],
     /// Heights around the robot \[m\].
     pub heights: &'a [f32],
@@ -55,10 +55,10 @@ pub struct Measurements<'a> {
     pub time: f64,
 }
 
-/// Makes the observation of a policy: selects the joints, bounds, scales and keeps histories. Only
-/// [`new`](Self::new) allocates.
+/// Computes the observation of a policy: selects the joints, applies bounds and scales, and keeps histories.
+/// Only [`new`](Self::new) allocates.
 ///
-/// Environments of learners, `learner.task` and `policy.network` share it, so that a policy observes the same
+/// The environments of learners, `learner.task` and `policy.network` share it, so a policy observes the same
 /// numbers in all of them.
 ///
 /// ```
@@ -96,11 +96,11 @@ pub struct Observer {
 }
 
 impl Observer {
-    /// The observer of a policy on a robot with these joints.
+    /// Creates the observer of a policy on a robot with these joints.
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Joints`] where the robot lacks a joint of the policy.
+    /// [`PolicyError::Joints`] if the robot lacks a joint of the policy.
     pub fn new(policy: &Policy, robot: &[impl AsRef<str>]) -> Result<Self, PolicyError> {
         let targets = policy.joint_targets(robot)?;
         let joints = targets.targets().iter().map(|target| target.joint);
@@ -115,28 +115,29 @@ impl Observer {
         })
     }
 
-    /// Number of joints that measurements have at least.
+    /// Returns the minimum number of joints in measurements.
     pub fn joints(&self) -> usize {
         self.joints.iter().map(|(joint, _)| joint + 1).max().unwrap_or(0)
     }
 
-    /// Number of heights that measurements have, or `None` without a height scan.
+    /// Returns the number of heights in measurements, or `None` without a height scan.
     pub fn heights(&self) -> Option<usize> {
         let scan = self.terms.iter().position(|(term, _)| *term == Term::HeightScan);
         scan.map(|index| self.assembly.width(index))
     }
 
-    /// Forgets all histories, at the start of an episode.
+    /// Clears all histories, at the start of an episode.
     pub fn reset(&mut self) {
         self.assembly.reset();
     }
 
-    /// Takes over the measurements of one step.
+    /// Adds the measurements of one step.
     ///
     /// # Panics
     ///
-    /// If there are fewer joints than [`joints`](Self::joints), another number of actions than the policy
-    /// has, or of heights than [`heights`](Self::heights), or too few points, and a term reads them.
+    /// If a term reads measurements with the wrong length: fewer joints than [`joints`](Self::joints),
+    /// another number of actions than the policy's, another number of heights than
+    /// [`heights`](Self::heights), or too few points.
     pub fn observe(&mut self, measured: &Measurements<'_>) {
         let Self { terms, assembly, joints, scratch } = self;
         let mut points = measured.points.iter();
@@ -179,7 +180,7 @@ impl Observer {
     ///
     /// # Panics
     ///
-    /// If `observation` has another length.
+    /// If `observation` has the wrong length.
     pub fn write(&self, observation: &mut [f32]) {
         self.assembly.write(observation);
     }

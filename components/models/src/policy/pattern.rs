@@ -1,18 +1,18 @@
-//! A pattern generator whose parameters an action commands.
+//! A pattern generator with parameters commanded by an action.
 
 use serde::{Deserialize, Serialize};
 
 use super::{Action, ActionKind, PolicyError};
 
-/// A central pattern generator between the network and the drives. Each number of the action for a joint then
-/// commands the centre of the joint's oscillation, and two more numbers command the frequency and the
-/// amplitude: at the lower bound `action.clip` the first value of their range, at the upper bound the second.
+/// A central pattern generator between the network and the drives. The action then commands the centre of
+/// each joint's oscillation, and two additional numbers command the frequency and the amplitude. Their range
+/// is mapped to the bounds `action.clip`: its first value to the lower bound, its second to the upper.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pattern {
     /// Name of the gait, as in `policy.cpg`.
     pub gait: String,
-    /// Range of the strides per second \[Hz\], from 0 to 20.
+    /// Range of the stride frequency \[Hz\], from 0 to 20.
     pub frequency: [f64; 2],
     /// Range of the factor of all amplitudes, from 0 to 2.
     pub amplitude: [f64; 2],
@@ -41,10 +41,11 @@ fn five() -> f64 {
 }
 
 impl Pattern {
-    /// Numbers of an action after the joints': frequency and amplitude.
+    /// Number of additional values of an action, after the joints': frequency and amplitude.
     pub const OUTPUTS: usize = 2;
 
-    /// Returns frequency and amplitude of the outputs after the joints', which are within the bounds `clip`.
+    /// Returns the frequency and amplitude for the outputs after the joints', which are within the bounds
+    /// `clip`.
     pub fn parameters(&self, outputs: [f64; Self::OUTPUTS], clip: [f64; 2]) -> [f64; Self::OUTPUTS] {
         let value = |output: f64, range: [f64; 2]| {
             let share = (output - clip[0]) / (clip[1] - clip[0]);

@@ -1,4 +1,4 @@
-//! Comparison of a robot with the one that a policy was trained for.
+//! Comparison of a robot with the robot for which a policy was trained.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -26,9 +26,9 @@ pub struct RobotDigest {
 /// A difference between the robot of a policy and another robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RobotDifference {
-    /// The joints that the policy commands, or their limits: actions may move other joints, or further.
+    /// The commanded joints or their limits differ: actions may move other joints, or move joints farther.
     Joints,
-    /// Other properties, such as masses or gains: the policy may move the robot in another manner.
+    /// Other properties differ, such as masses or gains: the policy may move the robot differently.
     Dynamics,
 }
 

@@ -1,6 +1,6 @@
 //! Conversion of a policy's outputs to joint targets of a robot.
 
-/// The conversion of one output of the network to a robot joint.
+/// Conversion of one output of the network to a robot joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointTarget {
     /// Index of the joint in the robot.

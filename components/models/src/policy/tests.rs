@@ -52,7 +52,7 @@ fn a_missing_joint_is_named() {
 }
 
 #[test]
-fn mistakes_are_named_with_their_place() {
+fn mistakes_are_reported_with_their_position() {
     let error = |from: &str, to: &str| {
         assert!(TEXT.contains(from), "{from}");
         Policy::parse(&TEXT.replace(from, to)).expect_err(to)

@@ -9,7 +9,7 @@ fn rows(n: usize, d: usize, phase: f64) -> Vec<f64> {
     (0..n * d).map(|i| (0.4 * (i / d) as f64 + 1.1 * (i % d) as f64 + phase).sin()).collect()
 }
 
-/// Checks that new parameters change the prediction, and that the old ones restore it.
+/// Checks that new parameters change the prediction, and that the old parameters restore it.
 fn check<M: Approximator>(model: &mut M)
 where
     M::Error: std::fmt::Debug,
@@ -37,7 +37,7 @@ where
 }
 
 #[test]
-fn processes_and_latent_spaces_take_parameters_as_a_vector() {
+fn models_accept_parameters_as_a_vector() {
     let mut process =
         GaussianProcess::new(Kernel::matern52(2, 1.0), 0.05, &rows(30, 2, 0.1), 2, &rows(30, 3, 0.6), 3)
             .expect("a process");

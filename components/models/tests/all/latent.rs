@@ -1,4 +1,4 @@
-//! Shared latent spaces against GPy, and on synthetic arms.
+//! Shared latent spaces compared with GPy, and tested on synthetic arms.
 
 use motorium_models::gplvm::{
     BackForm, FileError, LatentError, LatentModel, Poses, Prior, Settings, SpaceData, Workspace, compare,
@@ -18,7 +18,7 @@ fn energy_and_gradients_equal_gpy() {
     assert_close(&by_parameters, &numbers(&golden["by_parameters"]), 1e-8, "by parameters");
 }
 
-/// Poses of an arm that follows two hidden causes, with arm-specific directions and gains.
+/// Poses of an arm driven by two hidden variables, with arm-specific directions and gains.
 fn arm(columns: usize, phase: f64, rows: std::ops::Range<usize>) -> Vec<f64> {
     rows.flat_map(|i| {
         let (u, v) = ((0.37 * i as f64).sin(), (0.23 * i as f64 + 1.0).cos());
@@ -58,7 +58,7 @@ fn error_of(model: &LatentModel, robot: &str, columns: usize, phase: f64) -> f64
 }
 
 #[test]
-fn a_transfer_is_about_as_good_as_a_whole_training() {
+fn transfer_is_about_as_accurate_as_full_training() {
     let (human, first, second) = (arm(6, 0.3, 0..60), arm(4, 1.1, 0..60), arm(5, 2.0, 0..60));
     for back in [None, Some(BackForm::Kernel), Some(BackForm::Mlp), Some(BackForm::Pose)] {
         let spaces = [data("human", 6, &human), data("first", 4, &first)];
@@ -175,7 +175,7 @@ fn a_pose_may_keep_its_leading_components() {
     assert_eq!(error, "latents is 7, expected 1 to 6, the columns of the space human");
 }
 
-/// Two noisy rounds of a movement, with a prior.
+/// Trains on two noisy repetitions of a movement, with a prior.
 fn rounds(prior: Prior) -> Result<LatentModel, LatentError> {
     let noise = |i: usize, c: usize| ((i * i + 31 * c) as f64 * 0.754_877).sin();
     let pose = |i: usize| {
@@ -208,7 +208,7 @@ fn dynamics_smooth_the_latent_points_of_movements() {
 }
 
 #[test]
-fn files_hold_the_model_bit_for_bit() {
+fn files_restore_the_model_bit_for_bit() {
     let (human, first) = (arm(6, 0.3, 0..30), arm(4, 1.1, 0..30));
     let spaces = [data("human", 6, &human), data("first", 4, &first)];
     for back in [None, Some(BackForm::Kernel), Some(BackForm::Mlp), Some(BackForm::Pose)] {

@@ -1,4 +1,4 @@
-//! Hidden Markov models against hmmlearn.
+//! Hidden Markov models compared with hmmlearn.
 
 use motorium_models::hmm::{Hmm, HmmError, Hsmm, Regression, Shape, Tracker};
 
@@ -71,7 +71,7 @@ fn mistakes_are_named() {
     assert_eq!(error, HmmError::Shape { what: "values of a sequence", found: 3, expected: 2 });
 }
 
-/// All paths of `n` states among `k`.
+/// Iterates over all paths of length `n` through `k` states.
 fn paths(k: usize, n: usize) -> impl Iterator<Item = Vec<usize>> {
     (0..k.pow(n as u32)).map(move |code| (0..n).map(|t| code / k.pow(t as u32) % k).collect())
 }
@@ -140,7 +140,7 @@ fn explicit_durations_equal_the_sum_over_all_paths() {
     assert!((path.0 - best.0).abs() < 1e-10 && path.1 == best.1, "{path:?} and {best:?}");
 }
 
-/// Movements through three levels that last about 20, 10 and 30 samples, with a column of time.
+/// A movement through three levels that last about 20, 10 and 30 samples, with a column of time.
 fn levels(shift: usize) -> Vec<f64> {
     let ends = [20 + shift, 30 + shift, 60 + shift];
     let level = |t: usize| {

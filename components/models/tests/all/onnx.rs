@@ -1,4 +1,4 @@
-//! ONNX files against onnxruntime; `onnx_cases.py` makes the cases.
+//! ONNX files compared with onnxruntime; `onnx_cases.py` generates the cases.
 
 use motorium_models::inference::Unary;
 use motorium_models::onnx::{GruLayer, Model, OnnxError, write_gru, write_mlp};
@@ -130,7 +130,7 @@ fn gru() -> Vec<u8> {
 }
 
 #[test]
-fn a_row_in_a_batch_keeps_its_bits() {
+fn batch_rows_match_single_rows_bit_for_bit() {
     let mlp = write_mlp(6, &[layer(70, 6), layer(33, 70), layer(3, 33)], Unary::Elu(1.0), &[]);
     for file in [mlp, gru()] {
         let model = Model::read(&file).expect("a model");
@@ -157,7 +157,7 @@ fn a_row_in_a_batch_keeps_its_bits() {
 }
 
 #[test]
-fn a_state_fed_back_continues_the_sequence() {
+fn fed_back_state_continues_the_sequence() {
     let mut program = Model::read(&gru()).expect("a model").program(1).expect("a program");
     program.input_mut(0).fill(0.5);
     let mut run = || {

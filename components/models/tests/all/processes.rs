@@ -1,4 +1,4 @@
-//! Gaussian processes against GPy and scikit-learn.
+//! Gaussian processes compared with GPy and scikit-learn.
 
 use motorium_models::gp::{GaussianProcess, GpError};
 use motorium_models::kernel::{Kernel, Stationary};
@@ -97,7 +97,7 @@ fn added_and_removed_points_equal_a_new_process() {
 }
 
 #[test]
-fn failures_state_the_jitter_and_the_value() {
+fn failures_report_the_jitter_and_the_value() {
     let rbf = || Kernel::rbf(1, 1.0);
     let error = GaussianProcess::new(rbf(), 0.1, &[0.0, f64::NAN], 1, &[0.0, 1.0], 1).expect_err("NaN");
     assert!(error.to_string().starts_with("input 1 is NaN"), "{error}");
@@ -105,7 +105,7 @@ fn failures_state_the_jitter_and_the_value() {
     assert_eq!(error, GpError::Shape { what: "outputs", found: 1, expected: 2 });
     let error = GaussianProcess::new(Kernel::rbf(1, -1.0), 0.1, &[0.0], 1, &[0.0], 1).expect_err("negative");
     assert_eq!(error, GpError::Kernel { dimensions: 1 });
-    // entries beyond the range of numbers
+    // entries overflow
     let steep = Kernel::Linear(vec![1e300]);
     let error = GaussianProcess::new(steep, 0.1, &[1e150, 2e150], 1, &[0.0, 1.0], 1).expect_err("overflow");
     let GpError::Factorisation { points: 2, tried } = &error else { panic!("{error}") };

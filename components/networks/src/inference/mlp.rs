@@ -3,7 +3,7 @@
 use super::{Operation, Packed, Port, Program, Unary};
 use crate::arithmetic::Lanes;
 
-/// The size of a layer does not match its inputs.
+/// Error of a layer whose size does not match its inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "layer {layer} has {weights} weights and {biases} biases, expected {biases} x {inputs} weights; help: weights are outputs x inputs, row by row"

@@ -151,7 +151,8 @@ impl<T: Lanes> WithSimd for Multiply<'_, T> {
     }
 }
 
-/// Computes the outputs of one panel for some rows, with as many output vectors at once as registers allow.
+/// Computes the outputs of one panel for some rows, with as many output vectors simultaneously as fit into
+/// the registers.
 #[inline(always)]
 fn panel_rows<S: Simd, T: Lanes, const ROWS: usize>(
     simd: S,
@@ -229,7 +230,7 @@ mod tests {
                     let (row, o) = (k / outputs, k % outputs);
                     let sum = (0..inputs)
                         .fold(bias(o), |sum, i| weight(o, i).mul_add(input[row * inputs + i], sum));
-                    // the conversion is exact, also the sign of zero
+                    // the conversion is exact, including the sign of zero
                     let [found, sum] = [*found, sum].map(|number| number.to_f64().to_bits());
                     assert_eq!(found, sum, "{inputs} {outputs} {row} {o}");
                 }

@@ -13,9 +13,9 @@ fn sum<T: Real>(numbers: impl Iterator<Item = T>) -> T {
 /// Operation that reduces the numbers of a part to one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reduction {
-    /// Their mean, summed in order.
+    /// Mean, summed in order.
     Mean,
-    /// The largest.
+    /// Largest number.
     Max,
 }
 

@@ -1,4 +1,4 @@
-//! The actuators of drives that are not ideal.
+//! Non-ideal actuators of drives.
 
 use core::ops::Range;
 
@@ -11,11 +11,11 @@ use crate::joint::JointProperties;
 use crate::robot::{Robot, RobotSetup};
 use crate::{BuildError, JointSetpoint};
 
-/// The actuators of a robot. Robots without actuators need no computation.
+/// The non-ideal actuators of a robot. A robot without any costs no computation.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Actuators {
     joints: Vec<Driven>,
-    /// The commands that the actuators pass on, one per joint.
+    /// Commands forwarded by the actuators, one per joint.
     commands: Vec<JointSetpoint>,
 }
 
@@ -24,7 +24,7 @@ pub(super) struct Actuators {
 struct Driven {
     joint: usize,
     settings: ActuatorSettings,
-    /// State before the step, and after the completed part of the step.
+    /// States at the start of the step, and after its completed part.
     now: Actuator,
     next: Actuator,
     delay: Delay<JointSetpoint>,
@@ -42,7 +42,7 @@ struct Driven {
 pub(super) struct ActuatorsState(Vec<(Actuator, Delay<JointSetpoint>, Option<ActuatorNetwork>)>);
 
 impl Actuators {
-    /// Creates the actuators of the setup for joints with these properties.
+    /// Creates the actuators in `setup` for joints with the properties `joints`.
     pub(super) fn new(setup: &RobotSetup, joints: &[JointProperties]) -> Result<Self, BuildError> {
         let mut driven = Vec::new();
         for ((joint, settings), properties) in setup.actuators.iter().enumerate().zip(joints) {
@@ -75,8 +75,8 @@ impl Actuators {
         settings
     }
 
-    /// Changes the settings of the existing actuators. Their networks, efforts, heat and delayed commands
-    /// stay.
+    /// Changes the settings of the existing actuators. Their networks, efforts, heat and delayed commands are
+    /// kept.
     pub(super) fn set_settings(
         &mut self,
         settings: &[Option<ActuatorSettings>],
@@ -114,7 +114,7 @@ impl Actuators {
         self.joints.iter().any(|driven| driven.now.drivetrain().is_some())
     }
 
-    /// Begins a step: selects the commands of these drives that act in it and evaluates the networks.
+    /// Begins a step of `drives`: selects the commands that act during the step and evaluates the networks.
     pub(super) fn begin(&mut self, robot: &Robot, drives: &Range<usize>) {
         let (q, v) = (&robot.positions()[drives.clone()], &robot.velocities()[drives.clone()]);
         let commands = &robot.commands[drives.clone()];
@@ -136,8 +136,8 @@ impl Actuators {
         }
     }
 
-    /// Returns the commands that the actuators pass on for an integration step of `h` \[s\] from the joint
-    /// positions `q` and velocities `v`, and sets the effort bounds of that step.
+    /// Returns the commands forwarded by the actuators for an integration step of `h` \[s\] from the joint
+    /// positions `q` and velocities `v`. Also sets the effort bounds of that step.
     pub(super) fn pass<'a>(
         &'a mut self,
         commands: &'a [JointSetpoint],
@@ -159,7 +159,7 @@ impl Actuators {
                 integrator.set_bounds(*joint, [law.low, law.high]);
                 continue;
             }
-            // A share of the whole law, plus a part that does not depend on the end of the step.
+            // A fraction of the whole law, plus a term that does not depend on the end of the step.
             self.commands[*joint] = JointSetpoint {
                 effort: law.share * acting.effort + law.carried,
                 kp: law.share * acting.kp,
@@ -199,8 +199,8 @@ impl Actuators {
         ActuatorsState(self.joints.iter().map(saved).collect())
     }
 
-    /// Restores a saved state. Returns `false` if it belongs to other actuators. Effort limits and settings
-    /// are not part of the state and stay.
+    /// Restores a saved state. Returns `false` if the state is from different actuators. Effort limits and
+    /// settings are not part of the state and do not change.
     pub(super) fn restore(&mut self, state: &ActuatorsState) -> bool {
         let fits = state.0.len() == self.joints.len();
         if fits {

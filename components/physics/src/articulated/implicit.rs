@@ -17,12 +17,12 @@ pub struct Singular(pub usize);
 pub(super) struct Start<'a> {
     /// Positions of the joints.
     pub(super) q: &'a [f64],
-    /// The whole velocity; a floating base comes first.
+    /// Complete velocity vector; the entries of a floating base come first.
     pub(super) v: &'a [f64],
     /// Length of the step \[s\].
     pub(super) h: f64,
     pub(super) mass: &'a DMatrix<f64>,
-    /// C(q, v) v + g(q), less external forces.
+    /// C(q, v) v + g(q), minus external forces.
     pub(super) bias: &'a [f64],
 }
 
@@ -33,16 +33,16 @@ pub(super) struct ImplicitSolver {
     laws: Vec<Laws>,
     system: DMatrix<f64>,
     pub(super) factor: MassFactor,
-    /// Entries whose velocity a mode fixes.
+    /// True for entries whose velocity is fixed by a mode.
     pub(super) held: Vec<bool>,
     /// Generalized external impulse (nv).
     pub(super) impulse: Vec<f64>,
 }
 
-/// Largest number of sweeps of the relaxation, which replaces the active set when that cycles.
+/// Maximum number of sweeps of the relaxation, the fallback if the active set cycles.
 const SWEEPS: usize = 200;
 
-/// Guesses of the modes before the relaxation replaces the active set. The first is nearly always confirmed.
+/// Number of mode guesses before the fallback to relaxation. The first guess is nearly always confirmed.
 pub(super) const GUESSES: usize = 24;
 
 impl ImplicitSolver {
@@ -74,8 +74,8 @@ impl ImplicitSolver {
         fits
     }
 
-    /// Begins a step: computes the laws of all joints. `middle` has the positions at the midpoint in a step
-    /// of the midpoint rule.
+    /// Begins a step: computes the laws of all joints. In a midpoint step, `middle` contains the positions at
+    /// the midpoint.
     pub(super) fn begin(
         &mut self,
         (joints, commands, bounds): (&[JointProperties], &[JointSetpoint], &[[f64; 2]]),
@@ -100,14 +100,14 @@ impl ImplicitSolver {
         }
     }
 
-    /// Holds all velocities: no impulse changes them.
+    /// Fixes all velocities, so that impulses do not change them.
     pub(super) fn hold(&mut self) {
         self.held.fill(true);
         self.impulse.fill(0.0);
     }
 
-    /// Returns `true` if the end velocity `x`, with the external impulses, confirms the modes. Otherwise the
-    /// modes become the ones that `x` implies.
+    /// Returns `true` if the end velocity `x`, with the external impulses, confirms the modes. Otherwise sets
+    /// the modes that `x` implies.
     pub(super) fn confirm(&mut self, start: &Start<'_>, x: &mut [f64]) -> bool {
         // A velocity fixed by a mode stays exact.
         for ((laws, mode), x) in self.laws.iter().zip(&self.modes).zip(x.iter_mut()) {
@@ -118,7 +118,7 @@ impl ImplicitSolver {
         let mut settled = true;
         for (i, (laws, mode)) in self.laws.iter().zip(&mut self.modes).enumerate() {
             let (constant, slope) = laws.force(mode);
-            // The holding force matters only where a velocity is held.
+            // The holding force is only needed for a fixed velocity.
             let missing = if laws.fixed(mode).is_some() {
                 let outside = start.bias[i] - self.impulse[i] / start.h;
                 inertial(start, x, i) / start.h + outside - (constant - slope * x[i])
@@ -143,8 +143,8 @@ impl ImplicitSolver {
         events
     }
 
-    /// Solves for the end velocity of the current modes without external impulses, into `x` (nv). Joints with
-    /// a fixed velocity drop out of the linear system.
+    /// Computes the end velocity `x` (nv) for the current modes, without external impulses. Joints with a
+    /// fixed velocity are eliminated from the linear system.
     pub(super) fn solve_modes(&mut self, start: &Start<'_>, x: &mut [f64]) -> Result<(), Singular> {
         self.system.copy_from(start.mass);
         for (i, (laws, mode)) in self.laws.iter().zip(&self.modes).enumerate() {
@@ -176,8 +176,8 @@ impl ImplicitSolver {
         Ok(())
     }
 
-    /// Relaxes the joints by Gauss-Seidel, each solved exactly. This is slower than the active set, but
-    /// always converges because the problem is convex. External impulses keep their last values. The next
+    /// Relaxes the joints by Gauss-Seidel and solves each one exactly. This is slower than the active set,
+    /// but always converges because the problem is convex. External impulses keep their last values. The next
     /// step starts with fresh modes.
     pub(super) fn relax(&mut self, start: &Start<'_>, x: &mut [f64]) {
         for _ in 0..SWEEPS {

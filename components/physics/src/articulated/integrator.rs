@@ -24,20 +24,20 @@ use crate::{Integrator, JointSetpoint};
 ///
 /// with the drive law `tau` of [`JointSetpoint`], viscous damping `D`, Coulomb friction that can stick, and
 /// inelastic limit stops. A floating base moves along a straight line and turns about a fixed axis during the
-/// step. Its velocity is expressed in axes that do not rotate during the step, so its rotation alone changes
-/// no velocity.
+/// step. Its velocity is expressed in axes that do not rotate during the step, so rotation alone does not
+/// change it.
 ///
-/// Each term is a monotone function of its own `v+_i` and `M` is positive definite, so the solution exists
-/// and is unique for any gains (a strictly convex problem). An active set finds the solution: a joint's drive
-/// is linear or saturated, its friction sticks or slips, its stop holds or not. The linear system of the
-/// current modes is solved until its solution confirms the modes. The modes of the last step are the first
-/// guess and nearly always right.
+/// Each term is a monotone function of its own `v+_i` and `M` is positive definite. The problem is therefore
+/// strictly convex, and its solution exists and is unique for any gains. An active set finds the solution: a
+/// joint's drive is linear or saturated, its friction sticks or slips, its stop is active or inactive. The
+/// linear system of the current modes is solved until its solution confirms the modes. The first guess is the
+/// modes of the last step, which are nearly always correct.
 ///
-/// The drive acts at the end of the step, which adds damping: a drive with Kp and Kd behaves like one
-/// with Kd + h Kp. A drive without damping therefore comes to rest.
+/// The drive law is evaluated at the end of the step, which adds damping: a drive with Kp and Kd behaves like
+/// one with Kd + h Kp. A drive without damping therefore comes to rest.
 ///
 /// [`Integrator::Midpoint`] is of second order. It evaluates the inertia and the bias at the midpoint of the
-/// step, the bias with the mean of the velocities before and after:
+/// step. The bias uses the mean of the velocities before and after the step:
 ///
 /// ```text
 /// q_m = q + h/2 v
@@ -46,9 +46,9 @@ use crate::{Integrator, JointSetpoint};
 /// q+ = q_m + h/2 v+
 /// ```
 ///
-/// with `v_m` from a first solution of the same step. Drives still act at the end of the step, so gains of
-/// any size are stable; the effects of drives, damping and friction are of first order. A joint that may
-/// reach its stop uses Euler's method in that step.
+/// with `v_m` from a first solution of the same step. Drives are still evaluated at the end of the step, so
+/// gains of any size are stable; the effects of drives, damping and friction are of first order. A step in
+/// which a joint may reach its stop uses Euler's method for the whole robot.
 ///
 /// Nothing allocates after [`new`](Self::new).
 ///
@@ -82,8 +82,8 @@ pub struct JointSpaceIntegrator {
     solver: ImplicitSolver,
     /// The method of [`advance`](Self::advance).
     method: Integrator,
-    /// The current step uses the midpoint rule, with the positions `q_middle` at its midpoint and the start
-    /// velocities `v_middle`; a base's velocity is expressed in its axes at the midpoint.
+    /// True if the current step uses the midpoint rule, with the positions `q_middle` at its midpoint and the
+    /// start velocities `v_middle`; a base's velocity is expressed in its axes at the midpoint.
     midway: bool,
     q_middle: Vec<f64>,
     v_middle: Vec<f64>,
@@ -142,7 +142,7 @@ impl JointSpaceIntegrator {
         self.solver.modes()
     }
 
-    /// Restores earlier modes. Returns `false` if they belong to another robot.
+    /// Restores earlier modes. Returns `false` if they are from a different robot.
     pub(crate) fn set_modes(&mut self, modes: &[Mode]) -> bool {
         self.solver.set_modes(modes)
     }
@@ -175,9 +175,9 @@ impl JointSpaceIntegrator {
         Ok(self.finish(model, (q, v), (h, settled), tau))
     }
 
-    /// Begins a step. `force` is a generalized force in addition to gravity (nv, or empty). Guesses follow,
-    /// each with [`find_free`](Self::find_free), contact impulses and [`confirm`](Self::confirm), then
-    /// [`finish`](Self::finish).
+    /// Begins a step. `force` is a generalized force in addition to gravity (nv, or empty). For each guess of
+    /// the modes, the caller runs [`find_free`](Self::find_free), applies contact impulses and runs
+    /// [`confirm`](Self::confirm). It then calls [`finish`](Self::finish).
     pub(super) fn begin(
         &mut self,
         model: &Model,
@@ -247,7 +247,7 @@ impl JointSpaceIntegrator {
         }
     }
 
-    /// Computes the bias minus `force`. The mass matrix has been assembled.
+    /// Computes the bias minus `force`. The mass matrix must already be assembled.
     fn assemble_bias(
         &mut self,
         model: &Model,
@@ -268,9 +268,9 @@ impl JointSpaceIntegrator {
         }
     }
 
-    /// Returns the momentum of a robot with a floating base at the start `v` of a step, linear and about the
-    /// centre of mass, in base axes; it is computed from the base rows of the mass matrix. `None` in a step
-    /// of the midpoint rule, which has a different mass matrix.
+    /// Returns the linear momentum, and the angular momentum about the centre of mass, of a floating robot
+    /// with the start velocity `v`, in base axes. Both are computed from the base rows of the mass matrix.
+    /// Returns `None` in a midpoint step, which has a different mass matrix.
     pub(super) fn start_momentum(&self, v: &[f64]) -> Option<[Vector3<f64>; 2]> {
         if self.midway {
             return None;
@@ -287,7 +287,7 @@ impl JointSpaceIntegrator {
         Some([linear, angular - moment.cross(&linear) / self.mass[(0, 0)]])
     }
 
-    /// Computes the end velocity of the current modes without contact impulses.
+    /// Computes the end velocity for the current modes without contact impulses.
     pub(super) fn find_free(
         &mut self,
         model: &Model,
@@ -332,7 +332,7 @@ impl JointSpaceIntegrator {
         events
     }
 
-    /// Begins a step of a robot that keeps its velocity `v`, whatever acts on it.
+    /// Begins a step in which the robot keeps its velocity `v` regardless of all forces.
     pub(super) fn hold(&mut self, v: &[f64]) {
         self.v_next.as_mut_slice().copy_from_slice(v);
         self.solver.hold();

@@ -18,9 +18,9 @@ pub(crate) enum Drive {
     High,
     /// Full effort backwards.
     Low,
-    /// Faster forwards than the limit: the effort falls with the velocity.
+    /// Forwards beyond the velocity limit: the effort falls with the velocity.
     SlowForwards,
-    /// Faster backwards than the limit.
+    /// Backwards beyond the velocity limit.
     SlowBackwards,
 }
 
@@ -55,10 +55,10 @@ pub(crate) struct Laws {
     /// Velocities beyond which the drive brakes.
     min_velocity: f64,
     max_velocity: f64,
-    /// Slope with which the highest effort falls beyond those velocities.
+    /// Slope of the effort limit beyond those velocities.
     braking_slope: f64,
-    /// Force of the joint's spring at zero velocity, and the slope with which spring and damping forces fall
-    /// with the velocity.
+    /// Force of the joint's spring at zero velocity, and the decrease of the spring and damping forces per
+    /// unit of velocity.
     spring: f64,
     pub(super) damping: f64,
     pub(super) friction: f64,
@@ -67,8 +67,8 @@ pub(crate) struct Laws {
     pub(super) fastest: f64,
 }
 
-/// Decay rate of the distance of a joint beyond its stop \[1/s\]. Gentle, because correcting the distance
-/// within one step would be a blow.
+/// Decay rate of the distance of a joint beyond its stop \[1/s\]. Kept low, because correcting the distance
+/// within one step would cause an impact.
 const RECOVERY_RATE: f64 = 20.0;
 
 /// Returns the velocity at which a joint arrives exactly at a stop at this distance within `h`. For a joint
@@ -95,7 +95,7 @@ impl Laws {
     };
 
     /// Creates the laws of a step of `h` from position `q`. The drive's effort is limited to `low` and
-    /// `high`, which are the limits of the joint or, in this step, narrower.
+    /// `high`: the limits of the joint, or narrower ones in this step.
     pub(crate) fn new(
         joint: &JointProperties,
         command: &JointSetpoint,
@@ -128,9 +128,9 @@ impl Laws {
         }
     }
 
-    /// Converts the laws to a step of the midpoint rule from position `q` over `middle`, where the end
-    /// velocity takes over. Stops apply to the second half of the step. A spring acts with the mean of its
-    /// forces at both ends, which conserves its energy.
+    /// Converts the laws to a midpoint step from position `q` through `middle`, after which the end velocity
+    /// applies. Stops act in the second half of the step. A spring acts with the mean of its forces at both
+    /// ends, which conserves its energy.
     pub(super) fn midway(self, joint: &JointProperties, [q, middle]: [f64; 2], h: f64) -> Self {
         Self {
             spring: joint.stiffness * (joint.rest - 0.5 * (q + middle)),
@@ -151,12 +151,12 @@ impl Laws {
         if x < self.min_velocity { self.slowing_backwards(x).min(self.high) } else { self.low }
     }
 
-    /// Returns the highest effort beyond `max_velocity`, including its fall.
+    /// Returns the highest effort beyond `max_velocity`, where it falls with the velocity.
     fn slowing_forwards(&self, x: f64) -> f64 {
         self.high - self.braking_slope * (x - self.max_velocity)
     }
 
-    /// Returns the lowest effort beyond `min_velocity`, including its rise.
+    /// Returns the lowest effort beyond `min_velocity`, where it rises with the speed.
     fn slowing_backwards(&self, x: f64) -> f64 {
         self.low - self.braking_slope * (x - self.min_velocity)
     }
@@ -184,8 +184,8 @@ impl Laws {
         raw > self.highest(x) || raw < self.lowest(x)
     }
 
-    /// Returns the branch of the drive at end velocity `x`, found in `mode`. Between full effort forwards and
-    /// backwards there is the braking branch; skipping it would make the iteration cycle.
+    /// Returns the branch of the drive at the end velocity `x` that was found in `mode`. The braking branch
+    /// is between full effort forwards and full effort backwards; skipping it would make the iteration cycle.
     pub(crate) fn drive_mode(&self, mode: Drive, x: f64) -> Drive {
         let raw = self.drive_0 - self.drive_slope * x;
         if x > self.max_velocity && raw > self.highest(x) {

@@ -83,14 +83,14 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 /// the corners of the patch that their faces share, or where two edges cross.
 ///
 /// Torques against spinning about a contact normal and against rolling about its tangents are part of the
-/// same problem, each bounded by its coefficient times the normal force. The surface of a conveyor carries
-/// along objects that touch it. The air drag on free objects is evaluated at the end of the step.
+/// same problem, each bounded by its coefficient times the normal force. A conveyor surface drags along
+/// objects that touch it. The air drag on free objects is evaluated at the end of the step.
 ///
-/// Objects that have been still for half a second sleep together with everything they touch, until something
-/// reaches them.
+/// Objects that have been still for half a second fall asleep together with everything they touch. They wake
+/// when something reaches them.
 ///
-/// In the air, the linear and angular momentum of a floating robot is conserved to rounding: after each
-/// integration step the velocity of the base is corrected by the momentum that the integration lost.
+/// In the air, the linear and angular momentum of a floating robot is conserved up to rounding: after each
+/// integration step the velocity of the base is corrected by the momentum lost in the integration.
 ///
 /// Nothing allocates after the simulation has been built.
 pub struct Articulated {
@@ -366,9 +366,9 @@ impl Articulated {
 }
 
 impl Simulation<Articulated> {
-    /// Moves the floating base of each robot up or down until the robot stands on the ground plane or the
-    /// terrain, or on the plane z = 0 without one, and stops it. A robot without collision shapes stays where
-    /// it is.
+    /// Moves the floating base of each robot vertically until the robot stands on the ground plane or the
+    /// terrain, and stops the robot. In a world without either, it stands on the plane z = 0. A robot without
+    /// collision shapes stays where it is.
     pub fn place_on_ground(&mut self) {
         (0..self.engine.parts.len()).for_each(|of| self.place_one_on_ground(of));
     }

@@ -1,4 +1,4 @@
-//! Links that start too close to each other, and links and objects that start inside something.
+//! Links that start too close to each other, and links and objects that overlap something at the start.
 
 use super::Articulated;
 use crate::BuildWarning;
@@ -6,7 +6,7 @@ use crate::BuildWarning;
 /// Links that start closer than this are excluded from self-collision \[m\].
 const TOO_CLOSE: f64 = 0.010;
 
-/// Penetration depth beyond which a link or object that starts inside something gets a warning \[m\].
+/// Initial penetration depth above which a link or object gets a warning \[m\].
 const INSIDE: f64 = 1e-3;
 
 impl Articulated {

@@ -14,7 +14,7 @@ use crate::{BuildError, Integrator};
 pub(super) struct Part {
     pub(super) integrator: JointSpaceIntegrator,
     pub(super) dynamics: Dynamics,
-    /// Kinematics of the next state, between integration steps of one step.
+    /// Kinematics of the next state between the integration steps of a step.
     pub(super) kinematics: Kinematics,
     /// Generalized force of the rotors (nv).
     pub(super) rotor_force: Vec<f64>,
@@ -64,7 +64,7 @@ impl Part {
 }
 
 impl Part {
-    /// Clears everything that the last steps left in the drives.
+    /// Clears the drive states left by the last steps.
     pub(super) fn forget_drives(&mut self) {
         self.integrator.forget();
         self.actuators.reset();

@@ -1,4 +1,4 @@
-//! Placed articulations in the articulated engine: contacts meet their velocity, and no impulse changes it.
+//! Placed articulations in the articulated engine: contacts see their velocity, but no impulse changes it.
 
 use motorium_robots::Kinematics;
 
@@ -6,13 +6,13 @@ use super::{JointEvents, JointSpaceIntegrator, Part};
 use crate::robot::{Articulation, State};
 
 impl Part {
-    /// Returns the kinematics at the start of a step: of a placed articulation those from which it arrives at
-    /// its placed state.
+    /// Returns the kinematics at the start of a step. For a placed articulation, this is the state from which
+    /// it arrives at its placed state.
     pub(super) fn start<'a>(&'a self, own: &'a Articulation) -> &'a Kinematics {
         if own.placed { &self.kinematics } else { &own.kinematics }
     }
 
-    /// Begins a step of a placed articulation from the next state, which is still its start.
+    /// Begins a step of a placed articulation from the next state, which still equals the state at the start.
     pub(super) fn begin_placed(&mut self, own: &Articulation, state: &State) {
         let (q, v) = (&state.q_next[own.q()], &state.v_next[own.v()]);
         self.kinematics.update_with_velocity(&own.model, q, v);

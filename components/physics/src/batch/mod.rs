@@ -18,8 +18,8 @@ const BLOCKS: usize = 16;
 ///
 /// States, commands and [observations](Self::observing) of all worlds are contiguous, one world after the
 /// other. Each world computes the same result as it would alone, bit for bit, on any number of threads. The
-/// threads live as long as the batch: between two calls they poll for 0.03 to 0.5 ms, which depends on the
-/// processor, then sleep.
+/// threads live as long as the batch: between two calls they poll for 0.03 to 0.5 ms, depending on the
+/// processor, and then sleep.
 ///
 /// [`step`](Self::step) advances all worlds under the commands of the batch. [`each`](Self::each) visits all
 /// worlds, each with its own data `W` ([`with_data`](Self::with_data)): command, step, observe, reward, reset
@@ -79,7 +79,7 @@ struct Block<'a, E, W> {
 }
 
 impl<E: Engine + Send> Batch<E> {
-    /// Builds `count` worlds by `build`, which receives the index of each, and starts `threads` - 1 threads
+    /// Builds `count` worlds with `build`, which receives the index of each, and starts `threads` - 1 threads
     /// (the caller's thread is the remaining one). All robots must have the same number of joints.
     ///
     /// # Errors
@@ -187,7 +187,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
     }
 
     /// Calls `work` once on each thread with the number of the thread, from 0, and returns when all calls
-    /// have returned. Work between two steps thus uses the threads of the batch.
+    /// have returned. This lets work between two steps use the threads of the batch.
     ///
     /// # Panics
     ///
@@ -211,7 +211,8 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         &mut self.data
     }
 
-    /// Returns the commands of all drives of all worlds, one world after the other; they stay until changed.
+    /// Returns the commands of all drives of all worlds, one world after the other; they persist until
+    /// changed.
     pub fn commands_mut(&mut self) -> &mut [JointSetpoint] {
         &mut self.commands
     }
@@ -326,7 +327,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
             .collect();
         let threads = self.workers.threads();
         self.workers.run(&|thread| {
-            // Each thread begins with its own worlds, which its caches hold, and then helps with the rest.
+            // Each thread begins with its own worlds, which are in its caches, and then helps with the rest.
             let start = thread * blocks.len() / threads;
             for (claimed, block) in blocks[start..].iter().chain(&blocks[..start]) {
                 if !claimed.swap(true, Ordering::Relaxed) {
@@ -337,8 +338,8 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         });
     }
 
-    /// Resets one world to configuration `q` (nq) and velocity `v` (nv), its objects to their starts, and its
-    /// commands to zero efforts.
+    /// Resets one world to configuration `q` (nq) and velocity `v` (nv), its objects to their start
+    /// states, and its commands to zero efforts.
     ///
     /// # Errors
     ///
@@ -350,7 +351,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         Ok(())
     }
 
-    /// Resets one world with other physical properties, which stay until the next call.
+    /// Resets one world with other physical properties, which persist until the next call.
     ///
     /// # Errors
     ///

@@ -124,8 +124,7 @@ impl Drop for Workers {
     }
 }
 
-/// Waits for a condition that another thread makes true and then unparks this one: spins briefly, then
-/// sleeps.
+/// Waits until another thread makes `condition` true and unparks this one: spins briefly, then sleeps.
 fn wait_until(condition: impl Fn() -> bool) {
     for _ in 0..SPINS {
         if condition() {

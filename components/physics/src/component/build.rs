@@ -30,11 +30,11 @@ pub(super) struct BuiltRobot {
     /// Name in the graph, if there are several robots.
     pub(super) name: Option<String>,
     pub(super) loaded: Loaded,
-    /// The articulation that the robot is, or is part of.
+    /// The articulation that contains the robot.
     pub(super) articulation: usize,
     /// Range of the robot's drives in the simulation.
     pub(super) drives: Range<usize>,
-    /// True if the robot is moved along a state that it follows, not by commands.
+    /// True if the robot follows a state instead of commands.
     pub(super) follows: bool,
 }
 
@@ -44,14 +44,14 @@ impl BuiltRobot {
         self.name.as_ref().map_or_else(|| port.to_string(), |name| format!("{name}.{port}"))
     }
 
-    /// Returns the prefix of its link and joint names in the simulation; empty for a single robot.
+    /// Returns the prefix of the robot's link and joint names in the simulation; empty for a single robot.
     pub(super) fn prefix(&self) -> String {
         self.name.as_ref().map(|name| format!("{name}/")).unwrap_or_default()
     }
 }
 
-/// Loads the robots and builds their simulation. `follows` contains for each robot whether it follows a
-/// state. Relative paths of the configuration are resolved against `folder`.
+/// Loads the robots and builds their simulation. `follows` is true for each robot that follows a state.
+/// Relative paths of the configuration are resolved against `folder`.
 pub(super) fn build<E: PhysicsEngine>(
     config: &PhysicsConfig,
     robot: Option<&RobotReference>,
@@ -100,8 +100,8 @@ fn one<E: PhysicsEngine>(
     Ok(Built { simulation, robots: vec![robot], on_ground, doubts: Vec::new() })
 }
 
-/// Builds several robots. Each robot that has a floating base or follows is an articulation. The other robots
-/// with fixed bases share one articulation, with their trees next to each other in the world.
+/// Builds several robots. Each robot that has a floating base or follows a state is a separate articulation.
+/// The remaining robots share one articulation, with their trees side by side in the world.
 fn several<E: PhysicsEngine>(
     config: &PhysicsConfig,
     (robots, follows): (&[RobotReference], &[bool]),
@@ -118,7 +118,7 @@ fn several<E: PhysicsEngine>(
     let loaded = robots.iter().map(|robot| Placing::load(config, robot)).collect::<Result<Vec<_>, _>>()?;
     let alone = |index: usize| loaded[index].loaded.model.base().floating || follows[index];
     let fixed: Vec<usize> = (0..loaded.len()).filter(|index| !alone(*index)).collect();
-    // The articulation of the fixed robots takes the position of the first of them.
+    // The shared articulation comes at the index of its first robot.
     let groups: Vec<Vec<usize>> = (0..loaded.len())
         .filter(|index| alone(*index) || fixed.first() == Some(index))
         .map(|index| if alone(index) { vec![index] } else { fixed.clone() })
@@ -182,7 +182,7 @@ fn set_actuators(
     let owner = |name: &String| setups.iter().position(|setup| setup.model.joint_index(name).is_some());
     let mut of_joints = vec![BTreeMap::new(); setups.len()];
     for (name, actuator) in &config.actuators {
-        // A name that no robot has is rejected with the first robot.
+        // An unknown name is passed to the first robot, which rejects it.
         of_joints[owner(name).unwrap_or(0)].insert(name.clone(), actuator.clone());
     }
     for (setup, of_joints) in setups.iter_mut().zip(&of_joints) {
@@ -198,8 +198,8 @@ pub trait PhysicsEngine: Engine + Send + 'static {
     /// One-line summary of the kind.
     const SUMMARY: &'static str;
 
-    /// Prepares a new simulation for its component. The configuration does not specify where the floating
-    /// bases of the articulations `anywhere` start.
+    /// Prepares a new simulation for its component. `anywhere` lists the articulations with a floating base
+    /// whose start is not configured.
     fn prepare(simulation: &mut Simulation<Self>, anywhere: &[usize]);
 }
 
@@ -214,7 +214,7 @@ impl PhysicsEngine for Articulated {
 
 impl PhysicsEngine for Rapier {
     const KIND: &'static str = "physics.rapier";
-    const SUMMARY: &'static str = "simulates robots with fixed bases by the rapier engine";
+    const SUMMARY: &'static str = "simulates fixed-base robots with the rapier engine";
 
     fn prepare(simulation: &mut Simulation<Self>, _: &[usize]) {
         simulation.enclose_rapier(|call| set_apart(call));
@@ -223,13 +223,13 @@ impl PhysicsEngine for Rapier {
 
 impl PhysicsEngine for Mujoco {
     const KIND: &'static str = "physics.mujoco";
-    const SUMMARY: &'static str = "simulates robots by MuJoCo, where its library is installed";
+    const SUMMARY: &'static str = "simulates robots with MuJoCo, if its library is installed";
 
     fn prepare(simulation: &mut Simulation<Self>, anywhere: &[usize]) {
         if anywhere.is_empty() {
             return;
         }
-        // The same shapes on the same ground.
+        // A twin in the articulated engine, with the same shapes on the same ground, finds the start poses.
         let (world, options) = (simulation.world.clone(), *simulation.options());
         let robots = simulation.articulations().iter().map(|own| RobotSetup::from(own.model().clone()));
         let (robots, q) = (robots.collect::<Vec<_>>(), simulation.configuration().to_vec());

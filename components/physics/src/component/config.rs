@@ -138,8 +138,8 @@ impl PhysicsConfig {
         placed: bool,
     ) -> Result<Option<Isometry3<f64>>, ConfigError> {
         if placed && self.base.is_some() {
-            return Err(ConfigError::key("base", "the graph says where the robot stands already")
-                .advise("keep `base` of the robot, and leave this one out"));
+            return Err(ConfigError::key("base", "the graph already specifies the robot's pose")
+                .advise("keep `base` of the robot, and remove this one"));
         }
         if let Some(BaseStart { position: [x, y, z], rpy: [roll, pitch, yaw] }) = self.base {
             if !robot.model.base().floating {
@@ -174,7 +174,7 @@ impl PhysicsConfig {
         for (link, surface) in &self.surfaces {
             let SurfaceConfig { friction, friction_combine, restitution, soft, grain } = surface;
             let key = |name: &str| format!("surfaces.{link}{name}");
-            // A link that no robot has is rejected with the first robot.
+            // An unknown link is passed to the first robot, which rejects it.
             let owner = setups.iter().position(|setup| setup.model.frame(link).is_ok()).unwrap_or(0);
             let setup = &mut setups[owner];
             if let Err(error) = setup.model.frame(link) {
@@ -210,7 +210,7 @@ impl PhysicsConfig {
     /// Adds springs to joints of these robots.
     pub(super) fn set_springs(&self, setups: &mut [RobotSetup]) -> Result<(), ConfigError> {
         for (joint, SpringConfig { stiffness, rest }) in &self.springs {
-            // A joint that no robot has is rejected with the first robot.
+            // An unknown joint is passed to the first robot, which rejects it.
             let has = |setup: &RobotSetup| setup.model.bodies().iter().any(|body| body.joint.name == *joint);
             let owner = setups.iter().position(has).unwrap_or(0);
             let setup = &mut setups[owner];
@@ -258,7 +258,7 @@ impl PhysicsConfig {
         let named = |error: motorium_robots::ProfileError| ConfigError::key("pose", error.to_string());
         match (&self.pose, &self.position, &robot.profile) {
             (Some(_), Some(_), _) => {
-                Err(ConfigError::new("both `pose` and `position` say where the robot starts")
+                Err(ConfigError::new("both `pose` and `position` specify the robot's start")
                     .advise("keep one of them"))
             }
             (None, Some(position), _) => position.resolve(model.joint_count()).map_err(|error| {
@@ -295,11 +295,11 @@ fn posture<'a>(robot: &'a Loaded, name: &str) -> Option<&'a Posture> {
     robot.postures.iter().find(|posture| posture.name == name)
 }
 
-/// Returns advice for a pose that does not exist.
+/// Returns advice for an unknown pose.
 fn advice(robot: &Loaded) -> String {
     let names: Vec<_> = robot.postures.iter().map(|posture| posture.name.as_str()).collect();
     if names.is_empty() {
-        "write its `position` instead, or a profile (.toml) beside its URDF".to_owned()
+        "write its `position` instead, or a profile (.toml) next to its URDF".to_owned()
     } else {
         format!("its SRDF has {}", names.join(", "))
     }

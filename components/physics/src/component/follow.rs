@@ -9,18 +9,18 @@ use super::build::BuiltRobot;
 use super::config::PhysicsConfig;
 use crate::{Articulation, Engine, Simulation, Simulator};
 
-/// Input of the commands of a robot that its drives move.
+/// Command input of a robot that is moved by its drives.
 pub(super) const COMMAND: &str = "joint_command";
 
-/// Inputs of a robot that follows: the state of its joints, and of its floating base.
+/// Inputs of a robot that follows: joint states, and states of its floating base.
 const JOINTS: &str = "follow";
 const BASE: &str = "follow_base";
 
 /// Largest deviation of a followed quaternion's squared norm from 1.
 const UNIT: f64 = 1e-6;
 
-/// Returns for each robot of a component whether it follows; `subscribes` reports the wired inputs. `robots`
-/// is empty for a component with a single robot.
+/// Returns one entry per robot of a component: true if the robot follows a state. `subscribes` reports the
+/// wired inputs. `robots` is empty for a component with a single robot.
 pub(super) fn followers(robots: &[RobotReference], subscribes: impl Fn(&str) -> bool) -> Vec<bool> {
     let follows = |prefix: &str| [JOINTS, BASE].iter().any(|port| subscribes(&format!("{prefix}{port}")));
     match robots {
@@ -46,7 +46,7 @@ pub(super) fn declare(
             let wired = if declare.subscribes(&joints) { &joints } else { &base };
             let message = format!("`{wired}` and `{command}` both move the robot");
             return Err(ConfigError::new(message).advise(format!(
-                "a robot that follows takes no commands: leave out `{wired}` or `{command}`"
+                "a robot that follows accepts no commands: leave out `{wired}` or `{command}`"
             )));
         }
         if robot.follows {
@@ -86,7 +86,7 @@ pub(super) struct Follower {
     efforts: Vec<f64>,
     /// Steps in which an input had no fresh and valid state.
     held: u64,
-    /// Steps with a state that has another number of joints or no unit quaternion.
+    /// Steps in which a state had the wrong number of joints or no unit quaternion.
     refused: u64,
 }
 
@@ -102,7 +102,8 @@ enum Found {
 }
 
 impl Follower {
-    /// Opens the inputs of a robot that follows, which stays in its present state until the first one.
+    /// Opens the inputs of a robot that follows. The robot stays in its current state until the first
+    /// message.
     pub(super) fn open<E: Engine>(
         robot: &BuiltRobot,
         (simulation, stale_after_ns): (&Simulation<E>, u64),
@@ -126,7 +127,7 @@ impl Follower {
         })
     }
 
-    /// Moves the robot of the next step along the newest states. A part without a fresh and valid state holds
+    /// Moves the robot along the newest states in the next step. A part without a fresh and valid state holds
     /// its last pose with zero velocity.
     pub(super) fn apply<E: Engine>(&mut self, simulation: &mut Simulation<E>, settling: bool) {
         let own = &simulation.articulations()[self.articulation];
@@ -193,7 +194,7 @@ impl Follower {
         &self.efforts
     }
 
-    /// Starts an episode in the present state of the simulation.
+    /// Starts an episode in the current state of the simulation.
     pub(super) fn reset<E: Engine>(&mut self, simulation: &Simulation<E>) {
         let own = &simulation.articulations()[self.articulation];
         self.q.copy_from_slice(&simulation.configuration()[own.q()]);

@@ -1,7 +1,8 @@
-//! Merging of contact points into the entries of a message that has no room for all of them.
+//! Merges contact points into fewer message entries when a message has no room for all of them.
 //!
-//! Points on the same link share entries: all points but the first become two forces with the same sum and
-//! moment. A sensor that sums forces or wrenches reads the same values as with one entry per point.
+//! Points on the same link share entries: the first points keep separate entries, and the others become two
+//! forces with the same sum and moment. A sensor that sums forces or wrenches reads the same values as with
+//! one entry per point.
 
 use nalgebra::{Point3, Vector3};
 
@@ -15,7 +16,7 @@ pub(super) struct Entry {
     pub(super) depth: f64,
 }
 
-/// Passes all points to a function, identically in every call.
+/// Passes the same points in the same order to a function in every call.
 type Visit<'a> = dyn FnMut(&mut dyn FnMut(&Entry)) + 'a;
 
 /// Points that share entries.
@@ -25,7 +26,7 @@ struct Group {
     /// `None` if points on any other body share the entries.
     other: Option<u32>,
     first: Entry,
-    /// Number of points, of entries, and of points seen while entries are filled.
+    /// Numbers of points, of entries, and of points seen so far while entries are filled.
     points: usize,
     entries: usize,
     seen: usize,
@@ -99,7 +100,7 @@ impl Merger {
                 whole = false;
             }
         });
-        // One entry for each, then a second, then the rest in order.
+        // One entry for each group, then a second, then the rest in order.
         let mut left = *most - groups.len();
         for most in [2, usize::MAX] {
             for group in &mut *groups {
@@ -269,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn coincident_points_and_points_without_force_have_a_place() {
+    fn coincident_points_and_points_without_force_are_merged() {
         let entry = Entry {
             link: 0,
             other: 0,

@@ -51,7 +51,8 @@ pub type MujocoPhysics = PhysicsComponent<Mujoco>;
 /// since the last step, and publishes the state at its end. After skipped steps the simulation catches up on
 /// up to four of them, so that the robot does not freeze while its clock advances.
 ///
-/// After a crash the robot continues from its last published state, and the objects restart from their start.
+/// After a crash the robot continues from its last published state, and the objects return to their start
+/// states.
 pub struct PhysicsComponent<E> {
     robots: Vec<Actuated>,
     truth: Truth,

@@ -1,4 +1,4 @@
-//! Loading and placement of several robots of one component, and the articulation of those with fixed bases.
+//! Loading and placement of several robots of one component, and the shared articulation of the fixed ones.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Translation3};
 use super::config::{self, PhysicsConfig};
 use crate::{RobotSetup, RotorDrive};
 
-/// Loads a robot, with at most as many drives as a message holds.
+/// Loads a robot, and rejects one with more drives than fit into a message.
 pub(super) fn load(
     config: &PhysicsConfig,
     robot: &RobotReference,
@@ -37,7 +37,7 @@ pub(super) fn load(
     Ok((setup, loaded))
 }
 
-/// One of several robots with its start.
+/// A robot of a component with several robots, and its start.
 pub(super) struct Placing {
     pub(super) loaded: Loaded,
     setup: RobotSetup,
@@ -45,7 +45,7 @@ pub(super) struct Placing {
     prefix: String,
     /// Start configuration (nq).
     pub(super) q: Vec<f64>,
-    /// True if the start of its floating base is not specified: it starts on the ground.
+    /// True if the start of its floating base is not configured: the robot then starts on the ground.
     pub(super) anywhere: bool,
 }
 
@@ -155,8 +155,8 @@ fn inside(error: ConfigError, robot: &str) -> ConfigError {
     }
 }
 
-/// Returns the pairs of links near the bases of two robots. Within one robot such links never touch, because
-/// they are neighbours or share a joint. In the common model all bases are one link.
+/// Returns the pairs of links near the bases of different robots, which must be able to touch. In the shared
+/// model all bases are one link, so that these links count as neighbours, which never touch by default.
 fn between(robots: &[&Placing]) -> Vec<(String, String)> {
     let near: Vec<Vec<String>> = robots.iter().map(|robot| robot.near_base()).collect();
     let mut pairs = Vec::new();

@@ -92,9 +92,9 @@ impl Pushes {
         configs.iter().enumerate().map(push).collect::<Result<_, _>>().map(Self)
     }
 
-    /// Returns the pushes at time `now_ns` as forces at points: the link by its articulation and its index
-    /// among the frames, the point in link axes \[m\], the force in world axes \[N\]. A torque is a pair of
-    /// forces, each half a metre from the point.
+    /// Returns the pushes at time `now_ns` as forces at points: the link as the index of its articulation and
+    /// its index among the frames, the point in link axes \[m\], and the force in world axes \[N\]. A torque
+    /// is a pair of forces, each half a metre from the point.
     pub(super) fn forces(
         &self,
         now_ns: u64,
@@ -134,7 +134,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pair_of_forces_is_the_torque_and_no_force() {
+    fn pair_of_forces_equals_the_torque_without_net_force() {
         for torque in [Vector3::x() * 3.0, Vector3::new(0.1, -7.0, 2.0), Vector3::z() * -1e-3] {
             let pair = couple(&torque).unwrap();
             let sum: Vector3<f64> = pair.iter().map(|(force, _)| force).sum();

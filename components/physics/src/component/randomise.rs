@@ -14,7 +14,7 @@ use super::build::{Built, BuiltRobot};
 use crate::randomise::{Draws, Property, Quantity, RandomiseConfig, RandomisedRobot, RangeError, check_ties};
 use crate::{Connection, Properties, ResetError, Simulation, Simulator};
 
-/// Number of newest episodes whose draws are in the report.
+/// Number of newest episodes whose samples are reported.
 const REPORTED: usize = 64;
 
 /// Samples the properties of each episode, applies them, and publishes them.
@@ -62,16 +62,16 @@ pub(super) fn declare<E: PhysicsEngine>(
     draws(config, &built.robots, (nominal.clone(), q))?;
     check_ties(config, nominal.world.connections.iter().chain(connections)).map_err(in_table)?;
     if config.every.is_some() && !E::CAPABILITIES.changes {
-        let message = format!("the {} engine takes other properties at resets alone", E::NAME);
+        let message = format!("the {} engine changes properties only at resets", E::NAME);
         return Err(ConfigError::key("randomise.every", message).advise("use `physics.articulated`"));
     }
     for robot in &built.robots {
-        declare.output::<Message>(&robot.port(PORT), "physical properties drawn for the episode");
+        declare.output::<Message>(&robot.port(PORT), "physical properties sampled for the episode");
     }
     Ok(())
 }
 
-/// Returns the samples of this table for these robots; the message of each robot has room for `MAX_DRAWN`.
+/// Returns the samples of this table for these robots. Each robot's message has room for `MAX_DRAWN` values.
 fn draws(
     config: &RandomiseConfig,
     robots: &[BuiltRobot],
@@ -164,7 +164,7 @@ impl Randomiser {
         }))
     }
 
-    /// Starts an episode at rest with the samples of its seed.
+    /// Starts an episode at rest with the values sampled from its seed.
     pub(super) fn start<E: PhysicsEngine>(
         &mut self,
         simulation: &mut Simulation<E>,
@@ -191,7 +191,7 @@ impl Randomiser {
         Ok(())
     }
 
-    /// Samples the properties that may change within an episode when their interval has passed. The
+    /// Samples the properties that may change within an episode whenever their interval has passed. Its
     /// allocations are counted separately.
     pub(super) fn follow<E: PhysicsEngine>(
         &mut self,

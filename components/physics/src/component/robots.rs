@@ -29,7 +29,7 @@ pub(super) struct Actuated {
     drives: Range<usize>,
     /// `None` for a robot that follows.
     command: Option<Input<state::JointCommand>>,
-    /// Set for a robot that is moved along a state that it follows.
+    /// Set for a robot that follows a state.
     follower: Option<Follower>,
     state: Output<JointState>,
     base_state: Option<Output<BaseState>>,
@@ -49,7 +49,7 @@ pub(super) struct Actuated {
     highest: f64,
 }
 
-/// The gravity compensation of safe states. It uses the robots from their files, independent of sampled
+/// The gravity compensation of safe states. It uses the models from the robot files, regardless of sampled
 /// properties.
 pub(super) struct SafeStates {
     models: Vec<Model>,
@@ -101,7 +101,7 @@ impl Actuated {
                 follower = Some(Follower::open(&robot, (simulation, stale_after_ns), setup)?);
             } else {
                 command = Some(setup.input(&robot.port(follow::COMMAND))?);
-                // In the order of the robots that have one.
+                // Gates are in the order of the robots that have one.
                 gate = if config.plant { None } else { gates.next() };
             }
             let floating = robot.loaded.model.base().floating;
@@ -127,7 +127,7 @@ impl Actuated {
         Ok(actuated)
     }
 
-    /// Applies the newest command after the gate's limits, or the safe state; moves a robot that follows
+    /// Applies the newest command within the gate's limits, or the safe state. A robot that follows is moved
     /// along its newest state.
     pub(super) fn apply_command<E: Engine>(
         &mut self,
@@ -197,7 +197,7 @@ impl Actuated {
         Ok(())
     }
 
-    /// Starts an episode with the present state of the simulation.
+    /// Starts an episode with the current state of the simulation.
     pub(super) fn reset<E: Engine>(&mut self, simulation: &Simulation<E>) {
         if let Some(gate) = &mut self.gate {
             gate.reset();

@@ -22,11 +22,11 @@ const PUSH: u32 = u32::MAX - 1;
 /// Value of `other` for a contact with a link of another robot.
 const OTHER_ROBOT: u32 = 65_535;
 
-/// Value of `other` for a contact with the link of index 0 of the same robot.
+/// Value of `other` for a contact with link 0 of the same robot.
 const FIRST_LINK: u32 = 65_536;
 
-/// A push: the articulation and link index, the point in link axes, and the arm from that point and the force
-/// in world axes.
+/// A push: articulation and link index, point in link axes, and, in world axes, the arm from that point and
+/// the force.
 pub(super) type Push = ((usize, FrameId), Point3<f64>, Vector3<f64>, Vector3<f64>);
 
 /// The contacts of one robot.

@@ -1,7 +1,7 @@
 //! The response of one contact point to impulses.
 
 /// Compliance of a contact point, relative to the diagonal of W. It makes the forces unique if a rigid robot
-/// stands on more points than determine them.
+/// stands on redundant points.
 pub(super) const COMPLIANCE: f64 = 1e-6;
 
 /// The W block of one contact point with derived quantities: the response of the point to impulses.
@@ -31,15 +31,15 @@ impl PointAnswer {
         diagonal: [0.0; 3],
     };
 
-    /// Creates the response from the point's W block and the approach speed `soft` per unit of impulse of its
-    /// surfaces.
+    /// Creates the response from the point's W block `own`, and `soft`, the approach speed of its surfaces
+    /// per unit of impulse.
     pub(super) fn new(own: &[[f64; 3]; 3], soft: f64) -> Self {
-        // Along a tangent that the joints hold, one of the entries may be zero.
+        // The entry of a tangent may be zero if the joints block motion along it.
         let [normal, tangents] = [own[0][0], own[1][1].max(own[2][2])].map(|entry| COMPLIANCE * entry);
         Self::with_compliance(own, [normal + soft, tangents])
     }
 
-    /// Creates the response from the W block of the torques at a contact point. Joints may hold the point
+    /// Creates the response from the W block of the torques at a contact point. Joints may block rotation
     /// about any of the axes.
     pub(super) fn couple(own: &[[f64; 3]; 3]) -> Self {
         let soft = COMPLIANCE * own[0][0].max(own[1][1]).max(own[2][2]);
@@ -82,7 +82,7 @@ impl PointAnswer {
     }
 
     /// Returns the moments about the normal and about the tangents with the impulses at all other points
-    /// fixed. Each kind has its own bound.
+    /// fixed. Each of the two has a separate bound.
     #[inline]
     pub(super) fn relax_couple(
         &self,

@@ -1,4 +1,4 @@
-//! Distances travelled and speeds of colliders, which carry a lower bound of the distance between two
+//! Bounds on the travel and speed of colliders. They extend a lower bound of the distance between two
 //! colliders from step to step.
 
 use motorium_robots::{Collisions, Kinematics, Twist};
@@ -16,9 +16,10 @@ const HASTE: f64 = 1.5;
 /// Motion of a collider.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
-    /// Farthest distance of a point from the origin \[m\]; zero for a collider that never moves.
+    /// Largest distance of any point of the collider from the origin \[m\]; zero for a collider that never
+    /// moves.
     reach: f64,
-    /// Last followed pose; `None` at the start.
+    /// Pose at the last update; `None` at the start.
     last: Option<(Matrix3<f64>, Vector3<f64>)>,
     /// Bound of the distance travelled by any point of the collider, in the world and relative to the robot's
     /// base \[m\].
@@ -27,7 +28,7 @@ pub(super) struct Motion {
     speed: [f64; 2],
 }
 
-/// Motion of the base of an articulation since colliders were followed last.
+/// Motion of the base of an articulation since the last update.
 #[derive(Clone, Debug)]
 struct BaseMotion {
     rotation: Matrix3<f64>,
@@ -42,8 +43,8 @@ struct BaseMotion {
 /// Motions of all colliders.
 ///
 /// Two colliders at a measured distance stay at least that far apart, minus the distances both have
-/// travelled. The pair needs no new measurement until these have used up the distance. Within a floating
-/// robot, distances are relative to its base, so flight and fall use up nothing.
+/// travelled. The pair needs no new measurement until their travel exceeds the measured distance. Within a
+/// floating robot, travel is relative to its base, so flight and fall do not count.
 #[derive(Clone, Debug)]
 pub(super) struct Motions {
     colliders: Vec<Motion>,
@@ -84,8 +85,8 @@ impl Motions {
         self.bases.fill(None);
     }
 
-    /// Follows all colliders to their current `places`. `kinematics` and `objects` provide the velocities of
-    /// articulations and objects.
+    /// Updates the motions of all colliders to their current `places`. `kinematics` and `objects` provide the
+    /// velocities of articulations and objects.
     pub(super) fn follow<'a>(
         &mut self,
         colliders: &[Collider],

@@ -2,8 +2,8 @@
 
 use nalgebra::{IsometryMatrix3, Matrix3, Point3, Vector3};
 
-/// The reference face is on the second box only if its face separates better by this distance \[m\], so that
-/// rounding does not decide between two parallel faces.
+/// The reference face is on the second box only if its face separates better by this distance \[m\].
+/// Otherwise rounding would decide between two parallel faces.
 const PREFERENCE: f64 = 1e-4;
 
 /// Two edges touch if their axis separates better than every face by this distance \[m\].
@@ -197,8 +197,8 @@ fn clip(
             if (from <= 0.0) != (to <= 0.0) && kept < CORNERS {
                 let share = ((from + WITHIN) / (from - to)).clamp(0.0, 1.0);
                 let at = here.at + (there.at - here.at) * share;
-                // Where the edge leaves, the next edge is the clipping side. These numbers are above the
-                // numbers of whole corners.
+                // Where the edge leaves the face, the next edge is the clipping side. These numbers are above
+                // the numbers of whole corners.
                 let edge = if from <= 0.0 { 4 + side as u32 } else { here.edge };
                 next[kept] = Corner { at, id: 32 | here.edge << 2 | side as u32, edge };
                 kept += 1;
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn a_box_on_another_touches_at_the_smaller_face() {
+    fn box_on_a_box_touches_at_the_smaller_face() {
         let turned = pose([0.02, 0.01, 0.149], [0.0, 0.0, 0.3]);
         let (least, found) = points(([0.05; 3], turned), ([0.2, 0.2, 0.1], pose([0.0; 3], [0.0; 3])));
         assert!((least + 1e-3).abs() < 1e-12, "{least}");
@@ -259,7 +259,7 @@ mod tests {
             assert!((normal - Vector3::z()).norm() < 1e-12 && distance.abs() < 1e-12);
         }
         let ids: std::collections::BTreeSet<_> = found.iter().map(|(id, ..)| id).collect();
-        assert_eq!(ids.len(), 4, "each with a number of its own");
+        assert_eq!(ids.len(), 4, "each with a distinct number");
     }
 
     #[test]

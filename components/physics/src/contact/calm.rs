@@ -12,12 +12,12 @@ use crate::robot::Articulation;
 /// Number of detections without a look-ahead after a look-ahead that saved no detection.
 const PAUSE: u32 = 16;
 
-/// Bounds of the distances that the colliders of robots have travelled since the pairs were last inspected,
-/// from the changes of the joints.
+/// Bounds on the distances that the robots' colliders have travelled since the pairs were last inspected,
+/// derived from the motion of the joints.
 ///
-/// A revolute joint moves its descendants by at most its angle times the distance from its origin, which is
-/// at most the length of the links in between. As long as the joints between two colliders have not used up
-/// the distance between them, nothing touches, and no collider pose is needed.
+/// A revolute joint moves its descendants by at most its angle times their distance from its origin. This
+/// distance is at most the length of the links in between. Until the joints between two colliders have used
+/// up the distance between them, nothing touches, and no collider pose is needed.
 #[derive(Clone, Debug)]
 pub(super) struct Calm {
     trees: Vec<Tree>,
@@ -116,8 +116,8 @@ impl Calm {
         (self.known, self.steps, self.wait) = (false, 0, 0);
     }
 
-    /// Inspects the near pairs after a detection without contact points. After any other detection nothing is
-    /// known.
+    /// Inspects the near pairs after a detection without contact points. Any other detection discards all
+    /// knowledge.
     pub(super) fn look(
         &mut self,
         articulations: &[Articulation],

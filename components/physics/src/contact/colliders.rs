@@ -100,7 +100,7 @@ pub(crate) struct ColliderGrain {
 }
 
 impl Collider {
-    /// Returns the end of a connection that holds this collider.
+    /// Returns the member of a connection that carries this collider.
     pub(crate) fn member(&self) -> Member {
         Member { owner: self.owner, fixed: self.fixed }
     }
@@ -287,8 +287,8 @@ impl Colliders {
                 collider.sides = sides(&collider.shape);
             }
         }
-        // Colliders of one owner, and two that never move, need no check. Links that touch nothing on their
-        // own robot touch nothing on another either, as in one model of both.
+        // Colliders of one owner, and two that never move, need no check. A link that touches nothing on its
+        // own robot touches nothing on other robots either, as in one model of both.
         let silent = |index: usize| {
             let rules = model.robot(index).map(|of| &setups[of].collision_rules.disabled_links);
             rules.is_some_and(|links| links.iter().any(|link| link == model.link(index)))
@@ -370,10 +370,11 @@ impl Colliders {
     }
 }
 
-/// Replacement of mesh parts: each is already convex and has few corners.
+/// Mode for mesh parts, which are already convex and have few corners.
 const PART: MeshMode = MeshMode::Hull { most_corners: usize::MAX };
 
-/// Largest number of corners of a hull whose sides meet triangle edges; more would cost too much.
+/// Largest number of corners of a hull whose faces are tested against triangle edges; more would cost too
+/// much.
 const MOST_SIDED: usize = 512;
 
 /// Returns the face planes of a hull, for contacts with triangle edges.

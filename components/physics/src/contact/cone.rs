@@ -10,8 +10,7 @@ const SWEEPS: usize = 200;
 /// Change of a velocity \[m/s\] in a sweep below which the sweeps end.
 const SETTLED: f64 = 1e-8;
 
-/// If the sweep after a Newton step changes more than this multiple of the sweep before it, the step
-/// diverged.
+/// A Newton step has diverged if the next sweep changes more than this multiple of the sweep before the step.
 const ASTRAY: f64 = 1.0;
 
 /// The contact problem of a step:
@@ -48,8 +47,8 @@ pub(crate) struct ConeSolver {
     /// Torques at contact points. Their blocks follow all contact points.
     pub(super) couples: Vec<Option<Couple>>,
     answers: Vec<PointAnswer>,
-    /// For each point, the ascending indices of the points that its impulse moves, itself included; the lists
-    /// are concatenated.
+    /// For each point, the indices of the points that its impulse moves, itself included, in ascending order;
+    /// the lists are concatenated.
     coupled: Vec<u32>,
     /// End of each point's list.
     ends: Vec<usize>,
@@ -136,7 +135,7 @@ impl ConeSolver {
         }
     }
 
-    /// Finds the points that each point moves: few in a pile of objects, all on one robot.
+    /// Finds the points that each point moves: few in a pile of objects, all points on one robot.
     fn find_coupled(&mut self) {
         let (rows, points) = (self.rows, self.rows / 3);
         self.coupled.clear();

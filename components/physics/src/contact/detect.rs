@@ -116,7 +116,7 @@ impl Detector {
         }
     }
 
-    /// Returns the points of the last detection, to be completed.
+    /// Returns the points of the last detection, for the caller to complete.
     pub(crate) fn points_mut(&mut self) -> &mut [ContactPoint] {
         &mut self.points
     }
@@ -179,7 +179,7 @@ impl Detector {
         self.distances.set_pose(collider, &pose);
         self.near.forget();
         self.calm.forget();
-        // World colliders do not move otherwise, so their motion is not followed.
+        // World colliders do not move otherwise, so their motion is not tracked.
         for pair in self.pairs.iter_mut().filter(|pair| [pair.first, pair.second].contains(&collider)) {
             pair.until = f64::NEG_INFINITY;
         }
@@ -239,7 +239,7 @@ impl Detector {
         terrain::clearance(colliders, articulation, &self.distances)
     }
 
-    /// Adds the points of connections with a side that `moves`.
+    /// Adds the points of connections with at least one side that `moves`.
     pub(crate) fn add_connections(&mut self, connections: &Connections, moves: impl Fn(Owner) -> bool) {
         self.points.extend(connections.points(moves));
     }
@@ -250,9 +250,9 @@ impl Detector {
         self.earlier.reserve(self.most + points);
     }
 
-    /// Finds all contact points closer than the `least` distance of their parties \[m\], and points that may
-    /// touch within `h` \[s\]. Points between colliders that do not move in this integration step are kept
-    /// from the last detection.
+    /// Finds all contact points closer than the `least` distance for their [parties](Parties) \[m\], and
+    /// points that may touch within `h` \[s\]. Points between colliders that do not move in this integration
+    /// step are kept from the last detection.
     pub(crate) fn detect(
         &mut self,
         all: &Colliders,

@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn at_an_edge_the_side_that_something_lies_on_decides() {
+    fn reference_direction_decides_the_face_at_an_edge() {
         let shape = ConvexShape::Box { half: Vector3::new(0.2, 0.3, 0.1) };
         for slip in [-1e-10, 0.0, 1e-10] {
             let edge = Vector3::new(0.2 - 1e-9, 0.0, -0.1 + slip);
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn the_outermost_feature_is_as_far_out_as_the_solid() {
+    fn outermost_feature_matches_the_support_function() {
         for shape in shapes().into_iter().filter(|shape| *shape != ConvexShape::HalfSpace) {
             for i in 0..40 {
                 let phase = f64::from(i);

@@ -16,7 +16,7 @@ const BESIDE: f64 = 1e-5;
 pub(super) const SIDES: usize = 10;
 
 impl Collider {
-    /// Returns the outward normal of the face that a point beyond the surface is in front of most.
+    /// Returns the outward normal of the face that an outside point is farthest in front of.
     pub(super) fn away(&self, point: &Vector3<f64>) -> Option<Vector3<f64>> {
         if self.faces.is_empty() {
             return self.shape.surface(point).map(|(_, away)| away);
@@ -56,7 +56,7 @@ pub(super) struct Faces<'a> {
 
 impl<'a> Faces<'a> {
     /// Returns the planes of a box, of a hull in a world with mesh triangles, or of a prism around a
-    /// cylinder, turned towards the segment between `ends`. Other shapes have none.
+    /// cylinder. The prism is turned towards the segment between `ends`. Other shapes have none.
     pub(super) fn from_collider(
         collider: &'a Collider,
         ends: &[Vector3<f64>; 2],

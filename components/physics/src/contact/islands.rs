@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn bodies_that_only_the_world_joins_are_islands_of_their_own() {
+    fn bodies_joined_only_by_the_world_are_separate_islands() {
         let (_, lists) = islands(3, &[[Some(2), None], [Some(0), None], [Some(2), None], [Some(1), None]]);
         assert_eq!(lists, [vec![0, 2], vec![1], vec![3]]);
     }

@@ -89,7 +89,7 @@ pub(super) fn measure(
     if patch::collide([(first, a), (second, b)], apart, margin, &mut patch) {
         return nearest.distance;
     }
-    // A sphere has one feature, which finds everything.
+    // A sphere has a single feature, which finds every contact.
     let round = |collider: &Collider| matches!(collider.shape, ConvexShape::Sphere { .. });
     if !round(second) || round(first) {
         search((first, a), (second, b), margin, |f, p, n, d| found(false, f, p, n, d));

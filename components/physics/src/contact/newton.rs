@@ -1,10 +1,10 @@
-//! Newton steps over all contact points at once.
+//! Newton steps over all contact points simultaneously.
 
 use super::answer::COMPLIANCE;
 use super::cone::{ConeSolver, dot};
 use super::newton_room::{MOST_UNKNOWNS, Mode, Newton};
 
-/// Number of times that a Newton step opens points that would pull.
+/// Largest number of times that a Newton step opens points that would pull.
 const OPENINGS: usize = 4;
 
 /// A contact point on the edge of its cone that is slower than this \[m/s\] counts as sticking.
@@ -117,8 +117,8 @@ impl ConeSolver {
         }
     }
 
-    /// Assembles the linear system of the modes. A slipping point obeys `q lambda_t + w_t = 0` with `q =
-    /// |w_t| / (mu lambda_n)`.
+    /// Assembles the linear system of the modes. A slipping point obeys `q lambda_t + w_t = 0` with
+    /// `q = |w_t| / (mu lambda_n)`.
     fn assemble_newton(&mut self) {
         let Self { rows, delassus, velocity, target, friction, soft, lambda, newton, .. } = self;
         let Newton { unknowns, modes, system, step, .. } = newton;
@@ -129,7 +129,7 @@ impl ConeSolver {
             let index = at / 3;
             let w = |row: usize, column: usize| delassus[(at + row) * rows + at + column];
             let held = matches!(mode, Mode::Held);
-            // The joints may hold a connection along any of its axes.
+            // The joints may block a connection along any of its axes.
             let largest = if held { w(0, 0).max(w(1, 1)).max(w(2, 2)) } else { w(0, 0) };
             let compliance = COMPLIANCE * largest + soft[index];
             choose(&delassus[at * rows..][..rows], unknowns, &mut system[next * size..][..size]);

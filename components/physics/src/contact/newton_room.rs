@@ -1,8 +1,9 @@
 //! Memory of the Newton steps over all contact points.
 
-/// Largest number of contact points of an island whose Delassus matrix is formed: with a robot, whose joints
-/// couple all of its points, and with free objects only, which couple few. For free objects that rest and
-/// whose sweeps do not settle, the matrix is formed up to the first number.
+/// Largest number of contact points of an island whose Delassus matrix is formed. The first applies to
+/// islands with a robot, whose joints couple all of its points. The second applies to islands of free objects
+/// only, which couple few. If free objects rest and their sweeps do not settle, the first applies to them,
+/// too.
 pub(super) const DENSE: usize = 60;
 pub(super) const DENSE_FREE: usize = 12;
 

@@ -33,7 +33,7 @@ pub(crate) struct FreeBody {
     pub(crate) axes: Option<Isometry3<f64>>,
 }
 
-/// Speeds up to which a body hardly moves \[m/s, rad/s\].
+/// Largest speeds of a body that hardly moves \[m/s, rad/s\].
 const STILL: (f64, f64) = (1e-4, 1e-3);
 
 /// Time without notable motion after which bodies may sleep \[s\].
@@ -134,8 +134,8 @@ impl FreeBody {
     }
 }
 
-/// Newton steps of the midpoint rule for a rotation. The second leaves only rounding at any speed that a step
-/// can follow.
+/// Newton steps of the midpoint rule for a rotation. The second leaves only rounding errors at any speed that
+/// a step can resolve.
 const NEWTON: usize = 4;
 
 /// All movable objects, with space for their next state.

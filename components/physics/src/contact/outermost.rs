@@ -7,13 +7,13 @@ use super::axes::axes;
 /// Hulls with more corners than this touch by a subset of them.
 pub(super) const DENSE: usize = 64;
 
-/// Corners within these shares of the hull's size of the outermost corner count as in one plane with it, or
-/// as near that plane.
+/// Corners within these fractions of the hull's size of the outermost corner count as in the same plane, or
+/// as near it.
 const FLAT: f64 = 1e-4;
 const NEAR: f64 = 0.02;
 
-/// Finds the outermost corners of a hull in the direction `up` (a unit vector): the outermost one first,
-/// then, of the corners within `depth` \[m\] of it, the farthest in `N - 1` directions perpendicular to `up`.
+/// Finds the outermost corners of a hull in the direction `up` (a unit vector): the outermost one first, then
+/// the corners within `depth` \[m\] of it that are farthest in `N - 1` directions perpendicular to `up`.
 /// Returns their number.
 fn outermost<const N: usize>(
     points: &[Vector3<f64>],
@@ -62,8 +62,8 @@ pub(super) fn outermost_face<const N: usize>(
     outermost(points, up, FLAT * size, chosen)
 }
 
-/// Passes the corners by which a dense hull touches a plane in the direction `up` to `visit`: the corners of
-/// its outermost face, and of faces that may soon be outermost.
+/// Passes the corners with which a dense hull touches a plane in the direction `up` to `visit`: the corners
+/// of its outermost face, and of faces that may soon be outermost.
 pub(super) fn touching(points: &[Vector3<f64>], up: &Vector3<f64>, size: f64, visit: &mut dyn FnMut(u32)) {
     let (mut face, mut near) = ([0; 9], [0; 5]);
     let count = outermost(points, up, FLAT * size, &mut face);

@@ -26,8 +26,8 @@ const KEPT: usize = 4;
 /// Largest sine of the tilt of a face or a line against the contact plane.
 const TILT: f64 = 0.02;
 
-/// The normal of a face is used as the contact normal if its separation is less than the distance of the
-/// colliders by at most this \[m\].
+/// A face normal is used as the contact normal if its separation is at most this much smaller than the
+/// distance of the colliders \[m\].
 const SEPARATION: f64 = 2e-5;
 
 /// Corners this far outside a face still count as inside it \[m\].
@@ -58,10 +58,12 @@ struct Corner {
     edge: u32,
 }
 
-/// Passes the points of the patch of two colliders to `found`: true if the face is on the second collider,
-/// the number of the point, the point halfway between the surfaces, the normal towards the collider without
-/// the face, and the distance. `normal` points from the first to the second, and `distance` \[m\] is the
-/// distance between them. Returns `false` and passes nothing if they do not touch in a line or a face.
+/// Passes the points of the patch of two colliders to `found`. Each has a flag that is true if the face is on
+/// the second collider, the number of the point, the point halfway between the surfaces, the normal towards
+/// the collider without the face, and the distance.
+///
+/// `normal` points from the first to the second, and `distance` \[m\] is the distance between them. Returns
+/// `false` and passes nothing if they do not touch in a line or a face.
 pub(super) fn collide(
     [(first, a), (second, b)]: [(&Collider, &IsometryMatrix3<f64>); 2],
     (normal, distance): (&Vector3<f64>, f64),
@@ -374,7 +376,7 @@ fn parallel(
         (here, there)
     });
     let gaps = points.map(|(here, there)| (here - there).norm() - one.radius - other.radius);
-    // Lines without a radius, and lines that have passed each other, have no direction between them.
+    // Lines without a radius, and lines that have passed each other, do not define a direction between them.
     if gaps[0].min(gaps[1]) > distance + SEPARATION || one.radius + other.radius < 1e-6 {
         return false;
     }

@@ -5,7 +5,7 @@ use nalgebra::{Point3, Vector3};
 use super::colliders::Owner;
 use super::surface::SurfaceLaw;
 
-/// Share of an error that is corrected in a step, and the largest correction speed \[m/s, rad/s\].
+/// Fraction of an error that is corrected in a step, and the largest correction speed \[m/s, rad/s\].
 const SHARE: f64 = 0.2;
 const FASTEST: (f64, f64) = (0.5, 5.0);
 
@@ -63,8 +63,8 @@ pub(crate) enum Motion {
     Done,
 }
 
-/// Placeholder for the step length of a contact point that has not taken part in a step yet \[s\]; not zero,
-/// because forces are divided by it.
+/// Placeholder for the step length of a contact point that has not been part of a step yet \[s\]. It is not
+/// zero, because impulses are divided by it to obtain forces.
 pub(super) const UNKNOWN: f64 = 1.0;
 
 /// Error of a measured distance \[m\].

@@ -110,10 +110,10 @@ impl ContactScene {
         self.detector.set_poses(&self.colliders, (kinematics, bases), &self.objects.next);
     }
 
-    /// Begins a step of `dt` \[s\] in the current poses. Finds the contact points, and the robots so near to
-    /// an object or to another robot that they use the integration steps of contacts, with everything they
-    /// may touch. Returns the number of integration steps that occurs: the larger of `far` from contacts and
-    /// near.
+    /// Begins a step of `dt` \[s\] in the current poses and finds the contact points. Also finds the robots
+    /// near enough to an object or to another robot to use the integration steps of contacts, together with
+    /// everything they may touch. Returns the number of integration steps: the maximum over all awake bodies,
+    /// each of which uses `far` or `near`.
     pub(crate) fn begin(&mut self, dt: f64, gravity: &Vector3<f64>, [far, near]: [usize; 2]) -> usize {
         self.objects.feel(gravity);
         self.lengths.fill(dt);

@@ -27,7 +27,7 @@ pub(super) struct Site {
     /// otherwise.
     pub(super) restitution: f64,
     pub(super) bounce: f64,
-    /// True if the surfaces overlap, so that the target is a share of the recovery speed.
+    /// True if the surfaces overlap, so that the target is a fraction of the recovery speed.
     pub(super) overlapping: bool,
     pub(super) recovery: f64,
     pub(super) friction: f64,
@@ -179,7 +179,7 @@ impl Site {
             squares,
             sides: [side(point.owners.0), side(point.owners.1)],
             friction: point.law.friction,
-            // Conveyor velocity across the surface does not move the surface.
+            // A conveyor velocity along the normal has no effect.
             conveyed: [0.0, axes[1].dot(&point.law.conveyed), axes[2].dot(&point.law.conveyed)],
             immovable: false,
             ..Self::KEPT

@@ -15,7 +15,7 @@ use super::hulls::{Faces, SIDES};
 use super::normals::Normals;
 use super::pair::AHEAD;
 
-/// Largest number of triangles in different planes that a feature touches at once.
+/// Largest number of triangles in different planes that a feature touches simultaneously.
 const MOST: usize = 4;
 
 /// Triangles whose normals differ by less than 18 degrees touch as one: the cosine of 18 degrees.
@@ -92,7 +92,7 @@ pub(super) fn collide(
     if mover.collider.shape.turns_features() {
         mover.rims(surface, &extent, &mut found);
     } else {
-        // Features that are the same in every direction.
+        // These features are the same in every direction.
         let all = |_: &SurfaceTriangle| true;
         mover.collider.shape.features(&Vector3::z(), &mut |feature| {
             mover.feature(surface, (&feature, &all), &mut found);
@@ -177,7 +177,7 @@ impl Mover<'_> {
                 keep(&mut touches, touch);
             }
         });
-        // Something beyond the other side of a rail is behind this side of it, but not inside.
+        // A point beyond the far side of a rail is behind the near side, but not inside the rail.
         if side.outside {
             let deepest = -2.0 * self.margin;
             touches.iter_mut().for_each(|slot| *slot = slot.filter(|touch| touch.distance > deepest));
@@ -293,7 +293,7 @@ impl Mover<'_> {
         }
     }
 
-    /// Returns `false` for an end of an edge, as a fraction of its length, that is left to its corner.
+    /// Returns `false` for an end of an edge, as a fraction of its length, whose contact is left to a corner.
     fn takes(&self, at: f64) -> bool {
         !self.on_terrain || at > 0.0 && at < 1.0
     }
@@ -439,7 +439,8 @@ fn keep(touches: &mut [Option<Touch>; MOST], touch: Touch) {
     }
 }
 
-/// Returns the nearest points of two segments, after the place of the first as a fraction of its segment.
+/// Returns the nearest points of two segments, preceded by the position of the first as a fraction of its
+/// segment.
 fn nearest_of_segments(a: &[Point3<f64>; 2], b: &[Point3<f64>; 2]) -> (f64, [Point3<f64>; 2]) {
     let (u, v, between) = (a[1] - a[0], b[1] - b[0], a[0] - b[0]);
     let (uu, uv, vv) = (u.norm_squared(), u.dot(&v), v.norm_squared());

@@ -10,13 +10,13 @@ use super::site::{Mobility, Side, Site};
 const SWEEPS: usize = 50;
 pub(super) const FEW: usize = 10;
 
-/// Velocity change \[m/s\] in a sweep below which the sweeps end, and the same relative to the largest
+/// Velocity change \[m/s\] in a sweep below which the sweeps end. The second value is relative to the largest
 /// velocity that an impulse causes at its own point, as in impacts.
 const SETTLED: f64 = 1e-6;
 const SETTLED_SHARE: f64 = 1e-4;
 
-/// Velocity change before another method takes over \[m/s\]. That method is more accurate where sweeps
-/// converge slowly, as in a tower.
+/// Velocity change \[m/s\] below which the sweeps end if another method takes over otherwise. That method is
+/// more accurate if sweeps converge slowly, as in a tower.
 const SETTLED_OF_FEW: f64 = 1e-7;
 
 /// Half solutions of the contact points on articulations.
@@ -85,9 +85,9 @@ pub(super) struct Island<'a, P: Fn(usize) -> usize> {
 }
 
 impl<P: Fn(usize) -> usize> Island<'_, P> {
-    /// Computes the impulses, starting from their current values, with up to [`SWEEPS`] sweeps, or a [`FEW`].
-    /// On entry the objects have their velocities without impulses and `sum` is zero. Returns whether the
-    /// sweeps settled.
+    /// Computes the impulses, starting from their current values, with up to [`SWEEPS`] sweeps, or up to
+    /// [`FEW`] if `few` is true. On entry the objects have their velocities without impulses and `sum` is
+    /// zero. Returns `true` if the sweeps settled.
     pub(super) fn solve(&mut self, few: bool) -> bool {
         self.room.objects.clear();
         for place in self.places.clone() {

@@ -1,9 +1,9 @@
 //! Contact points with the terrain.
 //!
-//! A round feature touches the faces below its centre, and the edges and corners nearer to it than the faces
-//! around them; a sharp one touches the face below it, and in a valley the faces beside it. Where a box, a
-//! cylinder, a capsule or the hull of an object lies across a peak or a ridge, the peak or the part of the
-//! ridge below it touches it. Edges between coplanar faces are no edges.
+//! A round feature touches the faces below its centre. It also touches edges and corners that are nearer to
+//! it than the faces around them. A sharp feature touches the face below it and, in a valley, the faces
+//! beside it. If a box, a cylinder, a capsule or the hull of an object lies across a peak or a ridge, it
+//! touches the peak, or the part of the ridge below it. Sides between coplanar faces are not edges.
 
 use motorium_robots::{Collisions, ConvexShape, SurfaceEdge};
 use motorium_worlds::{HeightField, NearTriangle};
@@ -17,45 +17,45 @@ use super::point::{ContactPoint, Motion, UNKNOWN};
 use super::surface::SurfaceLaw;
 use super::surfaces::Mover;
 
-/// Points of one feature: more faces do not meet at a corner of the grid.
+/// Largest number of points of one feature: no more faces meet at a corner of the grid.
 const FACES: usize = 6;
 
-/// Faces whose normals differ by less touch as one: the cosine of 18 degrees.
+/// Faces whose normals differ by less than 18 degrees touch as one: the cosine of 18 degrees.
 const ALIKE: f64 = 0.95;
 
-/// Difference of the direction from the surface and the normal of a face below which a feature is over the
-/// face.
+/// Deviation from 1 of the cosine between the normal of a face and the direction from the surface to a
+/// feature, below which the feature is over the face.
 const OVER: f64 = 1e-9;
 
-/// Triangles near a round feature of which all edges are looked at. Of more, the nearest edge counts.
+/// Largest number of triangles near a round feature whose edges are all tested. If there are more, only the
+/// nearest edge is used.
 const MOST_NEAR: usize = 32;
 
-/// Distances that differ by less are equal \[m\].
+/// Distances that differ by less than this count as equal \[m\].
 const LEVEL: f64 = 1e-9;
 
-/// Begin of the numbers of contacts with the terrain.
+/// Key bit of contacts with the terrain.
 const TERRAIN: u64 = 1 << 63;
 
-/// Begin of the numbers of contacts with ridges, and of sharp features in valleys, among the numbers of a
-/// collider.
+/// Key bits of contacts with ridges, and of sharp features in valleys.
 const RIDGES: u64 = 1 << 34;
 const VALLEYS: u64 = 1 << 35;
 
-/// Height of a sharp feature above the ground, relative to the margin, up to which the faces beside it may be
-/// nearer than the margin.
+/// Up to this height above the ground, relative to the margin, a sharp feature may be closer than the margin
+/// to the faces beside it.
 const STEEP: f64 = 4.0;
 
 /// A touching point of a feature.
 #[derive(Clone, Copy)]
 struct Touch {
     triangle: u32,
-    /// Between the surfaces \[m\].
+    /// Distance between the surfaces \[m\].
     distance: f64,
     normal: Vector3<f64>,
 }
 
-/// Passes the contact points of all moving colliders with the terrain to `found`; `margin` returns the margin
-/// \[m\] of a speed \[m/s\].
+/// Passes the contact points of all moving colliders with the terrain to `found`. `margin` returns the margin
+/// \[m\] for a speed \[m/s\].
 pub(super) fn detect(
     (all, moving): (&Colliders, &[Motion]),
     distances: &Collisions,
@@ -147,7 +147,7 @@ pub(super) fn detect(
     }
 }
 
-/// Distance of the lowest point of a shape below its origin \[m\], or an upper bound for a hull.
+/// Returns the distance of the lowest point of a shape below its origin \[m\], or an upper bound for a hull.
 fn depth(shape: &ConvexShape, pose: &IsometryMatrix3<f64>) -> f64 {
     let down = pose.rotation.inverse_transform_vector(&Vector3::z()).abs();
     match shape {
@@ -158,12 +158,13 @@ fn depth(shape: &ConvexShape, pose: &IsometryMatrix3<f64>) -> f64 {
     }
 }
 
-/// True of the normals of faces that a feature is for.
+/// A predicate that is true for the face normals that a feature applies to.
 type Takes<'a> = dyn Fn(&Vector3<f64>) -> bool + 'a;
 
-/// Passes the features of a collider that may touch to `visit`, with the face normals that each is for: rims
-/// of a cylinder and corners of a dense hull touch faces of each normal where they are deepest against it.
-/// Faces count up to `reach` \[m\] from the collider's origin.
+/// Passes the features of a collider that may touch to `visit`, each with the face normals it applies to. The
+/// rims of a cylinder and the corners of a dense hull depend on the normal: the deepest points against a
+/// normal touch the faces with that normal. Only faces within `reach` \[m\] of the collider's origin are
+/// considered.
 fn features(
     field: &HeightField,
     (collider, pose): (&Collider, &IsometryMatrix3<f64>),
@@ -187,12 +188,12 @@ fn features(
     }
 }
 
-/// Downwards, in the axes of a collider.
+/// Returns the downward direction in the axes of a collider.
 fn towards(pose: &IsometryMatrix3<f64>) -> Vector3<f64> {
     pose.rotation.inverse_transform_vector(&-Vector3::z())
 }
 
-/// Points at which a feature touches the terrain, or is nearer to it than `margin` \[m\].
+/// Returns the points where a feature touches the terrain, or is closer to it than `margin` \[m\].
 fn touches(field: &HeightField, place: &Point3<f64>, radius: f64, margin: f64) -> [Option<Touch>; FACES] {
     let mut touches = [None; FACES];
     let above = place.z - field.height(place.x, place.y);
@@ -223,10 +224,10 @@ fn touches(field: &HeightField, place: &Point3<f64>, radius: f64, margin: f64) -
     touches
 }
 
-/// Points at which a sharp feature `above` the ground \[m\] touches the terrain, or is nearer to it than
-/// `margin` \[m\]: in the face below it, and in faces beside it whose planes are not above the ground here.
-/// These rise from the valley between both. Without them, a corner in a valley would be pushed from one face
-/// to the other in turn and never rest.
+/// Returns the points where a sharp feature, `above` the ground \[m\], touches the terrain or is closer to it
+/// than `margin` \[m\]. These are in the face below it, and in faces beside it whose planes are not above the
+/// ground here; such faces rise on the other side of a valley. Without them, a corner in a valley would be
+/// pushed back and forth between two faces and never rest.
 fn sharp(field: &HeightField, place: &Point3<f64>, above: f64, margin: f64) -> [Option<Touch>; FACES] {
     let mut touches = [None; FACES];
     let below = field.normal(place.x, place.y);
@@ -242,7 +243,7 @@ fn sharp(field: &HeightField, place: &Point3<f64>, above: f64, margin: f64) -> [
         let distance = normal.dot(&(place - triangle.nearest));
         let is_below = 1.0 - normal.dot(&below) < OVER;
         if is_below {
-            // The number of the face, known only here.
+            // The index of the face below is known only here.
             if let Some(touch) = touches[0].as_mut().filter(|touch| touch.triangle == 0) {
                 touch.triangle = triangle.index;
             }
@@ -253,7 +254,8 @@ fn sharp(field: &HeightField, place: &Point3<f64>, above: f64, margin: f64) -> [
     touches
 }
 
-/// Keeps the point of a face unless the same plane has one. Where there is no room it replaces the farthest.
+/// Adds the point of a face unless its plane already has one. If there is no room, it replaces the farthest
+/// point if it is closer.
 fn keep_distinct(touches: &mut [Option<Touch>; FACES], touch: Touch) {
     let same = |other: &Touch| 1.0 - other.normal.dot(&touch.normal) < OVER;
     if touches.iter().flatten().any(same) {
@@ -271,7 +273,7 @@ fn keep_distinct(touches: &mut [Option<Touch>; FACES], touch: Touch) {
 struct Near {
     touch: Touch,
     triangle: NearTriangle,
-    /// The feature stands over the triangle.
+    /// True if the feature is over the triangle.
     over: bool,
 }
 
@@ -280,7 +282,7 @@ struct Near {
 struct Beside {
     near: [Option<Near>; MOST_NEAR],
     count: usize,
-    /// The nearest of all.
+    /// The nearest of all triangles.
     nearest: Option<Near>,
 }
 
@@ -290,7 +292,7 @@ impl Beside {
             *free = Some(near);
         }
         self.count += 1;
-        // A face wins against its own edge.
+        // A face takes precedence over its own edge.
         let before = self
             .nearest
             .map_or(f64::INFINITY, |other| other.touch.distance - if other.over { 1e-12 } else { 0.0 });
@@ -299,11 +301,11 @@ impl Beside {
         }
     }
 
-    /// Passes the edges and corners touched by the feature to `visit`: the ones nearer to it than everything
-    /// around them.
+    /// Passes the edges and corners that the feature touches to `visit`: the ones nearer to it than
+    /// everything around them.
     fn visit_edges(&self, field: &HeightField, visit: &mut dyn FnMut(Touch)) {
         if self.count > MOST_NEAR {
-            // There is no room for all: the nearest alone.
+            // There are too many to test, so only the nearest is used.
             if let Some(Near { touch, over: false, .. }) = self.nearest {
                 visit(touch);
             }
@@ -316,7 +318,7 @@ impl Beside {
                 distance < edge.touch.distance - LEVEL || near.over && distance <= edge.touch.distance + LEVEL
             };
             let at = &edge.triangle.nearest;
-            // The comparison of distances first: few triangles are nearer.
+            // Compare distances first, because few triangles are nearer.
             if !all().any(|near| nearer(near) && field.is_near(&near.triangle, at, LEVEL)) {
                 visit(edge.touch);
             }
@@ -324,7 +326,8 @@ impl Beside {
     }
 }
 
-/// Keeps a point; of two with nearly the same normal the deeper, and where there is no room the deepest.
+/// Adds a point. Of two points with nearly the same normal, the deeper one is kept. If there is no room, the
+/// new point replaces the shallowest one if it is deeper.
 fn keep(touches: &mut [Option<Touch>; FACES], touch: Touch) {
     let alike =
         touches.iter().position(|other| other.is_some_and(|other| other.normal.dot(&touch.normal) > ALIKE));
@@ -337,8 +340,8 @@ fn keep(touches: &mut [Option<Touch>; FACES], touch: Touch) {
     }
 }
 
-/// The least height of a feature of an articulation above the terrain below it \[m\], along z; `None` without
-/// a terrain.
+/// Returns the smallest height of an articulation's features above the terrain below them \[m\], along z;
+/// `None` without a terrain.
 pub(super) fn clearance(all: &Colliders, articulation: usize, distances: &Collisions) -> Option<f64> {
     let field = all.terrain.as_ref()?;
     let robot = all
@@ -355,7 +358,7 @@ pub(super) fn clearance(all: &Colliders, articulation: usize, distances: &Collis
         collider.shape.features(&against, &mut |Feature { point, radius, .. }| {
             let place = pose * Point3::from(point);
             let (height, normal) = (field.height(place.x, place.y), field.normal(place.x, place.y));
-            // the plane of the face below touches a sphere next to its lowest point
+            // A sphere touches the plane of the face below next to its lowest point.
             least = least.min(place.z - height - radius / normal.z);
         });
     }

@@ -18,7 +18,8 @@ impl Mujoco {
     ) -> Result<(Native, Places, Vec<usize>), BuildError> {
         let mut native = Native::compile(library, &mjcf::write(robot, world, colliders))
             .map_err(|reason| BuildError::Refused { reason })?;
-        let lost = |what: String| BuildError::Refused { reason: format!("{what} is lost on the way") };
+        let lost =
+            |what: String| BuildError::Refused { reason: format!("{what} is missing after compilation") };
         let joint = |native: &Native, name: String| {
             native.id(Kind::Joint, &name).map(|id| native.joint_places(id)).ok_or_else(|| lost(name))
         };

@@ -42,7 +42,7 @@ const TIME_CONSTANT: f64 = 0.002;
 /// Damping ratio of a surface without restitution.
 const DAMPED: f64 = 3.0;
 
-/// Impedance of a contact: the share of a rigid surface's force, at the surface and a millimetre below.
+/// Impedance of a contact: the fraction of a rigid surface's force, at the surface and a millimetre below.
 pub(super) const IMPEDANCE: &str = "0.99 0.999 0.001";
 
 /// Returns MuJoCo's `solref` for a restitution from 0 to 1: time constant \[s\] and damping ratio.
@@ -51,7 +51,7 @@ pub(super) fn reference(restitution: f64) -> [f64; 2] {
     [TIME_CONSTANT / ratio.min(1.0), ratio]
 }
 
-/// Returns the damping ratio at which a body keeps this share of its speed.
+/// Returns the damping ratio at which a body keeps this fraction of its speed.
 fn damping_ratio(restitution: f64) -> f64 {
     let (mut low, mut high) = (1e-4, DAMPED);
     if rebound(high) >= restitution {
@@ -69,7 +69,7 @@ fn damping_ratio(restitution: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Returns the share of its speed with which a body leaves a spring of frequency 1 and this damping ratio,
+/// Returns the fraction of its speed with which a body leaves a spring of frequency 1 and this damping ratio,
 /// once the force is zero.
 fn rebound(ratio: f64) -> f64 {
     let z = ratio;
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rebound_of_a_damped_spring_is_what_its_integration_says() {
+    fn rebound_matches_an_integrated_damped_spring() {
         for z in [0.05, 0.3, 0.7, 0.9, 1.0, 1.5, 3.0] {
             let (closed, found) = (rebound(z), integrated(z));
             assert!((closed - found).abs() < 1e-3, "{z}: {closed}, integrated {found}");
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn the_damping_ratio_gives_the_restitution_back() {
+    fn damping_ratio_reproduces_the_restitution() {
         for restitution in [0.1, 0.3, 0.5, 0.8, 0.95] {
             assert!((rebound(damping_ratio(restitution)) - restitution).abs() < 1e-9);
         }

@@ -77,9 +77,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_layout_is_that_of_the_headers_beside_the_library() {
+    fn layout_matches_the_headers_of_the_library() {
         let Ok(path) = super::super::library::find() else {
-            println!("not run: MuJoCo's library is not here (pip install mujoco==3.17.0)");
+            println!("not run: MuJoCo's library was not found (pip install mujoco==3.17.0)");
             return;
         };
         let include = path.parent().expect("a folder").join("include");

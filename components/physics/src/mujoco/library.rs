@@ -1,6 +1,6 @@
 //! MuJoCo's shared library: located, loaded and checked once per process.
 
-#![allow(unsafe_code)] // a library that is loaded at run time has no signatures but those that are written here
+#![allow(unsafe_code)] // a library loaded at run time has only the signatures that are declared here
 
 use core::ffi::{CStr, c_char, c_int, c_void};
 use std::ffi::CString;
@@ -174,7 +174,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_library_is_looked_for_where_pip_puts_it() {
+    fn library_is_found_where_pip_installs_it() {
         let prefix = std::env::temp_dir().join(format!("motorium-prefix-{}", std::process::id()));
         let package = prefix.join("lib/python3.11/site-packages/mujoco");
         std::fs::create_dir_all(&package).expect("a folder");
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_not_a_library_is_named() {
+    fn a_file_that_is_not_a_library_is_reported() {
         let Err(error) = Library::load(Path::new("/dev/null")) else { panic!("no library") };
         assert!(matches!(&error, LibraryError::Unusable { .. }), "{error}");
         assert!(error.to_string().contains("`/dev/null` cannot be loaded: "), "{error}");

@@ -20,7 +20,7 @@ use crate::shapes::rapier_shape;
 const FRICTION: &str = r#"solreffriction="0.002 1" solimpfriction="0.9999 0.9999 0.001""#;
 
 /// Law of joint stops: a joint that reaches a stop halts within two milliseconds. A joint beyond its stop
-/// returns by a 20th of the distance per millisecond, without a blow.
+/// returns by a 20th of the distance per millisecond, without an impact.
 const STOP: &str = r#"solreflimit="0.002 3.5" solimplimit="0.9999 0.9999 0.001""#;
 
 /// Law of mimic joints.

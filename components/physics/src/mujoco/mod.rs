@@ -55,15 +55,15 @@ pub type MujocoSimulator = Simulation<Mujoco>;
 
 /// The MuJoCo engine, based on the library of MuJoCo 3.17.0.
 ///
-/// MuJoCo is searched where `pip install mujoco==3.17.0` installs it: below the Python of `MOTORIUM_PYTHON`,
-/// of `VIRTUAL_ENV`, of every folder of `PATH` and of `~/.local`, and in `/usr/local/lib` and `/usr/lib`.
-/// `MOTORIUM_MUJOCO` names the library or its folder instead.
+/// MuJoCo is searched for where `pip install mujoco==3.17.0` installs it: below the Python of
+/// `MOTORIUM_PYTHON`, of `VIRTUAL_ENV`, of every folder of `PATH` and of `~/.local`, and in `/usr/local/lib`
+/// and `/usr/lib`. `MOTORIUM_MUJOCO` names the library or its folder instead.
 ///
 /// The method is semi-implicit Euler. Drives and damping are implicit in the mass matrix, so MuJoCo's solver
-/// of contacts, joint stops, joint friction and mimic joints (Newton, elliptic cones) accounts for them as
-/// inertia. Effort limits hold in every step: a step in which a drive exceeds its limit is solved again.
-/// Contacts are MuJoCo's soft contacts, as stiff as a step of a millisecond allows. Their friction is the
-/// mean of both surfaces, and their damping is chosen to match the mean restitution.
+/// (Newton, elliptic cones) accounts for them as inertia. The solver covers contacts, joint stops, joint
+/// friction and mimic joints. Effort limits hold in every step: a step in which a drive exceeds its limit is
+/// solved again. Contacts are MuJoCo's soft contacts, as stiff as a step of a millisecond allows. Their
+/// friction is the mean of both surfaces, and their damping is chosen to match the mean restitution.
 ///
 /// A terrain is a MuJoCo height field, which ends at the edge of its grid. motorium itself casts rays,
 /// against the same shapes.

@@ -1,6 +1,6 @@
 //! A MuJoCo model with its data, exposed as slices and numbers.
 
-#![allow(unsafe_code)] // the library's structures are read and written where they lie
+#![allow(unsafe_code)] // the library's structures are read and written in place
 
 use core::ffi::{CStr, c_int};
 use std::ffi::CString;
@@ -180,8 +180,8 @@ impl Native {
         }
     }
 
-    /// Hardens the constraints of a joint: friction, stops and couplings yield to forces by this share of
-    /// their usual yield.
+    /// Hardens the constraints of a joint: friction, stops and couplings yield by this fraction of their
+    /// usual yield to forces.
     pub(super) fn harden(&mut self, dof: usize, share: f64) {
         // SAFETY: the array of the model has nv entries; nothing else uses the model.
         unsafe { array_mut::<f64>(self.model, layout::DOF_INVERSE_WEIGHT, self.nv)[dof] *= share }

@@ -11,8 +11,8 @@ use crate::robot::Articulation;
 const IMMOVABLE: f64 = 1e6;
 
 impl Mujoco {
-    /// Clears everything that the last steps left in the drives of an articulation. The next step finds
-    /// contacts near it.
+    /// Clears the drive states left by the last steps of an articulation. The next step finds contacts near
+    /// it.
     pub(super) fn forget_drives(&mut self, own: &Articulation) {
         self.drives[own.joints()].fill(Drive::Linear);
         self.external[own.v()].fill(0.0);

@@ -224,7 +224,7 @@ impl Interval {
             return Err(RangeError::new(key, format!("[{low}, {high}], expected {expected}")));
         }
         if low > high {
-            return Err(RangeError::new(key, format!("[{low}, {high}], but the lowest value stands first"))
+            return Err(RangeError::new(key, format!("[{low}, {high}], but the lowest value comes first"))
                 .advise(format!("write [{high}, {low}]")));
         }
         Ok(())

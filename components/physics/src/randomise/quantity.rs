@@ -62,7 +62,7 @@ pub enum Property {
     ObjectYaw,
     /// Factor on the stiffness and the damping commanded to a drive.
     ActuatorGain,
-    /// Factor on all efforts of a drive and of its effort limit.
+    /// Factor on all efforts of a drive and on its effort limit.
     ActuatorStrength,
     /// Factor on the delay of an actuator.
     ActuatorDelay,
@@ -138,9 +138,9 @@ pub(super) fn quantities(
             return Err(RangeError::new("every", "0 s, expected a time above 0"));
         }
         if !list.0.iter().any(Quantity::varies_in_time) {
-            let message = "nothing is drawn that may change within an episode";
+            let message = "nothing that may change within an episode is sampled";
             return Err(RangeError::new("every", message)
-                .advise("starts, objects and the terrain are drawn once an episode: leave it out"));
+                .advise("starts, objects and the terrain are sampled once per episode: leave it out"));
         }
     }
     Ok(list.0)
@@ -203,9 +203,9 @@ fn of_objects(config: &RandomiseConfig, nominal: &Properties, list: &mut List) -
         };
         let places = [ranges.x, ranges.y, ranges.z, ranges.yaw];
         if !objects[index].is_dynamic() && (ranges.mass.is_some() || places.iter().any(Option::is_some)) {
-            let message = format!("`{name}` has no mass and stays where the graph has it");
+            let message = format!("`{name}` has no mass and stays at its pose in the graph");
             return Err(
-                RangeError::new(key, message).advise("draw its friction or restitution, or give it a mass")
+                RangeError::new(key, message).advise("sample its friction or restitution, or give it a mass")
             );
         }
         for (property, own, interval, allowed) in [
@@ -236,9 +236,9 @@ pub(crate) fn check_ties<'c>(
         });
         if let Some(name) = drawn {
             let [first, second] = &connection.parts;
-            let message = format!("a connection ties `{first}` to `{second}` where they stand at the start");
+            let message = format!("a connection ties `{first}` to `{second}` in their start poses");
             return Err(RangeError::new(format!("objects.{name}"), message)
-                .advise("draw its mass, friction or restitution, and leave its start where it is"));
+                .advise("sample its mass, friction or restitution, and leave out its start"));
         }
     }
     Ok(())
@@ -258,7 +258,7 @@ fn of_robot(
             let written = config.key_of_robot(name, key);
             interval.check(&written, allowed)?;
             if parts.is_empty() {
-                let message = format!("nothing to draw: no part of robot `{}` has it", model.name());
+                let message = format!("nothing to sample: no part of robot `{}` has it", model.name());
                 return Err(RangeError::new(written, message).advise("leave it out"));
             }
             if property > Property::ActuatorStrength {
@@ -335,7 +335,7 @@ fn check_ends(
             let mut settings = settings.clone();
             vary(&mut settings, property, factor);
             settings.check().map_err(|error| {
-                let message = format!("the factor {factor} makes of the actuator of joint `{name}` {error}");
+                let message = format!("with the factor {factor}, the actuator of joint `{name}` has {error}");
                 RangeError::new(key, message)
                     .advise("choose a smaller factor, or another value of the actuator")
             })?;

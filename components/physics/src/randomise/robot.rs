@@ -7,7 +7,7 @@ use motorium_robots::Model;
 pub struct RandomisedRobot {
     /// Name of the robot, if there are several. Its links then start with `NAME/` in the simulation.
     pub name: Option<String>,
-    /// Index of the articulation that the robot is, or is part of.
+    /// Index of the articulation that contains the robot.
     pub articulation: usize,
     /// Model of this robot alone.
     pub model: Model,

@@ -5,7 +5,7 @@ use super::robot::RandomisedRobot;
 /// A robot's part of the models of a simulation.
 #[derive(Clone, Debug)]
 pub(super) struct Share {
-    /// Index of the articulation that the robot is, or is part of.
+    /// Index of the articulation that contains the robot.
     pub(super) articulation: usize,
     /// Index of its first body.
     pub(super) bodies: usize,

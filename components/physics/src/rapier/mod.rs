@@ -116,7 +116,7 @@ impl Engine for Rapier {
         }
         if options.substeps != 1 {
             let (value, expected) =
-                (options.substeps as f64, "1: rapier takes `contact_iterations` steps always");
+                (options.substeps as f64, "1: rapier always runs `contact_iterations` steps");
             return Err(BuildError::Option { name: "substeps", value, expected });
         }
         let colliders = Colliders::new(setups, world, options, warnings);

@@ -102,7 +102,7 @@ impl Multibody {
         }
     }
 
-    /// Sets the inertia of every joint in addition to its links' \[kg m2 or kg\]; without a number, to the
+    /// Sets the inertia of every joint in addition to its links' inertia \[kg m2 or kg\]; `None` sets the
     /// joint's armature.
     pub(super) fn set_inertia(
         &self,
@@ -128,7 +128,7 @@ impl Multibody {
         for (index, body) in model.bodies().iter().enumerate() {
             let (multibody, id) = self.link_mut(scene, index);
             let dof = dof(multibody, id);
-            let link = multibody.link_mut(id).expect("the id is that of the joint's own link");
+            let link = multibody.link_mut(id).expect("the id is the joint's own link");
             link.joint = MultibodyJoint::new(link.joint.data, false);
             self.displacement[dof] = body.joint.coordinate.position(q);
         }
@@ -171,7 +171,7 @@ impl Multibody {
         let (multibody, id) = self.link_mut(scene, index);
         let dof = dof(multibody, id);
         multibody.damping_mut()[dof] = MILLIGRAMS * (joint.dynamics.damping + damping);
-        let link = multibody.link_mut(id).expect("the id is that of the joint's own link");
+        let link = multibody.link_mut(id).expect("the id is the joint's own link");
         link.joint.set_spring(axis(joint.kind) as usize, MILLIGRAMS * stiffness, q + push / stiffness);
     }
 
@@ -196,7 +196,7 @@ impl Multibody {
         for (column, (q, v)) in q.iter_mut().zip(v).enumerate() {
             let index = model.joint_body(column);
             let (multibody, id) = self.link(scene, index);
-            let link = multibody.link(id).expect("the id is that of the joint's own link");
+            let link = multibody.link(id).expect("the id is the joint's own link");
             *q = link.joint().coords()[axis(model.bodies()[index].joint.kind) as usize];
             *v = multibody.generalized_velocity()[link.assembly_id()];
         }
@@ -217,7 +217,7 @@ impl Multibody {
 
 /// Returns the index of a link's only degree of freedom in rapier's generalized vectors.
 fn dof(multibody: &rapier3d_f64::dynamics::Multibody, link: usize) -> usize {
-    multibody.link(link).expect("the id is that of the joint's own link").assembly_id()
+    multibody.link(link).expect("the id is the joint's own link").assembly_id()
 }
 
 fn axis(kind: JointKind) -> JointAxis {
@@ -236,7 +236,7 @@ fn joint(body: &Body) -> GenericJoint {
         rapier.set_limits(axis, [joint.limits.lower, joint.limits.upper]);
     }
     // A stiff limit whose violation decays at RECOVERY_RATE. Rapier's default corrects it within one step,
-    // which is a blow.
+    // which causes an impact.
     let omega = 1e6 * std::f64::consts::TAU;
     rapier.softness = SpringCoefficients::new(1e6, 0.5 * omega / RECOVERY_RATE);
     rapier

@@ -215,7 +215,7 @@ impl Scene {
         });
     }
 
-    /// Sets the forces of the air for the next step of `dt` \[s\]; they replace the last step's.
+    /// Sets the drag forces for the next step of `dt` \[s\]; they replace the last step's.
     fn set_drag(&mut self, dt: f64, gravity: &Vector3<f64>) {
         for (handle, drag) in self.objects.iter().zip(&self.drags) {
             let Some(drag) = *drag else { continue };

@@ -19,7 +19,7 @@ fn rod(settings: ActuatorSettings) -> ArticulatedSimulator {
 const INERTIA: f64 = 0.083_433_333 + 0.25;
 
 #[test]
-fn the_effort_lags_behind_the_command_by_its_time_constant() {
+fn effort_lags_the_command_by_its_time_constant() {
     let lag = 0.02;
     let mut rod = rod(ActuatorSettings { lag, ..ActuatorSettings::default() });
     rod.commands_mut()[0] = JointSetpoint::effort(3.0);
@@ -35,7 +35,7 @@ fn the_effort_lags_behind_the_command_by_its_time_constant() {
 }
 
 #[test]
-fn a_delayed_command_acts_after_its_delay_and_not_before() {
+fn delayed_command_acts_exactly_after_its_delay() {
     let mut rod = rod(ActuatorSettings { delay: 5e-3, ..ActuatorSettings::default() });
     for step in 0..20 {
         rod.commands_mut()[0] = JointSetpoint::effort(f64::from(step) + 1.0);
@@ -64,7 +64,7 @@ fn speed_at_full_effort_approaches_the_no_load_speed() {
 }
 
 #[test]
-fn the_rate_of_the_effort_is_limited_in_every_step() {
+fn effort_rate_is_limited_in_every_step() {
     let mut rod = rod(ActuatorSettings { rate_limit: Some(500.0), ..ActuatorSettings::default() });
     for step in 0..40 {
         rod.commands_mut()[0] = JointSetpoint::effort(if step < 20 { 6.0 } else { -6.0 });
@@ -76,7 +76,7 @@ fn the_rate_of_the_effort_is_limited_in_every_step() {
 }
 
 #[test]
-fn stiff_gains_behind_a_lag_stay_stable_and_a_position_is_held() {
+fn stiff_gains_behind_a_lag_hold_a_position_stably() {
     let arm = load("panda", Path::new(".")).unwrap();
     let profile = arm.profile.unwrap();
     let (home, gains) = (profile.home(&arm.model).unwrap(), profile.gains(&arm.model).unwrap());
@@ -98,7 +98,7 @@ fn stiff_gains_behind_a_lag_stay_stable_and_a_position_is_held() {
 }
 
 #[test]
-fn a_saved_state_holds_commands_and_a_reset_drops_them() {
+fn saved_state_keeps_delayed_commands_and_reset_drops_them() {
     let settings = ActuatorSettings { delay: 7e-3, lag: 3e-3, ..ActuatorSettings::default() };
     let mut rod = rod(settings);
     let run = |rod: &mut ArticulatedSimulator, from: i32| -> Vec<u64> {
@@ -119,7 +119,7 @@ fn a_saved_state_holds_commands_and_a_reset_drops_them() {
 }
 
 #[test]
-fn rapier_refuses_actuators_that_are_not_ideal() {
+fn rapier_rejects_non_ideal_actuators() {
     let model = load("pendulum", Path::new(".")).unwrap().model;
     let slow = ActuatorSettings { lag: 1e-3, ..ActuatorSettings::default() };
     let setup = RobotSetup { actuators: vec![Some(slow)], ..RobotSetup::from(model.clone()) };

@@ -62,7 +62,7 @@ fn an_arm_beside_objects_at_rest_allocates_nothing() {
 }
 
 #[test]
-fn objects_that_roll_on_a_belt_in_the_wind_allocate_nothing() {
+fn objects_rolling_on_a_belt_in_wind_allocate_nothing() {
     let ball = Object {
         shape: ObjectShape::Sphere { radius: 0.05 },
         rolling_friction: 1e-3,
@@ -97,7 +97,7 @@ fn an_arm_that_hits_objects_allocates_nothing() {
 }
 
 #[test]
-fn all_that_rapier_allocates_can_be_seen_apart() {
+fn rapier_allocations_are_counted_separately() {
     for contact_iterations in [1, 2, 4] {
         let options = Options { contact_iterations, ..Options::default() };
         let (model, home) = (panda::loaded().model, panda::home());

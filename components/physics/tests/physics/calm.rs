@@ -69,7 +69,7 @@ fn same_either_way(
 }
 
 #[test]
-fn falling_robots_meet_the_ground_as_with_all_pairs() {
+fn falling_robots_land_as_with_all_pairs_checked() {
     for name in ["quadruped", "humanoid"] {
         let landed = same_either_way(name, ground(0.0), 0.5, &|_, _| {}, (500, true));
         assert!((50..450).contains(&landed), "{name}: {landed} steps on the ground");
@@ -77,7 +77,7 @@ fn falling_robots_meet_the_ground_as_with_all_pairs() {
 }
 
 #[test]
-fn an_arm_meets_the_ground_and_itself() {
+fn arm_touches_ground_and_itself_as_with_all_pairs_checked() {
     let reach = |step: usize, commands: &mut [JointSetpoint]| {
         commands[1].position += if step < 1500 { 1e-3 } else { 0.0 };
     };
@@ -93,7 +93,7 @@ fn an_arm_meets_the_ground_and_itself() {
 }
 
 #[test]
-fn a_state_saved_while_nothing_is_near_goes_on_to_the_bit() {
+fn state_saved_far_from_contacts_continues_bit_for_bit() {
     let fall = |simulation: &mut ArticulatedSimulator| {
         (0..400)
             .flat_map(|_| {

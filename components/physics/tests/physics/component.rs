@@ -42,8 +42,8 @@ impl Component for Driver {
     type Config = DriverConfig;
 
     fn declare(_: &DriverConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        declare.input::<JointState>("state", "where the joints are");
-        declare.output::<JointCommand>("command", "where they shall be");
+        declare.input::<JointState>("state", "joint state");
+        declare.output::<JointCommand>("command", "joint commands");
         Ok(())
     }
 
@@ -100,7 +100,7 @@ impl Component for Watcher {
     type Config = WatcherConfig;
 
     fn declare(_: &WatcherConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        declare.input::<BaseState>("base_state", "where the base is");
+        declare.input::<BaseState>("base_state", "base state");
         Ok(())
     }
 
@@ -213,7 +213,7 @@ fn a_commanded_arm_arrives_identically_without_allocation() {
 }
 
 #[test]
-fn when_commands_cease_the_arm_holds_where_it_is() {
+fn arm_holds_its_position_when_commands_stop() {
     let report = run_for(2, KINDS[0], "offset = 0.3, until = 50, stiffness = 500.0");
     let physics = &report.results["physics"];
     assert!(physics["steps_in_safe_state"].as_u64().unwrap() > 1900, "{physics}");
@@ -237,7 +237,7 @@ fn a_command_with_a_negative_gain_is_not_applied() {
 }
 
 #[test]
-fn configuration_mistakes_are_found_before_the_run() {
+fn invalid_configurations_are_rejected_before_the_run() {
     for (config, expected) in [
         (r#"pose = "hom""#, "no pose is named"),
         ("position = [0.0, 1.0]", "2 numbers, expected 8: one per joint"),
@@ -316,7 +316,7 @@ fn a_floating_base_stands_and_publishes_its_pose() {
 }
 
 #[test]
-fn a_quadruped_stands_in_mujoco_where_it_stands_in_ours() {
+fn quadruped_stands_equally_in_mujoco_and_articulated() {
     if !has_mujoco() {
         return;
     }
@@ -331,7 +331,7 @@ fn a_quadruped_stands_in_mujoco_where_it_stands_in_ours() {
 }
 
 #[test]
-fn where_a_base_starts_is_checked_against_whether_it_floats() {
+fn base_start_is_rejected_for_a_fixed_base() {
     for (robot, physics, expected) in [
         ("panda", "base = { position = [0.0, 0.0, 0.5] }", "fixed to the world"),
         ("quadruped", "floating = false, base = { position = [0.0, 0.0, 0.5] }", "fixed to the world"),
@@ -347,7 +347,7 @@ fn where_a_base_starts_is_checked_against_whether_it_floats() {
 }
 
 #[test]
-fn rapier_refuses_a_floating_base_and_names_the_kind() {
+fn rapier_rejects_a_floating_base_and_names_the_kind() {
     let text = legged_text("quadruped", "", BASE).replace("physics.articulated", "physics.rapier");
     let error = check(text).map(|_| ()).unwrap_err();
     assert!(

@@ -14,7 +14,7 @@ fn part(shape: ObjectShape, position: [f64; 3], mass: Option<f64>) -> CompoundPa
     CompoundPart { shape, position, rpy: [0.0; 3], mass }
 }
 
-/// A block of 0.2 x 0.16 x 0.1 m made of two halves, one of which lies on its side.
+/// A block of 0.2 x 0.16 x 0.1 m made of two halves, one of them on its side.
 fn halves() -> Object {
     let left = part(ObjectShape::Box { size: [0.1, 0.16, 0.1] }, [-0.05, 0.0, 0.0], None);
     let right = CompoundPart {
@@ -70,7 +70,7 @@ fn a_block_of_two_halves_moves_as_one_on_every_engine() {
         println!("{engine:?}: ways {apart:.4} rad apart, straying {:.4} m", (one - two).norm());
         // With spring contacts, as in Rapier and MuJoCo, it deviates by some hundredths of a radian.
         let most = if engine == Engine::Articulated { 1e-3 } else { 0.08 };
-        assert!(apart < most, "{engine:?}: it slides {apart} rad beside the way of one block");
+        assert!(apart < most, "{engine:?}: it slides {apart} rad off the path of one block");
         // In MuJoCo, whose contacts are springs with regularised friction, it turns by 0.3 rad as it slides.
         let turned = ends[1].rotation.angle();
         let most = if engine == Engine::Mujoco { 0.4 } else { 1e-2 };
@@ -112,7 +112,7 @@ fn a_compound_in_free_flight_turns_about_its_centre_of_mass() {
 }
 
 #[test]
-fn rays_meet_parts_of_a_compound_and_pass_its_gap() {
+fn rays_hit_parts_of_a_compound_and_pass_its_gap() {
     for engine in engines() {
         let simulation = simulate(engine, World { objects: vec![dumbbell()], ..World::default() });
         let down = |x: f64, y: f64| simulation.cast_ray(Point3::new(x, y, 2.0), -Vector3::z(), 5.0);
@@ -146,7 +146,7 @@ fn compounds_do_not_allocate_and_restore_exactly() {
 }
 
 #[test]
-fn incompatible_parts_are_refused_by_object_name() {
+fn incompatible_parts_are_rejected_by_object_name() {
     let refuse =
         |object: Object| Engine::Articulated.refuse(World { objects: vec![object], ..World::default() });
     let sphere = || ObjectShape::Sphere { radius: 0.1 };
@@ -203,7 +203,7 @@ const PENDULUM: &str = r#"<mujoco>
 </mujoco>"#;
 
 #[test]
-fn a_body_that_a_world_of_mjcf_connects_swings_as_a_pendulum() {
+fn body_connected_in_an_mjcf_world_swings_as_a_pendulum() {
     let world = || parse_mjcf_world(PENDULUM, None).unwrap().world;
     let mut simulation = simulate(Engine::Articulated, world());
     let (length, radius) = ((0.05_f64 * 0.05 + 0.4975 * 0.4975).sqrt(), 0.04_f64);
@@ -237,7 +237,7 @@ fn a_body_that_a_world_of_mjcf_connects_swings_as_a_pendulum() {
 }
 
 #[test]
-fn connections_of_missing_or_fixed_bodies_are_refused() {
+fn connections_of_missing_or_fixed_bodies_are_rejected() {
     let refuse = |text: &str| Engine::Articulated.refuse(toml::from_str(text).unwrap());
     let cube = "objects = [{ name = \"cube\", shape = { box = { size = [1, 1, 1] } }, position = [0, 0, 9], mass = 1.0 }, { name = \"wall\", shape = { box = { size = [1, 1, 1] } }, position = [5, 0, 0] }]\n";
     let unknown = refuse(&format!("{cube}connections = [{{ parts = [\"cub\", \"world\"] }}]"));

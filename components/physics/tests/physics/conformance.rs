@@ -41,8 +41,8 @@ fn club() -> Object {
     object("club", shape, None, [0.5, -0.25, 0.2])
 }
 
-/// A Panda near a table with a stack of two cubes, a ball above a tray of convex parts, a can, a rock made of
-/// a mesh, and a club of two balls.
+/// A Panda near a table with a stack of two cubes, and a ball above a tray of convex parts. Also a can, a
+/// rock made of a mesh, and a club of two balls.
 fn scene(engine: Engine) -> Box<dyn Simulator> {
     let cube =
         |name: &str, z: f64| object(name, ObjectShape::Box { size: [0.05; 3] }, Some(0.2), [0.5, 0.2, z]);
@@ -90,7 +90,7 @@ fn swing(simulation: &mut dyn Simulator, from: u32, steps: u32) -> Vec<u64> {
 }
 
 #[test]
-fn a_restored_state_goes_on_to_the_bit_as_it_did_before() {
+fn restored_state_continues_bit_for_bit() {
     for engine in engines() {
         let mut simulation = scene(engine);
         swing(&mut *simulation, 0, 700);
@@ -107,7 +107,7 @@ fn a_restored_state_goes_on_to_the_bit_as_it_did_before() {
 }
 
 #[test]
-fn a_state_of_another_engine_or_world_is_refused() {
+fn state_of_another_engine_or_world_is_rejected() {
     let all: Vec<Engine> = engines().collect();
     for (index, engine) in all.iter().copied().enumerate() {
         let other = all[(index + 1) % all.len()];
@@ -122,7 +122,7 @@ fn a_state_of_another_engine_or_world_is_refused() {
 }
 
 #[test]
-fn rays_meet_ground_objects_and_links_where_they_are() {
+fn rays_hit_ground_objects_and_links() {
     for engine in engines() {
         let mut simulation = scene(engine);
         let down = -Vector3::z();
@@ -152,7 +152,7 @@ fn rays_meet_ground_objects_and_links_where_they_are() {
 }
 
 #[test]
-fn forces_of_contacts_carry_what_rests_on_them() {
+fn contact_forces_carry_resting_objects() {
     for engine in engines() {
         let mut simulation = scene(engine);
         panda::command_hold(&mut *simulation, &panda::home());
@@ -206,7 +206,7 @@ fn two_robots_in_one_world_feel_the_same_objects() {
 }
 
 #[test]
-fn what_an_engine_says_it_can_is_so() {
+fn floating_base_and_allocation_flags_match_the_engine() {
     for engine in engines() {
         let simulation = scene(engine);
         assert_eq!(simulation.capabilities().allocation_free, engine != Engine::Rapier);

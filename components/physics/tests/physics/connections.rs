@@ -55,7 +55,7 @@ fn pin() -> Connection {
 }
 
 #[test]
-fn a_four_bar_linkage_turns_as_its_geometry_says() {
+fn four_bar_linkage_follows_its_geometry() {
     let (coupler, rocker) = closed(0.3);
     let q = [0.3, coupler - 0.3, rocker];
     let mut bars = ArticulatedSimulator::new(linkage(), World::default(), &q, Options::default()).unwrap();
@@ -82,7 +82,7 @@ fn a_four_bar_linkage_turns_as_its_geometry_says() {
 }
 
 #[test]
-fn a_linkage_keeps_its_energy_as_a_tree_of_links_does() {
+fn linkage_conserves_energy_like_a_tree_of_links() {
     let (coupler, rocker) = closed(1.0);
     let world = World { gravity: [0.0; 3], ..World::default() };
     let mut bars =
@@ -124,7 +124,7 @@ fn with_bricks(gravity: [f64; 3]) -> ArticulatedSimulator {
 }
 
 #[test]
-fn two_fixed_bricks_fall_and_land_as_one() {
+fn two_bricks_fixed_together_fall_and_land_as_one() {
     let mut bricks = with_bricks([0.0, 0.0, -9.81]);
     bricks.attach("one", "two").unwrap();
     let relative = |bricks: &ArticulatedSimulator| {
@@ -145,7 +145,7 @@ fn two_fixed_bricks_fall_and_land_as_one() {
 }
 
 #[test]
-fn connected_bodies_keep_momentum_in_flight() {
+fn connected_bodies_conserve_momentum_in_flight() {
     for kind in [ConnectionKind::Ball, ConnectionKind::Fixed] {
         let mut bricks = with_bricks([0.0; 3]);
         let parts = ["one", "two"].map(str::to_owned);
@@ -210,7 +210,7 @@ fn a_rod_with_a_weight_attached_swings_with_the_period_of_both() {
 }
 
 #[test]
-fn a_reset_keeps_connections_and_drops_what_was_attached() {
+fn reset_keeps_connections_and_drops_attachments() {
     let mut bricks = with_bricks([0.0; 3]);
     let parts = ["one", "two"].map(str::to_owned);
     bricks.connect(&Connection { parts, kind: ConnectionKind::Fixed, point: [0.0; 3] }).unwrap();
@@ -220,7 +220,7 @@ fn a_reset_keeps_connections_and_drops_what_was_attached() {
 }
 
 #[test]
-fn a_saved_loop_goes_on_to_the_bit() {
+fn saved_loop_continues_bit_for_bit() {
     let (coupler, rocker) = closed(0.3);
     let q = [0.3, coupler - 0.3, rocker];
     let mut bars = ArticulatedSimulator::new(linkage(), World::default(), &q, Options::default()).unwrap();
@@ -240,7 +240,7 @@ fn a_saved_loop_goes_on_to_the_bit() {
 }
 
 #[test]
-fn connections_that_cannot_be_are_refused() {
+fn impossible_connections_are_rejected() {
     let mut bars =
         ArticulatedSimulator::new(linkage(), World::default(), &[0.0; 3], Options::default()).unwrap();
     let words = bars.attach("coupler", "rockr").unwrap_err().to_string();

@@ -67,7 +67,7 @@ fn a_box_falls_and_rests_on_the_ground_with_its_weight() {
 }
 
 #[test]
-fn objects_turn_as_their_shape_says() {
+fn objects_rotate_by_the_inertia_of_their_shape() {
     for engine in engines() {
         // A rod spinning about two axes: its angular momentum is constant without torque.
         let rod =
@@ -96,7 +96,7 @@ fn objects_turn_as_their_shape_says() {
 }
 
 #[test]
-fn a_robot_pressing_on_the_ground_feels_its_command() {
+fn ground_force_matches_the_commanded_press() {
     for engine in engines() {
         let world = grounded(vec![]);
         let mut simulation = engine.simulate(ram(), world, &[0.2], Options::default());
@@ -231,7 +231,7 @@ fn the_panda_closes_its_hand_on_a_cube_and_lifts_it() {
 }
 
 #[test]
-fn contacts_are_looked_for_only_where_they_can_be() {
+fn contacts_are_searched_only_near_the_robot() {
     let mut simulation = panda::at_home(Engine::Articulated, grounded(vec![]), Options::default());
     assert!(
         simulation.warnings().iter().all(|w| !w.to_string().contains("ground")),
@@ -253,7 +253,7 @@ fn contacts_are_looked_for_only_where_they_can_be() {
 }
 
 #[test]
-fn both_engines_move_the_arm_alike() {
+fn both_engines_move_the_arm_equally() {
     // The same second of motion, far from everything.
     let home = panda::home();
     let mut ends = Vec::new();
@@ -297,7 +297,7 @@ fn a_reset_restores_robot_and_objects() {
 }
 
 #[test]
-fn mistakes_in_the_world_are_named() {
+fn invalid_worlds_are_reported() {
     let cube = |name: &str| object(name, ObjectShape::Box { size: [0.1; 3] }, None, [1.0, 0.0, 0.0]);
     let build = |world: World| {
         let error =
@@ -326,7 +326,7 @@ fn mistakes_in_the_world_are_named() {
 }
 
 #[test]
-fn links_that_a_collision_rule_names_pass_through_one_another() {
+fn links_disabled_by_a_collision_rule_pass_through_each_other() {
     // A ball that slides down a table which carries the ball's carrier.
     let urdf = r#"<robot name="gantry"><link name="table"><collision><geometry><box size="0.4 0.4 0.1"/></geometry>
         </collision></link>
@@ -373,7 +373,7 @@ fn block(planar: bool) -> Model {
 }
 
 #[test]
-fn friction_brakes_a_robot_whose_joints_hold_the_other_tangent() {
+fn friction_brakes_a_robot_blocked_along_one_tangent() {
     let world = World { ground: Some(Ground { friction: 0.5, ..Ground::default() }), ..World::default() };
     let options = Options { friction: 0.5, ..Options::default() };
     let mut simulation = ArticulatedSimulator::new(block(true), world, &[0.05, 0.0], options).unwrap();
@@ -387,7 +387,7 @@ fn friction_brakes_a_robot_whose_joints_hold_the_other_tangent() {
 }
 
 #[test]
-fn a_contact_that_the_joints_hold_does_not_disturb_the_motion() {
+fn contact_blocked_by_joints_does_not_disturb_the_motion() {
     // The block starts 2 cm inside the ground and cannot leave it. Without friction it moves freely along its
     // rail.
     let world = World {

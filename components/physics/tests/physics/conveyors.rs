@@ -1,4 +1,4 @@
-//! Surfaces that move along themselves, and the wind, against closed forms.
+//! Conveyor surfaces, and the wind, against closed forms.
 
 use motorium_physics::{Conveyor, Ground, Object, ObjectShape, Options, Simulator, World};
 use motorium_robots::load;
@@ -70,7 +70,7 @@ fn a_parcel_reaches_belt_speed_in_closed_form_time() {
     assert!((before - expected).abs() < 2e-3, "{before} m, expected {expected} m");
     run(&mut *simulation, 0.5);
     let way = position(&*simulation, "parcel").x - before;
-    assert!((way - 0.5 * speed).abs() < 1e-3, "it goes along: {way} m in half a second");
+    assert!((way - 0.5 * speed).abs() < 1e-3, "it moves with the belt: {way} m in half a second");
 }
 
 #[test]
@@ -86,7 +86,7 @@ fn the_velocity_of_a_belt_turns_with_it() {
 }
 
 #[test]
-fn a_ball_on_a_belt_slips_until_its_rolling_meets_it() {
+fn ball_on_a_belt_slips_until_it_rolls() {
     // Sliding: v = mu g t, and r omega = (5/2) mu g t backwards. v - r omega reaches the belt speed at 2/7 of
     // it.
     let ball = Object {
@@ -103,7 +103,7 @@ fn a_ball_on_a_belt_slips_until_its_rolling_meets_it() {
 }
 
 #[test]
-fn a_ground_may_be_a_treadmill_and_carries_a_stack_along() {
+fn treadmill_ground_carries_a_stack_along() {
     let ground = Ground { conveyor: Some(Conveyor { velocity: [0.0, -0.3, 0.0] }), ..Ground::default() };
     // Too wide to tip, with more contact points than a matrix is formed for.
     let objects = (0..4).map(|index| Object {
@@ -123,7 +123,7 @@ fn a_ground_may_be_a_treadmill_and_carries_a_stack_along() {
 }
 
 #[test]
-fn engines_without_conveyors_refuse_them() {
+fn engines_without_conveyors_reject_them() {
     for engine in engines().filter(|engine| *engine != Engine::Articulated) {
         let world = World { objects: vec![belt(0.5, 0.0)], ..World::default() };
         let refused = engine.refuse(world);
@@ -145,7 +145,7 @@ fn falling(wind: [f64; 3]) -> World {
 }
 
 #[test]
-fn a_falling_ball_nears_its_terminal_velocity() {
+fn falling_ball_approaches_its_terminal_velocity() {
     let terminal = (2.0 * 0.5 * G / (1.225 * 0.02_f64)).sqrt();
     for engine in engines() {
         let mut simulation = simulate(engine, falling([0.0; 3]));
@@ -163,7 +163,7 @@ fn a_falling_ball_nears_its_terminal_velocity() {
 }
 
 #[test]
-fn the_wind_takes_along_what_falls() {
+fn wind_carries_falling_objects_along() {
     for engine in engines() {
         let mut simulation = simulate(engine, falling([6.0, -2.0, 0.0]));
         run(&mut *simulation, 20.0);
@@ -173,7 +173,7 @@ fn the_wind_takes_along_what_falls() {
 }
 
 #[test]
-fn what_has_no_drag_does_not_feel_the_wind() {
+fn wind_does_not_move_objects_without_drag() {
     let world = falling([30.0, 0.0, 0.0]);
     let objects = world.objects.iter().map(|object| Object { drag: 0.0, ..object.clone() }).collect();
     let mut simulation = simulate(Engine::Articulated, World { objects, ..world });
@@ -183,7 +183,7 @@ fn what_has_no_drag_does_not_feel_the_wind() {
 }
 
 #[test]
-fn a_world_with_a_number_out_of_range_is_refused_by_the_key() {
+fn world_number_out_of_range_is_rejected_by_key() {
     let refused = |world: World| world.check(std::iter::empty()).unwrap_err().to_string();
     let object = |object: Object| World { objects: vec![object], ..World::default() };
     assert_eq!(

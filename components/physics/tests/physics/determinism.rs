@@ -73,14 +73,14 @@ fn history(simulation: &mut dyn Simulator) -> u64 {
 }
 
 #[test]
-fn two_simulations_agree_to_the_bit() {
+fn two_simulations_agree_bit_for_bit() {
     for engine in engines() {
         assert_eq!(history(&mut *simulation(engine)), history(&mut *simulation(engine)), "{engine:?}");
     }
 }
 
 #[test]
-fn a_reset_leaves_nothing_of_the_run_before() {
+fn reset_leaves_no_trace_of_the_previous_run() {
     for engine in engines() {
         let mut again = simulation(engine);
         let first = history(&mut *again);

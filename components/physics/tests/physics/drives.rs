@@ -38,7 +38,7 @@ fn slider(damping: f64, friction: f64, effort: f64) -> Model {
 }
 
 #[test]
-fn gravity_compensation_alone_keeps_the_arm_where_it_is() {
+fn gravity_compensation_alone_holds_the_arm() {
     for engine in engines() {
         let home = panda::home();
         let mut simulation = panda::at_home(engine, World::default(), options());
@@ -109,7 +109,7 @@ fn a_stiff_position_loop_follows_the_closed_form() {
 }
 
 #[test]
-fn velocity_control_reaches_its_setpoint_and_damping_is_felt() {
+fn velocity_control_settles_against_joint_damping() {
     // Steady state of kd (v_d - v) = damping v.
     for engine in engines() {
         let mut simulation = engine.simulate(slider(5.0, 0.0, 1e3), World::default(), &[-0.9], options());
@@ -143,7 +143,7 @@ fn law_and_feed_forward_keep_the_effort_limit() {
 }
 
 #[test]
-fn the_effort_reported_is_the_effort_that_moved_the_arm() {
+fn reported_effort_matches_the_acceleration() {
     // Newton's second law from outside: M (v1 - v0) / dt + bias + damping v1 = reported effort.
     for engine in engines() {
         let model = panda::loaded().model;
@@ -198,7 +198,7 @@ fn coulomb_friction_holds_until_it_is_overcome() {
 }
 
 #[test]
-fn a_joint_stops_at_its_limit_and_leaves_it_again() {
+fn joint_stops_at_its_limit_and_leaves_it() {
     for engine in engines() {
         let overshoot = if engine == Engine::Articulated { 1e-12 } else { 5e-3 };
         let mut simulation = engine.simulate(slider(0.0, 0.0, 1e3), World::default(), &[0.5], options());
@@ -222,7 +222,7 @@ fn a_joint_stops_at_its_limit_and_leaves_it_again() {
 }
 
 #[test]
-fn a_joint_beyond_its_limit_returns_without_a_blow() {
+fn joint_beyond_its_limit_returns_without_an_impact() {
     for engine in engines() {
         let mut simulation = engine.simulate(slider(0.0, 0.0, 1e3), World::default(), &[1.1], options());
         assert!(simulation.warnings()[0].to_string().contains("\"slide\" starts at 1.1"));
@@ -260,7 +260,7 @@ fn the_fingers_move_together() {
 }
 
 #[test]
-fn a_command_that_is_no_number_is_refused_and_changes_nothing() {
+fn non_finite_command_is_rejected_without_effect() {
     let mut simulation = panda::at_home(Engine::Articulated, World::default(), Options::default());
     simulation.commands_mut()[3].effort = f64::NAN;
     let before = simulation.positions().to_vec();
@@ -276,11 +276,11 @@ fn a_command_that_is_no_number_is_refused_and_changes_nothing() {
 }
 
 #[test]
-fn a_state_that_runs_away_is_refused_and_a_reset_recovers() {
+fn diverged_state_is_rejected_and_reset_recovers() {
     for engine in engines() {
         let mut simulation = engine.simulate(slider(0.0, 0.0, 1e9), World::default(), &[-1.0], options());
         simulation.commands_mut()[0] = JointSetpoint::effort(1e9);
-        let error = (0..100).find_map(|_| simulation.step(DT).err()).expect("it cannot go on for ever");
+        let error = (0..100).find_map(|_| simulation.step(DT).err()).expect("the simulation diverges");
         assert!(matches!(error, StepError::Diverged { joint: 0, .. }), "{engine:?}: {error}");
         assert!(simulation.positions()[0].is_finite() && simulation.velocities()[0].abs() <= 100.0);
         simulation.reset(&[0.0], &[0.0]).unwrap();
@@ -299,8 +299,8 @@ fn speed_beyond_the_limit_is_flagged() {
     assert_eq!(simulation.step(DT).unwrap().overspeed, 0);
 }
 
-/// Largest speed of joint `moved` as a share of its limit, over a second of commands that change every five
-/// milliseconds, while the other joints are held.
+/// Largest speed of joint `moved` as a fraction of its limit. Its commands change every five milliseconds for
+/// a second, while the other joints are held.
 fn fastest_under(moved: usize, mut command: impl FnMut(&mut u64) -> JointSetpoint) -> f64 {
     let mut simulation = panda::at_home(Engine::Articulated, World::default(), options());
     let model = simulation.model();
@@ -334,13 +334,13 @@ fn noise(seed: &mut u64) -> f64 {
 }
 
 #[test]
-fn a_drive_keeps_its_velocity_limit_whatever_it_is_commanded() {
+fn drive_keeps_its_velocity_limit_under_any_command() {
     type Commands = fn(&mut u64) -> JointSetpoint;
     let commands: [(&str, Commands); 6] = [
         ("full effort forwards", |_| JointSetpoint::effort(1e9)),
         ("full effort backwards", |_| JointSetpoint::effort(-1e9)),
-        ("full effort to and fro", |seed| JointSetpoint::effort(1e9 * noise(seed))),
-        ("a far position", |seed| JointSetpoint::hold(10.0 * noise(seed).signum(), 600.0, 0.0)),
+        ("full effort in alternating directions", |seed| JointSetpoint::effort(1e9 * noise(seed))),
+        ("a distant position", |seed| JointSetpoint::hold(10.0 * noise(seed).signum(), 600.0, 0.0)),
         ("a fast velocity", |seed| JointSetpoint {
             velocity: 1e6 * noise(seed),
             kd: 40.0,

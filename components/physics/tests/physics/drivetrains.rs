@@ -29,7 +29,7 @@ fn behind(drivetrain: Drivetrain) -> ArticulatedSimulator {
 }
 
 #[test]
-fn motor_torque_moves_the_rod_through_its_spring() {
+fn motor_torque_reaches_the_rod_through_its_spring() {
     let (motor, stiffness, torque) = (0.15, 60.0, 2.0);
     let mut rod = behind(elastic(motor, stiffness));
     rod.commands_mut()[0] = JointSetpoint::effort(torque);

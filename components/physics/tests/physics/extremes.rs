@@ -66,7 +66,7 @@ fn a_cube_of_a_millimetre_falls_onto_the_ground_and_stays() {
 }
 
 #[test]
-fn a_hundred_kilogrammes_stand_on_a_hundred_grammes() {
+fn a_hundred_kilograms_stand_on_a_hundred_grams() {
     for ratio in [10.0, 100.0, 1000.0] {
         let objects =
             vec![cube("light", 0.2, 0.1, [0.0, 0.0, 0.1]), cube("heavy", 0.2, 0.1 * ratio, [0.0, 0.0, 0.3])];
@@ -178,7 +178,7 @@ fn overlapping_objects_separate_slowly_and_rest() {
 }
 
 #[test]
-fn a_spinning_top_precesses_as_the_closed_form_says() {
+fn spinning_top_precesses_as_in_closed_form() {
     // A disc on a stem whose tip is on the ground; high friction holds the tip.
     let disc = CompoundPart {
         shape: ObjectShape::Cylinder { radius: 0.06, length: 0.02 },

@@ -28,7 +28,7 @@ const BARS: [(Engine, f64, f64); 4] = [
 ];
 
 #[test]
-fn the_catalogue_panda_accelerates_as_pinocchio_says() {
+fn catalogue_panda_accelerates_as_in_pinocchio() {
     let urdf = panda::loaded().entry.unwrap().urdf;
     let vectors = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots/tests/golden/panda.json");
     let golden = serde_json::from_str(&std::fs::read_to_string(vectors).unwrap()).unwrap();
@@ -36,7 +36,7 @@ fn the_catalogue_panda_accelerates_as_pinocchio_says() {
 }
 
 #[test]
-fn published_robots_accelerate_as_pinocchio_says() {
+fn published_robots_accelerate_as_in_pinocchio() {
     let Some(robots) = robots() else { return };
     for (name, urdf) in
         [("panda", "panda_description/urdf/panda.urdf"), ("ur5", "ur_description/urdf/ur5_robot.urdf")]

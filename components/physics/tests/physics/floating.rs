@@ -25,7 +25,7 @@ fn at_height(z: f64) -> Vec<f64> {
 }
 
 #[test]
-fn a_body_in_the_air_falls_as_galilei_says() {
+fn body_in_the_air_falls_as_in_closed_form() {
     let mut simulation =
         ArticulatedSimulator::new(body(BOX), World::default(), &at_height(10.0), Options::default()).unwrap();
     run(&mut simulation, 1.0);
@@ -36,7 +36,7 @@ fn a_body_in_the_air_falls_as_galilei_says() {
 }
 
 #[test]
-fn what_tumbles_and_kicks_in_the_air_keeps_its_momentum() {
+fn tumbling_robot_conserves_momentum_in_the_air() {
     let robot = load("quadruped", std::path::Path::new(".")).unwrap();
     let mut simulation = standing("quadruped", World::default());
     let mut v = vec![0.0; 18];
@@ -83,7 +83,7 @@ fn a_box_on_a_slope_keeps_to_the_friction_cone() {
 }
 
 #[test]
-fn friction_points_against_the_slip_whatever_its_direction() {
+fn friction_opposes_the_slip_in_every_direction() {
     for degrees in (0..360).step_by(25) {
         let heading = f64::from(degrees).to_radians();
         let options = Options { friction: 0.3, ..Options::default() };
@@ -102,7 +102,7 @@ fn friction_points_against_the_slip_whatever_its_direction() {
 }
 
 #[test]
-fn a_ball_bounces_to_the_height_its_restitution_leaves() {
+fn ball_bounces_to_the_height_of_its_restitution() {
     // The mean of 0 (the robot's) and 1.
     let ground = Some(Ground { restitution: 1.0, ..Ground::default() });
     let world = World { ground, ..World::default() };
@@ -122,7 +122,7 @@ fn a_ball_bounces_to_the_height_its_restitution_leaves() {
 }
 
 #[test]
-fn a_rolling_ball_rolls_on_with_five_sevenths_of_its_slip() {
+fn sliding_ball_rolls_at_five_sevenths_of_its_speed() {
     // A uniform ball thrown without spin loses 2/7 of its speed until it rolls.
     let mut simulation =
         ArticulatedSimulator::new(body(BALL), grounded(vec![]), &at_height(0.1), Options::default()).unwrap();
@@ -160,7 +160,7 @@ fn a_standing_quadruped_carries_its_weight() {
 }
 
 #[test]
-fn wheels_roll_a_base_as_far_as_they_turn() {
+fn wheel_rotation_matches_the_distance_travelled() {
     let robot = load("differential-drive", std::path::Path::new(".")).unwrap();
     let base = robot.profile.as_ref().unwrap().mobile_base.as_ref().unwrap().clone();
     let radius = base.wheel_radius.unwrap();
@@ -305,7 +305,7 @@ fn a_ball_and_a_lying_capsule_rest() {
 }
 
 #[test]
-fn a_reset_takes_the_whole_state_and_refuses_an_invalid_one() {
+fn reset_sets_the_whole_state_and_rejects_invalid_ones() {
     let mut simulation = held("quadruped");
     let q = simulation.configuration().to_vec();
     run(&mut simulation, 0.2);
@@ -333,7 +333,7 @@ fn a_robot_is_placed_on_the_ground_from_any_height() {
 }
 
 #[test]
-fn rapier_refuses_a_floating_base_and_names_another_engine() {
+fn rapier_rejects_a_floating_base_and_names_another_engine() {
     let error =
         RapierSimulator::new(body(BOX), World::default(), &at_height(0.5), Options::default()).err().unwrap();
     assert_eq!(error, BuildError::FloatingBase { robot: "body".to_owned() });

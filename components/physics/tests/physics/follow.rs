@@ -55,7 +55,7 @@ fn result<'a>(report: &'a Report, component: &str) -> &'a serde_json::Value {
 }
 
 #[test]
-fn followed_joints_are_published_to_the_bit() {
+fn followed_joints_are_published_bit_for_bit() {
     for kind in kinds() {
         let probe = Probe::<JointState>::for_topic("twin/state").triggered();
         let report = twin(kind, "").with(waving(u64::MAX)).with(&probe).run("500 ms").unwrap();
@@ -93,7 +93,7 @@ fn stale_states_hold_the_last_pose_at_rest() {
 }
 
 #[test]
-fn robot_stays_at_its_start_until_a_state_comes() {
+fn robot_stays_at_its_start_until_the_first_state() {
     for kind in kinds() {
         let probe = Probe::<JointState>::for_topic("twin/state");
         let config = "config = { position = [0.3, -0.2, 0.1] }\n";
@@ -107,7 +107,7 @@ fn robot_stays_at_its_start_until_a_state_comes() {
 }
 
 #[test]
-fn states_of_another_robot_are_refused() {
+fn states_of_another_robot_are_rejected() {
     let state = |tick: &Tick| {
         let mut state = wave(tick.index);
         state.set_count(if tick.index < 100 { 3 } else { 2 });
@@ -195,7 +195,7 @@ fn circling(index: u64) -> BaseState {
 }
 
 #[test]
-fn followed_base_is_published_to_the_bit() {
+fn followed_base_is_published_bit_for_bit() {
     for kind in kinds().filter(|kind| *kind != "physics.rapier") {
         let text = format!(
             "[robot.dog]\nurdf = \"quadruped\"\n[component.twin]\nkind = \"{kind}\"\nrobot = \"dog\"\n\
@@ -259,7 +259,7 @@ fn one_of_two_robots_follows() {
 }
 
 #[test]
-fn check_states_that_a_follower_is_no_actuator() {
+fn check_reports_that_a_follower_is_not_an_actuator() {
     let checked = twin("physics.articulated", "").with(waving(u64::MAX)).check().unwrap();
     let twin = component(&checked, "twin");
     assert!(!twin.actuator);
@@ -275,7 +275,7 @@ fn refusal(graph: &Graph) -> String {
 }
 
 #[test]
-fn follow_and_commands_for_one_robot_are_refused() {
+fn follow_and_commands_for_one_robot_are_rejected() {
     let both = twin("physics.articulated", "").set("component.twin.subscribe.joint_command", "arm/command");
     let commands = Source::new("commands", "arm/command", |_| None::<JointCommand>);
     let refused = refusal(&both.with(waving(1)).with(commands));
@@ -290,7 +290,7 @@ fn follow_and_commands_for_one_robot_are_refused() {
 }
 
 #[test]
-fn rapier_refuses_a_follower_among_driven_robots() {
+fn rapier_rejects_a_follower_among_driven_robots() {
     let commands = Source::new("commands", "right/command", |_| None::<JointCommand>);
     let graph = left_follows("physics.rapier", "\"right.joint_command\" = \"right/command\"");
     let refused = refusal(&graph.with(commands));
@@ -299,7 +299,7 @@ fn rapier_refuses_a_follower_among_driven_robots() {
 }
 
 #[test]
-fn mistakes_about_following_are_found_before_the_run() {
+fn invalid_follow_settings_are_rejected_before_the_run() {
     let refused = |config: &str| refusal(&twin("physics.articulated", config).with(waving(1)));
     let never = refused("config = { follow_stale_after = \"0 ms\" }\n");
     assert!(never.contains("`twin.config.follow_stale_after`: 0, expected a time"), "{never}");

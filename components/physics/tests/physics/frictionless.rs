@@ -44,7 +44,7 @@ fn friction(
 }
 
 #[test]
-fn frictions_combine_by_the_rule_that_comes_last() {
+fn frictions_combine_by_the_last_rule() {
     let cases = [
         ((0.1, None), (0.5, None), 0.3),
         // Frictionless in contact with everything that has no rule.

@@ -10,7 +10,7 @@ const FRONT: [(f64, f64, f64); 3] = [(0.0, 0.0, 0.0), (0.8, 0.1875, 2.371), (-1.
 const HIND: [(f64, f64, f64); 3] = [(0.0, 0.0, 0.0), (-0.8, 0.1875, -2.371), (1.6, 0.261, 1.571)];
 
 #[test]
-fn a_trot_carries_the_quadruped_ahead_as_far_as_in_mujoco() {
+fn trot_moves_the_quadruped_as_far_as_in_mujoco() {
     let mut simulation = held("quadruped");
     let omega = std::f64::consts::TAU * 2.0;
     for step in 0..6000 {

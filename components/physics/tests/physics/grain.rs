@@ -64,7 +64,7 @@ fn a_plank_slides_along_its_grain_only() {
 }
 
 #[test]
-fn the_largest_forces_of_friction_lie_on_an_ellipse() {
+fn largest_friction_forces_form_an_ellipse() {
     for angle in [0.2, 0.6, 1.0, 1.4_f64] {
         let direction = [angle.cos(), angle.sin()];
         let edge = 1.0 / (direction[0] / ALONG).hypot(direction[1] / ACROSS);
@@ -96,7 +96,7 @@ fn a_tower_on_a_plank_slides_with_it() {
 }
 
 #[test]
-fn the_grain_of_the_ground_lies_in_the_world() {
+fn grain_of_the_ground_is_in_world_axes() {
     let ground = Ground {
         friction: 2.0 * ACROSS,
         grain: Some(Grain { direction: [0.0, 1.0, 0.0], friction: 2.0 * ALONG }),
@@ -111,7 +111,7 @@ fn the_grain_of_the_ground_lies_in_the_world() {
 }
 
 #[test]
-fn an_undirected_grain_is_refused() {
+fn grain_without_direction_is_rejected() {
     let world = |direction| {
         let grain = Some(Grain { direction, friction: 0.1 });
         World { objects: vec![Object { grain, ..plank(0.0) }], ..World::default() }

@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 
 use crate::pairs::{Body, DRIFT, ROTATION, bodies, drift};
 
-/// A gripper with two pads of this URDF geometry, whose inner sides are at x = -0.1 and x = 0.1 m, and which
-/// press along x.
+/// A gripper with two pads of this URDF geometry that press along x. Their inner sides are at x = -0.1 and x
+/// = 0.1 m.
 fn gripper(geometry: &str, rpy: &str, depth: f64) -> Model {
     let pad = |name: &str, x: f64, axis: f64| {
         format!(

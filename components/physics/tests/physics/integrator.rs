@@ -16,7 +16,7 @@ fn noise(seed: &mut u64) -> f64 {
 }
 
 #[test]
-fn every_step_obeys_newton_the_drive_law_coulomb_and_the_stops() {
+fn every_step_obeys_newton_drives_coulomb_and_stops() {
     let model = panda::loaded().model;
     let n = model.nv();
     let (mut saturated, mut stuck, mut slipping, mut stopped) = (0, 0, 0, 0);
@@ -111,7 +111,7 @@ fn every_step_obeys_newton_the_drive_law_coulomb_and_the_stops() {
 }
 
 #[test]
-fn energy_is_kept_by_a_free_arm_to_first_order() {
+fn free_arm_conserves_energy_to_first_order() {
     // Without drives, damping and friction the drift of the total energy halves with the step.
     let model = panda::loaded().model;
     let joints: Vec<JointProperties> = JointProperties::from_model(&model, 0.0)

@@ -97,7 +97,7 @@ fn flat_bars_touch_narrow_rails_at_the_corners_of_the_patch() {
 }
 
 #[test]
-fn crossed_bars_touch_at_a_point_parallel_ones_in_a_line() {
+fn crossed_bars_touch_at_a_point_and_parallel_bars_in_a_line() {
     let lying =
         |shape: &ObjectShape, yaw| object("rail", shape.clone(), [0.0, 0.0, -0.01], [0.0, QUARTER, yaw]);
     let lowers = [

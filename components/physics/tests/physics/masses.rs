@@ -96,7 +96,7 @@ fn a_plate_on_rollers_sinks_no_deeper_beside_a_light_robot() {
 
 /// The engine would let it fall through the ground.
 #[test]
-fn rapier_refuses_bodies_that_it_cannot_hold_up() {
+fn rapier_rejects_bodies_it_cannot_support() {
     let robot = || load("panda", std::path::Path::new(".")).unwrap().model;
     let q = load("panda", std::path::Path::new(".")).unwrap().model.neutral();
     let build = |mass| RapierSimulator::new(robot(), world(mass), &q, Options::default());

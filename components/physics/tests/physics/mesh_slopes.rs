@@ -97,7 +97,7 @@ fn inside_out(mesh: TriangleMesh) -> TriangleMesh {
 }
 
 #[test]
-fn a_mesh_that_is_inside_out_carries_what_falls_on_it() {
+fn inside_out_mesh_carries_falling_objects() {
     for engine in with_triangles() {
         let table = || box_between([-0.3, -0.3, 0.0], [0.3, 0.3, 0.05]);
         for mesh_of in [trough(), table()] {
@@ -114,7 +114,7 @@ fn a_mesh_that_is_inside_out_carries_what_falls_on_it() {
 }
 
 #[test]
-fn inconsistent_triangles_are_refused_by_object_name() {
+fn inconsistent_triangles_are_rejected_by_object_name() {
     let mut twisted = box_between([0.0; 3], [1.0; 3]);
     twisted.triangles[4].swap(1, 2);
     let of =

@@ -126,7 +126,7 @@ fn tilted() -> [f64; 3] {
 }
 
 #[test]
-fn a_block_slides_over_triangles_as_over_a_plane() {
+fn block_slides_over_triangles_like_over_a_plane() {
     for engine in with_triangles() {
         let world =
             |objects: Vec<Object>, ground| World { gravity: tilted(), objects, ground, ..World::default() };
@@ -146,7 +146,7 @@ fn a_block_slides_over_triangles_as_over_a_plane() {
 }
 
 #[test]
-fn a_mesh_block_slides_and_rests_as_a_box() {
+fn mesh_block_slides_and_rests_like_a_box() {
     // The origin of the mesh is at one of its corners, not at its centre.
     let cube = || {
         let cube = mesh("block", box_between([0.0; 3], [0.2, 0.16, 0.1]), MeshCollision::Hull);
@@ -258,7 +258,7 @@ fn a_ball_falls_into_a_fixed_trough_of_triangles() {
 }
 
 #[test]
-fn every_shape_rests_on_triangles_as_on_a_plane() {
+fn every_shape_rests_on_triangles_like_on_a_plane() {
     let shapes = [
         (ObjectShape::Box { size: [0.1, 0.12, 0.08] }, 0.04),
         (ObjectShape::Sphere { radius: 0.05 }, 0.05),
@@ -326,7 +326,7 @@ fn a_box_lies_on_a_ridge_and_a_capsule_across_an_edge() {
 }
 
 #[test]
-fn a_ball_on_a_slope_of_triangles_rolls_as_on_a_plane() {
+fn ball_rolls_on_sloped_triangles_like_on_a_plane() {
     // a = 5/7 g sin(slope), on a floor without edges.
     let slope = 0.2_f64;
     let tilted = |object: Object| Object { rpy: [0.0, slope, 0.0], ..object };
@@ -342,7 +342,7 @@ fn a_ball_on_a_slope_of_triangles_rolls_as_on_a_plane() {
 }
 
 #[test]
-fn rays_meet_a_mesh_where_it_is_hollow_if_its_triangles_touch() {
+fn rays_enter_hollow_meshes_with_triangle_contacts() {
     for engine in with_triangles() {
         let objects = vec![mesh("trough", trough(), MeshCollision::Triangles)];
         let simulation = simulate(engine, World { objects, ..World::default() });
@@ -383,7 +383,7 @@ fn meshes_do_not_allocate_and_restore_exactly() {
 }
 
 #[test]
-fn what_an_engine_or_an_object_cannot_is_refused_by_name() {
+fn unsupported_mesh_settings_are_rejected_by_name() {
     let flat = || mesh("hall", floor(|_, _| 0.0), MeshCollision::Triangles);
     if has_mujoco() {
         let refused = Engine::Mujoco.refuse(World { objects: vec![flat()], ..World::default() });

@@ -110,7 +110,7 @@ fn half_the_step_has_a_quarter_of_the_error() {
 }
 
 #[test]
-fn a_flying_robot_keeps_energy_and_momentum() {
+fn flying_robot_conserves_energy_and_momentum() {
     let model = without_losses("quadruped");
     let mut v = vec![0.0; model.nv()];
     v[..6].copy_from_slice(&[0.3, -0.2, 0.1, 1.5, -2.0, 1.0]);
@@ -141,7 +141,7 @@ fn a_flying_robot_keeps_energy_and_momentum() {
 }
 
 #[test]
-fn drives_of_any_gain_stay_stable_and_come_to_the_same_rest() {
+fn drives_of_any_gain_are_stable_and_rest_equally() {
     let arm = load("ur5e", Path::new(".")).unwrap();
     let home = arm.profile.as_ref().unwrap().home(&arm.model).unwrap();
     let goal: Vec<f64> = home.iter().map(|q| q + 0.1).collect();
@@ -187,7 +187,7 @@ fn box_in_flight(method: Integrator, gravity: [f64; 3]) -> ArticulatedSimulator 
 }
 
 #[test]
-fn an_object_falls_as_galileo_says_to_rounding() {
+fn object_falls_as_in_closed_form_up_to_rounding() {
     for (method, expected) in [(Integrator::Euler, 0.5 * 9.81 * 2e-3), (Integrator::Midpoint, 0.0)] {
         let mut flight = box_in_flight(method, [0.0, 0.0, -9.81]);
         (0..2000).for_each(|_| _ = flight.step(1e-3).unwrap());
@@ -198,7 +198,7 @@ fn an_object_falls_as_galileo_says_to_rounding() {
 }
 
 #[test]
-fn a_floating_robot_falls_as_galileo_says_to_rounding() {
+fn floating_robot_falls_as_in_closed_form_up_to_rounding() {
     let model = without_losses("quadruped");
     let mut robot = ArticulatedSimulator::new(
         model.clone(),
@@ -217,7 +217,7 @@ fn a_floating_robot_falls_as_galileo_says_to_rounding() {
 }
 
 #[test]
-fn what_stands_on_the_ground_moves_as_with_eulers_method() {
+fn standing_robot_moves_as_with_eulers_method() {
     let quadruped = load("quadruped", Path::new(".")).unwrap();
     let profile = quadruped.profile.as_ref().unwrap();
     let q = profile.configuration(&quadruped.model, &profile.home).unwrap();
@@ -238,7 +238,7 @@ fn what_stands_on_the_ground_moves_as_with_eulers_method() {
 }
 
 #[test]
-fn a_joint_arrives_at_its_stop_without_coming_back() {
+fn joint_arrives_at_its_stop_without_rebound() {
     let text = r#"<robot name="flap"><link name="base"/>
   <joint name="hinge" type="revolute"><parent link="base"/><child link="flap"/><axis xyz="0 1 0"/>
     <limit lower="-0.5" upper="3" effort="1" velocity="100"/></joint>
@@ -261,7 +261,7 @@ fn a_joint_arrives_at_its_stop_without_coming_back() {
 }
 
 #[test]
-fn a_saved_flight_goes_on_to_the_bit() {
+fn saved_flight_continues_bit_for_bit() {
     let mut flight = box_in_flight(Integrator::Midpoint, [0.3, 0.0, -9.81]);
     (0..100).for_each(|_| _ = flight.step(1e-3).unwrap());
     let saved = flight.save();
@@ -277,7 +277,7 @@ fn a_saved_flight_goes_on_to_the_bit() {
 }
 
 #[test]
-fn engines_with_a_method_of_their_own_refuse_the_choice() {
+fn engines_with_a_fixed_method_reject_the_choice() {
     let pendulum = || load("pendulum", Path::new(".")).unwrap().model;
     let refused = RapierSimulator::new(pendulum(), World::default(), &[0.0], options(Integrator::Midpoint));
     assert!(refused.map(drop).unwrap_err().to_string().contains("its own integration method"));

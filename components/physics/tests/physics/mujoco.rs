@@ -31,7 +31,7 @@ fn apart(one: &[f64], two: &[f64]) -> f64 {
 }
 
 #[test]
-fn a_pendulum_swings_as_ours_does() {
+fn pendulum_swings_as_in_the_articulated_engine() {
     if !has_mujoco() {
         return;
     }
@@ -46,7 +46,7 @@ fn a_pendulum_swings_as_ours_does() {
 }
 
 #[test]
-fn a_panda_that_is_driven_moves_as_in_ours() {
+fn driven_panda_moves_as_in_the_articulated_engine() {
     if !has_mujoco() {
         return;
     }
@@ -106,7 +106,7 @@ fn a_tumbling_tree_agrees_between_engines() {
 }
 
 #[test]
-fn the_first_step_of_a_floating_robot_is_that_of_ours() {
+fn floating_first_step_matches_the_articulated_engine() {
     if !has_mujoco() {
         return;
     }
@@ -159,7 +159,7 @@ fn settled(name: &str, milliseconds: usize) -> (MujocoSimulator, ArticulatedSimu
 }
 
 #[test]
-fn legged_robots_rest_alike_on_both_engines() {
+fn legged_robots_rest_equally_on_both_engines() {
     if !has_mujoco() {
         return;
     }
@@ -187,7 +187,7 @@ fn block() -> Model {
 }
 
 #[test]
-fn a_block_slides_as_far_as_coulomb_and_our_engine_say() {
+fn block_slides_as_in_closed_form_and_articulated() {
     if !has_mujoco() {
         return;
     }
@@ -230,7 +230,7 @@ fn a_block_on_a_slope_keeps_to_the_friction_cone() {
 }
 
 #[test]
-fn a_ball_comes_back_with_its_restitution() {
+fn ball_rebounds_with_its_restitution() {
     if !has_mujoco() {
         return;
     }
@@ -303,7 +303,7 @@ fn external_forces_and_rotors_change_momentum() {
 }
 
 #[test]
-fn balls_meet_a_terrain_at_its_height_everywhere() {
+fn balls_touch_a_terrain_at_its_height_everywhere() {
     if !has_mujoco() {
         return;
     }
@@ -343,7 +343,7 @@ fn balls_meet_a_terrain_at_its_height_everywhere() {
 }
 
 #[test]
-fn what_mujoco_cannot_do_is_refused_by_name() {
+fn unsupported_features_are_rejected_by_name() {
     if !has_mujoco() {
         return;
     }
@@ -360,7 +360,7 @@ fn what_mujoco_cannot_do_is_refused_by_name() {
     let refused = MujocoSimulator::new(model.unwrap().model, World::default(), &[0.0], plain_options());
     let error = refused.err().unwrap();
     assert!(matches!(&error, BuildError::Refused { .. }), "{error}");
-    assert!(error.to_string().contains("refuses the model: error 'inertia must have positive"), "{error}");
+    assert!(error.to_string().contains("rejects the model: error 'inertia must have positive"), "{error}");
 }
 
 /// The variable that names the library is read once per process, so this test starts another process.

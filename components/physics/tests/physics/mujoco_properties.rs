@@ -8,7 +8,7 @@ use motorium_robots::{BodyFactors, Model, load};
 use crate::engines::has_mujoco;
 
 #[test]
-fn properties_refused_by_mujoco_are_reported() {
+fn properties_rejected_by_mujoco_are_reported() {
     if !has_mujoco() {
         return;
     }

@@ -4,7 +4,7 @@ use motorium::prelude::*;
 use motorium::testing::{Graph, Source};
 use motorium_physics::ArticulatedPhysics;
 
-/// Time after which nobody commands any more, ns.
+/// Time after which no commands are sent, ns.
 const SILENT_NS: u64 = 500_000_000;
 
 /// A command without a setpoint, only damping.
@@ -41,7 +41,7 @@ fn graph(safety: &str) -> Graph {
         .with(source("base", 2).rate("50 Hz"))
 }
 
-/// Steps in the safe state within a second: of the arm and of the base.
+/// Steps of the arm and of the base in the safe state within a second.
 fn safe_steps(safety: &str) -> [u64; 2] {
     let report = graph(safety).run("1 s").unwrap();
     ["arm", "base"].map(|name| report.results[name]["steps_in_safe_state"].as_u64().unwrap())
@@ -59,7 +59,7 @@ fn a_base_at_50_hz_and_an_arm_at_1_khz_share_a_graph() {
 }
 
 #[test]
-fn a_command_must_not_be_stale_before_the_next() {
+fn command_stale_before_its_successor_is_rejected() {
     let refused =
         graph("[component.base.safety]\nstale_after = \"10 ms\"\n").check().unwrap_err().render(false);
     assert!(refused.contains("commands of `base` are stale before the next one comes"), "{refused}");

@@ -107,7 +107,7 @@ fn gripper() -> Model {
 }
 
 #[test]
-fn grippers_hold_bars_beside_their_middle() {
+fn grippers_hold_bars_off_centre() {
     for bar in bars() {
         for roll in [QUARTER, 0.0] {
             let name = bar.name.clone();

@@ -35,8 +35,8 @@ fn cube(simulation: &dyn Simulator) -> Vector3<f64> {
 type Sample = (Vec<f64>, Vec<f64>, Vector3<f64>);
 
 /// A box between two walls in the path of a rod that hangs down to 5 cm above the ground. The walls leave it
-/// a quarter of a millimetre on each side: a box turns away from a single point that pushes it. Nothing but
-/// the ground has friction, and the box is too long to tip over.
+/// a quarter of a millimetre on each side: a box pushed at a single point turns away. Only the ground has
+/// friction, and the box is too long to tip over.
 fn box_below_the_rod() -> World {
     let smooth = |object| Object { friction: 0.0, ..object };
     let wall =
@@ -72,7 +72,7 @@ fn farthest(live: &[Sample], mut twin: Box<dyn Simulator>) -> f64 {
 }
 
 #[test]
-fn placed_rod_pushes_a_box_as_a_driven_one() {
+fn placed_rod_pushes_a_box_like_a_driven_rod() {
     for engine in engines() {
         let options = Options { friction: 0.0, ..Options::default() };
         let simulate = || engine.simulate(rod(), box_below_the_rod(), &[0.2], options);
@@ -94,7 +94,7 @@ fn box_next_to_the_hand() -> World {
 }
 
 /// Returns a Panda's home pose with its fingers side by side along x, so that both push along y. One finger
-/// alone would not push straight ahead: a box turns away from a single point that pushes it.
+/// alone would not push straight ahead, because a box pushed at a single point turns away.
 fn sideways() -> Vec<f64> {
     let mut q = panda::home();
     q[6] += core::f64::consts::FRAC_PI_2;
@@ -117,7 +117,7 @@ fn pushed_by_an_arm(simulation: &mut dyn Simulator) -> Vec<Sample> {
 }
 
 #[test]
-fn placed_arm_pushes_a_box_as_a_driven_one() {
+fn placed_arm_pushes_a_box_like_a_driven_arm() {
     // In MuJoCo the fingers chatter, and the free box turns away from them differently in each run.
     for engine in [Engine::Articulated, Engine::Rapier] {
         let model = panda::loaded().model;
@@ -133,7 +133,7 @@ fn placed_arm_pushes_a_box_as_a_driven_one() {
 }
 
 #[test]
-fn placed_state_ends_every_step_to_the_bit() {
+fn placed_state_ends_every_step_exactly() {
     for engine in engines() {
         let home = panda::home();
         let mut simulation =
@@ -276,7 +276,7 @@ fn reset_ends_a_placement() {
 }
 
 #[test]
-fn saved_placement_continues_to_the_bit() {
+fn saved_placement_continues_bit_for_bit() {
     for engine in engines() {
         let mut simulation = engine.simulate(rod(), cube_below_the_rod(), &[0.2], Options::default());
         let sweep = |simulation: &mut dyn Simulator, steps: core::ops::Range<u32>| {

@@ -76,7 +76,7 @@ fn a_push_adds_its_impulse_and_moment() {
 }
 
 #[test]
-fn a_push_of_a_graph_acts_in_its_time_and_not_before_it() {
+fn graph_push_acts_only_in_its_interval() {
     let travel = |pushes: &str| {
         let config = format!("world = {{ gravity = [0.0, 0.0, 0.0] }}, {pushes}");
         let checked = check(text("physics.articulated", "quadruped", &config));
@@ -97,7 +97,7 @@ fn a_push_of_a_graph_acts_in_its_time_and_not_before_it() {
 }
 
 #[test]
-fn pushes_that_cannot_be_applied_are_refused_by_their_key() {
+fn impossible_pushes_are_rejected_by_key() {
     let push = |rest: &str| format!("pushes = [{{ at = \"1 s\", {rest} }}]");
     for (kind, robot, rest, expected) in [
         (
@@ -116,8 +116,8 @@ fn pushes_that_cannot_be_applied_are_refused_by_their_key() {
     }
 }
 
-/// Without contacts, friction and gravity a wrench on a link is the generalized force `J' f`: from rest `M a
-/// = J' f`.
+/// Without contacts, friction and gravity a wrench on a link is the generalized force `J' f`: from rest
+/// `M a = J' f`.
 #[test]
 fn a_link_wrench_accelerates_an_arm_by_its_jacobian() {
     let arm = load("panda", std::path::Path::new(".")).unwrap();

@@ -60,13 +60,13 @@ fn motion(simulator: &mut dyn Simulator) -> Vec<u64> {
     found
 }
 
-/// The properties of a simulation built with them.
+/// Returns the parts from which a simulation with these properties is built.
 fn built(model: &Model) -> (RobotSetup, World, Engine) {
     let options = Engine { friction: 0.8 * 0.7, ..Engine::default() };
     (RobotSetup::from(heavy(model)), world(0.7), options)
 }
 
-/// The same properties for a simulation that was built with others.
+/// Changes properties for a simulation that was built with other ones.
 fn changed(mut properties: Properties) -> Properties {
     properties.model = heavy(&properties.model);
     properties.world = World { ground: properties.world.ground, ..world(0.7) };
@@ -108,7 +108,7 @@ fn a_reset_with_other_properties_equals_a_new_simulation() {
 }
 
 #[test]
-fn impossible_properties_and_surfaces_are_refused() {
+fn impossible_properties_and_surfaces_are_rejected() {
     let model = load("rrbot", Path::new(".")).unwrap().model;
     let (q, v) = (model.neutral(), vec![0.0; model.nv()]);
     let mut simulator = ArticulatedSimulator::new(model, world(1.0), &q, Engine::default()).unwrap();
@@ -200,7 +200,7 @@ fn without_ranges_nothing_changes_and_nothing_is_reported() {
 }
 
 #[test]
-fn equal_seeds_draw_and_move_alike_and_others_do_not() {
+fn equal_seeds_sample_and_move_equally() {
     let runs = ["seed = 3", "seed = 3", "seed = 4"].map(|seed| run_of("quadruped", RANGES, seed));
     assert_eq!(runs[0].state_hash, runs[1].state_hash);
     assert_eq!(episodes(&runs[0]), episodes(&runs[1]));
@@ -239,7 +239,7 @@ fn every_episode_draws_from_its_own_seed_within_the_ranges() {
 }
 
 #[test]
-fn another_range_leaves_the_draws_of_the_others_as_they_are() {
+fn adding_a_range_keeps_the_other_samples() {
     let all = run_of("quadruped", RANGES, "seed = 3");
     let mass = "[component.physics.config.randomise]\nmass = [0.8, 1.2]";
     let alone = run_of("quadruped", mass, "seed = 3");
@@ -261,10 +261,10 @@ fn a_random_start_keeps_the_feet_on_the_ground() {
 }
 
 #[test]
-fn impossible_ranges_are_refused_at_their_position() {
+fn impossible_ranges_are_rejected_at_their_position() {
     let line = |text: &str, part: &str| text[..text.find(part).unwrap()].lines().count();
     for (robot, ranges, expected, at) in [
-        ("quadruped", "mass = [1.2, 0.8]", "the lowest value stands first", "mass"),
+        ("quadruped", "mass = [1.2, 0.8]", "the lowest value comes first", "mass"),
         ("quadruped", "mass = [0.0, 1.0]", "factors from 0.001 to 100", "mass"),
         ("quadruped", "restitution = [0.5, 1.5]", "numbers from 0 to 1", "restitution"),
         ("quadruped", "friction = [-0.5, 1.0]", "factors from 0 to 100", "friction"),
@@ -290,7 +290,7 @@ fn impossible_ranges_are_refused_at_their_position() {
 }
 
 #[test]
-fn each_of_several_robots_has_ranges_and_draws_of_its_own() {
+fn each_robot_has_separate_ranges_and_samples() {
     let text = r#"
 name = "several"
 clock = "lockstep"
@@ -349,11 +349,11 @@ config = { offset = 0.0, until = 0, stiffness = 1.0 }
     let wrong =
         text.replace("robots = { left = { mass = [2.0, 2.0]", "robots = { left = { mass = [3.0, 2.0]");
     let error = check(wrong).map(|_| ()).unwrap_err().render(false);
-    assert!(error.contains("the lowest value stands first") && error.contains("write [2, 3]"), "{error}");
+    assert!(error.contains("the lowest value comes first") && error.contains("write [2, 3]"), "{error}");
 }
 
 #[test]
-fn one_world_of_a_batch_takes_other_properties() {
+fn one_world_of_a_batch_accepts_other_properties() {
     let model = load("rrbot", Path::new(".")).unwrap().model;
     let (q, v) = (vec![0.3; model.nq()], vec![0.0; model.nv()]);
     let build = |_| ArticulatedSimulator::new(model.clone(), World::default(), &q, Engine::default());
@@ -368,7 +368,7 @@ fn one_world_of_a_batch_takes_other_properties() {
 }
 
 #[test]
-fn graph_actuators_change_motion_or_are_refused() {
+fn graph_actuators_change_motion_or_are_rejected() {
     let start = "[component.physics.config.randomise]\nstart = [-0.1, 0.1]";
     let hash = |actuator: &str| run_of("quadruped", &format!("{actuator}\n{start}"), "seed = 3").state_hash;
     let ideal = hash("");

@@ -52,7 +52,7 @@ fn equal_seeds_draw_equal_actuator_factors() {
 }
 
 #[test]
-fn what_no_actuator_has_is_no_range() {
+fn ranges_without_a_matching_actuator_are_rejected() {
     for (config, key) in [
         ("randomise.actuator.lag = [0.5, 1.5]", "randomise.actuator.lag"),
         (
@@ -133,7 +133,7 @@ fn properties_changed_in_motion_keep_the_state() {
 }
 
 #[test]
-fn effort_limits_changed_in_motion_apply_at_once() {
+fn effort_limits_changed_in_motion_apply_immediately() {
     let model = load("rrbot", Path::new(".")).unwrap().model;
     let (q, limit) = (model.neutral(), model.effort_limit()[0]);
     let mut setup = RobotSetup::from(model.clone());
@@ -158,7 +158,7 @@ fn effort_limits_changed_in_motion_apply_at_once() {
 }
 
 #[test]
-fn properties_with_an_actuator_that_cannot_be_change_nothing() {
+fn invalid_actuator_properties_change_nothing() {
     let model = load("rrbot", Path::new(".")).unwrap().model;
     let q = model.neutral();
     let mut setup = RobotSetup::from(model);
@@ -208,7 +208,7 @@ actuator = { gain = [0.5, 1.5] }
 }
 
 #[test]
-fn a_start_of_an_object_that_a_connection_holds_is_not_drawn() {
+fn start_of_a_connected_object_is_not_sampled() {
     let tied = |ranges: &str, by: &str| {
         let drawn = format!("[component.physics.config.randomise]\nobjects = {{ cube = {ranges} }}");
         let connections = "connections = [{ parts = [\"cube\", \"world\"] }]";
@@ -226,7 +226,10 @@ fn a_start_of_an_object_that_a_connection_holds_is_not_drawn() {
     for by in ["world", "component"] {
         for key in ["x", "y", "z", "yaw"] {
             let refused = tied(&format!("{{ {key} = [-0.2, 0.2] }}"), by).unwrap_err();
-            assert!(refused.contains("ties `cube` to `world` where they stand"), "{by}, {key}: {refused}");
+            assert!(
+                refused.contains("ties `cube` to `world` in their start poses"),
+                "{by}, {key}: {refused}"
+            );
         }
         tied("{ mass = [0.5, 2.0], friction = [0.5, 1.0] }", by).unwrap();
     }

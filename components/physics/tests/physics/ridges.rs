@@ -14,8 +14,8 @@ const RESTING: f64 = 10.0;
 /// on a peak.
 const OFF_GRID: [f64; 2] = [0.0031, -0.0074];
 
-/// Places a body on a terrain, and returns its drift \[m\], rotation \[rad\], speed, and the sinking of its
-/// centre from the height where it was placed \[m\].
+/// Places a body on a terrain. Returns its drift \[m\], rotation \[rad\], speed, and the sinking of its
+/// centre below the height where it was placed \[m\].
 fn rest(terrain: &str, body: Body, turn: f64, [x, y, height]: [f64; 3]) -> [f64; 4] {
     let text = format!("size = [1.0, 1.0]\nfriction = 0.8\n{terrain}");
     let rotation = Isometry3::rotation(Vector3::z() * turn)

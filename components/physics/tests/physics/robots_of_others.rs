@@ -196,8 +196,8 @@ fn start(robot: &Loaded, profile: &Profile) -> DVector<f64> {
     q
 }
 
-/// Deflection at which a drive of a standing robot produces its full effort \[rad\], stiffer than in a first
-/// profile, which accounts for feet in the air; and the damping, as a time \[s\].
+/// Deflection at which a drive of a standing robot produces its full effort \[rad\], and the damping, as a
+/// time \[s\]. The drive is stiffer than in a first profile, which accounts for feet in the air.
 const STIFF: [f64; 2] = [0.02, 0.02];
 
 /// Holds the posture: a fixed-base robot by the gains of its first profile with gravity feed-forward, a

@@ -80,7 +80,7 @@ fn a_spinning_ball_stops_in_the_time_of_its_torsional_friction() {
 }
 
 #[test]
-fn a_ball_on_a_slope_keeps_to_its_rolling_friction() {
+fn ball_on_a_slope_obeys_its_rolling_friction() {
     // With objects, both sides resist, and a contact uses the mean.
     for (angle, stands) in [(0.03_f64, true), (0.06, false)] {
         let arm = 0.04 * RADIUS;
@@ -128,7 +128,7 @@ fn a_spinning_cylinder_stops_by_both_frictions() {
 }
 
 #[test]
-fn a_saved_ball_that_rolls_goes_on_to_the_bit() {
+fn saved_rolling_ball_continues_bit_for_bit() {
     let mut simulation = ball(Engine::Articulated, 0.004, 0.004, [1.0, 0.0, 0.0, 0.0, 10.0, 5.0]);
     run(&mut *simulation, 0.3);
     let saved = simulation.save();
@@ -143,7 +143,7 @@ fn a_saved_ball_that_rolls_goes_on_to_the_bit() {
 }
 
 #[test]
-fn balls_in_a_heap_feel_the_same_rolling_friction() {
+fn balls_in_a_heap_have_the_same_rolling_friction() {
     // Two rows on a plate form one island with more points than a matrix is formed for.
     let plate = Object {
         name: "plate".to_owned(),
@@ -179,7 +179,7 @@ fn balls_in_a_heap_feel_the_same_rolling_friction() {
 }
 
 #[test]
-fn rapier_refuses_what_it_does_not_have_by_name() {
+fn rapier_rejects_rolling_friction_by_name() {
     let ground = Ground { rolling_friction: 1e-3, ..Ground::default() };
     let world = World { ground: Some(ground), ..World::default() };
     let refused = RapierSimulator::new(pendulum(), world, &[0.0], Options::default()).map(drop).unwrap_err();

@@ -65,7 +65,7 @@ fn swing(commands: &mut [JointSetpoint], held: &[JointSetpoint], step: usize) {
 }
 
 #[test]
-fn robots_that_do_not_touch_move_as_each_moves_alone() {
+fn robots_that_do_not_touch_move_as_if_alone() {
     let robots = zoo();
     let mut all: ArticulatedSimulator = simulate(&robots.each_ref(), grounded(vec![]));
     let mut alone =
@@ -149,7 +149,7 @@ fn momentum<E: Engine>(simulation: &Simulation<E>) -> [Vector3<f64>; 2] {
 }
 
 #[test]
-fn colliding_robots_keep_their_common_momentum() {
+fn colliding_robots_conserve_their_total_momentum() {
     let mut simulation: ArticulatedSimulator = meeting();
     let before = momentum(&simulation);
     let mut touched = false;
@@ -167,7 +167,7 @@ fn colliding_robots_keep_their_common_momentum() {
 }
 
 #[test]
-fn a_robot_of_one_free_body_moves_as_a_free_object_does() {
+fn robot_of_one_free_body_moves_like_a_free_object() {
     // The same problem with two other blocks: an articulation with its mass factor, and an object with mass
     // and inertia.
     let shape = ObjectShape::Box { size: [0.2, 0.2, 0.2] };
@@ -249,7 +249,7 @@ fn states_of_several_robots_restore_and_reset_exactly() {
 }
 
 #[test]
-fn a_wrench_moves_the_robot_that_it_is_applied_to() {
+fn wrench_moves_the_robot_it_is_applied_to() {
     fn pushed<E: Engine>() {
         let mut simulation: Simulation<E> = meeting();
         let (q, v) = (simulation.configuration().to_vec(), vec![0.0; 12]);
@@ -287,7 +287,7 @@ fn a_diverging_step_names_its_joint_and_changes_nothing() {
 }
 
 #[test]
-fn what_cannot_be_one_simulation_is_refused() {
+fn incompatible_robots_are_rejected() {
     let one = RobotSetup::from(body(r#"<sphere radius="0.1"/>"#));
     let q = [one.model.neutral(), one.model.neutral()].concat();
     let twice = [one.clone(), one.clone()];

@@ -95,7 +95,7 @@ fn several_robots_run_without_allocation() {
 }
 
 #[test]
-fn a_graph_that_needs_a_floating_base_tells_what_rapier_lacks() {
+fn graph_error_names_the_feature_that_rapier_lacks() {
     let error = check(graph_text("physics.rapier")).expect_err("rapier has no floating bases");
     let text = error.render(false);
     assert!(text.contains("floating base") && text.contains("physics.articulated"), "{text}");

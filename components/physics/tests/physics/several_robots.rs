@@ -47,7 +47,7 @@ fn commands(time: f64, reach: f64, sway: f64) -> [Vec<JointSetpoint>; 2] {
 }
 
 #[test]
-fn two_arms_that_do_not_touch_move_as_each_moves_alone() {
+fn two_arms_that_do_not_touch_move_as_if_alone() {
     let mut both = two(2.5);
     let panda = panda::loaded().model;
     let mut alone = bases(2.5).map(|base| {
@@ -73,7 +73,7 @@ fn two_arms_that_do_not_touch_move_as_each_moves_alone() {
 }
 
 #[test]
-fn two_arms_that_meet_push_one_another() {
+fn two_colliding_arms_push_each_other() {
     let mut both = two(0.9);
     let (mut touched, mut deepest): (bool, f64) = (false, 0.0);
     for step in 0..2000 {
@@ -163,7 +163,7 @@ fn an_arm_without_commands_stops_alone_or_with_the_other() {
     assert_eq!(physics.allocations, Some(0));
     let driver = &alone.results["left-driver"];
     let (start, last) = (driver["start"][1].as_f64().unwrap(), driver["last"][1].as_f64().unwrap());
-    assert!((last - start - 0.1).abs() < 0.02, "the left arm goes on: {start} to {last}");
+    assert!((last - start - 0.1).abs() < 0.02, "the left arm continues: {start} to {last}");
 
     let together = run_for_a_second("stop_together = true");
     let [left, right] = safe(&together);
@@ -171,7 +171,7 @@ fn an_arm_without_commands_stops_alone_or_with_the_other() {
 }
 
 #[test]
-fn mistakes_about_several_robots_are_found_early() {
+fn invalid_settings_of_several_robots_are_found_early() {
     let good = graph_text("", 300);
     for (from, to, expected) in [
         ("robots = [\"left\", \"right\"]", "robots = [\"left\", \"left\"]", "`robots` names `left` twice"),

@@ -67,7 +67,7 @@ fn a_ball_rests_on_scaled_terrain_on_every_engine() {
 }
 
 #[test]
-fn a_terrain_of_another_size_or_other_layers_is_refused() {
+fn terrain_of_another_size_or_other_layers_is_rejected() {
     let mut simulation = ArticulatedSimulator::new(
         body("<sphere radius=\"0.1\"/>"),
         world(1, 1.0),

@@ -78,7 +78,7 @@ fn sleepers_wake_by_impact_lost_support_or_gravity() {
     simulation.set_object_pose(lowest, Isometry3::translation(3.0, 0.0, 0.05));
     run(&mut simulation, 1000);
     let height = simulation.object_pose(simulation.object("box2").unwrap()).translation.z;
-    assert!((height - 0.15).abs() < 2e-3, "what stood on the one that is gone falls: {height} m");
+    assert!((height - 0.15).abs() < 2e-3, "the cube above the removed one falls: {height} m");
 
     simulation.set_gravity(Vector3::new(0.0, 0.0, 1.0));
     run(&mut simulation, 1000);
@@ -87,7 +87,7 @@ fn sleepers_wake_by_impact_lost_support_or_gravity() {
 }
 
 #[test]
-fn a_state_saved_asleep_goes_on_to_the_bit_through_the_waking() {
+fn state_saved_asleep_wakes_bit_for_bit() {
     let mut objects = tower(2);
     objects.push(cube("ball", [0.03, 0.0, 20.0]));
     let names = ["box0", "box1", "ball"];
@@ -144,7 +144,7 @@ fn sleepers_on_a_slope_slide_when_friction_falls() {
 }
 
 #[test]
-fn without_sleeping_an_object_that_hardly_moves_goes_on() {
+fn slow_object_keeps_moving_without_sleeping() {
     assert_eq!(crept(true), 0.0);
     let speed = crept(false);
     assert!((speed - 5e-5).abs() < 2e-6, "{speed} m/s after a second at 5e-5 m/s2");

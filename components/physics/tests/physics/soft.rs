@@ -49,7 +49,7 @@ fn a_ball_sinks_by_weight_over_stiffness() {
 }
 
 #[test]
-fn a_ball_on_a_damped_spring_swings_as_the_closed_form_says() {
+fn ball_on_a_damped_spring_swings_as_in_closed_form() {
     let (stiffness, damping, h) = (2e4, 20.0, 2e-5);
     let mut simulation = on_soft_ground(stiffness, damping, vec![ball(0.0)]);
     let rest = -MASS * G / stiffness;
@@ -67,7 +67,7 @@ fn a_ball_on_a_damped_spring_swings_as_the_closed_form_says() {
 }
 
 #[test]
-fn a_box_stands_on_one_spring_at_each_corner() {
+fn box_stands_on_a_spring_at_each_corner() {
     let brick = Object { shape: ObjectShape::Box { size: [0.2; 3] }, position: [0.0, 0.0, 0.1], ..ball(0.0) };
     let mut simulation = on_soft_ground(4e3, 100.0, vec![brick]);
     (0..3000).for_each(|_| _ = simulation.step(1e-3).unwrap());
@@ -76,7 +76,7 @@ fn a_box_stands_on_one_spring_at_each_corner() {
 }
 
 #[test]
-fn two_soft_surfaces_are_springs_one_behind_the_other() {
+fn two_soft_surfaces_are_springs_in_series() {
     let soft = Some(Softness { stiffness: 3e3, damping: 50.0 });
     let mut simulation = on_soft_ground(6e3, 50.0, vec![Object { soft, ..ball(0.0) }]);
     (0..3000).for_each(|_| _ = simulation.step(1e-3).unwrap());
@@ -117,7 +117,7 @@ fn a_ball_leaves_an_undamped_spring_at_its_speed() {
 }
 
 #[test]
-fn a_soft_link_gives_way_and_a_rigid_one_does_not() {
+fn soft_link_yields_and_rigid_link_does_not() {
     let text = r#"<robot name="anvil"><link name="anvil">
     <collision><geometry><box size="0.4 0.4 0.2"/></geometry></collision></link>
   <joint name="turn" type="revolute"><parent link="anvil"/><child link="pointer"/><origin xyz="5 0 0.5"/>
@@ -138,7 +138,7 @@ fn a_soft_link_gives_way_and_a_rigid_one_does_not() {
 }
 
 #[test]
-fn impossible_soft_surfaces_are_refused() {
+fn impossible_soft_surfaces_are_rejected() {
     let world = |stiffness, damping| {
         let soft = Some(Softness { stiffness, damping });
         World { objects: vec![Object { soft, ..ball(0.0) }], ..World::default() }

@@ -74,7 +74,7 @@ fn a_weight_hangs_in_balance_on_every_engine() {
 }
 
 #[test]
-fn the_midpoint_rule_keeps_the_energy_of_a_spring_to_rounding() {
+fn midpoint_rule_conserves_spring_energy_up_to_rounding() {
     let options = Options { integrator: Integrator::Midpoint, ..Options::default() };
     let mut swing =
         ArticulatedSimulator::new(rod("0 0 1"), World::default(), &[REST + 0.1], options).unwrap();

@@ -61,7 +61,7 @@ fn a_ball_rebounds_with_the_mean_restitution() {
 }
 
 #[test]
-fn a_single_link_has_the_restitution_that_it_was_given() {
+fn single_link_has_its_configured_restitution() {
     for (link, expected) in [("anvil", 0.8), ("pointer", 0.4)] {
         let mut setup = RobotSetup::from(anvil());
         setup.restitution.insert(link.to_owned(), 0.8);
@@ -72,7 +72,7 @@ fn a_single_link_has_the_restitution_that_it_was_given() {
 }
 
 #[test]
-fn a_restitution_that_is_no_share_is_refused() {
+fn restitution_above_one_is_rejected() {
     let options = Options { restitution: 1.5, ..Options::default() };
     let refused = ArticulatedSimulator::new(anvil(), ball(0.0), &[0.0], options).map(drop).unwrap_err();
     assert_eq!(refused.to_string(), "`restitution` is 1.5, expected a number from 0 to 1");

@@ -79,7 +79,7 @@ fn a_box_slides_down_a_slope_by_coulomb() {
 }
 
 #[test]
-fn a_level_terrain_moves_a_rolling_ball_as_the_plane_does() {
+fn ball_rolls_on_level_terrain_like_on_the_plane() {
     let plane = World { ground: Some(Ground::default()), ..World::default() };
     let mut runs = [plane, terrain("layers = []")].map(|world| {
         let mut simulation = ball(world, [0.0, 0.0, 0.15]);
@@ -143,7 +143,7 @@ fn a_box_lies_on_the_peak_of_a_roof_under_its_middle() {
 }
 
 #[test]
-fn rays_of_a_simulator_meet_the_terrain_and_name_it() {
+fn rays_hit_the_terrain_and_report_its_name() {
     let world = terrain("layers = [{ slope = { angle = 0.3 } }]");
     let simulation = ball(world, [-2.0, 0.0, 0.3]);
     let ray = Ray { origin: Point3::new(1.0, 0.0, 2.0), direction: -Vector3::z_axis() };
@@ -154,7 +154,7 @@ fn rays_of_a_simulator_meet_the_terrain_and_name_it() {
 }
 
 #[test]
-fn rapier_refuses_a_terrain_and_names_the_kind_that_takes_it() {
+fn rapier_rejects_a_terrain_and_names_the_supporting_kind() {
     let made = RapierSimulator::new(
         panda::loaded().model,
         terrain("layers = []"),

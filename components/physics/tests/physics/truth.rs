@@ -86,7 +86,7 @@ fn a_pendulum_has_the_period_of_the_elliptic_integral() {
 }
 
 #[test]
-fn a_gyroscope_precesses_as_its_weight_and_spin_say() {
+fn gyroscope_precesses_as_in_closed_form() {
     // A disc at 0.2 m along -x from the pivot of a gimbal that rotates about z and y and whose axle is x.
     let text = format!(
         r#"<robot name="gyroscope"><link name="base"/>{}{}{}{}{}
@@ -117,7 +117,7 @@ fn a_gyroscope_precesses_as_its_weight_and_spin_say() {
 }
 
 #[test]
-fn a_falling_chain_moves_as_the_dynamics_of_its_links_say() {
+fn falling_chain_follows_the_dynamics_of_its_links() {
     let (n, names) = (8, (0..=8).map(|index| format!("link{index}")).collect::<Vec<_>>());
     let mut text = String::from(r#"<robot name="chain"><link name="link0"/>"#);
     for index in 0..n {

@@ -32,7 +32,7 @@ fn a_world_is_read_with_its_defaults() {
 }
 
 #[test]
-fn a_misspelt_key_is_refused_with_the_ones_that_exist() {
+fn misspelt_key_error_lists_the_known_keys() {
     let error = toml::from_str::<World>(&TEXT.replace("mass", "weight")).unwrap_err().to_string();
     assert!(error.contains("weight") && error.contains("`mass`"), "{error}");
     let error = toml::from_str::<World>(&TEXT.replace("cylinder", "tube")).unwrap_err().to_string();

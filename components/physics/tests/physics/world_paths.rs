@@ -76,7 +76,7 @@ fn said(world: &str) -> String {
 }
 
 #[test]
-fn a_mistake_in_the_world_is_pointed_at_where_it_stands() {
+fn world_errors_point_at_their_position() {
     let good = r#"[world]
 objects = [
     { name = "one", shape = { sphere = { radius = 0.1 } }, position = [2.0, 0.0, 1.0], mass = 1.0 },
@@ -113,7 +113,7 @@ layers = [{ equation = { height = "sin(x)" } }]
 }
 
 #[test]
-fn objects_that_start_inside_one_another_are_warned_of_once() {
+fn overlapping_start_poses_cause_one_warning() {
     use motorium_physics::{ArticulatedSimulator, BuildWarning, Options, Simulator, World};
     let world = r#"
 ground  = {}

@@ -33,7 +33,7 @@ pub struct CpgPolicyConfig {
     /// Model of the oscillators. Default "phase".
     #[serde(default)]
     pub model: CpgModel,
-    /// Strides per second, Hz. Default 1.
+    /// Stride frequency, Hz. Default 1.
     #[serde(default = "one")]
     pub frequency: f64,
     /// Rate at which joints converge to the gait, 1/s. Default 5.
@@ -151,7 +151,10 @@ impl CpgPolicyConfig {
     pub(super) fn check(&self) -> Result<(), ConfigError> {
         for (l, leg) in self.legs.iter().enumerate() {
             if leg.joints.is_empty() {
-                return Err(ConfigError::key(format!("legs[{l}].joints"), "a leg without joints"));
+                return Err(ConfigError::key(
+                    format!("legs[{l}].joints"),
+                    "the leg has no joints, expected at least one",
+                ));
             }
             for (j, oscillation) in leg.joints.iter().enumerate() {
                 let all = [oscillation.amplitude, oscillation.offset, oscillation.phase];
@@ -175,7 +178,7 @@ impl CpgPolicyConfig {
                     key,
                     format!("settings of another model: `model` is \"{}\"", self.model.name()),
                 )
-                .advise(format!("say `model = \"{key}\"`, or remove `{key}`"))
+                .advise(format!("set `model = \"{key}\"`, or remove `{key}`"))
             })
         };
         let hopf = other(self.hopf.is_some(), CpgModel::Hopf, "hopf");

@@ -8,7 +8,7 @@ use motorium_primitives::cpg::{
     OscillatorNetworkSettings, PhaseNetwork,
 };
 
-/// A phase-amplitude network or an oscillator network. It maps joints to setpoints and their rates.
+/// A phase-amplitude network or an oscillator network, with the setpoints of all joints and their rates.
 #[derive(Debug, Clone)]
 pub(super) struct Generator {
     model: Model,

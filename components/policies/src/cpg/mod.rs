@@ -16,13 +16,13 @@ use config::{DUTY_FACTOR, FREQUENCY};
 use generator::Generator;
 use motorium_primitives::cpg::Gait;
 
-/// Moves the joints of legs by a phase-amplitude network
-/// ([`PhaseNetwork`](motorium_primitives::cpg::PhaseNetwork)) or by Hopf, Matsuoka or Kuramoto oscillators
+/// Moves the joints of legs with a phase-amplitude network
+/// ([`PhaseNetwork`](motorium_primitives::cpg::PhaseNetwork)) or with Hopf, Matsuoka or Kuramoto oscillators
 /// ([`OscillatorNetwork`](motorium_primitives::cpg::OscillatorNetwork)).
 ///
-/// The movement starts with the first joint state, in the robot's current pose, and grows smoothly from
-/// standing. Gait, frequency and amplitude (and the duty factor of Hopf oscillators) are parameters; every
-/// change is smooth. With `entrainment`, the measured joints influence the rhythm.
+/// The movement starts with the first joint state, in the robot's current pose, and grows smoothly from rest.
+/// Gait, frequency and amplitude (and the duty factor of Hopf oscillators) are parameters; every change is
+/// smooth. With `entrainment`, the measured joints influence the rhythm.
 #[derive(Debug)]
 pub struct CpgPolicy {
     writer: JointCommandWriter,

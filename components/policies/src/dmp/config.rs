@@ -61,10 +61,10 @@ pub struct DmpPolicyConfig {
 pub struct PoseConfig {
     /// Position, m.
     pub position: [f64; 3],
-    /// Orientation as a quaternion, x y z w. This or `rpy`.
+    /// Orientation as a quaternion, x y z w. Alternative to `rpy`.
     #[serde(default)]
     pub orientation: Option<[f64; 4]>,
-    /// Orientation as roll, pitch, yaw about the fixed axes x, y, z, in this order, rad. This or
+    /// Orientation as roll, pitch, yaw about the fixed axes x, y, z, in this order, rad. Alternative to
     /// `orientation`.
     #[serde(default)]
     pub rpy: Option<[f64; 3]>,
@@ -74,12 +74,12 @@ pub struct PoseConfig {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GoalConfig {
-    /// Position in the world frame, m. This or `offset`. Default: the end of a demonstration, or the previous
-    /// goal's for a goal with a `gripper`.
+    /// Position in the world frame, m. Alternative to `offset`. Default: the end of a demonstration, or the
+    /// previous goal's for a goal with a `gripper`.
     #[serde(default)]
     pub position: Option<[f64; 3]>,
-    /// Position relative to the previous goal, or to the start for the first one, in world axes, m. This or
-    /// `position`.
+    /// Position relative to the previous goal, or to the start for the first one, in world axes, m.
+    /// Alternative to `position`.
     #[serde(default)]
     pub offset: Option<[f64; 3]>,
     /// Orientation in the world frame as a quaternion, x y z w. Default without `rpy`: the orientation of the
@@ -95,7 +95,7 @@ pub struct GoalConfig {
     #[serde(default)]
     pub gripper: Option<Gripper>,
     /// Duration of the movement, at least 1 ms, such as "2 s". Default: the duration of a demonstration; for
-    /// a gripper alone, the time in which its fingers move through their whole range. Otherwise required.
+    /// a gripper alone, the time its fingers need for their whole range. Otherwise required.
     #[serde(default)]
     pub duration: Option<TimeSpan>,
     /// Time to stay at the goal, such as "500 ms". Default 0.
@@ -132,8 +132,8 @@ pub enum ShapeConfig {
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WeightsConfig {
-    /// Number of kernels for each dimension, 2 to 1000; the path is straight until weights arrive.
-    /// Default 30. This or `file`.
+    /// Number of kernels for each dimension, 2 to 1000; the path is straight until weights arrive. Default
+    /// 30. Alternative to `file`.
     pub kernels: Option<usize>,
     /// The primitive until weights arrive: a file written by `motorium primitive fit`, relative to the graph
     /// file.
@@ -147,7 +147,8 @@ pub struct WeightsConfig {
 pub struct DemonstrationConfig {
     /// The recording, relative to the graph file: CSV, JSON, JSON lines, such as the output of `motorium
     /// topic echo --json`, or MCAP. Three channels are positions of the end effector in the world frame, m.
-    /// Others are joint positions: by the names of joints, the rest at home, or one for each joint.
+    /// Other channels are joint positions: named after joints, with the remaining joints at home, or one for
+    /// each joint.
     #[schemars(extend("format" = "path"))]
     pub file: String,
     /// Number of kernels for each dimension. Default 40.

@@ -10,7 +10,7 @@ use super::waypoints::Waypoints;
 /// Name of the output.
 const PORT: &str = "fingers";
 
-/// Publishes the gripper of each goal when the movement to it starts.
+/// Publishes the gripper position of each goal when the movement to it starts.
 #[derive(Debug)]
 pub(super) struct FingerOutput {
     output: Output<MotionGoal>,

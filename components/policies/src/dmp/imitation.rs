@@ -130,14 +130,14 @@ pub(super) fn primitive(
     let model = match read.primitive {
         Primitive::Discrete(model) => model,
         other => {
-            let message = format!("{file} holds a {} primitive, expected a discrete one", other.kind());
+            let message = format!("{file} contains a {} primitive, expected a discrete one", other.kind());
             return Err(ConfigError::key(key, message));
         }
     };
     if model.dimensions() != 3 || model.settings().variant != Variant::QuinticGoal {
         let (dimensions, variant) = (model.dimensions(), model.settings().variant);
         let message = format!(
-            "{file} holds a {variant:?} primitive of {dimensions} dimensions, expected QuinticGoal and 3: the position of the end effector"
+            "{file} contains a {variant:?} primitive of {dimensions} dimensions, expected QuinticGoal and 3: the position of the end effector"
         );
         return Err(ConfigError::key(key, message));
     }

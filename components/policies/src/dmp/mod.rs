@@ -34,7 +34,7 @@ use weights::LiveWeights;
 /// Moves the end effector of a robot through goals, with one movement primitive each; see [`PoseReach`].
 ///
 /// The policy starts at the measured pose of the end effector (or a configured one) with the first joint
-/// state, and publishes nothing before. Time advances with the ticks: after a delay of the component the
+/// state, and publishes nothing before it. Time advances with the ticks: after a delay of the component the
 /// target continues from its last pose without a discontinuity. After a crash the policy continues towards
 /// the current goal.
 ///
@@ -134,7 +134,9 @@ impl Component for DmpPolicy {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        self.reach.set_speed(self.speed.get()).map_err(|_| StepError::failed("the speed is no speed"))?;
+        self.reach
+            .set_speed(self.speed.get())
+            .map_err(|_| StepError::failed("the speed factor is negative or not finite"))?;
         self.select()?;
         if let Some(weights) = &mut self.weights {
             weights.apply(&mut self.reach, tick)?;
@@ -230,7 +232,7 @@ impl DmpPolicy {
             if *has != wanted && !under_way {
                 self.reach
                     .reshape(*segment, &primitives[wanted])
-                    .map_err(|_| StepError::failed("a primitive of other settings"))?;
+                    .map_err(|_| StepError::failed("the settings of the primitives differ"))?;
                 *has = wanted;
                 self.exchanges += 1;
             }

@@ -7,7 +7,7 @@ use nalgebra::{DVector, Isometry3, Translation3};
 use super::waypoints::{GoalPlace, Waypoints};
 use crate::reach::{Reach, moving_joints};
 
-/// Options of the search for joint positions. A goal that is missed by less is not worth a warning.
+/// Options of the search for joint positions. Smaller errors do not justify a warning.
 const SEARCH: IkOptions = IkOptions {
     position_tolerance: 1e-3,
     rotation_tolerance: 1e-2,
@@ -16,9 +16,9 @@ const SEARCH: IkOptions = IkOptions {
     posture: 0.1,
 };
 
-/// Rejects goals beyond the reach of the end effector. Warns of goals that are beyond it only if the robot
-/// starts in its home pose, and of the first goal for which no joint positions within their limits are found.
-/// `start` is the configured start pose.
+/// Rejects goals beyond the reach of the end effector. Warns of goals that are out of reach only if the robot
+/// starts in its home pose, and of the first goal without joint positions within their limits. `start` is the
+/// configured start pose.
 pub(super) fn check(
     waypoints: &Waypoints,
     robot: &Loaded,
@@ -88,7 +88,7 @@ struct Search<'a> {
     kinematics: InverseKinematics,
     /// Joint positions at the previous goal.
     q: DVector<f64>,
-    /// Enough joints move the frame for any orientation.
+    /// `true` if enough joints move the frame for any orientation.
     turns: bool,
 }
 
@@ -105,8 +105,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Returns the distance that remains to a pose, in words, if no joint positions reach it. `turned`: its
-    /// orientation is known.
+    /// Returns a description of the remaining distance to a pose if no joint positions reach it. `turned` is
+    /// `true` if the orientation of the pose is known.
     fn miss(&mut self, pose: &Isometry3<f64>, turned: bool) -> Option<String> {
         let model = &self.robot.model;
         let has_rotation = self.turns && turned;

@@ -330,7 +330,7 @@ fn goal_position(
             .advise("keep one of them")),
         (None, None) if goal.gripper.is_some() => Ok(GoalPlace::Beside(Vector3::zeros())),
         (None, None) => Err(ConfigError::key(table, "neither `position` nor `offset` is given").advise(
-            "give `position` in the world frame, or `offset` from the goal before (zero to turn on the spot)",
+            "give `position` in the world frame, or `offset` from the previous goal (zero to turn on the spot)",
         )),
     }
 }

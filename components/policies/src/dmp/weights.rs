@@ -26,7 +26,7 @@ struct LivePrimitive {
     configured: DmpModel,
     /// The primitive with the newest weights.
     model: DmpModel,
-    /// True if the segment does not have the newest weights yet.
+    /// `true` if the segment does not have the newest weights yet.
     is_pending: bool,
 }
 
@@ -75,9 +75,9 @@ impl LiveWeights {
         for primitive in primitives.iter_mut().filter(|primitive| primitive.is_pending) {
             let under_way = primitive.segment == reach.segment() && reach.phase() == ReachPhase::Moving;
             if !under_way {
-                reach
-                    .reshape(primitive.segment, &primitive.model)
-                    .map_err(|_| StepError::failed("weights for a primitive of other settings"))?;
+                reach.reshape(primitive.segment, &primitive.model).map_err(|_| {
+                    StepError::failed("the weights do not match the settings of the primitive")
+                })?;
                 primitive.is_pending = false;
             }
         }

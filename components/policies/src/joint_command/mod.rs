@@ -27,8 +27,8 @@ pub struct JointCommandConfig {
     /// Duration of the transition from the robot's current position to the movement, such as "1 s". Default 1
     /// s.
     pub ease: TimeSpan,
-    /// Whether to add the torque that compensates gravity. A floating base is assumed to be upright and at
-    /// rest. Default true.
+    /// Adds the torque that compensates gravity. A floating base is assumed to be upright and at rest.
+    /// Default true.
     pub gravity_compensation: bool,
 }
 
@@ -43,7 +43,7 @@ pub(crate) fn earth() -> [f64; 3] {
     [0.0, 0.0, -9.81]
 }
 
-/// Names of the ports through which a robot's joints are read and commanded.
+/// Names of the ports for the state and the commands of a robot's joints.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct JointPorts {
     state: String,

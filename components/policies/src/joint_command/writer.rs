@@ -204,7 +204,7 @@ impl JointCommandWriter {
     }
 
     /// Keeps setpoints within 0.9 times the velocity limits of the robot and the acceleration limits of its
-    /// profile, whatever the policy requests. Joints without an acceleration limit are not limited.
+    /// profile for any request of the policy. Joints without an acceleration limit are not limited.
     #[must_use]
     pub(crate) fn within_limits(mut self) -> Self {
         let Some(acceleration) = &self.acceleration else { return self };

@@ -25,16 +25,16 @@ pub struct JointTargetsConfig {
     /// Maximum age of an action; at least a period of the policy. Default: 1.5 periods of the policy.
     #[serde(default)]
     pub hold: Option<TimeSpan>,
-    /// Behaviour without a fresh action. Default: "default_pose" for actions that are positions, "hold" for
-    /// chunks, otherwise "stop".
+    /// Behaviour without a fresh action. Default: "default_pose" for position actions, "hold" for chunks,
+    /// otherwise "stop".
     #[serde(default)]
     pub when_stale: Option<WhenStale>,
     /// Duration of the transition from the current joint positions to the first action, to the default pose,
     /// and back. Default "500 ms".
     #[serde(default = "half_second")]
     pub ease: TimeSpan,
-    /// Whether to interpolate linearly between actions, which delays them by a period of the policy. Default
-    /// false: the latest action is held.
+    /// Interpolates linearly between actions, which delays them by one period of the policy. Default false:
+    /// the latest action is held.
     #[serde(default)]
     pub interpolate: bool,
     /// Limits within which setpoints follow the actions. Default: no limits for actions, the robot's limits
@@ -44,7 +44,7 @@ pub struct JointTargetsConfig {
     /// Transition between chunks, for actions that arrive in chunks.
     #[serde(default)]
     pub chunks: Option<ChunksConfig>,
-    /// Whether to add the torque that compensates gravity. Default false.
+    /// Adds the torque that compensates gravity. Default false.
     #[serde(default)]
     pub gravity_compensation: bool,
     /// Gravity in the world frame, m/s^2. Default: the graph's world, 9.81 downwards without one.
@@ -94,7 +94,7 @@ pub enum WhenStale {
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ChunksConfig {
-    /// Time for which the previous chunk stays in force after a new one has arrived. Default 0.
+    /// Time for which the previous chunk remains in effect after a new one arrives. Default 0.
     pub frozen: TimeSpan,
     /// Duration of the subsequent blend into the new chunk. Default "100 ms".
     pub blend: TimeSpan,

@@ -29,9 +29,9 @@ use source::{Actions, Chunks, PatternActions, Source};
 ///
 /// The joints of the policy are resolved by name; joints that it does not command hold their initial
 /// positions. An action is followed while it is younger than `hold`. Afterwards the joints ease to the
-/// default pose, hold, or receive no more commands. The action of a policy with a pattern commands a pattern
-/// generator, which moves the joints. With limits, setpoints respect velocities and
-/// accelerations even if the actions jump; chunks always use limits.
+/// default pose, hold, or receive no more commands. If the policy has a pattern, its actions command a
+/// pattern generator, which moves the joints. With limits, setpoints keep their velocity and acceleration
+/// limits even if actions change abruptly; chunks always use limits.
 #[derive(Debug)]
 pub struct JointTargetsPolicy {
     writer: JointCommandWriter,
@@ -50,7 +50,8 @@ pub struct JointTargetsPolicy {
     ease_duration: f64,
     elapsed: f64,
     from: Vec<f64>,
-    /// Targets of the policy, before and after transitions, and the rates of the latter: zero without limits.
+    /// Targets of the policy before and after transitions, and the rates after transitions; zero without
+    /// limits.
     target: Vec<f64>,
     setpoint: Vec<f64>,
     rate: Vec<f64>,
@@ -285,7 +286,7 @@ fn check(
     };
     for (key, is_given) in [("chunks", config.chunks.is_some()), ("limits", config.limits.is_some())] {
         if is_given && !is_position {
-            return Err(ConfigError::key(key, "actions are not positions, expected to be left out"));
+            return Err(ConfigError::key(key, "it requires position actions; leave it out"));
         }
     }
     for (key, is_given) in [
@@ -294,19 +295,16 @@ fn check(
         ("interpolate", config.interpolate),
     ] {
         if is_given && rhythm.is_some() {
-            let message = "the policy has a `pattern`, expected to be left out";
+            let message = "it cannot be combined with the policy's `pattern`; leave it out";
             return Err(ConfigError::key(key, message));
         }
     }
     if config.chunks.is_some() && config.interpolate {
-        return Err(ConfigError::key(
-            "interpolate",
-            "chunks are always interpolated, expected to be left out",
-        ));
+        return Err(ConfigError::key("interpolate", "chunks are always interpolated; leave it out"));
     }
     let loaded = crate::robot::load(robot)?;
     if config.limits.as_ref().is_some_and(|limits| limits.jerk.is_some()) {
-        return Err(ConfigError::key("limits.jerk", "setpoints that follow actions have no limit of jerk")
+        return Err(ConfigError::key("limits.jerk", "setpoints that follow actions have no jerk limit")
             .advise("remove `jerk`; `acceleration` limits how fast setpoints change"));
     }
     let limits = match (&config.limits, config.chunks) {

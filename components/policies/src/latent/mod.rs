@@ -18,11 +18,11 @@ use follower::Follower;
 
 /// Moves several robots like a human, through a shared latent space ([`LatentModel`]).
 ///
-/// A pose of the human, from a port or a recorded movement, maps to a latent point, which maps to a pose of
-/// each robot and to the pose's novelty: the part of the predictive variance that the training poses do not
-/// explain. A robot slows down above the novelty `slow_from`, and holds above `hold_from`; it continues when
-/// the pose is familiar again. All robots hold while there is no fresh human pose. Setpoints keep within 0.9
-/// times the velocity and acceleration limits of a robot whose profile limits accelerations.
+/// A pose of the human, from a port or a recorded movement, maps to a latent point, and the latent point to a
+/// pose of each robot. The novelty of the pose is the part of the predictive variance that the training poses
+/// do not explain. A robot slows down above the novelty `slow_from`, and holds above `hold_from`; it
+/// continues when the pose is familiar again. All robots hold while there is no fresh human pose. Setpoints
+/// keep within 0.9 times the velocity and acceleration limits of a robot whose profile limits accelerations.
 #[derive(Debug)]
 pub struct LatentPolicy {
     model: LatentModel,
@@ -31,7 +31,7 @@ pub struct LatentPolicy {
     pose: Vec<f64>,
     standard: Vec<f64>,
     x: Vec<f64>,
-    /// True once a pose has been received.
+    /// `true` once a pose has been received.
     has_pose: bool,
     scratch: Scratch,
     robots: Vec<Robot>,
@@ -62,7 +62,7 @@ enum Source {
 }
 
 impl Source {
-    /// Writes the current pose. Returns `None` before the first pose, otherwise whether the pose is fresh.
+    /// Writes the current pose. Returns `None` before the first pose, otherwise `true` if the pose is fresh.
     fn read(&mut self, dt: f64, pose: &mut [f64]) -> Result<Option<bool>, StepError> {
         match self {
             Source::Port { input, age, timeout } => {

@@ -18,7 +18,7 @@ use motorium_primitives::reach::Repeat;
 #[serde(deny_unknown_fields)]
 pub struct LibraryPolicyConfig {
     /// A library file; recordings (.jsonl, .json, .csv) to learn a library from; "letters" for the built-in
-    /// letters; or a coupling, which writes `pictures`. Relative to the graph file.
+    /// letters; or a coupling, which converts `pictures` to movements. Relative to the graph file.
     #[schemars(extend("format" = "path", "words" = ["letters"]))]
     pub library: String,
     /// Sample rate of recordings without time stamps, Hz.

@@ -40,7 +40,7 @@ pub(super) enum Stage {
     Transit(f64),
     /// At rest before or after a movement.
     Rest {
-        /// True after a movement, false before.
+        /// `true` after a movement, `false` before it.
         after: bool,
         /// Seconds since it came to rest.
         time: f64,

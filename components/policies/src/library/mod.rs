@@ -117,15 +117,14 @@ impl Component for LibraryPolicy {
             "request",
             "request of another movement, by label or by weights",
         );
-        declare
-            .output::<Recognition>("recognised", "the nearest known movement to the one that has just ended");
+        declare.output::<Recognition>("recognised", "the known movement nearest to the one that just ended");
         declare.float("speed", 1.0, 0.0..=2.0, "", "speed factor; 0 holds still");
         let rank = library.rank() as i64;
         declare.integer(
             "eigenforces",
             0,
             0..=rank,
-            "eigenforces of the next movement; 0 leaves it to the configuration",
+            "number of eigenforces of the next movement; 0 uses the configured number",
         );
         Ok(())
     }

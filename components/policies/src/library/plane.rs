@@ -13,7 +13,7 @@ pub(super) struct Plane {
     axes: [Vector3<f64>; 2],
     pitch: f64,
     pub(super) lift: f64,
-    /// m per unit of the library, and the point of the movement at the origin.
+    /// Scale, m per unit of the library, and the point of the movement that is placed at the origin.
     scale: f64,
     centre: [f64; 2],
     /// For each movement of the library, made with all eigenforces: scale and centre.
@@ -24,8 +24,9 @@ impl Plane {
     pub(super) fn new(config: &EndEffectorConfig, library: &MotionLibrary) -> Result<Self, ConfigError> {
         let dofs = library.layout().dofs();
         if dofs != 2 {
-            let message =
-                format!("the plane of an end effector takes two degrees of freedom, the library has {dofs}");
+            let message = format!(
+                "the plane of an end effector requires two degrees of freedom, the library has {dofs}"
+            );
             return Err(ConfigError::key("end_effector", message)
                 .advise("remove `end_effector`: the movements are then joint setpoints"));
         }

@@ -90,7 +90,7 @@ pub(super) fn find(library: &MotionLibrary, name: &str, key: &str) -> Result<usi
             library.entries().iter().filter_map(|entry| entry.label.as_deref()).collect();
         labels.sort_unstable();
         labels.dedup();
-        let message = format!("the library has no movement and no label `{name}`");
+        let message = format!("the library has no movement or label `{name}`");
         ConfigError::key(key, message).advise(format!("its labels are {}", labels.join(", ")))
     })
 }

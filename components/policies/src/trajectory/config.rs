@@ -138,7 +138,7 @@ pub struct JointGoalConfig {
     /// Goal of the gripper: "open", "close", or a position of the fingers' joints, rad or m. A closed gripper
     /// may be stopped by an object, and counts as reached.
     pub gripper: Option<Gripper>,
-    /// Duration of the movement; longer if the limits require it. Default: the shortest.
+    /// Duration of the movement; longer if the limits require it. Default: as short as the limits allow.
     pub duration: Option<TimeSpan>,
     /// Time to stay at the goal. Default 0.
     pub dwell: TimeSpan,
@@ -182,8 +182,8 @@ pub struct JointDriveConfig {
     /// Damping, N m s/rad or N s/m: one number for all joints, or one for each. Default: the damping of the
     /// robot's profile.
     pub kd: Option<PerJoint>,
-    /// Whether to add the effort that compensates gravity. A floating base is assumed to be upright and at
-    /// rest. Default true.
+    /// Adds the effort that compensates gravity. A floating base is assumed to be upright and at rest.
+    /// Default true.
     pub gravity_compensation: bool,
 }
 

@@ -9,7 +9,7 @@ use super::planner::{GoalPlanner, Planned, Refusal};
 
 /// Iterations of the search for a pose in each step.
 const ITERATIONS: usize = 2;
-/// Change of the progress that is published.
+/// Minimum increase of the progress that is published.
 const PROGRESS: f64 = 0.01;
 
 /// The newest goal of the input `goal`, and its status.
@@ -20,7 +20,7 @@ pub(super) struct LiveGoals {
     planner: GoalPlanner,
     goal: Option<MotionGoal>,
     status: GoalStatus,
-    /// The status differs from the published one.
+    /// `true` if the status differs from the published one.
     is_news: bool,
     received: u64,
     refused: u64,
@@ -54,7 +54,7 @@ impl LiveGoals {
     }
 
     /// Reads the newest goal and continues the search for its joint positions. `previous` are the joint
-    /// positions of the goal before. Returns `true` once, when the positions are known.
+    /// positions of the previous goal. Returns `true` once, when the positions are known.
     pub(super) fn poll(&mut self, previous: &[f64]) -> bool {
         if let Some(goal) = self.input.next_unread()
             && self.goal.as_ref() != Some(&*goal)

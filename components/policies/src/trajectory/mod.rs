@@ -22,7 +22,7 @@ use crate::joint_command::{CommandedJoints, JointCommandConfig, JointCommandWrit
 use live::LiveGoals;
 use plan::{Goal, Plan};
 
-/// Time after the end of a motion in which the joints must come within the tolerance of a goal from the input
+/// Settling time after a motion in which the joints must come within the tolerance of a goal from the input
 /// `goal`, s.
 const SETTLING: f64 = 1.0;
 
@@ -30,11 +30,11 @@ const SETTLING: f64 = 1.0;
 /// limits of velocity, acceleration and jerk; see [`StraightMove`].
 ///
 /// The movement starts with the first joint state, at the robot's current position. A goal is reached if
-/// every measured joint is within the tolerance at the end of the dwell time. A closed finger is never too
-/// far, because an object may stop it.
+/// every measured joint is within the tolerance at the end of the dwell time. A closed finger always counts
+/// as within the tolerance, because an object may stop it.
 ///
-/// A goal from the input `goal` replaces all configured ones. Limits and reach are checked, and joint
-/// positions of a pose are found over several steps, while the present motion continues. Then the motion
+/// A goal from the input `goal` replaces all configured ones. While the present motion continues, limits and
+/// reach are checked, and the joint positions of a pose are computed over several steps. Then the motion
 /// brakes on its line and continues to the new goal: position, velocity and acceleration are continuous, and
 /// within the limits.
 #[derive(Debug)]

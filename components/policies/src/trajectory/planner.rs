@@ -10,11 +10,11 @@ use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 use crate::reach::{Reach, moving_joints};
 use crate::robot;
 
-/// Starting points of the search for a pose: a search without success ends after eight hundred iterations.
+/// Starting points of the search for a pose: an unsuccessful search ends after eight hundred iterations.
 const SEARCH: IkOptions =
     IkOptions { position_tolerance: 1e-7, rotation_tolerance: 1e-6, iterations: 100, seeds: 8, posture: 0.1 };
 
-/// Finds the joint positions of a [`MotionGoal`], in parts that fit into the steps of a loop. Only
+/// Computes the joint positions of a [`MotionGoal`], in parts that fit into the steps of a loop. Only
 /// [`new`](Self::new) allocates.
 ///
 /// Limits of the joints and the reach of the end effector are checked first. The search for a pose starts
@@ -62,7 +62,7 @@ struct Tool {
 /// State of the search for the joint positions of a goal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Planned {
-    /// The search has not ended.
+    /// The search continues.
     Searching,
     /// [`GoalPlanner::target`] are the joint positions.
     Ready,
@@ -70,14 +70,14 @@ pub enum Planned {
     Refused(Refusal),
 }
 
-/// The reason for which a goal is refused. [`GoalPlanner::explain`] puts it into words.
+/// Reason for refusing a goal. [`GoalPlanner::explain`] formats it as a message.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Refusal {
     /// Neither a pose nor joint positions.
     Empty,
     /// A negative duration, s.
     Duration(f64),
-    /// Another number of joints than the robot has.
+    /// The number of joints differs from the robot's.
     JointCount {
         /// Joints of the goal.
         found: usize,
@@ -95,7 +95,7 @@ pub enum Refusal {
     NoEndEffector,
     /// The length of the quaternion is not 1.
     Orientation(f64),
-    /// A position of a joint, by index, that the pose determines.
+    /// The position of a joint, by index, that the pose determines.
     JointOfPose(usize),
     /// The position is farther from the first joint than all links in one line.
     BeyondReach {
@@ -158,8 +158,8 @@ impl GoalPlanner {
         self.tool.as_ref().is_some_and(|tool| tool.moving[joint])
     }
 
-    /// Begins with a goal. `previous` are the joint positions of the goal before, rad or m, which joints
-    /// without a position keep.
+    /// Begins with a goal. `previous` are the joint positions of the previous goal, rad or m; joints without
+    /// a position in `goal` keep theirs.
     ///
     /// # Errors
     /// The goal is invalid, or certainly out of reach.
@@ -226,7 +226,7 @@ impl GoalPlanner {
         &self.target
     }
 
-    /// Returns a refusal in words.
+    /// Returns a refusal as a message.
     pub fn explain<'a>(&'a self, refusal: &'a Refusal) -> impl fmt::Display + 'a {
         Explained { planner: self, refusal }
     }

@@ -55,8 +55,7 @@ pub struct WaypointsConfig {
     /// Largest angular deviation at which a goal counts as reached, rad. Default 0.0175, 1 degree.
     #[serde(default = "degree")]
     pub yaw_tolerance: f64,
-    /// Time by which the base may be late at a goal. After it, the goal is missed and the next goal starts.
-    /// Default 2 s.
+    /// Maximum delay at a goal. After it, the goal counts as missed and the next goal starts. Default 2 s.
     #[serde(default = "grace")]
     pub grace: TimeSpan,
 }

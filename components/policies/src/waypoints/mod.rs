@@ -17,7 +17,8 @@ use nalgebra::{Quaternion, UnitQuaternion};
 /// Drives a base through planar poses by feedback from its odometry; see [`Route`].
 ///
 /// A goal is reached if the base is within the tolerances at the end of the dwell time. The pose for this
-/// evaluation comes from the odometry, or from the input `true_base` if wired, which has no other use.
+/// evaluation comes from the odometry or, if wired, from the input `true_base`, which is used for nothing
+/// else.
 #[derive(Debug)]
 pub struct WaypointsPolicy {
     odometry: Input<Odometry>,
@@ -57,7 +58,7 @@ impl Component for WaypointsPolicy {
         declare.input::<Odometry>("odometry", "pose of the base");
         declare.optional_input::<BaseState>("true_base", "true pose of the base, for evaluating goals");
         declare.output::<TwistTarget>("target", "target velocity of the base, in its own axes");
-        declare.float("speed", 1.0, 0.0..=1.0, "", "speed factor; 0 stops where the base is");
+        declare.float("speed", 1.0, 0.0..=1.0, "", "speed factor; 0 stops the base");
         Ok(())
     }
 

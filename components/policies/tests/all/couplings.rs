@@ -116,7 +116,7 @@ fn invalid_couplings_are_refused() {
 }
 
 #[test]
-fn unreachable_goals_are_refused_and_offsets_warned_of() {
+fn unreachable_goals_are_refused_or_cause_a_warning() {
     let graph = |goals: &str| {
         let policy =
             policy(&format!("{{ goals = [{goals}] }}")).robot("arm").subscribe("joint_state", "state");
@@ -128,8 +128,8 @@ fn unreachable_goals_are_refused_and_offsets_warned_of() {
     assert!(error.contains("5.000 m from the first joint") && error.contains("reach 1.200 m"), "{error}");
     let near = "{ position = [0.5, 0.0, 0.0], duration = \"1 s\" }";
     let beside = "{ offset = [0.0, 2.0, 0.0], duration = \"1 s\" }";
-    assert!(graph(&format!("{near}, {beside}")).check().is_err(), "beside a place that is known");
-    let checked = graph(&format!("{beside}, {near}")).check().expect("where it starts is not known");
+    assert!(graph(&format!("{near}, {beside}")).check().is_err(), "relative to a known position");
+    let checked = graph(&format!("{beside}, {near}")).check().expect("the start is unknown");
     let warnings: Vec<String> = checked.warnings.iter().map(|warning| format!("{warning:?}")).collect();
     assert!(
         warnings.iter().any(|warning| warning.contains("if the robot starts in its home pose")),
@@ -139,7 +139,7 @@ fn unreachable_goals_are_refused_and_offsets_warned_of() {
 }
 
 #[test]
-fn goals_without_joint_positions_are_warned_of() {
+fn goals_without_joint_positions_cause_a_warning() {
     let warnings = |robot: &str, goals: &str| {
         let policy =
             policy(&format!("{{ goals = [{goals}] }}")).robot("arm").subscribe("joint_state", "state");

@@ -64,7 +64,7 @@ struct Seen {
 
 impl Component for Recorder {
     const KIND: &'static str = "test.recorder";
-    const SUMMARY: &'static str = "writes down targets";
+    const SUMMARY: &'static str = "records targets";
     type Config = Nothing;
 
     fn declare(_: &Nothing, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -223,7 +223,7 @@ fn refuse(config: serde_json::Value) -> (Option<String>, String) {
 }
 
 #[test]
-fn configurations_that_cannot_be_are_refused_with_their_key() {
+fn invalid_configurations_are_refused_with_their_key() {
     let one = |goal: serde_json::Value| refuse(serde_json::json!({ "goals": [goal] }));
     let key = |(key, _): (Option<String>, String)| key.unwrap();
     assert_eq!(key(refuse(serde_json::json!({ "goals": [] }))), "goals");

@@ -57,12 +57,12 @@ struct Seen {
 
 impl Component for Legged {
     const KIND: &'static str = "test.legged";
-    const SUMMARY: &'static str = "a robot that follows at once";
+    const SUMMARY: &'static str = "a robot that follows its setpoints immediately";
     type Config = LeggedConfig;
 
     fn declare(_: &LeggedConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         declare.input::<JointCommand>("joint_command", "setpoints");
-        declare.output::<JointState>("joint_state", "where it is");
+        declare.output::<JointState>("joint_state", "joint positions");
         Ok(())
     }
 

@@ -68,7 +68,7 @@ fn faster_policy_shortens_the_finger_motion() {
 }
 
 #[test]
-fn unwired_finger_output_stops_the_start() {
+fn unwired_finger_output_prevents_the_start() {
     let error = graph(policy()).run("1 s").unwrap_err().to_string();
     assert!(error.contains("output `fingers` is not wired"), "{error}");
 }

@@ -22,7 +22,7 @@ struct Recorder {
 
 impl Component for Recorder {
     const KIND: &'static str = "test.recorder";
-    const SUMMARY: &'static str = "writes down targets";
+    const SUMMARY: &'static str = "records targets";
     type Config = Nothing;
 
     fn declare(_: &Nothing, declare: &mut Declare) -> Result<(), ConfigError> {

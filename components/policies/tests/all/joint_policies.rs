@@ -30,12 +30,12 @@ pub(crate) struct Seen {
 
 impl Component for Follower {
     const KIND: &'static str = "test.follower";
-    const SUMMARY: &'static str = "an arm that follows at once";
+    const SUMMARY: &'static str = "an arm that follows its setpoints immediately";
     type Config = Nothing;
 
     fn declare(_: &Nothing, declare: &mut Declare) -> Result<(), ConfigError> {
         declare.input::<JointCommand>("joint_command", "setpoints");
-        declare.output::<JointState>("joint_state", "where it is");
+        declare.output::<JointState>("joint_state", "joint positions");
         Ok(())
     }
 
@@ -134,7 +134,7 @@ legs = [
 fn legs_swing_in_turn_from_standing_without_a_jump() {
     let (report, seen) = run("policy.cpg", WALK, "", 5.0);
     assert_steady(&report);
-    assert!((seen[0].q[0] - 0.5).abs() < 1e-3, "it begins where the robot is: {:?}", seen[0].q);
+    assert!((seen[0].q[0] - 0.5).abs() < 1e-3, "it must start at the robot's position: {:?}", seen[0].q);
     assert_smooth(&seen);
     let settled = &seen[seen.len() - 1000..];
     let extremes = |j: usize| {
@@ -255,7 +255,7 @@ fn refuse<C: Component>(config: serde_json::Value) -> (Option<String>, String) {
 }
 
 #[test]
-fn configurations_that_cannot_be_are_refused_with_their_key() {
+fn invalid_configurations_are_refused_with_their_key() {
     let leg = |joint: &str| json!({ "joints": [{ "joint": joint, "amplitude": 0.1 }] });
     let (key, message) =
         refuse::<CpgPolicy>(json!({ "gait": "trot", "legs": [leg("joint1"), leg("joint2")] }));

@@ -36,7 +36,7 @@ pub(crate) struct Seen {
 
 impl Component for Arm {
     const KIND: &'static str = "test.arm";
-    const SUMMARY: &'static str = "an arm that follows at once";
+    const SUMMARY: &'static str = "an arm that follows its setpoints immediately";
     type Config = support::Nothing;
 
     fn declare(_: &support::Nothing, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -286,7 +286,7 @@ fn velocities_and_efforts_omit_gains() {
 }
 
 #[test]
-fn mistakes_are_refused_with_their_key() {
+fn invalid_configurations_are_refused_by_key() {
     let table = json!({ "rate": 50.0, "action": { "joints": ["joint1"], "default_pose": [0.0] } });
     let refuse = |change: &dyn Fn(&mut serde_json::Value)| {
         let mut config = json!({ "policy": table });

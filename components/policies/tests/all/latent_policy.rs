@@ -225,7 +225,7 @@ fn setpoints_keep_the_acceleration_limits_of_the_robot() {
 }
 
 #[test]
-fn mistakes_are_refused_with_their_key() {
+fn invalid_configurations_are_refused_by_key() {
     let folder = tempfile::tempdir().expect("a folder");
     train(&folder.path().join("arms.latent"), Some(BackForm::Pose));
     train(&folder.path().join("free.latent"), None);

@@ -32,13 +32,13 @@ struct Follower {
 
 impl Component for Follower {
     const KIND: &'static str = "test.follower";
-    const SUMMARY: &'static str = "a robot that is where it should be";
+    const SUMMARY: &'static str = "a robot that is always at its setpoint";
     type Config = Nothing;
 
     fn declare(_: &Nothing, declare: &mut Declare) -> Result<(), ConfigError> {
-        declare.input::<JointState>("setpoint", "where it should be");
-        declare.input::<Recognition>("recognised", "what was recognised");
-        declare.output::<JointState>("joint_state", "where it is");
+        declare.input::<JointState>("setpoint", "commanded joint positions");
+        declare.input::<Recognition>("recognised", "the recognised movement");
+        declare.output::<JointState>("joint_state", "joint positions");
         declare.output::<MovementRequest>("request", "another movement");
         Ok(())
     }
@@ -164,7 +164,7 @@ fn movements_are_continuous_and_are_recognised() {
     let labels: Vec<&str> =
         policy["recognised"].as_array().unwrap().iter().map(|seen| seen["label"].as_str().unwrap()).collect();
     assert!(labels.contains(&"here") && labels.contains(&"there"), "{policy}");
-    assert!(!robot["seen"].as_array().unwrap().is_empty(), "what was recognised was published");
+    assert!(!robot["seen"].as_array().unwrap().is_empty(), "recognised movements must be published");
     assert_eq!(support::faults(&report), (Some(0), 0), "a step allocates or fails");
 }
 

@@ -77,7 +77,7 @@ struct Recorder {
 
 impl Component for Recorder {
     const KIND: &'static str = "test.recorder";
-    const SUMMARY: &'static str = "writes down the way along y";
+    const SUMMARY: &'static str = "records the displacement along y";
     const RESETS: bool = true;
     type Config = Nothing;
 
@@ -201,7 +201,7 @@ fn equal_weights_give_equal_episodes() {
 }
 
 #[test]
-fn weights_for_episodes_wait_for_the_next_one_and_stay() {
+fn episode_weights_wait_for_the_next_episode_and_persist() {
     let mut session = session("take_weights = \"episode\"");
     session.step().unwrap();
     session.publish("weights", &*weights(1, 30.0)).unwrap();

@@ -1,4 +1,4 @@
-//! One task on two roads: an environment of a learner and a graph make the same observations and rewards.
+//! One task, run by a learner's environment and by a graph: both produce the same observations and rewards.
 
 use std::collections::HashSet;
 use std::path::Path;
@@ -21,7 +21,7 @@ use motorium_physics::Simulator as _;
 struct Record {
     observations: Vec<Vec<u64>>,
     rewards: Vec<u64>,
-    /// True for a terminal end, false for a truncated one.
+    /// `true` for a terminal end, `false` for a truncated one.
     end: Option<bool>,
 }
 
@@ -114,13 +114,13 @@ safe_state = "hold"
     )
 }
 
-/// The kinds of these graphs.
+/// Component kinds of these graphs.
 fn registry() -> Registry {
     let kinds = motorium_physics::kinds().into_iter().chain(motorium_learners::kinds());
     Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, kinds.chain(motorium_policies::kinds()))
 }
 
-/// A session of a graph whose components are steps of this thread.
+/// A session of a graph whose components run as steps of this thread.
 fn launch(folder: &Path, text: String) -> Session<'static> {
     let registry = registry();
     let checked = graph::check(&folder.join("graph.toml"), text, &[], &registry, &Machine::detect())
@@ -182,9 +182,9 @@ fn environment_episode(task: &Task, folder: &Path, seed: u64) -> Record {
     record
 }
 
-/// A task of the project in a folder, with its robot and a random policy, without the spread of velocities
-/// that physics in a graph does not have. A target has one place: in a graph it depends on the name of the
-/// component.
+/// Prepares a task of the project in a folder, with its robot and a random policy. The spread of velocities
+/// is removed, because physics in a graph does not support it. A target has a single position, because in a
+/// graph its position depends on the name of the component.
 fn prepare(name: &str, folder: &Path) -> (Task, toml::Table) {
     let tasks = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tasks"));
     let mut table: toml::Table =
@@ -289,7 +289,7 @@ config = {{ policy = "policy" }}
 }
 
 #[test]
-fn a_quadruped_is_judged_over_its_topics() {
+fn quadruped_gets_rewards_and_observations_by_topics() {
     let folder = tempfile::tempdir().unwrap();
     // a policy whose actions are zero holds the default pose
     let task = write_without_actions("quadruped-velocity", folder.path());
@@ -347,7 +347,7 @@ fn tasks_with_objects_are_refused_in_graphs() {
 }
 
 #[test]
-fn a_quadruped_walks_by_the_pattern_of_its_policy() {
+fn quadruped_walks_with_the_pattern_of_its_policy() {
     let folder = tempfile::tempdir().unwrap();
     // zero actions command the middle of all ranges
     let task = write_without_actions("quadruped-cpg", folder.path());
@@ -357,7 +357,7 @@ fn a_quadruped_walks_by_the_pattern_of_its_policy() {
     let reward = session.read::<Reward>("reward").unwrap().unwrap().value;
     assert!(!reward.is_last() && reward.step >= 57, "it does not fall: {reward:?}");
     let travelled = session.read::<BaseState>("base").unwrap().unwrap().value.position[0];
-    // the environment of training walks as far
+    // in the training environment the robot walks as far
     let simulation = Scene::load(&task, folder.path()).unwrap().simulation().unwrap();
     let mut environment = Environment::new(&task, simulation, 1, 0).unwrap();
     environment.reset().unwrap();

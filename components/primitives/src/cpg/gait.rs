@@ -27,7 +27,7 @@ pub enum Gait {
     Tripod,
 }
 
-/// The gait is not defined for this number of legs.
+/// Error of a gait that is not defined for this number of legs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{legs} legs have no {gait} gait: {}", advice(*.legs))]
 pub struct GaitError {

@@ -13,7 +13,7 @@ pub struct Lag {
     pub ahead: f64,
 }
 
-/// The lags do not form a pattern.
+/// Error of lags that do not form a consistent pattern.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LagError {
     /// An index is out of range.
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn trot_lags_are_consistent_and_give_its_phases() {
+    fn trot_lags_are_consistent_and_yield_its_phases() {
         let lags = [lag(0, 1, PI), lag(1, 0, -PI), lag(0, 2, -PI), lag(1, 3, PI), lag(2, 3, PI)];
         let phases = consistent_phases(4, &lags).unwrap();
         for (found, expected) in phases.iter().zip([0.0, PI, PI, 0.0]) {

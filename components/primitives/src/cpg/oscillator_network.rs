@@ -24,7 +24,7 @@ pub struct JointOscillation {
 /// Parameters of a rhythm. [`Default`] returns the values documented on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OscillatorNetworkSettings {
-    /// Strides per second, Hz. Default 1.
+    /// Stride frequency, Hz. Default 1.
     pub frequency: f64,
     /// Rate at which a deviation from the gait decays, `k`, 1/s. Default 5.
     pub coupling: f64,

@@ -25,8 +25,8 @@ pub enum Oscillator {
     },
 }
 
-/// Oscillators of one model, each with its own angular velocity. An oscillator is read as a value of
-/// amplitude 1, the same value a quarter turn later, and a phase that grows linearly in time and is 0 at the
+/// Oscillators of one model, each with its own angular velocity. An oscillator provides a value of amplitude
+/// 1, the same value a quarter turn later, and a phase. The phase grows linearly in time and is 0 at the
 /// maximum of the value.
 #[derive(Clone, Debug)]
 pub(super) enum Oscillators {
@@ -76,7 +76,7 @@ impl Oscillators {
                 } else {
                     PI + PI * (phase - stance) / (TAU - stance)
                 };
-                // finite, and the oscillator is there
+                // the state is finite and the oscillator exists
                 let _ = oscillators[unit].set_state(0, (angle.cos(), angle.sin()));
             }
             Self::Matsuoka { pairs, cycle, .. } => {
@@ -101,7 +101,7 @@ impl Oscillators {
             }
             Self::Hopf { oscillators, settings, duty_factor } => {
                 let turns = speed.max(1e-9) / TAU;
-                // positive and finite like the settings at construction
+                // the settings are positive and finite, as at construction
                 let _ = oscillators[unit].set_settings(settings.with_stride(turns.recip(), *duty_factor));
                 oscillators[unit].step(dt);
             }

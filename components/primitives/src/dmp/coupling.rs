@@ -62,8 +62,8 @@ impl PhaseStop {
 pub struct Yielding {
     /// `m`, in the unit of the force per acceleration (kg for N and m), above 0.
     pub inertia: f64,
-    /// Forces up to this magnitude per dimension are ignored, such as sensor noise. The excess above it
-    /// counts, so the response has no jump.
+    /// Forces up to this magnitude per dimension, such as sensor noise, are ignored. Only the excess acts, so
+    /// the response is continuous.
     pub deadband: f64,
 }
 

@@ -11,7 +11,7 @@ pub struct Demonstration {
     accelerations: DMatrix<f64>,
 }
 
-/// An invalid demonstration.
+/// Error of an invalid demonstration.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DemonstrationError {
     /// Too few samples to differentiate twice.

@@ -9,7 +9,7 @@ use super::quintic::{Jet, Quintic};
 use super::scaling::ForcingScale;
 use super::settings::{ModelError, Scaling, Settings, Variant};
 
-/// Regression of weights.
+/// Regression method for the weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Regression {
     /// Least squares on the forcing term with the penalty `lambda |w|^2`, over all kernels together. The

@@ -5,11 +5,11 @@ use nalgebra::Vector3;
 /// Point obstacles that a movement through space avoids (Hoffmann, Park, Pastor, Schaal,
 /// *Biologically-inspired dynamical systems for movement generation*, ICRA 2009, equations 6 to 8).
 ///
-/// `C = gamma R v phi exp(-beta phi)`, with the angle `phi` in \[0, pi\] between the velocity `v` and the
-/// direction `o - y` to the obstacle, and `R` the rotation by 90 degrees about `(o - y) x v`, which turns `v`
-/// away from the obstacle. `C` is normal to `v`, so it changes the direction but not the speed. As published,
-/// it does not depend on the distance. A finite `reach` multiplies it by `exp(-(|o - y| / reach)^2)`, so that
-/// distant obstacles have no effect.
+/// `C = gamma R v phi exp(-beta phi)`, where `phi`, in \[0, pi\], is the angle between the velocity `v` and
+/// the direction `o - y` to the obstacle. `R` is the rotation by 90 degrees about `(o - y) x v`, which turns
+/// `v` away from the obstacle. `C` is normal to `v`, so it changes the direction but not the speed. As
+/// published, it does not depend on the distance. A finite `reach` multiplies it by
+/// `exp(-(|o - y| / reach)^2)`, so that distant obstacles have no effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObstacleAvoidance {
     /// Strength, 1/s per rad. Published value 1000.

@@ -14,7 +14,7 @@ use crate::ValueError;
 ///
 /// The state is the error `e = 2 log(g * conj(q))` (rad, three entries), not the angular velocity. The system
 /// in `e` is linear, so scaling of time and goal does not distort the path. It is a [`DiscreteDmp`] of three
-/// dimensions from `e(0) = 2 log(g * conj(q0))` to `0`; The orientation is `q = exp(-e / 2) * g`; angular
+/// dimensions from `e(0) = 2 log(g * conj(q0))` to `0`. The orientation is `q = exp(-e / 2) * g`; angular
 /// velocity and acceleration follow exactly from `e'` and `e''`.
 ///
 /// The shorter rotation is chosen. The quaternion has unit length and keeps its sign during a movement.

@@ -116,7 +116,7 @@ impl Default for Settings {
     }
 }
 
-/// An error of making a model.
+/// Error of creating a model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ModelError {
     /// A number, vector or matrix is invalid.

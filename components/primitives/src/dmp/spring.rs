@@ -11,7 +11,7 @@ pub struct CriticalSpring {
 }
 
 impl CriticalSpring {
-    /// From the damping `D > 0`.
+    /// Creates a spring from its damping `D > 0`.
     pub fn new(damping: f64) -> Self {
         Self { root: 0.5 * damping }
     }

@@ -17,7 +17,7 @@ pub struct GmmFit {
     /// Variance added to every covariance in every direction, relative to the mean variance of the data, so
     /// that no component collapses onto a sample. Default 1e-5.
     pub floor: f64,
-    /// Number of restarts, of which the best is kept. Default 3.
+    /// Number of restarts; the best one is kept. Default 3.
     pub starts: usize,
     /// Seed of the starts. Default 0.
     pub seed: u64,
@@ -38,7 +38,7 @@ pub struct GmmFitted {
     pub log_likelihood: f64,
     /// Number of iterations.
     pub iterations: usize,
-    /// Returns `true` if the fit reached the tolerance.
+    /// `true` if the fit reached the tolerance.
     pub converged: bool,
 }
 

@@ -6,7 +6,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::ValueError;
 
-/// `p(x) = sum_k pi_k N(x; mu_k, S_k)`.
+/// A Gaussian mixture, `p(x) = sum_k pi_k N(x; mu_k, S_k)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gmm {
     pub(super) weights: Vec<f64>,
@@ -105,17 +105,17 @@ impl Gmm {
         self.means[0].len()
     }
 
-    /// `pi_k`.
+    /// Weights `pi_k`.
     pub fn weights(&self) -> &[f64] {
         &self.weights
     }
 
-    /// `mu_k`.
+    /// Means `mu_k`.
     pub fn means(&self) -> &[DVector<f64>] {
         &self.means
     }
 
-    /// `S_k`.
+    /// Covariances `S_k`.
     pub fn covariances(&self) -> &[DMatrix<f64>] {
         &self.covariances
     }

@@ -10,7 +10,7 @@
 //!
 //! let limits = MotionLimits { velocity: 1.0, acceleration: 2.0, jerk: 10.0 };
 //! let profile = Profile::time_optimal(3.0, &limits);
-//! // the way over the velocity, and what velocity and acceleration take to build up
+//! // distance over velocity, plus the times to build up velocity and acceleration
 //! assert!((profile.duration() - (3.0 + 0.5 + 0.2)).abs() < 1e-12);
 //! assert_eq!(profile.sample(10.0).value, 3.0);
 //! ```

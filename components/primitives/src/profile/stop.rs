@@ -13,7 +13,7 @@ use crate::dmp::Jet;
 ///
 /// let limits = MotionLimits { velocity: 1.0, acceleration: 2.0, jerk: 10.0 };
 /// let stop = Stop::new(1.0, 0.0, &limits);
-/// // the velocity over the acceleration, and what the acceleration takes to build up
+/// // velocity over acceleration, plus the time to build up the acceleration
 /// assert!((stop.duration() - (0.5 + 0.2)).abs() < 1e-12);
 /// assert!((stop.sample(stop.duration()).value - 0.35).abs() < 1e-12);
 /// ```
@@ -25,7 +25,7 @@ pub struct Stop {
     distance: f64,
 }
 
-/// A time of constant jerk.
+/// An interval of constant jerk.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Phase {
     duration: f64,
@@ -33,7 +33,7 @@ struct Phase {
 }
 
 impl Phase {
-    /// State at a time of the phase, from its first state.
+    /// Returns the state at a time of the phase that starts in the state `from`.
     fn sample(&self, from: Jet, time: f64) -> Jet {
         let Jet { value, rate, acceleration } = from;
         Jet {

@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn given_duration_is_met_unless_limits_need_more() {
+    fn requested_duration_is_met_unless_limits_need_more() {
         let mut motion = StraightMove::new(limits());
         for shape in [Shape::TimeOptimal, Shape::MinimumJerk] {
             motion.plan(&[0.0; 3], &[1.0, 0.5, -1.0], shape, Some(7.0));

@@ -35,15 +35,16 @@ pub struct ProMpFit {
     /// Value added to the diagonal of the covariance, relative to its mean variance. Makes the covariance
     /// invertible with fewer demonstrations than weights. Default 1e-6.
     pub jitter: f64,
-    /// Strength `k` of the prior that dimensions vary independently, in demonstrations, at least 0. From `n`
-    /// demonstrations with the covariance `S`, the fit estimates `(n S + k B) / (n + k)`, where `B` keeps the
-    /// blocks of `S` within each dimension and is zero elsewhere.
+    /// Strength `k` of the prior that dimensions vary independently, as an equivalent number of
+    /// demonstrations, at least 0. From `n` demonstrations with the covariance `S`, the fit estimates
+    /// `(n S + k B) / (n + k)`, where `B` keeps the blocks of `S` within each dimension and is zero
+    /// elsewhere.
     ///
     /// This is the maximum a posteriori estimate under an inverse-Wishart prior with the scale `k B` and `k -
     /// D N - 1` degrees of freedom (Gomez-Gonzalez, Neumann, Schoelkopf, Peters, *Adaptation and robust
     /// learning of probabilistic movement primitives*, IEEE Transactions on Robotics 36, 2020). `S` has at
     /// most the rank `n - 1`: without the prior a few demonstrations appear to vary in some directions only,
-    /// and a primitive does not meet positions in the others. 0 is maximum likelihood. Default 3.
+    /// and the primitive misses positions in the others. 0 is maximum likelihood. Default 3.
     pub shrinkage: f64,
 }
 

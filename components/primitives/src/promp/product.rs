@@ -1,4 +1,4 @@
-//! Several probabilistic primitives at once.
+//! Combination of several probabilistic primitives.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 

@@ -29,7 +29,7 @@ pub enum Repeat {
     /// The end effector stays at the last goal.
     #[default]
     Once,
-    /// The first goal.
+    /// The end effector returns to the first goal.
     Forever,
 }
 
@@ -110,7 +110,7 @@ impl Segment {
     }
 }
 
-/// The numbers a pose is made of.
+/// Components of a pose.
 pub(super) fn numbers(pose: &Isometry3<f64>) -> impl Iterator<Item = f64> + '_ {
     pose.translation.vector.iter().chain(pose.rotation.coords.iter()).copied()
 }

@@ -21,7 +21,7 @@
 //! let (mut place, dt) = (Place::default(), 0.001);
 //! while !route.is_finished() {
 //!     let speed = route.step(place, dt).command;
-//!     // a base that does as it is told
+//!     // a base that follows its commands exactly
 //!     place = Place {
 //!         x: place.x + dt * speed.x * place.yaw.cos(),
 //!         y: place.y + dt * speed.x * place.yaw.sin(),

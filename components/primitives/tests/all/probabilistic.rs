@@ -257,7 +257,7 @@ fn stroke(start: [f64; 3]) -> DMatrix<f64> {
 }
 
 #[test]
-fn shrinkage_meets_starts_outside_the_shown_plane() {
+fn shrinkage_reaches_starts_outside_the_shown_plane() {
     let shown = [[0.02, -0.03], [-0.03, -0.01], [0.01, 0.02], [0.03, 0.03], [-0.02, 0.01]];
     let shown: Vec<DMatrix<f64>> = shown
         .iter()

@@ -1,4 +1,4 @@
-"""Writes dmp.json: reference movements and weights from code that shares nothing with the crate.
+"""Writes dmp.json: reference movements and weights from code independent of the crate.
 
     pip install numpy==2.4.6 scipy==1.17.1 movement_primitives==0.9.1 pytransform3d==3.17.0
     python generate.py

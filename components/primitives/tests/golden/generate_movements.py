@@ -1,4 +1,4 @@
-"""Writes movements.json: rhythmic, striking and coupled movements, by code that shares nothing with the crate.
+"""Writes movements.json: rhythmic, striking and coupled movements, by code independent of the crate.
 
     pip install numpy==2.4.6 scipy==1.17.1
     python generate_movements.py
@@ -104,7 +104,7 @@ def striking():
 
 
 def coupled():
-    """Classic and goal-safe, past a point obstacle (Hoffmann 2009) while a fixed error holds the phase back."""
+    """Classic and goal-safe, past a point obstacle (Hoffmann 2009), while a constant error slows the phase."""
     duration, start, goal = 1.5, np.zeros(3), np.array([1.0, 0.2, 0.1])
     obstacle, gamma, beta, phase_rate = np.array([0.5, 0.15, 0.02]), 300.0, 20 / np.pi, 0.6
     weights = np.random.default_rng(9).normal(size=(8, 3)) * 40

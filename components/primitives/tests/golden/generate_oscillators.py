@@ -1,4 +1,4 @@
-"""Writes oscillators.json: pattern generators integrated by code that shares nothing with the crate.
+"""Writes oscillators.json: pattern generators integrated by code independent of the crate.
 
     pip install numpy==2.4.6 scipy==1.17.1
     python generate_oscillators.py

@@ -1,4 +1,4 @@
-"""Writes probabilistic.json: mixtures, regressions and probabilistic primitives, by code that shares nothing with the crate.
+"""Writes probabilistic.json: mixtures, regressions and probabilistic primitives, by code independent of the crate.
 
     pip install numpy==2.4.6 scipy==1.17.1 scikit-learn==1.9.1 movement_primitives==0.9.1 pytransform3d==3.17.0
     python generate_probabilistic.py
@@ -76,7 +76,7 @@ def promp():
     result = {"mean": mean.tolist(), "covariance": cov.tolist(), "phases": t.tolist(),
               "positions": mp.mean_trajectory(t).tolist(), "variances": mp.var_trajectory(t).tolist(),
               "bent_mean": bent.weight_mean.tolist(), "bent_covariance": bent.weight_cov.tolist()}
-    # the likelihood that expectation maximisation climbs, by scipy: noisy samples of movements of one distribution
+    # the likelihood that expectation maximisation increases, by scipy: noisy samples of movements of one distribution
     shown, steps = [], 25
     ts = np.linspace(0, 1, steps)
     for _ in range(12):

@@ -76,8 +76,8 @@ impl Run<'_> {
     }
 
     /// Returns `true` if the last examined constraint is so nearly a combination of members that all of them
-    /// hold together only far beyond the first minimum. Members that contradict each other up to rounding
-    /// would drive `x` and the multipliers there. Neither would have a significant digit left, and
+    /// can hold simultaneously only far beyond the first minimum. Members that contradict each other up to
+    /// rounding would drive `x` and the multipliers there. Neither would have a significant digit left, and
     /// constraints would join and leave forever. The constraint therefore counts as a combination of members:
     /// one of them leaves, or the problem is infeasible. If the condition of the Hessian is poor, a second
     /// attempt decides about infeasibility.

@@ -12,9 +12,17 @@ pub(super) enum Next {
     Done(Accuracy),
     /// Solve another round.
     Solve {
-        /// Whether the shift changed and the Hessian must be factored again.
+        /// `true` if the shift changed and the Hessian must be factored again.
         factorize: bool,
     },
+}
+
+/// A direction in which the cost decreases linearly.
+pub(super) struct Recession {
+    /// The variable that moves most.
+    variable: usize,
+    /// Multiple of the direction up to the first constraint; infinite if none blocks it.
+    length: f64,
 }
 
 impl Run<'_> {
@@ -55,8 +63,16 @@ impl Run<'_> {
         if step <= TOLERANCES.close * (1.0 + size) || force <= TOLERANCES.no_force * slope {
             return Ok(Next::Done(Accuracy::Full));
         }
-        if let Some(variable) = self.recession() {
-            return Err(SolveError::Unbounded { variable });
+        if let Some(Recession { variable, length }) = self.recession() {
+            if length.is_infinite() {
+                return Err(SolveError::Unbounded { variable });
+            }
+            // The shift limits the length of a step, so a bound that is 10^10 away would not be reached.
+            if length > TOLERANCES.rounds_per_shift as f64 {
+                for i in 0..n {
+                    self.work.centre[i] += length * self.work.residual[i];
+                }
+            }
         }
         if round >= TOLERANCES.rounds && force <= TOLERANCES.little_force * slope {
             return Ok(Next::Done(Accuracy::Reduced));
@@ -113,9 +129,9 @@ impl Run<'_> {
             if largest > 0.0 { TOLERANCES.first_shift * largest } else { TOLERANCES.first_shift };
     }
 
-    /// Tests for an unbounded cost along `residual`, the last step. Returns the variable that moves most if
-    /// the cost decreases forever in that direction and no constraint blocks it.
-    pub(super) fn recession(&self) -> Option<usize> {
+    /// Returns how far the cost decreases along `residual`, the last step, or `None` if the cost is curved in
+    /// that direction, does not decrease, or an equality forbids the direction.
+    pub(super) fn recession(&self) -> Option<Recession> {
         let problem = self.problem;
         let n = problem.gradient.len();
         let d = &self.work.residual[..n];
@@ -126,20 +142,27 @@ impl Run<'_> {
             entries.fold((0.0, 0.0_f64), |(sum, most), (a, d)| (sum + a * d, most.max(a.abs())))
         };
         let largest_curvature = self.largest_curvature();
+        let (mut along, mut before) = (0.0, 0.0);
         for i in 0..n {
             let curvature: f64 = (0..n).map(|j| problem.hessian[(i.min(j), i.max(j))] * d[j]).sum();
             if !nothing(curvature, largest_curvature) {
                 return None;
             }
+            along += curvature * d[i];
+            before += curvature * self.work.x[i];
         }
         let slope: f64 = problem.gradient.iter().zip(d).map(|(q, d)| q * d).sum();
         if slope >= -TOLERANCES.recession * size * problem.gradient.amax() {
             return None;
         }
-        let escapes = |rate: f64, scale: f64, lower: f64, upper: f64| {
-            (upper >= Problem::INFINITE || rate <= TOLERANCES.recession * scale * size)
-                && (lower <= -Problem::INFINITE || rate >= -TOLERANCES.recession * scale * size)
+        let room = |rate: f64, scale: f64, value: f64, lower: f64, upper: f64| {
+            let side = if rate > 0.0 { upper } else { lower };
+            match side.abs() >= Problem::INFINITE || nothing(rate, scale) {
+                true => f64::INFINITY,
+                false => ((side - value) / rate).max(0.0),
+            }
         };
+        let mut length = f64::INFINITY;
         for i in 0..self.equalities() {
             let (rate, scale) = product(&problem.equality_matrix, i);
             if !nothing(rate, scale) {
@@ -148,16 +171,19 @@ impl Run<'_> {
         }
         for i in 0..problem.row_lower.len() {
             let (rate, scale) = product(&problem.row_matrix, i);
-            if !escapes(rate, scale, problem.row_lower[i], problem.row_upper[i]) {
-                return None;
-            }
+            let value = self.work.rows[i];
+            length = length.min(room(rate, scale, value, problem.row_lower[i], problem.row_upper[i]));
         }
         for (i, d) in d.iter().enumerate() {
-            if !escapes(*d, 1.0, problem.lower[i], problem.upper[i]) {
-                return None;
-            }
+            let value = self.work.x[i];
+            length = length.min(room(*d, 1.0, value, problem.lower[i], problem.upper[i]));
         }
-        (0..n).max_by(|a, b| d[*a].abs().total_cmp(&d[*b].abs()))
+        // a curvature within rounding may still end the descent before a distant constraint
+        if length.is_finite() && along > 0.0 {
+            length = length.min((-(slope + before) / along).max(0.0));
+        }
+        let variable = (0..n).max_by(|a, b| d[*a].abs().total_cmp(&d[*b].abs()))?;
+        Some(Recession { variable, length })
     }
 
     /// Returns `true` if `x`, whose rows `G x` were computed last, satisfies all rows and bounds within

@@ -11,7 +11,7 @@ pub struct ActiveSetSettings {
     /// factorisations of the Hessian and the working set after the first, over all attempts. Default: `None`,
     /// which means ten times the number of constraints and variables, plus 50.
     pub max_iterations: Option<u32>,
-    /// Whether a solve starts with the previous working set. Default true.
+    /// Starts each solve with the previous working set. Default true.
     pub warm_start: bool,
 }
 

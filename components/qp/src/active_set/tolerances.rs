@@ -60,8 +60,8 @@ tolerances! {
     weak: f64 = 1e-7;
     /// Ratio of the remainder's length to the constraint's below which the projection is repeated.
     repeat: f64 = 0.3;
-    /// Disagreement of a constraint with the members on which it depends beyond which they contradict each
-    /// other.
+    /// Disagreement between a constraint and the members on which it depends, above which they contradict
+    /// each other.
     conflict: f64 = 1e-9;
     /// Coefficient of a member in a combination of members that counts as rounding.
     no_rate: f64 = 1e-8;

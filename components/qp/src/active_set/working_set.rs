@@ -14,7 +14,7 @@ pub(super) struct Member {
     pub(super) value: f64,
     /// Multiplier of the constraint.
     pub(super) multiplier: f64,
-    /// Whether the member stays although rounding gives its multiplier the wrong sign.
+    /// `true` if the member stays although rounding gives its multiplier the wrong sign.
     pub(super) pinned: bool,
 }
 

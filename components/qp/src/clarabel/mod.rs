@@ -114,7 +114,7 @@ impl ClarabelSolver {
         Self::with_cones(structure, Vec::new(), settings)
     }
 
-    /// Like [`new`](Self::new), with friction cones. They are disabled until they get a coefficient.
+    /// Like [`new`](Self::new), with friction cones. They are disabled until they receive a coefficient.
     ///
     /// # Panics
     /// If a variable does not exist or is in two cones.

@@ -15,8 +15,8 @@ pub(super) fn is_single(numbers: &[f64]) -> bool {
     })
 }
 
-/// Returns the relative rounding error of a matrix: from its recording and from the sums of products by which
-/// it was computed.
+/// Returns the relative rounding error of a matrix, from its recording and from the sums of products that
+/// computed it.
 pub(super) fn rounding(matrix: &DMatrix<f64>) -> f64 {
     let size = matrix.nrows().max(matrix.ncols()) as f64;
     if is_single(matrix.as_slice()) { size * f64::from(f32::EPSILON) } else { ROUNDING }

@@ -217,6 +217,45 @@ fn unbounded_cost_names_its_variable() {
 }
 
 #[test]
+fn distant_bounds_of_flat_costs_are_reached() {
+    for distance in [1e3, 1e7, 1e10, 1e13] {
+        let structure = Structure::new(2).bounds(Sides::Lower);
+        let mut problem = Problem::new(&structure);
+        problem.gradient = dvector![1.0, 2.0];
+        problem.lower = dvector![-distance, -1e-3 * distance];
+        let [_, outcome] = solve(&structure, &problem);
+        assert_eq!(outcome.unwrap().x, problem.lower, "{distance:e}");
+    }
+}
+
+#[test]
+fn distant_rows_of_flat_costs_are_reached() {
+    // x + y >= -1e9 and x = y
+    let structure = Structure::new(2).equalities(1).rows(1, Sides::Lower);
+    let mut problem = Problem::new(&structure);
+    problem.gradient = dvector![1.0, 0.0];
+    problem.equality_matrix = dmatrix![1.0, -1.0];
+    problem.row_matrix = dmatrix![1.0, 1.0];
+    problem.row_lower = dvector![-1e9];
+    let [_, outcome] = solve(&structure, &problem);
+    let x = outcome.unwrap().x;
+    assert!((x[0] + 0.5e9).abs() < 1.0 && (x[1] + 0.5e9).abs() < 1.0, "{x}");
+}
+
+#[test]
+fn slight_curvature_ends_the_descent_before_a_distant_bound() {
+    // the minimum of 5e-12 y^2 + y is at -1e11, the bound at -1e14
+    let structure = Structure::new(2).bounds(Sides::Lower);
+    let mut problem = Problem::new(&structure);
+    (problem.hessian[(0, 0)], problem.hessian[(1, 1)]) = (1.0, 1e-11);
+    problem.gradient = dvector![0.0, 1.0];
+    problem.lower.fill(-1e14);
+    let [_, outcome] = solve(&structure, &problem);
+    let y = outcome.unwrap().x[1];
+    assert!((y / -1e11 - 1.0).abs() < 1e-3, "{y:e}");
+}
+
+#[test]
 fn solver_stays_usable_after_reaching_iteration_limit() {
     let (structure, problem) = separable(1.0);
     let settings = ClarabelSettings { max_iterations: 2, ..ClarabelSettings::default() };
@@ -321,7 +360,7 @@ fn badly_scaled_rows_are_solved() {
 const ROWS_OF_SIX_DECADES: &str = r#"{"P":[[0.4718064759462406,0.5001114701011853,-0.13290595797598082],[0.5001114701011853,0.9852160829753535,0.2190977960661532],[-0.13290595797598082,0.2190977960661532,1.2877917195040247]],"q":[-0.44213397384627257,-13.411146104149555,-6.416099322877649],"A":[],"b":[],"G":[[-39.84135959720176,1335.626841168837,-1117.5316747312957],[3201924.1649763924,-2408781.7275868948,1736720.0786818722],[-2.347943236575612,-34.5152679417033,3.028021892494017],[-1.7925466288227226e-07,-5.1304593623961084e-08,9.033117300980689e-08]],"lg":[1847.4190211261173,-5387300.0315543655,-38.92367157877605,-3.187991712884967e-07],"ug":[2405.154617690701,-2116747.349566604,-19.990461505433082,-1.7744096606349567e-07],"lb":[-1.9586220036462882,-1.5671998522080797,-3.636413285117689],"ub":[2.0413779963537118,2.4328001477919203,0.36358671488231087]}"#;
 const ROWS_OF_ELEVEN_DECADES: &str = r#"{"P":[[8.861492928633167,-6.145832090528106],[-6.145832090528106,4.706933184510699]],"q":[-6.657063242785543,-0.9427747759445124],"A":[],"b":[],"G":[[-0.027153289250896703,-0.03262395904656775],[-69.00097287192303,-82.24510326634781],[6.951989438215588e-05,6.267203282752492e-05],[-270755.8754818927,16858973.435054787]],"lg":[-0.04436704179661714,-73.73784401409151,3.831231009937935e-05,13810890.771194734],"ug":[-0.02229602162712683,-56.06580220005159,3.831231009937935e-05,16680763.225929283],"lb":[-2.2603700619905696,-1.099866291803718],"ub":[1.7396299380094304,2.900133708196282]}"#;
 
-/// With rows in other units, a problem has the same solution, and multipliers in these units.
+/// A problem with rows in other units has the same solution, with multipliers in these units.
 #[test]
 fn row_units_change_multipliers_but_not_the_solution() {
     let structure = Structure::new(2).equalities(1).rows(2, Sides::Both);

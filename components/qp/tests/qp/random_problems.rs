@@ -49,7 +49,7 @@ impl Random {
 pub(crate) struct Trial {
     pub(crate) structure: Structure,
     pub(crate) problem: Problem,
-    /// Whether a point that satisfies all constraints is known.
+    /// `true` if a point that satisfies all constraints is known.
     feasible: bool,
 }
 
@@ -175,7 +175,8 @@ pub(crate) fn wrong(trial: &Trial, answer: Result<&Solution, SolveError>) -> Opt
             let possible = trial.feasible || reference(trial, true).is_ok();
             possible.then(|| "called infeasible, but a point is known".to_owned())
         }
-        // The reference's optimum is trusted only if its numbers are small: some end at 10^10 and still move.
+        // The reference's optimum is trusted only if its numbers are small: some runs end at 10^10 and still
+        // move.
         Err(SolveError::Unbounded { .. }) => {
             let bounded = matches!(reference(trial, false), Ok(residual) if residual < 1e-8);
             bounded.then(|| "called unbounded, but an optimum is known".to_owned())

@@ -1,5 +1,5 @@
-//! Problems that each need one tolerance of the active-set method: without it they fail or their solution is
-//! wrong. Each test is named after the failure that the tolerance prevents.
+//! Problems that each need one tolerance of the active-set method: without it they fail or have a wrong
+//! solution. Each test is named after the failure that the tolerance prevents.
 
 use motorium_qp::{
     Accuracy, ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Solution, SolveError, Structure,

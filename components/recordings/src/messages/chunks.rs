@@ -29,7 +29,7 @@ pub(crate) struct Chunk<'a> {
     pub(crate) is_damaged: bool,
     /// The end of the chunk is missing: its writer was interrupted, or the file was cut.
     pub(crate) is_open: bool,
-    /// Reason for which the chunk cannot be read.
+    /// Reason why the chunk cannot be read.
     pub(crate) unreadable: Option<String>,
     /// Number of bytes that belong to no record.
     pub(crate) skipped: u64,

@@ -1,8 +1,8 @@
 //! Top-level records of an MCAP file, found despite damaged lengths.
 //!
 //! A damaged length would otherwise hide everything after it. The framing continues at the next chunk listed
-//! in the index at the end of the file or, without an index, at the next bytes whose lengths are consistent
-//! with a chunk.
+//! in the index at the end of the file. Without an index, it continues at the next bytes whose lengths are
+//! consistent with a chunk.
 
 use mcap::MAGIC;
 use mcap::records::{ChunkIndex, Record, op};
@@ -64,7 +64,7 @@ impl<'a> Frames<'a> {
         if !is_plausible || (kind != op::CHUNK && self.listed(start).is_some()) {
             return None;
         }
-        // A record across the start of a chunk has a damaged length.
+        // A record that extends past the start of a chunk has a damaged length.
         self.next_chunk(start).is_none_or(|chunk| end <= chunk).then_some(end)
     }
 

@@ -25,7 +25,7 @@ struct Field {
     /// Full name of a message type.
     message: String,
     is_repeated: bool,
-    /// Whether an absent field is zero or empty.
+    /// `true` if an absent field is zero or empty.
     is_implicit: bool,
 }
 

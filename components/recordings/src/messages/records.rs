@@ -34,10 +34,10 @@ impl Damage {
         }
         faults.extend(damaged(&self.chunks, begin_ns));
         for name in &self.attachments {
-            faults.push(format!("is damaged: its attachment `{name}` differs from what was written"));
+            faults.push(format!("is damaged: its attachment `{name}` changed after writing"));
         }
         if self.has_other {
-            faults.push("is damaged: bytes outside of its chunks differ from what was written".to_string());
+            faults.push("is damaged: bytes outside of its chunks changed after writing".to_string());
         }
         if is_whole && self.skipped > 0 {
             faults.push(format!("is damaged: {} bytes of it cannot be read", self.skipped));
@@ -63,7 +63,7 @@ fn damaged(chunks: &[(u64, u64)], begin: u64) -> Option<String> {
     let count = chunks.len();
     let noun = if count == 1 { "chunk" } else { "chunks" };
     Some(format!(
-        "is damaged: {count} {noun} of it, between {:.3} s and {:.3} s, differ from what was written",
+        "is damaged: {count} {noun} of it, between {:.3} s and {:.3} s, changed after writing",
         since(from),
         since(to)
     ))
@@ -83,7 +83,7 @@ pub struct Records<'a> {
     pub damage: Damage,
     /// `true` once the end of the data has been reached.
     pub is_whole: bool,
-    /// Whether the checksum of all data is compared with the one in the file.
+    /// `true` to compare the checksum of all data with the one in the file.
     checks_all: bool,
 }
 

@@ -15,7 +15,7 @@ pub(super) struct Draws {
     now: SensorDraw,
     episode: u64,
     seed: u64,
-    /// Whether the current draw has not been published yet.
+    /// True until the current draw has been published.
     is_new: bool,
 }
 
@@ -24,7 +24,7 @@ impl Draws {
     pub(super) fn declare(ranges: &SensorRanges, declare: &mut Declare) -> Result<(), ConfigError> {
         ranges.check().map_err(refused)?;
         if !ranges.is_empty() {
-            declare.output::<Randomisation>("drawn", "parameters of the sensor drawn for the episode");
+            declare.output::<Randomisation>("drawn", "parameters of the sensor sampled for the episode");
         }
         Ok(())
     }

@@ -102,8 +102,8 @@ impl ForceTorqueConfig {
 /// A component that publishes the readings of a force-torque sensor within a robot.
 ///
 /// A reading is the mean wrench, since the last sample, that the robot exerts through the sensor on
-/// everything it carries. At rest this is the carried weight, upwards. The reference point and axes are those
-/// of the sensor in the middle of the interval.
+/// everything it carries. At rest this is the carried weight, upwards. The reference point is the sensor's
+/// origin and the axes are the sensor's axes, both in the middle of the interval.
 pub struct ForceTorque {
     loads: TrueLoads,
     wrench: Output<Wrench>,

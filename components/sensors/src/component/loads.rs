@@ -240,7 +240,7 @@ impl TrueLoads {
         Ok(closed.then_some(times))
     }
 
-    /// Number of samples of this episode whose `contacts` were incomplete.
+    /// Returns the number of samples of this episode whose `contacts` were incomplete.
     pub(super) fn incomplete(&self) -> u64 {
         self.cut
     }

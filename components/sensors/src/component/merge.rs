@@ -21,11 +21,11 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointMergeConfig {
-    /// The writers: each is an input of this name. Together they have every joint of the robot once.
+    /// The publishers: each is an input of this name. Together they have every joint of the robot once.
     pub parts: BTreeMap<String, PartConfig>,
 }
 
-/// A part of the joints, which one writer measures.
+/// A part of the joints, measured by one publisher.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PartConfig {
@@ -122,7 +122,7 @@ impl Component for JointMerge {
             let Some(state) = part.input.current() else { continue };
             part.oldest_ns = part.oldest_ns.max(now_ns.saturating_sub(state.stamp().source_time));
             if state.count() != part.joints.len() {
-                return Err(StepError::failed("a part does not have as many joints as its list"));
+                return Err(StepError::failed("a part has a different number of joints than its list"));
             }
             for (from, to) in part.joints.iter().enumerate() {
                 merged.position_mut()[*to] = state.position()[from];

@@ -40,7 +40,7 @@ pub(super) fn load(robot: &RobotReference, base: BaseMode) -> Result<Loaded, Con
 /// Name of the frame that never moves.
 const WORLD: &str = "world";
 
-/// The place of a sensor on a robot.
+/// The mount of a sensor on a robot.
 ///
 /// ```toml
 /// frame    = "base"
@@ -176,22 +176,22 @@ impl TrueMotion {
         self.base.is_none() && self.joints.is_none()
     }
 
-    /// The model of the robot.
+    /// Returns the model of the robot.
     pub(super) fn model(&self) -> &Model {
         &self.model
     }
 
-    /// Position and velocity of the joints, from the last motion read.
+    /// Returns the positions and velocities of the joints from the last motion read.
     pub(super) fn joints(&self) -> (&[f64], &[f64]) {
         (self.model.joints_of_q(&self.q), self.model.joints_of_v(&self.v))
     }
 
-    /// Poses of the links, from the last motion read.
+    /// Returns the poses of the links from the last motion read.
     pub(super) fn kinematics(&self) -> &Kinematics {
         &self.kinematics
     }
 
-    /// Pose of the mount, from the last motion read.
+    /// Returns the pose of the mount from the last motion read.
     pub(super) fn pose(&self) -> Isometry3<f64> {
         match self.frame {
             Some(frame) => self.kinematics.pose(&self.model, frame) * self.mount,

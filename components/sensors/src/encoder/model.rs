@@ -221,17 +221,17 @@ impl EncoderModel {
         Some(Reading { sampled_at, source, position, velocity, effort })
     }
 
-    /// Number of joints.
+    /// Returns the number of joints.
     pub fn joints(&self) -> usize {
         self.joints
     }
 
-    /// Number of readings lost because they were sampled faster than announced.
+    /// Returns the number of readings lost because they were sampled faster than announced.
     pub fn lost(&self) -> u64 {
         self.line.lost()
     }
 
-    /// Number of readings dropped by `drop_out`.
+    /// Returns the number of readings dropped by `drop_out`.
     pub fn dropped(&self) -> u64 {
         self.dropped
     }

@@ -29,7 +29,8 @@ pub struct JointErrors {
     pub bias_walk: PerJoint,
     /// Standard deviation of the scale error, as a fraction of the reading. Default 0.
     pub scale_error: PerJoint,
-    /// Step of the readings; 0 for continuous ones, the default. A count of `n` bits a turn is `2 pi / 2^n`.
+    /// Step of the readings; 0 for continuous ones, the default. A count of `n` bits per turn is
+    /// `2 pi / 2^n`.
     pub resolution: PerJoint,
     /// Largest magnitude of a reading. Default: unlimited.
     pub range: Option<PerJoint>,

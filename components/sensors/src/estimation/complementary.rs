@@ -71,12 +71,12 @@ impl ComplementaryFilter {
         self.attitude = UnitQuaternion::new_normalize((self.attitude * so3::exp(&(rate * dt))).into_inner());
     }
 
-    /// Attitude of the sensor in the world.
+    /// Returns the attitude of the sensor in the world.
     pub fn attitude(&self) -> UnitQuaternion<f64> {
         self.attitude
     }
 
-    /// Bias of the gyroscope \[rad/s\].
+    /// Returns the bias of the gyroscope \[rad/s\].
     pub fn bias(&self) -> Vector3<f64> {
         self.bias
     }

@@ -54,7 +54,7 @@ impl<const N: usize> KalmanFilter<N> {
     }
 
     /// Adds a measurement `z = H x` whose noise has the covariance `r`. Returns the normalised innovation
-    /// squared `y' S^-1 y`, whose mean is `M` if the filter's noise covariances are right.
+    /// squared `y' S^-1 y`, whose mean is `M` if the filter's noise covariances are correct.
     ///
     /// # Errors
     /// [`SingularInnovation`]; the filter is unchanged then.

@@ -49,7 +49,7 @@ impl LowPass {
         -(-TAU * cutoff_hz * dt).exp_m1()
     }
 
-    /// The output; `None` before the first sample.
+    /// Returns the output; `None` before the first sample.
     pub fn value(&self) -> Option<f64> {
         self.value
     }

@@ -14,7 +14,7 @@ use nalgebra::{Point3, Unit, Vector3};
 pub use scene::RayScene;
 pub use shape::RayShape;
 
-/// A ray: all points from an origin on along a direction.
+/// A ray: all points from an origin along a direction.
 ///
 /// ```
 /// use motorium_worlds::Ray;
@@ -41,7 +41,7 @@ impl Ray {
 /// First surface hit by a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayHit {
-    /// The shape, by its index in the scene.
+    /// Index of the shape in the scene.
     pub target: usize,
     /// Distance from the origin of the ray \[m\].
     pub distance: f64,

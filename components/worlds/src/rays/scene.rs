@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, Vector3};
 use super::{Ray, RayHit, RayShape};
 use crate::{HeightField, World};
 
-/// Rays that are bounded together.
+/// Number of rays bounded by one cone.
 const BUNDLE: usize = 16;
 
 /// A scene of placed shapes for ray casting.
@@ -39,7 +39,8 @@ pub struct RayScene {
     targets: Vec<Target>,
     /// Infinite shapes, tested first.
     endless: Vec<usize>,
-    /// Finite shapes that a bundle may hit, each with a lower bound of its distance; as long as `targets`.
+    /// Finite shapes that a bundle may hit, each with a lower bound of its distance; its capacity is the
+    /// length of `targets`.
     near: Vec<(f64, usize)>,
 }
 
@@ -53,16 +54,16 @@ struct Target {
 /// A cone of directions around a ball of origins that contains all rays of a bundle.
 struct Bundle {
     centre: V3,
-    /// Of the ball \[m\].
+    /// Radius of the ball \[m\].
     radius: f64,
     axis: V3,
-    /// Of half the opening angle.
+    /// Cosine of half the opening angle.
     cos: f64,
     sin: f64,
 }
 
 impl RayScene {
-    /// Adds a shape and returns its number.
+    /// Adds a shape and returns its index.
     pub fn add(&mut self, shape: RayShape, pose: &Isometry3<f64>) -> usize {
         let index = self.targets.len();
         if !shape.reach.is_finite() {
@@ -84,8 +85,8 @@ impl RayScene {
     }
 
     /// Adds the objects of a world in order at their initial poses, then its ground or terrain. Returns the
-    /// index of the first. Objects have their [visual shape](RayShape::of_object). An [invalid](World::check)
-    /// terrain is skipped.
+    /// index of the first added shape. Objects have their [visual shape](RayShape::of_object). An
+    /// [invalid](World::check) terrain is skipped.
     pub fn add_world(&mut self, world: &World) -> usize {
         let first = self.len();
         for object in &world.objects {
@@ -124,7 +125,7 @@ impl RayScene {
     /// Places a shape.
     ///
     /// # Panics
-    /// Without a shape of this number.
+    /// If there is no shape with this index.
     pub fn set_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
         let target = &mut self.targets[index];
         target.rotation = pose.rotation.to_rotation_matrix().into_inner().into();
@@ -148,7 +149,7 @@ impl RayScene {
     /// # Panics
     /// If the lengths of `hits` and `rays` differ.
     pub fn cast_all(&mut self, rays: &[Ray], range: f64, hits: &mut [Option<RayHit>]) {
-        assert_eq!(rays.len(), hits.len(), "one hit a ray");
+        assert_eq!(rays.len(), hits.len(), "one hit per ray");
         for (rays, hits) in rays.chunks(BUNDLE).zip(hits.chunks_mut(BUNDLE)) {
             self.choose(rays, range);
             for (ray, hit) in rays.iter().zip(hits) {

@@ -44,14 +44,14 @@ pub(super) enum Surface {
     HalfSpace,
     Terrain(Arc<HeightField>),
     Triangles(Arc<TriangleSurface>),
-    /// Shapes with their places.
+    /// Shapes with their poses.
     Parts(Arc<[(M3, V3, RayShape)]>),
     /// A hull without volume.
     Nothing,
 }
 
 impl RayShape {
-    /// The shape of a convex one. A hull without volume is never met.
+    /// Creates the shape of a convex shape. A hull without volume is never hit.
     pub fn new(shape: &ConvexShape) -> Self {
         let surface = match shape {
             ConvexShape::Sphere { radius } => Surface::Sphere(*radius),
@@ -72,19 +72,19 @@ impl RayShape {
         Self { surface, reach: shape.bounding_radius() }
     }
 
-    /// The surface of a terrain, met from above.
+    /// Creates the surface of a terrain, which is hit from above.
     pub fn of_terrain(field: Arc<HeightField>) -> Self {
         Self { surface: Surface::Terrain(field), reach: f64::INFINITY }
     }
 
-    /// The triangles of a mesh, met from both sides.
+    /// Creates the triangles of a mesh, which are hit from both sides.
     pub fn of_triangles(surface: Arc<TriangleSurface>) -> Self {
         let reach = surface.reach();
         Self { surface: Surface::Triangles(surface), reach }
     }
 
-    /// The shape of an object: triangles of meshes as they are [drawn](crate::MeshShape::visual), of a
-    /// compound all parts. A mesh that cannot be read is never met.
+    /// Creates the shape of an object: for meshes the [drawn](crate::MeshShape::visual) triangles, for a
+    /// compound all parts. An unreadable mesh is never hit.
     pub fn of_object(shape: &ObjectShape) -> Self {
         match shape {
             ObjectShape::Mesh(mesh) => match mesh.body() {
@@ -106,7 +106,7 @@ impl RayShape {
         }
     }
 
-    /// True for the surface of a terrain.
+    /// Returns `true` for the surface of a terrain.
     pub(super) fn is_terrain(&self) -> bool {
         matches!(self.surface, Surface::Terrain(_))
     }
@@ -121,7 +121,7 @@ impl RayShape {
         Some((distance, normal.into()))
     }
 
-    /// Like [`cast`](Self::cast), in the algebra of this crate.
+    /// Like [`cast`](Self::cast), with the vector types of the inner loops.
     #[inline(always)]
     pub(super) fn meet(
         &self,
@@ -154,7 +154,7 @@ impl RayShape {
         Some((distance, *rotation * normal))
     }
 
-    /// The meeting as one of a scene.
+    /// Converts the hit of one shape to a hit in a scene.
     pub(super) fn hit(target: usize, (distance, normal): (f64, V3)) -> RayHit {
         RayHit { target, distance, normal: normal.into() }
     }

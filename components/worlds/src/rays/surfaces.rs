@@ -51,7 +51,7 @@ pub(super) fn block(origin: V3, direction: V3, half: V3) -> Meeting {
     Some((enter, normal))
 }
 
-/// Distances at which the ray enters and leaves the endless cylinder along z.
+/// Returns the distances at which the ray enters and leaves the infinite cylinder along z.
 #[inline(always)]
 fn tube(origin: V3, direction: V3, radius: f64) -> Option<(f64, f64)> {
     let slope = direction.x * direction.x + direction.y * direction.y;
@@ -126,7 +126,7 @@ pub(super) fn half_space(origin: V3, direction: V3) -> Meeting {
     Some((-origin.z / direction.z, V3::new(0.0, 0.0, 1.0)))
 }
 
-/// The convex body below all planes, each a unit normal and the height along it.
+/// Intersects the convex body below all planes, each given by its unit normal and the height along it.
 #[inline(always)]
 pub(super) fn polytope(origin: V3, direction: V3, planes: &[(V3, f64)]) -> Meeting {
     let (mut enter, mut leave) = (0.0, f64::INFINITY);

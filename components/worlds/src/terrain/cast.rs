@@ -1,11 +1,12 @@
-//! Rays against height fields: from block to block, and through the cells of blocks that reach up to the ray.
+//! Ray casting on height fields: from block to block, and through the cells of blocks that reach up to the
+//! ray.
 
 use motorium_robots::V3;
 
 use super::HeightField;
 use super::field::BLOCK;
 
-/// Rays are followed over terrain this far \[m\].
+/// Maximum distance over which rays are traced over terrain \[m\].
 const FARTHEST: f64 = 1e4;
 
 /// Traversal of a grid by a ray.
@@ -14,7 +15,7 @@ struct Walk {
     step: [i64; 2],
     /// Distances at which the next cell along each axis starts.
     next: [f64; 2],
-    /// Distance between two of these.
+    /// Distance between consecutive cells along each axis.
     every: [f64; 2],
     from: f64,
     end: f64,
@@ -90,7 +91,7 @@ impl HeightField {
                 if lowest > cell.top {
                     continue;
                 }
-                // Within the cell: its two triangles, in the order of the ray.
+                // Within the cell: its two triangles, in the order in which the ray crosses them.
                 let (u, v) = (x - i as f64, y - j as f64);
                 let turn = (v - u) / (along_x - along_y);
                 let parts = if turn > enter && turn < leave {

@@ -3,7 +3,7 @@
 /// The terrain cannot be generated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TerrainError {
-    /// A number outside its range.
+    /// A number is out of range.
     #[error("`{key}` is {value}, expected {expected}")]
     Value {
         /// The key.
@@ -13,17 +13,17 @@ pub enum TerrainError {
         /// The range expected.
         expected: &'static str,
     },
-    /// An equation that cannot be read.
+    /// An equation does not parse.
     #[error("`{key}` = \"{text}\": {problem}")]
     Equation {
         /// The key.
         key: String,
         /// The equation.
         text: String,
-        /// The place and the problem.
+        /// Position and description of the problem.
         problem: String,
     },
-    /// A picture that cannot be read.
+    /// An image cannot be read.
     #[error("`{key}` = \"{file}\": {problem}")]
     Picture {
         /// The key.
@@ -33,12 +33,12 @@ pub enum TerrainError {
         /// The value found, and the values expected.
         problem: String,
     },
-    /// More heights than fit.
+    /// The grid has too many heights.
     #[error("{found:.3e} heights, expected at most {most:.0e}; raise `spacing` or lower `size`")]
     Fine {
         /// Requested number of heights.
         found: f64,
-        /// Heights possible.
+        /// Maximum number of heights.
         most: f64,
     },
     /// A height is not finite.

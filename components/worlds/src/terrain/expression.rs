@@ -23,7 +23,7 @@ pub(super) enum Operation {
 
 const FUNCTIONS: &str = "sin, cos, tan, exp, log, sqrt, abs, floor, min, max";
 
-/// Nesting beyond this is refused.
+/// Maximum nesting depth.
 const DEEPEST: usize = 64;
 
 impl Expression {
@@ -90,7 +90,7 @@ impl Reader<'_> {
     fn sum(&mut self) -> Result<Expression, String> {
         self.depth += 1;
         if self.depth > DEEPEST {
-            return Err(format!("more than {DEEPEST} brackets within one another"));
+            return Err(format!("more than {DEEPEST} nested brackets"));
         }
         let mut left = self.product()?;
         loop {

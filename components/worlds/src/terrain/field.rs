@@ -3,13 +3,13 @@
 use motorium_robots::{V3, nearest_on_triangle};
 use nalgebra::{Point3, Vector3};
 
-/// Cells along a side of the blocks whose highest point is known.
+/// Number of cells along a side of a block; the highest point of each block is stored.
 pub(super) const BLOCK: i64 = 8;
 
 /// A surface of two triangles per cell over a grid of heights, solid below.
 ///
-/// Beyond the grid it continues as at the nearest edge. Cells are split from the corner of smallest x and y
-/// to the opposite one.
+/// Beyond the grid, the height at the nearest edge continues. Cells are split along the diagonal from the
+/// corner of smallest x and y.
 ///
 /// ```
 /// use motorium_worlds::HeightField;
@@ -22,14 +22,14 @@ pub(super) const BLOCK: i64 = 8;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeightField {
-    /// Corner of least x and y \[m\].
+    /// Corner of smallest x and y \[m\].
     pub(super) origin: [f64; 2],
     /// Side of a cell \[m\].
     pub(super) spacing: f64,
-    /// Heights along x and y.
+    /// Number of heights along x and y.
     pub(super) count: [usize; 2],
     heights: Vec<f64>,
-    /// Blocks along x and y, and the highest point of each.
+    /// Number of blocks along x and y.
     blocks: [i64; 2],
     tops: Vec<f64>,
     pub(super) low: f64,
@@ -39,13 +39,13 @@ pub struct HeightField {
 /// A triangle of a height field near a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearTriangle {
-    /// Number of the triangle in the field.
+    /// Index of the triangle in the field.
     pub index: u32,
     /// Point of the surface nearest to the given one \[m\].
     pub nearest: Point3<f64>,
     /// Its upward unit normal.
     pub normal: Vector3<f64>,
-    /// Its cell along x and y, and 0 for the half at the end of x, 1 for the half at the end of y.
+    /// Cell along x and y, and half of the cell: 0 at the end of x, 1 at the end of y.
     place: ([i64; 2], usize),
 }
 
@@ -53,17 +53,18 @@ pub struct NearTriangle {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cell {
     pub(super) height: f64,
-    /// Slopes along x and y of the triangle at the end of x, then of the one at the end of y.
+    /// Slopes along x and y of the triangle at the end of x, then of the triangle at the end of y.
     pub(super) slopes: [(f64, f64); 2],
     pub(super) top: f64,
 }
 
 impl HeightField {
-    /// A field of `count` heights along x and y, `spacing` \[m\] apart, from the corner `origin` \[m\] on.
+    /// Creates a field of `count` heights along x and y, `spacing` \[m\] apart, starting at the corner
+    /// `origin` \[m\].
     ///
     /// # Panics
-    /// With fewer than two heights along an axis, more than 2^31 in all, a spacing that is not positive, or a
-    /// height that is not finite.
+    /// If there are fewer than two heights along an axis or more than 2^31 in total, the spacing is not
+    /// positive, or a height is not finite.
     pub fn new(
         origin: [f64; 2],
         spacing: f64,
@@ -76,7 +77,7 @@ impl HeightField {
         let heights: Vec<f64> = (0..count[0] * count[1])
             .map(|index| height(place(index / count[1], 0), place(index % count[1], 1)))
             .collect();
-        assert!(heights.iter().all(|height| height.is_finite()), "a height that is not finite");
+        assert!(heights.iter().all(|height| height.is_finite()), "heights must be finite");
         let low = heights.iter().copied().fold(f64::INFINITY, f64::min);
         let high = heights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let blocks = count.map(|count| (count as i64 - 2) / BLOCK + 1);
@@ -91,22 +92,22 @@ impl HeightField {
         field
     }
 
-    /// The lowest and the highest point \[m\].
+    /// Returns the lowest and the highest height \[m\].
     pub fn range(&self) -> (f64, f64) {
         (self.low, self.high)
     }
 
-    /// Corner of least x and y \[m\], and the number of heights along x and y.
+    /// Returns the corner of smallest x and y \[m\], and the number of heights along x and y.
     pub fn grid(&self) -> ([f64; 2], [usize; 2]) {
         (self.origin, self.count)
     }
 
-    /// Distance between neighbouring heights \[m\].
+    /// Returns the distance between neighbouring heights \[m\].
     pub fn spacing(&self) -> f64 {
         self.spacing
     }
 
-    /// Height of a grid corner; beyond the grid, of the nearest corner.
+    /// Returns the height of a grid corner; beyond the grid, of the nearest corner.
     #[inline(always)]
     pub(super) fn corner_height(&self, i: i64, j: i64) -> f64 {
         let i = i.clamp(0, self.count[0] as i64 - 1) as usize;
@@ -114,7 +115,8 @@ impl HeightField {
         self.heights[i * self.count[1] + j]
     }
 
-    /// The highest point of a block, or of the nearest: beyond the grid nothing is higher than at its edge.
+    /// Returns the highest point of a block or, beyond the grid, of the nearest block: nothing there is
+    /// higher than at the edge.
     #[inline(always)]
     pub(super) fn top(&self, i: i64, j: i64) -> f64 {
         let (i, j) = (i.clamp(0, self.blocks[0] - 1), j.clamp(0, self.blocks[1] - 1));
@@ -128,13 +130,14 @@ impl HeightField {
         Cell { height: a, slopes: [(b - a, d - b), (d - c, c - a)], top: a.max(b).max(c.max(d)) }
     }
 
-    /// Place in the grid, in cells from its corner.
+    /// Returns a position in the grid, in cells from its corner.
     #[inline(always)]
     pub(super) fn in_cells(&self, x: f64, y: f64) -> (f64, f64) {
         ((x - self.origin[0]) / self.spacing, (y - self.origin[1]) / self.spacing)
     }
 
-    /// The cell, its triangle (0 or 1) and the place in the cell of a place in the world.
+    /// Returns the cell at a position in the world, its triangle there (0 or 1), and the position in the
+    /// cell.
     fn triangle(&self, x: f64, y: f64) -> (Cell, usize, (f64, f64)) {
         let (x, y) = self.in_cells(x, y);
         let (i, j) = (x.floor(), y.floor());
@@ -142,14 +145,14 @@ impl HeightField {
         (self.cell(i as i64, j as i64), usize::from(v > u), (u, v))
     }
 
-    /// Height of the surface at a place \[m\].
+    /// Returns the height of the surface at a position \[m\].
     pub fn height(&self, x: f64, y: f64) -> f64 {
         let (cell, triangle, (u, v)) = self.triangle(x, y);
         let (along_x, along_y) = cell.slopes[triangle];
         cell.height + along_x * u + along_y * v
     }
 
-    /// Upward unit normal of the surface at a place.
+    /// Returns the upward unit normal of the surface at a position.
     pub fn normal(&self, x: f64, y: f64) -> Vector3<f64> {
         let (cell, triangle, _) = self.triangle(x, y);
         self.upward(cell.slopes[triangle]).into()
@@ -175,7 +178,7 @@ impl HeightField {
         highest
     }
 
-    /// Passes the triangles with a point within `reach` \[m\] of `point` to `visit`.
+    /// Calls `visit` with the triangles that have a point within `reach` \[m\] of `point`.
     pub fn visit_near(&self, point: &Point3<f64>, reach: f64, visit: &mut dyn FnMut(NearTriangle)) {
         let (x, y) = self.in_cells(point.x, point.y);
         let wide = reach / self.spacing;
@@ -206,7 +209,7 @@ impl HeightField {
         }
     }
 
-    /// A corner of the grid.
+    /// Returns a corner of the grid.
     #[inline(always)]
     fn corner(&self, i: i64, j: i64) -> V3 {
         V3::new(
@@ -216,7 +219,7 @@ impl HeightField {
         )
     }
 
-    /// True if a point is within `reach` \[m\] of a triangle.
+    /// Returns `true` if a point is within `reach` \[m\] of a triangle.
     pub fn is_near(&self, triangle: &NearTriangle, point: &Point3<f64>, reach: f64) -> bool {
         let ([i, j], half) = triangle.place;
         let (x, y) = self.in_cells(point.x, point.y);
@@ -230,8 +233,8 @@ impl HeightField {
         out.dot(out) <= reach * reach
     }
 
-    /// Passes the corners of the grid within `reach` \[m\] along x and y that rise above the line of their
-    /// neighbours along an axis to `visit`, each with a separate number: where a flat body touches first.
+    /// Calls `visit` with the grid corners within `reach` \[m\] along x and y that rise above the line of
+    /// their neighbours along an axis, each with a unique number. A flat body touches these corners first.
     pub fn visit_peaks(&self, x: f64, y: f64, reach: f64, visit: &mut dyn FnMut(u32, Point3<f64>)) {
         let (u, v) = self.in_cells(x, y);
         let wide = reach / self.spacing;
@@ -255,13 +258,13 @@ impl HeightField {
 /// Sine of the angle between two triangles below which they count as coplanar.
 const FLAT: f64 = 1e-3;
 
-/// The steps from a corner along the three edges that begin at it.
+/// Steps from a corner along the three edges that start there.
 const EDGES: [[i64; 2]; 3] = [[1, 0], [0, 1], [1, 1]];
 
 impl HeightField {
-    /// Passes the protruding edges within `reach` \[m\] along x and y to `visit`, where the edge of a body
-    /// touches first: a separate number below 2^32 each, both ends, and the normals of the triangles on both
-    /// sides.
+    /// Calls `visit` with the protruding edges within `reach` \[m\] along x and y, which the edge of a body
+    /// touches first. The arguments are a unique number below 2^32, both ends, and the normals of the
+    /// triangles on both sides.
     pub fn visit_ridges(
         &self,
         x: f64,
@@ -271,7 +274,7 @@ impl HeightField {
     ) {
         let (u, v) = self.in_cells(x, y);
         let wide = reach / self.spacing;
-        // Edges that begin before the reach may end within it.
+        // Edges that start outside the reach may end within it.
         for i in (u - wide).floor() as i64..=(u + wide).floor() as i64 {
             for j in (v - wide).floor() as i64..=(v + wide).floor() as i64 {
                 for (side, [along_x, along_y]) in EDGES.into_iter().enumerate() {
@@ -283,7 +286,7 @@ impl HeightField {
                     };
                     let [one, other] =
                         [one, other].map(|([i, j], half): ([i64; 2], usize)| self.cell(i, j).slopes[half]);
-                    // the slope across the edge falls by this
+                    // decrease of the slope across the edge
                     let bend = match side {
                         0 => other.1 - one.1,
                         1 => other.0 - one.0,

@@ -1,24 +1,24 @@
-//! Heights from a greyscale picture: a PNG file of 8 or 16 bits.
+//! Heights from a greyscale image: a PNG file of 8 or 16 bits.
 
 use std::path::Path;
 
 use motorium_robots::read_bounded;
 
-/// Pixels of one picture at most.
+/// Maximum number of pixels of an image.
 const MOST: usize = 1 << 24;
 
-/// Longest file of a picture, bytes.
+/// Maximum size of an image file, bytes.
 const LONGEST: u64 = 256 * 1024 * 1024;
 
 /// The first bytes of every PNG file.
 const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 
-/// A greyscale picture: 0 black, 1 white.
+/// A greyscale image: 0 is black, 1 is white.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Picture {
     /// Pixels along a row, and rows.
     size: [usize; 2],
-    /// Row by row, the top one first.
+    /// Grey values row by row, starting at the top.
     grey: Vec<f64>,
 }
 
@@ -30,7 +30,7 @@ impl Picture {
     }
 
     fn decode(bytes: &[u8]) -> Result<Self, String> {
-        let mut rest = bytes.strip_prefix(SIGNATURE).ok_or("this is no PNG file, expected one")?;
+        let mut rest = bytes.strip_prefix(SIGNATURE).ok_or("this is not a PNG file")?;
         let (mut header, mut packed) = (None, Vec::new());
         while let Some((head, after)) = rest.split_first_chunk::<8>() {
             let length = u32::from_be_bytes([head[0], head[1], head[2], head[3]]) as usize;
@@ -71,7 +71,7 @@ impl Picture {
         self.size
     }
 
-    /// The grey of each pixel, row by row, the top one first.
+    /// Returns the grey value of each pixel, row by row, starting at the top.
     pub(crate) fn grey(&self) -> &[f64] {
         &self.grey
     }
@@ -125,7 +125,7 @@ impl Header {
     }
 }
 
-/// Undoes the filter of a row: its bytes were written as differences from their neighbours.
+/// Reverts the filter of a row, whose bytes are stored as differences from their neighbours.
 fn unfilter(filter: u8, width: usize, above: &[u8], row: &mut [u8]) -> Result<(), String> {
     for (index, b) in above.iter().copied().enumerate() {
         let before = index.checked_sub(width);
@@ -144,7 +144,8 @@ fn unfilter(filter: u8, width: usize, above: &[u8], row: &mut [u8]) -> Result<()
     Ok(())
 }
 
-/// Paeth predictor: of left, above and corner, the value nearest to left plus above minus corner.
+/// Paeth predictor: returns the value among left, above and corner that is nearest to left plus above minus
+/// corner.
 fn paeth(a: u8, b: u8, c: u8) -> u8 {
     let guess = i16::from(a) + i16::from(b) - i16::from(c);
     let [to_a, to_b, to_c] = [a, b, c].map(|value| (guess - i16::from(value)).abs());

@@ -9,15 +9,15 @@ use super::error::TerrainError;
 use super::expression::Expression;
 use super::image::Picture;
 
-/// A layer of a terrain. `direction` is an angle from x towards y (rad), default 0; `from` the distance from
-/// the origin along it where the layer begins (m), default 0.
+/// A layer of a terrain. `direction` is an angle from x towards y (rad), default 0; `from` is the distance
+/// from the origin along it at which the layer starts (m), default 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum TerrainLayer {
-    /// A height by an equation.
+    /// A height given by an equation.
     Equation {
-        /// Height (m) of `x` and `y` (m): numbers, `+ - * / ^`, brackets, `pi`, and sin, cos, tan, exp, log,
-        /// sqrt, abs, floor, min, max.
+        /// Height (m) as an expression of `x` and `y` (m): numbers, `+ - * / ^`, brackets, `pi`, and sin,
+        /// cos, tan, exp, log, sqrt, abs, floor, min, max.
         height: String,
     },
     /// An image whose grey value is the height: a greyscale PNG file of 8 or 16 bits.
@@ -25,10 +25,10 @@ pub enum TerrainLayer {
     /// Seen from above, x points to the right in the image and y up. The outermost pixels are on the edges of
     /// `size`; between pixels the height is interpolated, and beyond them it continues as at the edge.
     Image {
-        /// The file; a relative path begins at the folder of the graph.
+        /// Path of the file, relative to the graph's folder.
         #[schemars(extend("format" = "path"))]
         file: String,
-        /// Heights of black and of white (m).
+        /// Heights of black and white (m).
         height: [f64; 2],
         /// Length along x and y covered by the image (m). Default: the terrain's size.
         #[serde(default)]
@@ -41,19 +41,19 @@ pub enum TerrainLayer {
     DiamondSquare {
         /// Largest height of either sign (m).
         height: f64,
-        /// Share by which the random part shrinks from one level to the next, half as long: from 0, smooth,
-        /// to 1, rough. Default 0.5.
+        /// Factor of the random part from one level to the next, at half the length: 0 (smooth) to 1 (rough).
+        /// Default 0.5.
         #[serde(default = "half")]
         roughness: f64,
     },
     /// A slope that starts at a line.
     Slope {
-        /// Angle of the slope (rad); negative goes down.
+        /// Angle of the slope (rad); negative for a descent.
         angle: f64,
-        /// See above.
+        /// Direction: angle from x towards y (rad). Default 0.
         #[serde(default)]
         direction: f64,
-        /// See above.
+        /// Distance from the origin along `direction` at which the layer starts (m). Default 0.
         #[serde(default)]
         from: f64,
         /// Horizontal length after which the ground is level again (m). Default: unlimited.
@@ -62,29 +62,29 @@ pub enum TerrainLayer {
     },
     /// A flight of steps.
     Steps {
-        /// Height of a step (m); negative goes down.
+        /// Height of a step (m); negative for a descent.
         rise: f64,
         /// Length of a step (m).
         run: f64,
         /// Number of steps.
         count: u32,
-        /// See above.
+        /// Direction: angle from x towards y (rad). Default 0.
         #[serde(default)]
         direction: f64,
-        /// See above.
+        /// Distance from the origin along `direction` at which the layer starts (m). Default 0.
         #[serde(default)]
         from: f64,
     },
-    /// Round stones at random places.
+    /// Round stones at random positions.
     Stones {
-        /// Height of the highest (m); the lowest has half of it.
+        /// Height of the highest stone (m); the lowest is half as high.
         height: f64,
-        /// Diameter of the largest (m); the smallest has half of it.
+        /// Diameter of the largest stone (m); the smallest is half as wide.
         size: f64,
-        /// Number of them in a square metre.
+        /// Number of stones per square metre.
         per_square_metre: f64,
     },
-    /// Gaps across the way.
+    /// Gaps across the direction of travel.
     Gaps {
         /// Width of a gap (m).
         width: f64,
@@ -92,10 +92,10 @@ pub enum TerrainLayer {
         every: f64,
         /// Depth (m).
         depth: f64,
-        /// See above.
+        /// Direction: angle from x towards y (rad). Default 0.
         #[serde(default)]
         direction: f64,
-        /// See above.
+        /// Distance from the origin along `direction` at which the layer starts (m). Default 0.
         #[serde(default)]
         from: f64,
     },
@@ -109,7 +109,7 @@ fn half() -> f64 {
 type Grid = ([f64; 2], f64, [usize; 2]);
 
 impl TerrainLayer {
-    /// Adds the heights of the layer; `key` is its own in errors.
+    /// Adds the heights of the layer; `key` names the layer in errors.
     pub(super) fn add(
         &self,
         key: &str,
@@ -212,7 +212,7 @@ impl TerrainLayer {
                 let many = (0.0..=1e5).contains(&per_square_metre);
                 check("stones.per_square_metre", per_square_metre, many, "a number from 0 to 1e5")?;
                 let few = heights_of_stones(grid, size, per_square_metre) <= MOST_OF_STONES;
-                let expected = "fewer or smaller stones: in all they may cover ten million heights";
+                let expected = "fewer or smaller stones, covering at most ten million heights in total";
                 check("stones.per_square_metre", per_square_metre, few, expected)?;
                 stones(grid, (height, size, per_square_metre), seed, heights);
             }
@@ -232,7 +232,7 @@ fn heights_of_stones((_, spacing, count): Grid, size: f64, per_square_metre: f64
     stones * each
 }
 
-/// Adds paraboloid caps at random positions; where two overlap the higher one applies.
+/// Adds paraboloid caps at random positions; where caps overlap, the higher one applies.
 fn stones(
     (corner, spacing, count): Grid,
     (height, size, per_square_metre): (f64, f64, f64),
@@ -262,7 +262,7 @@ fn stones(
     heights.iter_mut().zip(&layer).for_each(|(sum, stone)| *sum += stone);
 }
 
-/// A square of at least `count` heights, and its side.
+/// Returns a square of at least `count` heights, and its side.
 fn diamond_square(count: [usize; 2], roughness: f64, seed: u64) -> (usize, Vec<f64>) {
     let cells = (count[0].max(count[1]) - 1).next_power_of_two();
     let side = cells + 1;
@@ -311,7 +311,7 @@ fn diamond_square(count: [usize; 2], roughness: f64, seed: u64) -> (usize, Vec<f
     (side, surface)
 }
 
-/// A number from 0 to 1 for a number of a seed.
+/// Returns the pseudo-random number from 0 to 1 at index `number` of a seed's sequence.
 fn uniform(seed: u64, number: u64) -> f64 {
     (mixed(seed.wrapping_add(mixed(number))) >> 11) as f64 / (1_u64 << 53) as f64
 }

@@ -18,19 +18,19 @@ pub use field::{HeightField, NearTriangle};
 pub(crate) use image::Picture;
 pub use layers::TerrainLayer;
 
-/// Heights of one terrain at most.
+/// Maximum number of heights of a terrain.
 const MOST: f64 = 1e6;
-/// Distance of neighbouring heights at least \[m\].
+/// Minimum distance between neighbouring heights \[m\].
 const LEAST_SPACING: f64 = 1e-4;
-/// Distance of its middle from the origin at most, along x and y \[m\].
+/// Maximum distance of the centre from the origin, along x and y \[m\].
 const FARTHEST: f64 = 1e6;
 
-/// Width of the band about the level part over which the terrain rises to its height \[m\].
+/// Width of the band around the level area over which the terrain rises to its height \[m\].
 const BAND: f64 = 0.3;
 
 /// Uneven ground instead of a plane: the sum of its layers, above z = 0.
 ///
-/// Beyond its size it continues as at its edge.
+/// Beyond its size, the height at the nearest edge continues.
 ///
 /// ```
 /// use motorium_worlds::Terrain;
@@ -63,7 +63,7 @@ pub struct Terrain {
     /// become slopes of this length.
     #[serde(default = "default_spacing")]
     pub spacing: f64,
-    /// Radius about the origin of the world within which it is level, at z = 0 (m). Default 0.
+    /// Radius of the level area at z = 0 around the origin of the world (m). Default 0.
     #[serde(default)]
     pub flat: f64,
     /// Seed of random layers. Default 0.
@@ -121,7 +121,8 @@ impl Terrain {
         }
     }
 
-    /// Checks everything that needs no image: its numbers, and its other layers over a single cell.
+    /// Checks everything that does not require an image: the numbers, and the other layers over a single
+    /// cell.
     pub(crate) fn check_numbers(&self) -> Result<(), TerrainError> {
         self.cells()?;
         let grid = (self.centre, self.spacing, [2; 2]);
@@ -133,7 +134,7 @@ impl Terrain {
         Ok(())
     }
 
-    /// Number of cells along x and y, after all other numbers have been checked.
+    /// Returns the number of cells along x and y, after checking all other numbers.
     fn cells(&self) -> Result<[f64; 2], TerrainError> {
         let positive = |key: &str, value: f64| {
             let good = value.is_finite() && value > 0.0;
@@ -189,8 +190,8 @@ impl Terrain {
         Ok(cells)
     }
 
-    /// The height field of the terrain, the same for the same description and the same pictures, which are
-    /// read from their files.
+    /// Returns the height field of the terrain, which depends only on the description and the image files.
+    /// Reads these files.
     ///
     /// # Errors
     /// [`TerrainError`].

@@ -12,13 +12,13 @@ const FIXED: Colour = [0.55, 0.58, 0.62];
 const FREE: Colour = [0.85, 0.55, 0.2];
 
 impl Appearance {
-    /// The colour of an object.
+    /// Returns the colour of an object.
     pub fn object(&self, object: &Object) -> Colour {
         let plain = if object.is_dynamic() { FREE } else { FIXED };
         self.colours.get(&object.name).copied().unwrap_or(plain)
     }
 
-    /// Checks every value, and that coloured objects exist.
+    /// Checks every value, and that all coloured objects exist.
     pub(crate) fn check(&self, world: &World) -> Result<(), WorldError> {
         let share = |field: &'static str, value: f64| {
             check("appearance", field, value, (0.0..=1.0).contains(&value), "a number from 0 to 1")

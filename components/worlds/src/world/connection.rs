@@ -1,4 +1,4 @@
-//! Connections of the things of a world.
+//! Connections of the objects of a world.
 
 use motorium_robots::nearest;
 use schemars::JsonSchema;
@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 use super::checks::finite;
 use super::{Object, WorldError};
 
-/// A connection of two links or objects beyond the robot's joints: closes a kinematic loop, or fixes an
-/// object to a hand.
+/// A connection of two links or objects in addition to the robot's joints, such as to close a kinematic loop
+/// or to fix an object to a hand.
 ///
-/// The relative pose at the time of connection is held. Connected parts do not collide with each other. In a
-/// world they are objects.
+/// The relative pose at the time of connection is maintained. Connected parts do not collide with each other.
+/// Connections of a world refer to objects.
 ///
 /// ```
 /// use motorium_worlds::{ConnectionKind, World};
@@ -35,16 +35,16 @@ pub struct Connection {
     /// The kind of connection.
     #[serde(default)]
     pub kind: ConnectionKind,
-    /// Common point, in the axes of the first (m). Default: its origin.
+    /// Common point, in the axes of the first part (m). Default: its origin.
     #[serde(default)]
     pub point: [f64; 3],
 }
 
-/// The motions that a connection leaves free.
+/// Relative motions that a connection permits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ConnectionKind {
-    /// They rotate about the point, as in a ball joint, a pin of a planar linkage, or a rod end.
+    /// Rotation about the point, as in a ball joint, a pin of a planar linkage, or a rod end.
     #[default]
     Ball,
     /// No relative motion.

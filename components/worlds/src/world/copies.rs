@@ -5,7 +5,7 @@ use serde::{Deserialize, Deserializer};
 
 use super::{Copies, Object};
 
-/// Most copies of an object.
+/// Maximum number of copies of an object.
 const MOST: usize = 1000;
 
 /// An object whose numbers are checked during parsing, so that an error has a position.

@@ -9,7 +9,7 @@ use crate::TerrainError;
 /// A mistake in a world description.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WorldError {
-    /// A number outside its range.
+    /// A number is out of range.
     #[error("{owner}: `{field}` is {value}, expected {expected}")]
     Value {
         /// The object, `ground` or `world`.
@@ -24,24 +24,24 @@ pub enum WorldError {
     /// The terrain cannot be generated.
     #[error("terrain: {0}")]
     Terrain(#[from] TerrainError),
-    /// A mesh that cannot be used.
+    /// A mesh is unusable.
     #[error("{owner}: {error}")]
     Mesh {
         /// The object.
         owner: String,
-        /// The fault of its file.
+        /// Error of the mesh file.
         error: MeshError,
     },
-    /// A mesh without volume where one is needed.
+    /// A mesh without volume is used where a volume is required.
     #[error("{name}: its mesh is flat and has no convex hull; use its triangles: collision = \"triangles\"")]
     FlatMesh {
         /// The object.
         name: String,
     },
-    /// Neighbouring triangles that face opposite sides.
+    /// Neighbouring triangles face opposite sides.
     #[error(
-        "{name}: the triangles at the edge from {:?} to {:?} of its mesh face opposite sides, so that nobody knows which side is \
-         solid; let all face outward (a mesh editor recalculates normals), or use convex parts, such as \
+        "{name}: the triangles at the edge from {:?} to {:?} of its mesh face opposite sides, so it is ambiguous which side is \
+         solid; orient all of them outward (a mesh editor recalculates normals), or use convex parts, such as \
          collision = {{ parts = 16 }}", .edge[0], .edge[1]
     )]
     TwistedMesh {
@@ -50,16 +50,16 @@ pub enum WorldError {
         /// Ends of the edge, in the axes of the mesh \[m\].
         edge: [[f64; 3]; 2],
     },
-    /// Triangles that move.
+    /// A moving object uses triangle collision.
     #[error(
-        "{name}: it moves, and cannot touch by its triangles; cut it into convex parts, such as collision = {{ parts = 16 }}, or \
-         leave `mass` and `density` out"
+        "{name}: it moves, so it cannot collide with its triangles; cut it into convex parts, such as collision = {{ parts = 16 }}, or \
+         remove `mass` and `density`"
     )]
     MovingTriangles {
         /// The object.
         name: String,
     },
-    /// Contradictory properties or parts of an object.
+    /// Properties or parts of an object are contradictory.
     #[error("{name}: {problem}")]
     Parts {
         /// The object.
@@ -67,7 +67,7 @@ pub enum WorldError {
         /// The problem.
         problem: &'static str,
     },
-    /// A connection of unknown objects.
+    /// A connection refers to an unknown object.
     #[error("`connections` names the object \"{name}\", which the world does not have{}", suggestion(.nearest.as_deref()))]
     NothingToConnect {
         /// The name.
@@ -75,7 +75,7 @@ pub enum WorldError {
         /// The name most likely meant.
         nearest: Option<String>,
     },
-    /// A connection of immovable objects.
+    /// A connection joins immovable objects.
     #[error(
         "`connections`: \"{first}\" and \"{second}\" do not move relative to one another: there is nothing to connect"
     )]
@@ -85,8 +85,8 @@ pub enum WorldError {
         /// The other.
         second: String,
     },
-    /// Two statements of a mass.
-    #[error("{name}: both `mass` and `density` are given; leave one out")]
+    /// Both mass and density are specified.
+    #[error("{name}: both `mass` and `density` are given; remove one")]
     TwoMasses {
         /// The object.
         name: String,
@@ -94,12 +94,12 @@ pub enum WorldError {
     /// The file is not a world.
     #[error(transparent)]
     File(#[from] WorldFileError),
-    /// A plane and a terrain.
+    /// Both a plane and a terrain are specified.
     #[error(
-        "both `ground` and `terrain` are given, but a terrain continues beyond its edge; leave `ground` out"
+        "both `ground` and `terrain` are given, but a terrain continues beyond its edge; remove `ground`"
     )]
     TwoGrounds,
-    /// A colour for an unknown object.
+    /// A colour refers to an unknown object.
     #[error("`appearance.colours` names \"{name}\", which the world does not have{}", suggestion(.nearest.as_deref()))]
     NothingToColour {
         /// The name.
@@ -128,26 +128,26 @@ pub enum WorldFileError {
         /// The cause.
         reason: String,
     },
-    /// Another format.
-    #[error("{}: the root element is <{root}>, expected <mujoco>, <robot> or <sdf>; a world in TOML is named by world = \"FILE.toml\"", .path.display())]
+    /// The file has another format.
+    #[error("{}: the root element is <{root}>, expected <mujoco>, <robot> or <sdf>; use world = \"FILE.toml\" for a world in TOML", .path.display())]
     Format {
         /// The file.
         path: PathBuf,
         /// Its root element.
         root: String,
     },
-    /// A fault of an MJCF file.
+    /// The MJCF file has an error.
     #[error(transparent)]
     Mjcf(#[from] MjcfError),
-    /// A fault of a URDF file.
+    /// The URDF file has an error.
     #[error(transparent)]
     Urdf(#[from] UrdfError),
-    /// An element that a world cannot contain.
+    /// The file contains an element that a world cannot represent.
     #[error("{}:{}:{}: {problem}", .path.display(), .at.line, .at.column)]
     Problem {
         /// The file.
         path: PathBuf,
-        /// Its place.
+        /// Position of the element.
         at: Position,
         /// The problem.
         problem: String,

@@ -1,4 +1,4 @@
-//! Worlds in files of other programs: MJCF, URDF and SDF.
+//! Worlds in third-party formats: MJCF, URDF and SDF.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,12 +13,12 @@ use super::mjcf::{MjcfWorld, parse_mjcf_world};
 use super::reading::{Read, fixed, mesh, position, problem, unique};
 use super::{EARTH, Object, ObjectShape, World, sdf};
 
-/// Longest file of a world, bytes.
+/// Maximum size of a world file, bytes.
 const LONGEST: u64 = 64 * 1024 * 1024;
 
 impl World {
-    /// Adds the ground and the objects of a file before this world's, with their colours unless overridden;
-    /// and its gravity unless stated here.
+    /// Adds the ground and the objects of a file before this world's objects, with their colours unless
+    /// overridden, and its gravity unless this world states its own.
     pub(super) fn add_file(&mut self, path: &Path) -> Result<Vec<ModelWarning>, WorldFileError> {
         let Read { mut world, states_gravity, warnings } = read(path)?;
         if states_gravity && !self.states_gravity && self.gravity == EARTH {
@@ -76,7 +76,7 @@ fn urdf(text: &str, path: &Path, document: &Document<'_>) -> Result<Read, WorldF
         return Err(problem(
             path,
             joint,
-            format!("joint \"{name}\" moves: a world of a URDF is fixed; load the file as a robot"),
+            format!("joint \"{name}\" moves: a world from a URDF must be fixed; load the file as a robot"),
         ));
     }
     let base = robot.model.base();
@@ -89,7 +89,7 @@ fn urdf(text: &str, path: &Path, document: &Document<'_>) -> Result<Read, WorldF
             mesh.unwrap_or(document.root_element())
         };
         let missing = |uri: &str| {
-            let advice = "name the folder of its package by ROS_PACKAGE_PATH";
+            let advice = "add the folder of its package to ROS_PACKAGE_PATH";
             problem(path, named(uri), format!("its mesh \"{uri}\" was not found; {advice}"))
         };
         let (object, reason) = object(&world, shape).map_err(|uri| missing(&uri))?;
@@ -108,7 +108,7 @@ fn urdf(text: &str, path: &Path, document: &Document<'_>) -> Result<Read, WorldF
     Ok(Read { world, states_gravity: false, warnings })
 }
 
-/// Warnings of surfaces in the dialects of other programs, of which URDF has none.
+/// Returns warnings about surfaces in the dialects of other programs; URDF itself has no surfaces.
 fn surfaces(document: &Document<'_>) -> impl Iterator<Item = ModelWarning> {
     const DIALECTS: [(&str, &[&str]); 3] = [
         (

@@ -1,4 +1,4 @@
-//! Objects in the shape of a mesh.
+//! Objects with mesh shapes.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -11,13 +11,13 @@ use serde::{Deserialize, Serialize};
 use super::WorldError;
 use super::checks::check;
 
-/// Corners of a convex part of a mesh, at most.
+/// Maximum number of corners of a convex part of a mesh.
 const MOST_CORNERS: usize = 64;
 
-/// Corners of the convex hull of a mesh, at most.
+/// Maximum number of corners of the convex hull of a mesh.
 const MOST_HULL_CORNERS: usize = 4096;
 
-/// Convex parts of a mesh, at most.
+/// Maximum number of convex parts of a mesh.
 const MOST_PARTS: usize = 64;
 
 /// A mesh from a file, in the axes of the file.
@@ -38,37 +38,37 @@ const MOST_PARTS: usize = 64;
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeshShape {
-    /// File of the mesh: `.stl`, `.obj` or `.dae`. A relative path begins at the folder of the graph.
+    /// File of the mesh: `.stl`, `.obj` or `.dae`. Relative paths start at the graph's folder.
     #[schemars(extend("format" = "path"))]
     pub file: PathBuf,
-    /// Scale along x, y and z, not 0; a negative one mirrors the mesh. Default 1: the file is in metres.
+    /// Scale along x, y and z, not 0; a negative value mirrors the mesh. Default 1: the file is in metres.
     #[serde(default = "unscaled")]
     pub scale: [f64; 3],
-    /// The shape that touches. Default: the convex hull.
+    /// Collision shape. Default: the convex hull.
     #[serde(default)]
     pub collision: MeshCollision,
     /// Another file for drawing, with the same scale. Default: the same file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("format" = "path"))]
     pub visual: Option<PathBuf>,
-    /// The body read from the file, or the error; read once and shared by all copies.
+    /// The body read from the file, or the error. Read once and shared by all copies.
     #[serde(skip)]
     pub(crate) read: Arc<OnceLock<Result<Arc<MeshBody>, MeshError>>>,
 }
 
-/// The shape by which a mesh touches.
+/// Collision shape of a mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MeshCollision {
     /// Convex hull of at most 4096 corners.
     #[default]
     Hull,
-    /// This number (1 to 64) of convex parts at most, of at most 64 corners each, which together cover the
+    /// At most this number (1 to 64) of convex parts with at most 64 corners each, which together cover the
     /// mesh. They exceed the mesh by up to a 64th of its longest side.
     Parts(#[schemars(range(min = 1, max = 64))] usize),
-    /// Triangles, solid behind: exact. For fixed objects. They face outward if they enclose a volume,
-    /// whatever their order in the file. An open surface is touched on the side from which its triangles are
-    /// counter-clockwise.
+    /// The triangles themselves, solid behind: exact, for fixed objects only. Triangles that enclose a volume
+    /// face outward, regardless of their order in the file. The front of an open surface is the side from
+    /// which its triangles are counter-clockwise.
     Triangles,
 }
 
@@ -83,7 +83,7 @@ pub struct MeshBody {
     pub parts: Vec<Arc<TriangleMesh>>,
     /// Collision triangles.
     pub surface: Option<Arc<TriangleSurface>>,
-    /// Properties of a closed mesh, else of its convex hull; `None` without a volume.
+    /// Properties of a closed mesh, otherwise of its convex hull; `None` without a volume.
     pub properties: Option<VolumeProperties>,
 }
 
@@ -93,13 +93,13 @@ fn unscaled() -> [f64; 3] {
 
 impl PartialEq for MeshShape {
     fn eq(&self, other: &Self) -> bool {
-        let told = |mesh: &Self| (mesh.file.clone(), mesh.scale, mesh.collision, mesh.visual.clone());
-        told(self) == told(other)
+        let settings = |mesh: &Self| (mesh.file.clone(), mesh.scale, mesh.collision, mesh.visual.clone());
+        settings(self) == settings(other)
     }
 }
 
 impl MeshShape {
-    /// A mesh from a file that touches by its convex hull.
+    /// Creates a mesh from a file that collides with its convex hull.
     pub fn new(file: impl Into<PathBuf>) -> Self {
         let (scale, collision) = (unscaled(), MeshCollision::default());
         Self { file: file.into(), scale, collision, visual: None, read: Arc::default() }
@@ -122,7 +122,7 @@ impl MeshShape {
         self.read = Arc::default();
     }
 
-    /// The mesh with its parts and its mass properties, read at the first call.
+    /// Returns the mesh with its parts and its mass properties, read on the first call.
     ///
     /// # Errors
     ///
@@ -185,7 +185,7 @@ impl MeshBody {
         Self { mesh, visual, parts, surface, properties }
     }
 
-    /// The shapes of a collision model by which it touches, all about the origin of the mesh.
+    /// Returns the collision shapes, all about the origin of the mesh.
     pub fn geometries(&self, name: &str) -> Vec<Geometry> {
         let of = |mesh: Arc<TriangleMesh>| Geometry::Mesh {
             uri: name.to_owned(),

@@ -29,7 +29,7 @@ impl Object {
             finite(name, "velocity or angular_velocity", value)?;
         }
         if !self.is_dynamic() && (self.velocity, self.angular_velocity) != ([0.0; 3], [0.0; 3]) {
-            let problem = "a velocity of an object that is fixed; give it a `mass` or a `density`";
+            let problem = "it is fixed but has a velocity; give it a `mass` or a `density`";
             return Err(WorldError::Parts { name: name.to_owned(), problem });
         }
         // Files are checked once the folder for paths is known.
@@ -48,7 +48,7 @@ impl Object {
         textured(name, self.soft, self.grain)
     }
 
-    /// Checks its shape, including a mesh file.
+    /// Checks the shape, including a mesh file.
     pub(super) fn check_shape(&self) -> Result<(), WorldError> {
         match &self.shape {
             ObjectShape::Compound(parts) => check_parts(&self.name, parts, self.density.is_some()),

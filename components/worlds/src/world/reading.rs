@@ -1,4 +1,4 @@
-//! Reading of world files of all formats: places, and the objects of shapes.
+//! Helpers for reading world files of all formats: positions, errors, meshes and names.
 
 use std::path::Path;
 
@@ -15,22 +15,22 @@ pub(super) struct Read {
     pub(super) warnings: Vec<ModelWarning>,
 }
 
-/// The place of an element.
+/// Returns the position of an element.
 pub(super) fn position(node: Node<'_, '_>) -> Position {
     let at = node.document().text_pos_at(node.range().start);
     Position { line: at.row, column: at.col }
 }
 
-/// An error at an element.
+/// Creates an error at an element.
 pub(super) fn problem(path: &Path, node: Node<'_, '_>, problem: impl Into<String>) -> WorldFileError {
     let at = position(node);
     WorldFileError::Problem { path: path.to_owned(), at, problem: problem.into() }
 }
 
-/// A mesh of a file, and the reason for a warning.
+/// Returns the shape of a mesh of a file, and the reason for a warning.
 ///
-/// In the program of the file it touches by its triangles. So it does here if it is fixed, unless it is
-/// convex, since the hull is the same then. An object that moves touches by the hull.
+/// The simulator of the file uses its triangles for collision. So does this crate for fixed meshes, unless
+/// they are convex, in which case the hull is equivalent. Moving objects collide with the hull.
 pub(super) fn mesh(path: &Path, scale: [f64; 3], moves: bool) -> (ObjectShape, Option<&'static str>) {
     let file = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     // A file that cannot be read is reported by the check of the object.

@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 use super::checks::{finite, from_zero, positive};
 use super::{MeshCollision, MeshShape, WorldError};
 
-/// Parts of an object, at most.
+/// Maximum number of parts of an object.
 const MOST_PARTS: usize = 64;
-/// Distance \[m\] and angle \[rad\] below which a shape is at the origin of its object.
+/// Distance \[m\] and angle \[rad\] below which a shape counts as at the origin of its object.
 const ALIGNED: f64 = 1e-12;
 
 /// Shapes of objects.
@@ -45,7 +45,7 @@ pub enum ObjectShape {
     },
     /// A mesh.
     Mesh(MeshShape),
-    /// Several shapes that are rigidly joined.
+    /// Several rigidly joined shapes.
     Compound(Vec<CompoundPart>),
 }
 
@@ -61,7 +61,7 @@ pub struct ObjectMass {
     pub moments: Vector3<f64>,
 }
 
-/// A part of an object of several shapes.
+/// A part of an object with several shapes.
 ///
 /// ```
 /// use motorium_worlds::Object;
@@ -98,7 +98,7 @@ pub struct CompoundPart {
 }
 
 impl CompoundPart {
-    /// Frame of the part in the object.
+    /// Returns the frame of the part in the object.
     pub fn frame(&self) -> Isometry3<f64> {
         BasePose { position: self.position, rpy: self.rpy }.isometry()
     }
@@ -114,7 +114,8 @@ impl ObjectShape {
         }
     }
 
-    /// Mass properties of `mass` \[kg\] spread over the shape; `None` for a mesh that cannot be read.
+    /// Returns the mass properties of `mass` \[kg\] distributed evenly over the shape; `None` for an
+    /// unreadable mesh.
     pub(super) fn mass_properties(&self, mass: f64) -> Option<ObjectMass> {
         match self {
             Self::Compound(parts) => parts_mass(parts, mass),
@@ -127,7 +128,7 @@ impl ObjectShape {
     }
 
     /// Returns the volume \[m3\]; `None` for a mesh that is unreadable or has no volume. Overlapping parts of
-    /// a compound each count.
+    /// a compound are each counted in full.
     pub fn volume(&self) -> Option<f64> {
         use core::f64::consts::PI;
         Some(match self {
@@ -140,8 +141,8 @@ impl ObjectShape {
         })
     }
 
-    /// Principal moments of inertia of `mass` \[kg\] spread evenly over the shape, about its centre of mass
-    /// \[kg m2\].
+    /// Returns the principal moments of inertia of `mass` \[kg\] distributed evenly over the shape, about its
+    /// centre of mass \[kg m2\].
     pub fn principal_inertia(&self, mass: f64) -> Vector3<f64> {
         match *self {
             Self::Box { size: [x, y, z] } => {
@@ -153,8 +154,8 @@ impl ObjectShape {
                 Vector3::new(across, across, 0.5 * mass * radius * radius)
             }
             Self::Capsule { radius, length } => {
-                // The two halves of a sphere of this mass, each about its own centre of mass 3/8 of the
-                // radius beyond the cylinder.
+                // Two hemispheres with this total mass, each about its own centre of mass 3/8 of the radius
+                // beyond the cylinder.
                 let ends = mass * 4.0 * radius / (4.0 * radius + 3.0 * length);
                 let rod = mass - ends;
                 let squared = radius * radius;
@@ -236,7 +237,7 @@ impl ObjectShape {
 }
 
 impl ObjectShape {
-    /// Inertia of `mass` \[kg\] spread evenly over the shape, in its axes.
+    /// Returns the inertia of `mass` \[kg\] distributed evenly over the shape, in its axes.
     fn inertia(&self, mass: f64) -> Option<Inertia> {
         let ObjectMass { frame, moments, .. } = self.mass_properties(mass)?;
         let own =
@@ -244,7 +245,7 @@ impl ObjectShape {
         Some(frame.map_or(own, |frame| own.moved(&frame)))
     }
 
-    /// Returns the shape at `frame` in its object: itself at the origin, else a compound of this part.
+    /// Returns the shape at `frame` in its object: itself at the origin, otherwise a compound with this part.
     pub(super) fn displaced(self, frame: &Isometry3<f64>) -> Self {
         if frame.translation.vector.norm() < ALIGNED && frame.rotation.angle() < ALIGNED {
             return self;
@@ -268,17 +269,17 @@ impl ObjectShape {
     }
 }
 
-/// Total stated mass of the parts \[kg\].
+/// Returns the total specified mass of the parts \[kg\].
 pub(super) fn stated_mass(parts: &[CompoundPart]) -> Option<f64> {
     parts.iter().map(|part| part.mass).sum()
 }
 
-/// Volume \[m3\]: where parts overlap each counts.
+/// Returns the total volume \[m3\]; overlapping parts are each counted in full.
 fn parts_volume(parts: &[CompoundPart]) -> Option<f64> {
     parts.iter().map(|part| part.shape.volume()).sum()
 }
 
-/// Mass properties of parts of `mass` \[kg\] together.
+/// Returns the mass properties of parts with the total mass `mass` \[kg\].
 fn parts_mass(parts: &[CompoundPart], mass: f64) -> Option<ObjectMass> {
     let shares: Option<Vec<f64>> = match stated_mass(parts) {
         Some(_) => parts.iter().map(|part| part.mass).collect(),
@@ -295,7 +296,7 @@ fn parts_mass(parts: &[CompoundPart], mass: f64) -> Option<ObjectMass> {
     Some(ObjectMass { mass, frame: Some(frame), moments })
 }
 
-/// Checks the parts of an object; `owner` is its name, `density` is `true` if it states one.
+/// Checks the parts of an object; `owner` is its name, and `density` is `true` if it has a density.
 pub(super) fn check_parts(owner: &str, parts: &[CompoundPart], density: bool) -> Result<(), WorldError> {
     let wrong = |problem: &'static str| WorldError::Parts { name: owner.to_owned(), problem };
     if parts.is_empty() || parts.len() > MOST_PARTS {
@@ -304,10 +305,10 @@ pub(super) fn check_parts(owner: &str, parts: &[CompoundPart], density: bool) ->
     for part in parts {
         match &part.shape {
             ObjectShape::Compound(_) => {
-                return Err(wrong("a part is a compound itself; list its parts beside the others"));
+                return Err(wrong("a part is a compound itself; list its parts next to the others"));
             }
             ObjectShape::Mesh(mesh) if mesh.collision == MeshCollision::Triangles => {
-                return Err(wrong("a part collides by its triangles; make it a separate object"));
+                return Err(wrong("a part collides with its triangles; make it a separate object"));
             }
             shape => shape.check(owner, true)?,
         }
@@ -321,7 +322,7 @@ pub(super) fn check_parts(owner: &str, parts: &[CompoundPart], density: bool) ->
         return Err(wrong("some of its parts have a mass and others none; give it to all, or to none"));
     }
     if stated != 0 && density {
-        return Err(wrong("its parts have masses, and it has a `density`; leave one out"));
+        return Err(wrong("its parts have masses, but it also has a `density`; remove one"));
     }
     if stated != 0 && stated_mass(parts) <= Some(0.0) {
         return Err(wrong("the masses of its parts are zero"));

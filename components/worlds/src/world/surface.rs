@@ -33,8 +33,8 @@ impl Grain {
 }
 
 impl World {
-    /// Gives all surfaces this rule, unless they have the same coefficients, and with them the same friction
-    /// under every rule but `multiply`.
+    /// Sets this rule for all surfaces, unless they have equal coefficients: the friction is then the same
+    /// under every rule except `multiply`.
     pub(crate) fn combine_frictions(&mut self, rule: FrictionCombine) {
         let all = || {
             let of_object =

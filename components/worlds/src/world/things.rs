@@ -1,4 +1,4 @@
-//! The things of a world: the ground and the objects, with their surfaces.
+//! The ground and the objects of a world, with their surfaces.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use schemars::JsonSchema;
@@ -39,7 +39,7 @@ pub struct Ground {
     /// surfaces.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
-    /// A moving surface, as of a treadmill. Default: at rest.
+    /// A moving surface, such as a treadmill. Default: at rest.
     pub conveyor: Option<Conveyor>,
     /// Softness: contact points yield like a spring and a damper. Default: the surface is rigid.
     pub soft: Option<Softness>,
@@ -71,7 +71,7 @@ impl Default for Ground {
 #[serde(deny_unknown_fields)]
 pub struct Conveyor {
     /// Velocity of the surface relative to its body (m/s), in the axes of the object; for the ground, in
-    /// world axes. At a contact the tangential component acts.
+    /// world axes. At a contact, only the tangential component acts.
     pub velocity: [f64; 3],
 }
 
@@ -101,7 +101,7 @@ pub struct Object {
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub mass: Option<f64>,
-    /// Density (kg/m3), instead of the mass, which follows from the volume.
+    /// Density (kg/m3), instead of the mass; the mass follows from the volume.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub density: Option<f64>,
@@ -110,7 +110,7 @@ pub struct Object {
     /// Orientation: roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
     #[serde(default)]
     pub rpy: [f64; 3],
-    /// Velocity of its centre of mass at the start, world axes (m/s). Default: at rest.
+    /// Initial velocity of its centre of mass, world axes (m/s). Default: at rest.
     #[serde(default)]
     pub velocity: [f64; 3],
     /// Initial angular velocity, world axes (rad/s).
@@ -137,11 +137,11 @@ pub struct Object {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
-    /// A moving surface, as of a conveyor belt. Default: at rest.
+    /// A moving surface, such as a conveyor belt. Default: at rest.
     #[serde(default)]
     pub conveyor: Option<Conveyor>,
-    /// Drag area: drag coefficient times frontal area (m2). The air pushes at its centre with half of the
-    /// density times this times the square of the velocity relative to it. Without it, nothing.
+    /// Drag area: drag coefficient times frontal area (m2). The drag force acts at its centre: half the air
+    /// density times this area times the square of the relative air velocity. Default 0: no drag.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub drag: f64,
@@ -179,7 +179,7 @@ pub struct Copies {
     /// Number along x, y and z of the object, including itself: 1 to 1000, at most 1000 in total.
     #[schemars(inner(range(min = 1, max = 1000)))]
     pub count: [usize; 3],
-    /// Distance from one to the next along x, y and z (m).
+    /// Distance between consecutive copies along x, y and z (m).
     pub spacing: [f64; 3],
 }
 
@@ -217,7 +217,7 @@ impl Default for Object {
 }
 
 impl Object {
-    /// Pose of the object at the start.
+    /// Returns the initial pose of the object.
     pub fn pose(&self) -> Isometry3<f64> {
         let [roll, pitch, yaw] = self.rpy;
         Isometry3::from_parts(
@@ -226,7 +226,7 @@ impl Object {
         )
     }
 
-    /// Returns `true` if it has a mass and therefore moves.
+    /// Returns `true` if the object has a mass or density and therefore moves.
     pub fn is_dynamic(&self) -> bool {
         let of_parts = || match &self.shape {
             ObjectShape::Compound(parts) => stated_mass(parts).is_some(),
@@ -235,7 +235,7 @@ impl Object {
         self.mass.is_some() || self.density.is_some() || of_parts()
     }
 
-    /// Returns mass and inertia of a moving object; `None` for a fixed one, or one with an unreadable mesh.
+    /// Returns the mass and inertia of a moving object; `None` for a fixed object or an unreadable mesh.
     ///
     /// ```
     /// use motorium_worlds::{Object, ObjectShape};

@@ -1,4 +1,4 @@
-//! A world with a height field, a body of several geoms, and connected bodies. `world.py` writes MuJoCo's
+//! A world with a height field, a body with several geoms, and connected bodies. `world.py` writes MuJoCo's
 //! result.
 
 use approx::assert_relative_eq;
@@ -23,7 +23,7 @@ fn world() -> World {
 }
 
 #[test]
-fn rays_meet_a_height_field_as_in_mujoco() {
+fn rays_hit_a_height_field_as_in_mujoco() {
     let (world, golden) = (world(), golden());
     let mut scene = RayScene::default();
     let objects = world.objects.into_iter().filter(|object| object.name == "field").collect();
@@ -41,7 +41,7 @@ fn rays_meet_a_height_field_as_in_mujoco() {
 }
 
 #[test]
-fn a_body_of_several_geoms_has_the_inertia_of_mujoco() {
+fn inertia_of_several_geoms_matches_mujoco() {
     let (world, golden) = (world(), golden());
     let hammer = world.objects.iter().find(|object| object.name == "hammer").unwrap();
     let own = hammer.mass_properties().unwrap();
@@ -58,7 +58,7 @@ fn a_body_of_several_geoms_has_the_inertia_of_mujoco() {
 }
 
 #[test]
-fn bodies_that_are_held_become_connections_at_the_same_points() {
+fn equality_constraints_become_connections() {
     let world = world();
     let [ball, spike] = &world.connections[..] else { panic!("{:?}", world.connections) };
     assert_eq!((ball.kind, &ball.parts), (ConnectionKind::Ball, &["ball".to_owned(), "world".to_owned()]));
@@ -69,7 +69,7 @@ fn bodies_that_are_held_become_connections_at_the_same_points() {
 }
 
 #[test]
-fn unreadable_fields_and_bodies_are_refused_with_position() {
+fn invalid_fields_and_bodies_are_rejected_with_position() {
     for (old, new, expected) in [
         ("elevation=\"0 1", "elevation=\"0", "4:5: elevation=\"0 2 1 0"),
         (
@@ -79,7 +79,7 @@ fn unreadable_fields_and_bodies_are_refused_with_position() {
         ),
         ("hfield=\"hills\"", "hfield=\"hill\"", "9:5: <geom name=\"field\"> names the hfield \"hill\""),
         ("<geom size=\"0.05\" pos", "<geom type=\"hfield\" hfield=\"hills\" pos", "18:"),
-        ("mass=\"0\"/>", "mass=\"1\"/>", "16:7: a geom that touches nothing has a mass"),
+        ("mass=\"0\"/>", "mass=\"1\"/>", "16:7: a non-colliding geom has a mass"),
         ("mass=\"0.15\"", "mass=\"0.15\" friction=\"0.2\"", "its friction differs"),
         (
             "body2=\"post\"",
@@ -103,7 +103,7 @@ fn unreadable_fields_and_bodies_are_refused_with_position() {
 }
 
 #[test]
-fn a_height_field_beyond_memory_is_refused_in_advance() {
+fn oversized_height_field_is_rejected_before_allocation() {
     let attributes = r#"name="hills" nrow="250000" ncol="250000" size="1 1 1 0.1""#;
     for rest in ["", r#" elevation="0 1""#] {
         let text = format!(
@@ -120,7 +120,7 @@ fn a_height_field_beyond_memory_is_refused_in_advance() {
 }
 
 #[test]
-fn meshes_with_other_inertia_are_refused_if_mass_is_needed() {
+fn unsupported_mesh_inertia_is_rejected_if_mass_is_needed() {
     let density = "<geom type=\"mesh\" mesh=\"wedge\" density=\"2000\"";
     let vertex = "<mesh name=\"wedge\" vertex";
     assert!(TEXT.contains(density) && TEXT.contains(vertex));
@@ -138,16 +138,16 @@ fn meshes_with_other_inertia_are_refused_if_mass_is_needed() {
     }
     let same = of(vertex, "<mesh name=\"wedge\" inertia=\"exact\" vertex").unwrap().world;
     assert_eq!(same, world());
-    // A mesh that weighs nothing needs no inertia.
+    // A mesh without mass needs no inertia.
     let weightless = TEXT.replacen(density, "<geom type=\"mesh\" mesh=\"wedge\" mass=\"0\"", 1);
     let weightless = weightless.replacen(vertex, "<mesh name=\"wedge\" inertia=\"shell\" vertex", 1);
     assert!(parse_mjcf_world(&weightless, None).is_ok());
 }
 
 #[test]
-fn heights_of_pictures_and_files_have_their_order() {
+fn image_and_file_heights_keep_their_row_order() {
     let folder = tempfile::tempdir().unwrap();
-    // Two rows of three heights: the row of the least y first.
+    // Two rows of three heights, starting with the row of smallest y.
     let mut bytes = [2_i32, 3].map(i32::to_le_bytes).concat();
     bytes.extend([0.0_f32, 1.0, 2.0, 4.0, 3.0, 2.0].into_iter().flat_map(f32::to_le_bytes));
     std::fs::write(folder.path().join("ramp.bin"), bytes).unwrap();
@@ -175,14 +175,14 @@ fn heights_of_pictures_and_files_have_their_order() {
 }
 
 #[test]
-fn bodies_too_deep_in_one_another_are_refused() {
+fn too_deeply_nested_bodies_are_rejected() {
     let nested = |depth: usize| {
         let (open, close) = ("<body>".repeat(depth), "</body>".repeat(depth));
         format!("<mujoco><worldbody>{open}<geom size=\"1\"/>{close}</worldbody></mujoco>")
     };
     for depth in [200, 5000] {
         let refused = parse_mjcf_world(&nested(depth), None).unwrap_err().to_string();
-        assert!(refused.contains("in one another are not read"), "{depth}: {refused}");
+        assert!(refused.contains("nested bodies and frames are not supported"), "{depth}: {refused}");
     }
     assert!(parse_mjcf_world(&nested(100), None).is_ok());
 }

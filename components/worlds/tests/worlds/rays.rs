@@ -1,4 +1,4 @@
-//! Rays against closed forms, against marching along the ray, and many of them against one by one.
+//! Rays compared with closed forms and with marching along the ray, and bundles compared with single rays.
 
 use motorium_robots::{CollisionModel, CollisionOptions, ConvexShape, load};
 use motorium_worlds::{Ground, Object, ObjectShape, Ray, RayScene, RayShape, World};
@@ -20,7 +20,7 @@ fn near(found: Option<(f64, Vector3<f64>)>, distance: f64, normal: [f64; 3]) {
 fn distances_to_basic_shapes_match_closed_forms() {
     let slope = UnitQuaternion::from_euler_angles(0.0, 0.3, 0.0);
     let plane = Isometry3::from_parts(Translation3::new(0.0, 0.0, 0.5), slope);
-    // a plane through (0, 0, 0.5) that falls by 0.3 rad towards x, from 2 m above it
+    // a plane through (0, 0, 0.5) that descends by 0.3 rad towards x, from 2 m above it
     let found =
         RayShape::new(&ConvexShape::HalfSpace).cast(&plane, &ray([1.0, 3.0, 2.5], [0.0, 0.0, -1.0]), 9.0);
     near(found, 2.0 + 0.3_f64.tan(), [0.3_f64.sin(), 0.0, 0.3_f64.cos()]);
@@ -32,8 +32,8 @@ fn distances_to_basic_shapes_match_closed_forms() {
 
     let block = RayShape::new(&ConvexShape::Box { half: Vector3::new(0.5, 1.0, 2.0) });
     let turned = Isometry3::new(Vector3::new(4.0, 0.0, 0.0), Vector3::z() * std::f64::consts::FRAC_PI_4);
-    // the edge of the corner (-0.5, 1) points at the ray: by the turn it is at -1.5 / sqrt 2 along x, 0.5 /
-    // sqrt 2 along y
+    // the edge at the corner (-0.5, 1) faces the ray: after the rotation it is at -1.5 / sqrt 2 along x, 0.5
+    // / sqrt 2 along y
     let y = 0.5 / 2.0_f64.sqrt();
     let found = block.cast(&turned, &ray([0.0, y + 1e-9, 0.0], [1.0, 0.0, 0.0]), 9.0).unwrap();
     assert!((found.0 - (4.0 - 1.5 / 2.0_f64.sqrt())).abs() < 1e-8, "{}", found.0);
@@ -59,7 +59,7 @@ fn distances_to_basic_shapes_match_closed_forms() {
 }
 
 #[test]
-fn a_ray_from_inside_or_past_or_too_short_hits_nothing() {
+fn rays_from_inside_past_or_out_of_range_hit_nothing() {
     let shapes = [
         ConvexShape::Sphere { radius: 0.5 },
         ConvexShape::Box { half: Vector3::repeat(0.5) },
@@ -90,7 +90,7 @@ fn corners() -> Vec<Vector3<f64>> {
 }
 
 #[test]
-fn a_hull_of_the_corners_of_a_box_is_met_where_the_box_is() {
+fn hull_of_box_corners_is_hit_like_the_box() {
     let (hull, block) = (
         RayShape::new(&ConvexShape::Hull { points: corners() }),
         RayShape::new(&ConvexShape::Box { half: Vector3::repeat(0.5) }),
@@ -145,14 +145,14 @@ fn table_top() -> World {
 }
 
 #[test]
-fn many_rays_at_once_meet_what_each_meets_alone() {
+fn ray_bundles_match_single_rays() {
     let panda = load("panda", std::path::Path::new(".")).unwrap();
     let mut scene = RayScene::default();
     scene.add_solids(&CollisionModel::new(&panda.model, &CollisionOptions::default()).unwrap());
     scene.add_world(&table_top());
     let mut random = Random(17);
     let mut fans: Vec<Vec<Ray>> = Vec::new();
-    // from one point all around, down from a grid, and without any order
+    // in all directions from one point, down from a grid, and in random order
     let from = [0.2, 0.1, 0.6];
     fans.push(
         (0..360).map(|k| (k as f64).to_radians()).map(|a| ray(from, [a.cos(), a.sin(), -0.3])).collect(),
@@ -182,11 +182,11 @@ fn many_rays_at_once_meet_what_each_meets_alone() {
 }
 
 #[test]
-fn a_hit_lies_on_the_surface_and_nothing_lies_before_it() {
+fn hits_are_on_the_first_surface() {
     let world = table_top();
     let mut scene = RayScene::default();
     scene.add_world(&world);
-    // Signed distances of a point, as textbooks have them.
+    // Signed distances of a point, from textbooks.
     let distance = |point: &Point3<f64>| -> f64 {
         let of_objects = world.objects.iter().map(|object| {
             let p = object.pose().inverse_transform_point(point).coords;

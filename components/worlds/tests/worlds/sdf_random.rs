@@ -1,5 +1,5 @@
-//! Random worlds in SDF 1.4 to 1.11 against closed forms: each is read with equal numbers, or its differences
-//! are named.
+//! Random worlds in SDF 1.4 to 1.11 compared with closed forms: each is read with equal numbers, or its
+//! differences are reported.
 
 mod closed_forms;
 mod faults;
@@ -14,7 +14,7 @@ use nalgebra::{Isometry3, Vector3};
 use closed_forms::{Frame, Solid};
 use generator::{Expected, File, TETRAHEDRON};
 
-/// Random files.
+/// Number of random files.
 const FILES: u64 = 400;
 const SAME: f64 = 1e-9;
 
@@ -32,7 +32,7 @@ fn read(file: &File) -> Result<(World, BTreeSet<String>), String> {
     Ok((world, named.collect()))
 }
 
-/// Distance of two frames: of their origins \[m\], or of their axes.
+/// Returns the larger difference of two frames: between their origins \[m\], or between their axes.
 fn apart(found: &Isometry3<f64>, expected: &Frame) -> f64 {
     let turn = found.rotation.to_rotation_matrix().into_inner() - expected.turn;
     (found.translation.vector - expected.origin).amax().max(turn.amax())
@@ -68,8 +68,8 @@ fn has_solids(object: &Object, solids: &[(Solid, Frame)]) -> bool {
         })
 }
 
-/// Checks that the mass of an object is spread evenly over its solids: where a file states another centre or
-/// inertia, the reader warns.
+/// Checks that the mass of an object is distributed evenly over its solids; the reader warns if a file
+/// specifies another centre or inertia.
 fn check_mass(object: &Object, expected: &Expected, text: &str) {
     let Some(body) = &expected.body else { return assert!(!object.is_dynamic(), "{}\n{text}", object.name) };
     let own = object.mass_properties().unwrap();

@@ -1,9 +1,9 @@
-//! Surfaces, masses and frames of worlds in SDF and MJCF: read, or named.
+//! Surfaces, masses and frames of worlds in SDF and MJCF are read, or reported.
 
 use motorium_worlds::{FrictionCombine, MeshCollision, ObjectShape, World, parse_mjcf_world};
 
-/// The world of a moving ball with these parts, and its warnings; or the error. Without a link of its own the
-/// ball has the inertia of its shape.
+/// Returns the world of a moving ball with these parts, and its warnings, or the error. Without a separate
+/// link, the ball has the inertia of its shape.
 fn ball(outside: &str, model: &str, link: &str, collision: &str) -> Result<(World, Vec<String>), String> {
     let link = if link.is_empty() { "<inertial auto=\"true\"/>" } else { link };
     read(&format!(
@@ -13,7 +13,7 @@ fn ball(outside: &str, model: &str, link: &str, collision: &str) -> Result<(Worl
     ))
 }
 
-/// The world of an SDF text, and its warnings; or the error.
+/// Returns the world of an SDF text, and its warnings, or the error.
 pub(crate) fn read(text: &str) -> Result<(World, Vec<String>), String> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("w.sdf"), text).unwrap();
@@ -121,7 +121,7 @@ fn sdf_frames_that_are_not_read_are_refused() {
 }
 
 #[test]
-fn mjcf_masks_that_part_a_pair_are_refused() {
+fn mjcf_masks_that_exclude_a_pair_are_rejected() {
     let world = |floor: &str, ghost: &str| {
         let text = format!(
             "<mujoco><worldbody><geom type=\"plane\" size=\"0 0 1\" {floor}/>\n\
@@ -159,7 +159,7 @@ fn comments_inside_sdf_values_are_left_out() {
 }
 
 #[test]
-fn files_combine_frictions_as_their_program() {
+fn world_files_combine_friction_as_in_their_simulator() {
     let sdf = |ground: f64| {
         let plane = format!(
             "<model name=\"ground\"><static>true</static><link name=\"l\"><collision name=\"c\"><geometry><plane/></geometry>\
@@ -199,7 +199,7 @@ fn files_combine_frictions_as_their_program() {
 }
 
 #[test]
-fn mjcf_flags_and_free_joints_are_obeyed_or_named() {
+fn mjcf_flags_and_free_joints_are_applied_or_reported() {
     let world = |option: &str, joint: &str| {
         let text = format!(
             "<mujoco><option>{option}</option><default><joint damping=\"0\"/></default><worldbody>\n\
@@ -267,7 +267,7 @@ fn fixed_meshes_of_sdf_and_urdf_touch_by_their_triangles() {
 }
 
 #[test]
-fn planes_have_no_ends() {
+fn planes_are_infinite() {
     let mjcf = |planes: &str| {
         let text = format!(
             "<mujoco><worldbody>{planes}<body pos=\"9 0 1\"><freejoint/><geom size=\"0.1\"/></body></worldbody></mujoco>"
@@ -296,7 +296,7 @@ fn planes_have_no_ends() {
 }
 
 #[test]
-fn soft_welds_and_surfaces_of_urdf_dialects_are_named() {
+fn soft_welds_and_urdf_dialect_surfaces_are_reported() {
     let weld = |attributes: &str| {
         let text = format!(
             "<mujoco><worldbody><body name=\"b\"><freejoint/><geom size=\"0.1\"/></body></worldbody>\n\
@@ -341,7 +341,8 @@ fn soft_welds_and_surfaces_of_urdf_dialects_are_named() {
     assert!(error.contains("quat_xyzw of <origin> is not supported"), "{error}");
 }
 
-/// Sliding, torsional and rolling friction of a contact of the first object of a MJCF world with the ground.
+/// Returns the sliding, torsional and rolling friction of the contact between the first object of an MJCF
+/// world and the ground.
 fn friction_of_contact(ground: &str, geom: &str, more: &str) -> ([f64; 3], usize) {
     let text = format!(
         "<mujoco><worldbody><geom type=\"plane\" size=\"0 0 1\" {ground}/><body><freejoint/><geom size=\"0.1\" {geom}/>\
@@ -372,7 +373,7 @@ fn mjcf_contacts_have_the_larger_condim_and_friction() {
     ] {
         assert_eq!(friction_of_contact(&ground, &geom, ""), (expected, 0), "{ground}, {geom}");
     }
-    // A third geom without friction would rub on the first one.
+    // A third geom without friction would have friction on the first geom.
     let ball = "<body pos=\"1 0 1\"><freejoint/><geom size=\"0.1\" condim=\"1\"/></body>";
     let (friction, warnings) = friction_of_contact(slippery, &format!("condim=\"1\" {rough}"), ball);
     assert_eq!((friction, warnings), ([1.0, 0.0, 0.0], 1));

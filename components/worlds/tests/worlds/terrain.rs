@@ -1,4 +1,5 @@
-//! Terrain: heights of its layers by closed forms, rays against marching, nearest points against search.
+//! Terrain: heights of its layers compared with closed forms, rays with marching, nearest points with a
+//! search.
 
 use motorium_worlds::{HeightField, Ray, RayScene, Terrain, World, WorldError};
 use nalgebra::{Point3, Unit, Vector3};
@@ -20,7 +21,7 @@ fn scene(terrain: Terrain) -> RayScene {
 }
 
 #[test]
-fn layers_have_the_heights_of_their_equations_and_add_up() {
+fn layer_heights_match_their_equations_and_add_up() {
     let wave = field("layers = [{ equation = { height = '0.2 * sin(2 * x) * cos(y)' } }]");
     let slope = field(
         "layers = [{ slope = { angle = 0.2, direction = 1.5707963267948966, from = 0.5, length = 1.0 } }]",
@@ -55,7 +56,7 @@ fn layers_have_the_heights_of_their_equations_and_add_up() {
 }
 
 #[test]
-fn what_is_drawn_depends_on_the_seed_alone_and_keeps_its_size() {
+fn random_layers_depend_on_the_seed_only_and_keep_their_size() {
     for layer in [
         "stones = { height = 0.05, size = 0.3, per_square_metre = 4.0 }",
         "diamond_square = { height = 0.05 }",
@@ -74,7 +75,7 @@ fn what_is_drawn_depends_on_the_seed_alone_and_keeps_its_size() {
     let stones = field(
         "spacing = 0.02\nlayers = [{ stones = { height = 0.05, size = 0.3, per_square_metre = 4.0 } }]",
     );
-    // Places that no stone covers: Poisson's, with the mean area of a disc of radius 0.075 (1 + u).
+    // Uncovered positions: Poisson's distribution, with the mean area of a disc of radius 0.075 (1 + u).
     let area = std::f64::consts::PI * 0.075 * 0.075 * 7.0 / 3.0;
     let mut random = Random(8);
     let bare = (0..20_000).filter(|_| stones.height(3.6 * random.next(), 2.6 * random.next()) == 0.0).count();
@@ -83,7 +84,7 @@ fn what_is_drawn_depends_on_the_seed_alone_and_keeps_its_size() {
 }
 
 #[test]
-fn a_ray_hits_terrain_where_marching_first_goes_below() {
+fn ray_hits_terrain_where_marching_first_goes_below() {
     let rough = terrain(
         "seed = 3\nlayers = [{ diamond_square = { height = 0.4, roughness = 0.6 } }, { steps = { rise = 0.2, run = 0.4, count = 3 } }]",
     );
@@ -168,7 +169,7 @@ fn the_triangles_near_a_point_contain_the_nearest_point() {
 }
 
 #[test]
-fn an_invalid_terrain_is_refused_with_its_key() {
+fn invalid_terrain_is_rejected_with_its_key() {
     for (text, expected) in [
         ("spacing = 1e-4\nlayers = []", "raise `spacing`"),
         ("spacing = -1.0\nlayers = []", "`spacing` is -1"),

@@ -40,7 +40,7 @@ position = [1.0, 2.0, 3.0]
     world.locate(folder.path()).unwrap();
     world.check(std::iter::empty()).unwrap();
     let own = world.objects[0].mass_properties().unwrap();
-    // An outer box less an inner one, about the same centre.
+    // An outer box minus an inner box with the same centre.
     let of_box = |side: f64, height: f64| {
         let mass = 2700.0 * side * side * height;
         (mass, mass * (side * side + height * height) / 12.0, mass * (side * side + side * side) / 12.0)
@@ -99,7 +99,7 @@ const MJCF: &str = r#"<mujoco model="yard">
 </mujoco>"#;
 
 #[test]
-fn a_world_of_mjcf_has_its_gravity_geoms_and_free_bodies() {
+fn mjcf_world_has_its_gravity_geoms_and_free_bodies() {
     let read = parse_mjcf_world(MJCF, None).unwrap();
     let world = &read.world;
     assert_eq!((world.gravity, world.wind), ([0.0, 0.0, -3.7], [1.0, 0.0, 0.0]));
@@ -123,7 +123,7 @@ fn a_world_of_mjcf_has_its_gravity_geoms_and_free_bodies() {
 }
 
 #[test]
-fn what_a_world_does_not_hold_is_refused_with_line_and_column() {
+fn unsupported_world_content_is_rejected_with_position() {
     for (old, new, expected) in [
         ("<freejoint/>", "<joint/>", "12:34: a body on a joint is part of a robot"),
         (
@@ -152,7 +152,7 @@ fn of_file(name: &str, text: &str) -> Result<World, WorldError> {
 }
 
 #[test]
-fn keys_beside_a_file_add_to_its_world() {
+fn keys_next_to_a_file_extend_its_world() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("yard.xml"), MJCF).unwrap();
     let text = r#"
@@ -173,8 +173,8 @@ appearance = { colours = { shed = [0.5, 0.2, 0.1] } }
     }
 }
 
-/// Hidden colliding geoms and visible non-colliding ones, as in many files; colours of geoms, of classes and
-/// of materials.
+/// Hidden colliding geoms and visible non-colliding geoms, as in many files, with colours of geoms, classes
+/// and materials.
 const COLOURED: &str = r#"<mujoco>
   <default>
     <default class="touched"><geom group="3" rgba="0 1 1 0.3"/></default>
@@ -232,7 +232,7 @@ fn objects_of_mjcf_keep_their_colours_unless_overridden() {
 }
 
 #[test]
-fn a_world_of_a_fixed_urdf_is_its_collision_shapes() {
+fn fixed_urdf_becomes_its_collision_shapes() {
     let urdf = r#"<robot name="shelf">
   <link name="frame"><visual><geometry><box size="1 1 1"/></geometry><material name="m"><color rgba="0.2 0.3 0.4 1"/></material></visual>
     <collision><origin xyz="0 0 1"/><geometry><box size="1 0.3 2"/></geometry></collision></link>
@@ -302,7 +302,7 @@ fn a_world_of_sdf_is_read_and_robots_in_it_are_refused() {
 }
 
 #[test]
-fn what_sdf_states_about_motion_is_taken_over_or_told() {
+fn sdf_motion_settings_are_applied_or_reported() {
     let warned = |old: &str, new: &str| {
         let folder = tempfile::tempdir().unwrap();
         let text = SDF.replacen(old, new, 1);

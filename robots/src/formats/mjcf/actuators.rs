@@ -33,7 +33,7 @@ pub(crate) fn read_actuators<'a, 'i>(
             let attribute = if armature != 0.0 { "armature" } else { "damping" };
             let target = ["joint", "jointinparent"].into_iter().find(|name| node.attribute(*name).is_some());
             let Some(target) = target else {
-                return Err(actuator.refused(attribute, "it is read of actuators of a joint alone"));
+                return Err(actuator.refused(attribute, "only actuators of a joint support it"));
             };
             if is_free(section, node.attribute(target)) {
                 return Err(actuator.refused(attribute, "a free base has none"));
@@ -46,7 +46,7 @@ pub(crate) fn read_actuators<'a, 'i>(
         let driven = ["joint", "jointinparent"].into_iter().find(|name| node.attribute(*name).is_some());
         let Some(driven) = driven.filter(|name| !is_free(section, node.attribute(*name))) else {
             drives.others = true;
-            attributes.ignored(node, format!("<{tag}> of <actuator>"), "it drives no single joint");
+            attributes.ignored(node, format!("<{tag}> of <actuator>"), "it does not drive a single joint");
             continue;
         };
         let body = joint_named(bodies, attributes, node, driven)?;
@@ -55,7 +55,7 @@ pub(crate) fn read_actuators<'a, 'i>(
         if drive.is_some() {
             limit(&actuator, gear, &mut bodies[body].joint.limits.effort)?;
         } else {
-            let reason = "it is not a position servo: no gains are taken from it";
+            let reason = "it is not a position servo: it provides no gains";
             attributes.ignored(node, format!("<{tag}> of <actuator>"), reason);
         }
         // next to a position drive, a motor only adds effort

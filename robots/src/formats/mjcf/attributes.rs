@@ -14,7 +14,7 @@ use crate::{ModelWarning, Position};
 /// Class of elements without an explicit one.
 pub const MAIN: &str = "main";
 
-/// Key of a class's elements themselves, in place of an attribute: an element without attributes counts, too.
+/// Key of a class's elements themselves, in place of an attribute: elements without attributes count as well.
 const ELEMENT: &str = "";
 
 /// A value and the element that provides it.
@@ -28,7 +28,7 @@ struct Given<'a, 'i> {
 /// numbers of the previous one.
 type Values<'a, 'i> = HashMap<&'a str, Vec<Given<'a, 'i>>>;
 
-/// The lines of the text, its `<default>` classes (values by kind of element) and the warnings so far.
+/// Lines of the text, its `<default>` classes (values by kind of element) and the warnings so far.
 pub struct Attributes<'a, 'i> {
     lines: Lines<'a>,
     classes: HashMap<&'a str, HashMap<&'static str, Values<'a, 'i>>>,
@@ -56,7 +56,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
             (None, None) => MAIN,
             (Some(MAIN), None) => MAIN,
             (Some(name), None) => {
-                return Err(self.refused(node, "class", name, "the outermost class is main"));
+                return Err(self.refused(node, "class", name, "the outermost class must be main"));
             }
             (None, Some(_)) => return Err(self.missing(node, "class")),
             (Some(name), Some(_)) if self.classes.contains_key(name) => {
@@ -90,12 +90,12 @@ impl<'a, 'i> Attributes<'a, 'i> {
         Ok(())
     }
 
-    /// Returns the orientation attribute of an element itself.
+    /// Returns the orientation attribute of the element itself, ignoring its class.
     fn orientation(&self, node: Node<'a, 'i>) -> Result<Option<(&'static str, Given<'a, 'i>)>, MjcfError> {
         let mut ways = POSE[1..].iter().filter_map(|way| Some((*way, node.attribute(*way)?)));
         let first = ways.next();
         match ways.next() {
-            Some((way, value)) => Err(self.refused(node, way, value, "one orientation is enough")),
+            Some((way, value)) => Err(self.refused(node, way, value, "only one orientation is allowed")),
             None => Ok(first.map(|(way, value)| (way, Given { value, node }))),
         }
     }
@@ -111,7 +111,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
         }
     }
 
-    /// Returns the class of an element: its own, or the surrounding bodies'.
+    /// Returns the class of an element: its own, or the class of the surrounding bodies.
     fn class_of(&self, node: Node<'a, 'i>, around: &'a str) -> Result<&'a str, MjcfError> {
         let class = node.attribute("class").unwrap_or(around);
         self.known_class(node, class).map(|()| class)
@@ -283,7 +283,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         Ok(found.map(|(way, given)| (way, given.value, given.node)))
     }
 
-    /// Returns a switch.
+    /// Returns a boolean attribute, or `default` if it is missing.
     ///
     /// # Errors
     /// The value is neither `true` nor `false`.
@@ -306,7 +306,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         Ok(Some(std::array::from_fn(|index| numbers[index])))
     }
 
-    /// Returns one number.
+    /// Returns one number, or `default` if the attribute is missing.
     ///
     /// # Errors
     /// See [`Attributes::parse`].
@@ -374,7 +374,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
     }
 }
 
-/// Describes an element with its name, if it has one: `joint name="knee"`.
+/// Describes an element, with its name if it has one: `joint name="knee"`.
 pub fn named(node: Node<'_, '_>) -> String {
     let element = node.tag_name().name();
     node.attribute("name").map_or_else(|| element.to_owned(), |name| format!("{element} name=\"{name}\""))

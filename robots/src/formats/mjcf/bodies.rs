@@ -259,8 +259,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
     }
 
     fn two_robots(&self, node: Node<'_, '_>) -> MjcfError {
-        let problem =
-            "beside a body with a free joint nothing else may move in the world: load the robots one by one";
+        let problem = "next to a body with a free joint, no other body may move in the world: load the robots separately";
         self.attributes().error(node, MjcfProblem::Other(problem.to_owned()))
     }
 

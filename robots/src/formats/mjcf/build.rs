@@ -51,7 +51,7 @@ pub(crate) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
         drop(tree.contents(section, &place)?);
     }
     if options.base == BaseMode::Floating && !tree.base.floating {
-        let problem = "nothing floats in this file; give the body that should a <freejoint/>".to_owned();
+        let problem = "no body of this file floats; add a <freejoint/> to the base".to_owned();
         return Err(attributes.error(root, MjcfProblem::Other(problem)));
     }
     tree.check_names(&attributes, root)?;
@@ -89,9 +89,9 @@ pub(crate) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
     Ok(MjcfRobot { model, warnings, exclusions, profile, colours: LinkColours::of_shapes(colours) })
 }
 
-/// Gives joints with a `springdamper` the damping for their time constant and the stiffness for their damping
-/// ratio. The inertia at each joint is evaluated in the pose of the file, with all joints free. Fails with
-/// the joint's element if the mass matrix is singular.
+/// Sets the damping of joints with a `springdamper` from the time constant, and their stiffness from the
+/// damping ratio. The inertia at each joint is evaluated in the pose of the file, with all joints free. Fails
+/// with the joint's element if the mass matrix is singular.
 fn damp<'a, 'i>(
     name: &str,
     base: &Base,

@@ -8,7 +8,7 @@ use roxmltree::Node;
 use super::attributes::Attributes;
 use super::error::{MjcfError, MjcfProblem};
 
-/// Bodies whose inertia is computed from their geoms.
+/// Selection of the bodies whose inertia is computed from their geoms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum FromGeoms {
     Never,
@@ -27,11 +27,11 @@ pub struct Compiler {
     pub(crate) from_geoms: FromGeoms,
     /// Groups of the geoms used for inertias.
     pub(crate) groups: RangeInclusive<f64>,
-    /// Base frames of free bodies without children move to their centre of mass.
+    /// `true` if base frames of free bodies without children move to their centre of mass.
     pub(crate) align_free: bool,
     /// Folder of mesh files, relative to the file.
     pub mesh_folder: PathBuf,
-    /// Mesh files are named without their folder.
+    /// `true` if the folder part of mesh file names is ignored.
     pub strip_path: bool,
     /// Total mass of all bodies, including static ones, if set by the file \[kg\].
     pub total_mass: Option<f64>,
@@ -89,18 +89,18 @@ impl Compiler {
                         }
                     }
                     ("coordinate", "local") => {}
-                    ("coordinate", _) => return refused("local coordinates alone are read"),
+                    ("coordinate", _) => return refused("only local coordinates are supported"),
                     ("settotalmass", _) => {
                         let total = attributes.parse(node, name, value, 1..=1)?[0];
                         compiler.total_mass = (total > 0.0).then_some(total);
                     }
                     ("boundmass" | "boundinertia", _) => {
                         if attributes.parse(node, name, value, 1..=1)?[0] > 0.0 {
-                            return refused("it changes inertias; write the changed ones out");
+                            return refused("it changes inertias; write the resulting inertias to the file");
                         }
                     }
                     ("balanceinertia", "true") => {
-                        return refused("it changes inertias; write the changed ones out");
+                        return refused("it changes inertias; write the resulting inertias to the file");
                     }
                     ("inertiagrouprange", _) => {
                         let range = attributes.parse(node, name, value, 2..=2)?;

@@ -90,12 +90,15 @@ fn gains(model: &Model, references: &[f64], independent: &[usize], drives: &Driv
     }
     let mut mass = DMatrix::zeros(model.nv(), model.nv());
     Dynamics::new(model).crba(model, &q, &mut mass);
+    // As of MuJoCo 3.15, a damping ratio refers to the inertia of the joint with all others free.
+    let inverse = mass.cholesky().map(|factor| factor.inverse());
     let (mut kp, mut kd) = (Vec::new(), Vec::new());
     for (index, body) in independent.iter().enumerate() {
         let drive = drives.by_body.get(body).copied().flatten();
         let PositionDrive { kp: stiffness, kd: damping, damping_ratio } =
             drive.unwrap_or(PositionDrive { kp: 0.0, kd: 0.0, damping_ratio: 0.0 });
-        let inertia = mass[(first + index, first + index)];
+        let joint = first + index;
+        let inertia = inverse.as_ref().map_or(0.0, |inverse| inverse[(joint, joint)].recip());
         kp.push(stiffness);
         kd.push(damping + 2.0 * damping_ratio * (stiffness * inertia).sqrt());
     }

@@ -30,7 +30,7 @@ pub(crate) fn couple<'a, 'i>(
         let master = joint_named(bodies, attributes, node, "joint2")?;
         let polynomial = rule.first_numbers("polycoef", [0.0, 1.0, 0.0, 0.0, 0.0])?;
         if polynomial[2..] != [0.0; 3] {
-            return Err(rule.refused("polycoef", "couplings of first order alone are read"));
+            return Err(rule.refused("polycoef", "only first-order couplings are supported"));
         }
         if mimic == MimicMode::Independent {
             continue;
@@ -40,7 +40,9 @@ pub(crate) fn couple<'a, 'i>(
             .iter()
             .any(|body| matches!(body.joint.coordinate, Coordinate::Mimic { of, .. } if of == follower));
         if follower == master || !straight(follower) || !straight(master) || followed {
-            return Err(rule.fault("chains of couplings are not read; couple every joint with the same one"));
+            return Err(
+                rule.fault("chains of couplings are not supported; couple every joint to the same joint")
+            );
         }
         // Both positions are relative to the pose of the file.
         let multiplier = polynomial[1];

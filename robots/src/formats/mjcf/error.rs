@@ -38,7 +38,7 @@ pub enum MjcfProblem {
     Root(String),
     /// The element is not supported.
     #[error(
-        "<{0}> is not supported; let MuJoCo write the file out (mj_saveLastXML) \
+        "<{0}> is not supported; resave the file with MuJoCo (mj_saveLastXML) \
          or use a URDF of the robot"
     )]
     Element(String),

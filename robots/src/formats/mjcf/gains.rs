@@ -11,20 +11,19 @@ use super::schema::ACTUATORS;
 ///
 /// MuJoCo has one actuator default per class. Each element of `<default>`, and then the actuator itself, sets
 /// its values there in the form of a general actuator. A `<general>` starts from the values of its class. Any
-/// other element starts from values of its own kind, or from values of a `<general>` with a fixed gain: if
-/// the values of its class are others, from the nearest class around it with such values, else from MuJoCo's
-/// defaults.
+/// other element starts from values of its own kind, or from values of a `<general>` with a fixed gain. If
+/// its class has neither, it uses the nearest enclosing class that does, otherwise MuJoCo's defaults.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Gains {
     pub(crate) gain: f64,
     pub(crate) bias: [f64; 3],
     pub(crate) is_fixed: bool,
     pub(crate) is_affine: bool,
-    /// Place in [`ACTUATORS`] of the kind of the last element; `None` before the first.
+    /// Index in [`ACTUATORS`] of the kind of the last element; `None` before the first.
     kind: Option<usize>,
 }
 
-/// The place of general actuators in [`ACTUATORS`].
+/// Index of general actuators in [`ACTUATORS`].
 const GENERAL: Option<usize> = Some(0);
 
 impl Gains {
@@ -32,7 +31,7 @@ impl Gains {
 
     pub(crate) fn read(actuator: &Element<'_, '_, '_>) -> Result<Self, MjcfError> {
         let (mut gains, mut class) = (Self::DEFAULT, None);
-        // the values of the classes around the present one, the outermost first
+        // values of the enclosing classes, outermost first
         let mut around: Vec<Self> = Vec::new();
         for node in actuator.elements() {
             if class.replace(node.parent()).is_some_and(|class| class != node.parent()) {

@@ -29,7 +29,7 @@ const LAST_SEEN: f64 = 2.0;
 /// material.
 const GREY: [f64; 4] = [0.5, 0.5, 0.5, 1.0];
 
-const SHELL: &str = "shells are not read; give the body an <inertial>";
+const SHELL: &str = "shells are not supported; give the body an <inertial>";
 
 /// A mesh of `<asset>`.
 pub(crate) struct MeshAsset {
@@ -52,17 +52,17 @@ pub struct Geom {
     pub geometry: Geometry,
     /// `contype` and `conaffinity`.
     pub masks: [i32; 2],
-    /// Whether the geom is among the shapes of the model.
+    /// `true` if the geom is among the shapes of the model.
     pub kept: bool,
     /// Colour specified by the geom or its material.
     pub colour: Option<Colour>,
-    /// Whether MuJoCo's viewer shows the geom by default.
+    /// `true` if MuJoCo's viewer shows the geom by default.
     pub is_seen: bool,
     /// Inertia in the frame of the geom, or a deferred error.
     pub inertia: Result<Inertia, MjcfError>,
 }
 
-/// A reader of geoms, with the meshes and materials they name.
+/// A reader of geoms, with the meshes and materials they refer to.
 pub struct Geoms<'b, 'a, 'i> {
     /// The attributes of the file.
     pub attributes: &'b Attributes<'a, 'i>,
@@ -75,7 +75,7 @@ pub struct Geoms<'b, 'a, 'i> {
 }
 
 impl<'b, 'a, 'i> Geoms<'b, 'a, 'i> {
-    /// Creates a reader without meshes and materials, which [`read_assets`](super::read_assets) adds.
+    /// Creates a reader without meshes and materials; [`read_assets`](super::read_assets) adds them.
     pub fn new(attributes: &'b Attributes<'a, 'i>, compiler: &'b Compiler, shapes: ShapeSource) -> Self {
         Self { attributes, compiler, shapes, meshes: HashMap::new(), materials: HashMap::new() }
     }
@@ -101,9 +101,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
                     "capsule" | "cylinder" => size[1] = half,
                     "box" => size = [size[0], size[0], half],
                     _ => {
-                        return Err(
-                            geom.refused("fromto", "only capsules, cylinders and boxes are read with it")
-                        );
+                        return Err(geom.refused("fromto", "only capsules, cylinders and boxes support it"));
                     }
                 }
                 placement
@@ -111,7 +109,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
             None => pose(&geom, self.compiler)?,
         };
         if geom.get("mesh").is_some() && kind != "mesh" {
-            return Err(geom.refused("mesh", "primitives fitted to meshes are not read"));
+            return Err(geom.refused("mesh", "primitives fitted to meshes are not supported"));
         }
         let wanted = match kind {
             "sphere" => 1,
@@ -135,8 +133,8 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
                 placement *= Translation3::new(0.0, 0.0, -0.5 * PLANE[1]);
                 Geometry::Box { size: Vector3::new(x, y, PLANE[1]) }
             }
-            "plane" => return Err(geom.refused("type", "planes are read in the world alone")),
-            _ => return Err(geom.refused("type", "write a sphere, capsule, cylinder, box or mesh")),
+            "plane" => return Err(geom.refused("type", "planes are supported only in the world")),
+            _ => return Err(geom.refused("type", "use a sphere, capsule, cylinder, box or mesh")),
         };
         let bits = |name| geom.number(name, 1.0).map(|bits| bits as i64 as i32);
         let masks = [bits("contype")?, bits("conaffinity")?];
@@ -153,7 +151,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
         Ok(Geom { placement, geometry, masks, kept, colour, is_seen, inertia })
     }
 
-    /// Returns the colour of a geom or its material, and whether MuJoCo's viewer shows it by default.
+    /// Returns the colour of a geom or its material, and `true` if MuJoCo's viewer shows it by default.
     ///
     /// # Errors
     /// The material is unknown, or a value is malformed.
@@ -206,8 +204,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
                 Ok(Inertia { mass, com: Vector3::zeros(), rotational }.moved(placement))
             }
             None => {
-                let reason =
-                    "meshes have no inertia here; give the body an <inertial>, or the geom mass=\"0\"";
+                let reason = "the inertia of meshes is not supported; give the body an <inertial>, or the geom mass=\"0\"";
                 Err(geom.refused("type", reason))
             }
         })

@@ -11,7 +11,7 @@ use crate::{ModelWarning, Position};
 /// Maximum size of an included file, bytes.
 const LONGEST: u64 = 16 * 1024 * 1024;
 
-/// A text with its included files, and the origin of each part.
+/// A text with its included files inserted, and the origin of each part.
 pub struct Expanded {
     /// The text without `<include>`.
     pub text: String,
@@ -62,7 +62,7 @@ impl Expanded {
             };
             let Some(main) = &self.files[0].0 else {
                 return problem(format!(
-                    "<include> of \"{name}\": a text without a file has no folder to find it in"
+                    "<include> of \"{name}\": a text that is not from a file has no folder to search"
                 ));
             };
             let path = main.parent().unwrap_or(Path::new("")).join(name);

@@ -10,7 +10,7 @@ use super::pose::pose;
 use super::schema::{INERTIAL, is_off};
 use crate::{Coordinate, Drive, Inertia, Joint, JointDynamics, JointKind, Limits};
 
-const SPRINGS: &str = "a free base has no spring here";
+const SPRINGS: &str = "springs of a free base are not supported";
 
 impl<'a, 'i> Tree<'_, 'a, 'i> {
     /// Reads a hinge or slide joint whose anchor is at `placement` in the frame of the parent body.
@@ -22,7 +22,7 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
         let slide = match joint.get("type").unwrap_or("hinge") {
             "slide" => true,
             "hinge" => false,
-            _ => return Err(joint.refused("type", "write hinges and slides")),
+            _ => return Err(joint.refused("type", "use a hinge or slide joint")),
         };
         let unit = if slide { 1.0 } else { self.geoms.compiler.angle };
         let axis = Vector3::from(joint.numbers::<3>("axis")?.unwrap_or([0.0, 0.0, 1.0]));
@@ -35,10 +35,10 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
         if let Some([low, high]) = self.range(joint, "actuatorfrclimited", "actuatorfrcrange")? {
             limits.effort = high.min(-low);
             if limits.effort <= 0.0 {
-                return Err(joint.refused("actuatorfrcrange", "efforts are limited equally both ways here"));
+                return Err(joint.refused("actuatorfrcrange", "effort limits must be symmetric"));
             }
             if high != -low {
-                let reason = "efforts are limited equally both ways here: the smaller limit is taken";
+                let reason = "effort limits must be symmetric: the smaller limit is used";
                 joint.ignore("actuatorfrcrange", reason);
             }
         }
@@ -49,10 +49,7 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
         }
         let [mut stiffness, quadratic, cubic] = joint.first_numbers("stiffness", [0.0; 3])?;
         if quadratic != 0.0 || cubic != 0.0 {
-            joint.ignore(
-                "stiffness",
-                "the force of a spring is proportional to its displacement here: it is left out",
-            );
+            joint.ignore("stiffness", "only linear springs are supported: it is ignored");
             stiffness = 0.0;
         }
         if stiffness < 0.0 {
@@ -68,7 +65,7 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
             self.spring_dampers.push(SpringDamper { body, time_constant, ratio, node });
         }
         if joint.get("springyield").is_some_and(|value| !is_off(value)) {
-            joint.ignore("springyield", "springs do not yield here");
+            joint.ignore("springyield", "yielding springs are not supported");
         }
         let name = match joint.node.attribute("name") {
             Some(name) => name.to_owned(),
@@ -115,8 +112,7 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
             }
             "true" => Ok(given),
             "auto" if [low, high] != [0.0; 2] && !self.geoms.compiler.auto_limits => {
-                Err(joint
-                    .refused(range, "without autolimits it needs an attribute that says whether it holds"))
+                Err(joint.refused(range, "without autolimits it requires an explicit limited attribute"))
             }
             "auto" => Ok(given.filter(|_| low < high)),
             _ => Err(joint.refused(limited, "expected true, false or auto")),
@@ -162,7 +158,7 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
         let diagonal = inertial.numbers::<3>("diaginertia")?;
         let rotational = match (inertial.numbers::<6>("fullinertia")?, diagonal) {
             (Some(_), Some(_)) => {
-                return Err(inertial.refused("diaginertia", "beside fullinertia it has no meaning"));
+                return Err(inertial.refused("diaginertia", "it conflicts with fullinertia"));
             }
             (Some([xx, yy, zz, xy, xz, yz]), None) => {
                 if let Some((way, ..)) = inertial.orientation()? {
@@ -175,8 +171,9 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
         };
         let least = SymmetricEigen::new(rotational).eigenvalues.min();
         if mass < 0.0 || least < 0.0 {
-            let problem =
-                format!("mass {mass} kg and a least moment of {least} kg m2: neither can be negative");
+            let problem = format!(
+                "mass {mass} kg and smallest principal moment {least} kg m2: neither can be negative"
+            );
             return Err(inertial.fault(problem));
         }
         Ok(Inertia { mass, com: Vector3::zeros(), rotational }.moved(&pose))

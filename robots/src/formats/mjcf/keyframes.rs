@@ -47,8 +47,7 @@ pub(crate) fn read_keyframes<'a, 'i>(
                             element: named(node),
                             attribute: "qpos".to_owned(),
                             value: value.to_owned(),
-                            expected: "a quaternion that is not zero after the position of the base"
-                                .to_owned(),
+                            expected: "a nonzero quaternion after the position of the base".to_owned(),
                         },
                     )
                 })?;

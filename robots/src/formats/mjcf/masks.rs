@@ -7,7 +7,7 @@ use roxmltree::Node;
 use super::attributes::Attributes;
 use crate::Srdf;
 
-/// The masks of the shapes of each body, by its name.
+/// Masks of the shapes of each body, by body name.
 #[derive(Default)]
 pub(crate) struct Masks {
     by_body: BTreeMap<String, Vec<[i32; 2]>>,

@@ -1,11 +1,11 @@
 //! Reader of MuJoCo's format, MJCF, as a [`Model`].
 //!
 //! A file is interpreted as in MuJoCo, or rejected with line and column. The tables of `schema` classify
-//! every attribute: it is read, it has no effect on a model, it is ignored with a [`ModelWarning::Ignored`]
-//! (springs, actuators, tendons), or it is rejected if its value has an effect. `docs/src/mjcf.md` lists all
-//! of them.
+//! every attribute. It is read, has no effect on a model, is ignored with a [`ModelWarning::Ignored`]
+//! (springs, actuators, tendons), or is rejected if its value has an effect. `docs/src/mjcf.md` lists all
+//! attributes.
 //!
-//! The elements are public for readers of other content, such as worlds: [`expand`] a text,
+//! The building blocks are public for readers of other content, such as worlds: [`expand`] a text,
 //! [`parse_document`], read the [`Attributes`] and the [`Compiler`], then elements and [`Geoms`].
 //!
 //! Replicas and attachments are not supported. MuJoCo itself writes a file without them (`mj_saveLastXML`).

@@ -10,10 +10,10 @@ pub(crate) enum Use {
     Read,
     /// No effect on a model: names, appearance, solver and contact parameters, user data.
     NoEffect,
-    /// Changes the motion in MuJoCo by something that models do not contain; it is ignored with a warning
-    /// that has this reason.
+    /// Changes the motion in MuJoCo by an effect that models do not represent; ignored with a warning that
+    /// states this reason.
     Ignored(&'static str),
-    /// Changes the result of reading; it is an error with this reason.
+    /// Changes the result of reading; an error with this reason.
     Refused(&'static str),
 }
 
@@ -79,7 +79,7 @@ pub(crate) const ACTUATORS: [&str; 12] = [
     "dcmotor",
 ];
 
-const CONTACT: &str = "contacts have no such forces here";
+const CONTACT: &str = "this contact force is not supported";
 
 /// Attributes of `<body>`.
 pub const BODY: Schema = Schema {
@@ -88,8 +88,8 @@ pub const BODY: Schema = Schema {
         (Use::Read, &POSE),
         (Use::Read, &["name", "childclass"]),
         (Use::NoEffect, &["user", "sleep", "simple", "fuse"]),
-        (Use::Refused("a body moved from outside is not part of a robot"), &["mocap"]),
-        (Use::Refused("no force here acts against gravity; compensate it in the controller"), &["gravcomp"]),
+        (Use::Refused("mocap bodies are not part of a robot"), &["mocap"]),
+        (Use::Refused("gravity compensation is not supported; add it to the controller"), &["gravcomp"]),
     ],
 };
 
@@ -133,7 +133,7 @@ pub const GEOM: Schema = Schema {
         // Affects primitives fitted to meshes and height fields, which are rejected.
         (Use::NoEffect, &["fitscale", "hfield"]),
         (Use::Ignored(CONTACT), &["adhesion", "surfacevel"]),
-        (Use::Ignored("no fluid acts on a robot here"), &["fluidshape"]),
+        (Use::Ignored("fluid forces on a robot are not supported"), &["fluidshape"]),
     ],
 };
 
@@ -183,7 +183,7 @@ pub const HELD: Schema = Schema {
     groups: &[
         (Use::Read, &["name", "class", "active", "body1", "body2", "anchor", "relpose"]),
         (Use::NoEffect, &["solref", "solimp", "torquescale"]),
-        (Use::Refused("name bodies, by body1 and body2"), &["site1", "site2"]),
+        (Use::Refused("refer to bodies, with body1 and body2"), &["site1", "site2"]),
     ],
 };
 
@@ -209,7 +209,10 @@ pub(crate) const TENDON: Schema = Schema {
             Use::Ignored("tendons are not part of a model"),
             &["stiffness", "damping", "frictionloss", "range", "actuatorfrcrange"],
         ),
-        (Use::Refused("it couples the joints in the mass matrix; give them an armature each"), &["armature"]),
+        (
+            Use::Refused("it couples the joints in the mass matrix; give each joint an armature"),
+            &["armature"],
+        ),
     ],
 };
 
@@ -249,6 +252,6 @@ pub const OPTION: Schema = Schema {
             &["sdf_iterations", "sdf_initpoints", "sleep_tolerance", "apirate", "magnetic", "wind"],
         ),
         (Use::NoEffect, &["o_margin", "o_solref", "o_solimp", "o_friction", "actuatorgroupdisable"]),
-        (Use::Ignored("no fluid acts on a robot here"), &["density", "viscosity"]),
+        (Use::Ignored("fluid forces on a robot are not supported"), &["density", "viscosity"]),
     ],
 };

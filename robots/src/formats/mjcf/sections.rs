@@ -18,7 +18,7 @@ pub(crate) fn check_options<'a, 'i>(
 ) -> Result<(), MjcfError> {
     let option = attributes.element(section, MAIN, &OPTION)?;
     if option.numbers::<3>("gravity")?.is_some_and(|gravity| gravity != [0.0, 0.0, -9.81]) {
-        option.ignore("gravity", "the simulation or the caller says what gravity is");
+        option.ignore("gravity", "gravity is set by the simulation or the caller");
     }
     for node in section.children().filter(Node::is_element) {
         if !node.has_tag_name("flag") {
@@ -74,7 +74,7 @@ pub fn read_assets<'a, 'i>(
         let not_solid = matches!(asset.get("inertia"), Some("shell" | "convex")).then(|| {
             asset.refused(
                 "inertia",
-                "an object has the inertia of the solid of its mesh; leave it out, or write \"exact\"",
+                "an object has the inertia of its mesh as a solid; remove the attribute, or write \"exact\"",
             )
         });
         if let Some(vertices) = asset.get("vertex") {

@@ -67,7 +67,8 @@ pub(crate) fn assemble(
     Ok(UrdfRobot { model, warnings })
 }
 
-/// Returns for every joint of the file the first of its entries among the independent joints, if any.
+/// Returns, for every joint of the file, the index of its first coordinate among the independent joints, if
+/// any.
 fn columns(robot: &Robot, structure: &Structure, follows: &[Option<Follow>]) -> Vec<Option<usize>> {
     let mut columns = vec![None; robot.joints.len()];
     let mut next = 0;

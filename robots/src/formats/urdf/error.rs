@@ -105,7 +105,7 @@ pub enum UrdfProblem {
     /// The joint type is not supported.
     #[error(
         "joint \"{joint}\" is {kind}; only revolute, continuous, prismatic, planar and fixed joints are \
-         supported, and one floating joint that carries all the rest (model it as a chain of these, with massless links \
+         supported, and one floating joint that carries the rest of the robot (model it as a chain of these, with massless links \
          between)"
     )]
     UnsupportedJointType {
@@ -188,7 +188,7 @@ pub enum UrdfProblem {
     MimicLoop(Vec<String>),
     /// The revolute or prismatic joint has no limits.
     #[error(
-        "joint \"{0}\" has no <limit>; a revolute or prismatic joint needs one (an endless one is \"continuous\")"
+        "joint \"{0}\" has no <limit>; a revolute or prismatic joint needs one (an unlimited joint is \"continuous\")"
     )]
     MissingLimit(String),
     /// The range is empty.

@@ -10,7 +10,7 @@ use super::source::JointSource;
 use super::warning::ModelWarning;
 use crate::{JointDynamics, JointKind, Limits};
 
-/// Returns the type of motion; `None` if fixed.
+/// Returns the type of motion; `None` for a fixed joint.
 pub(crate) fn kind(joint: &urdf_rs::Joint, source: &JointSource) -> Result<Option<JointKind>, UrdfError> {
     match joint.joint_type {
         JointType::Fixed => Ok(None),

@@ -36,7 +36,7 @@ pub(crate) fn resolve(robot: &Robot, survey: &Survey) -> Result<Vec<Option<Follo
                 if fixed(next) {
                     return error(UrdfProblem::MimicOfFixed { joint, of });
                 }
-                // Their position is not a single number that a factor and an offset could map.
+                // Their position is not a single number, so a factor and an offset cannot map it.
                 let kind = match robot.joints[next].joint_type {
                     JointType::Floating => Some("floating"),
                     JointType::Planar => Some("planar"),

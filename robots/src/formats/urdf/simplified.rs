@@ -5,9 +5,8 @@ use roxmltree::{Document, Node};
 use super::write::DrawnRobot;
 
 impl DrawnRobot {
-    /// Returns the text with the collision shapes of a link in place of visuals that show one of its
-    /// [meshes](Self::meshes), in the colours of the visuals at their places. Links without collision shapes
-    /// stay as they are.
+    /// Returns the text with visuals that show one of its [meshes](Self::meshes) replaced by the collision
+    /// shapes of their link, in the visuals' colours. Links without collision shapes are unchanged.
     ///
     /// ```
     /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?.drawn()?.unwrap();
@@ -18,7 +17,7 @@ impl DrawnRobot {
         self.simplified().unwrap_or_else(|| self.text.clone())
     }
 
-    /// `None` for text that is not XML.
+    /// Implements [`without_meshes`](Self::without_meshes); `None` for text that is not XML.
     fn simplified(&self) -> Option<String> {
         let document = Document::parse(&self.text).ok()?;
         let (mut simple, mut copied) = (String::with_capacity(self.text.len()), 0);
@@ -45,7 +44,7 @@ impl DrawnRobot {
         Some(simple + &self.text[copied..])
     }
 
-    /// True if a visual shows one of the meshes.
+    /// Returns `true` if a visual shows one of the meshes.
     fn shows(&self, visual: Node<'_, '_>) -> bool {
         let mut shown = visual.descendants().filter_map(|node| node.attribute("filename"));
         shown.any(|name| self.meshes.iter().any(|(known, _)| known == name))

@@ -16,14 +16,14 @@ use crate::formats::options::ShapeSource;
 use crate::nearest::nearest;
 use crate::{Drive, Position, SafetyController};
 
-/// Facts of the file that the parsed values lack, in file order.
+/// Information of the file that the parsed values lack, in file order.
 pub(crate) struct Survey {
     pub(crate) links: Vec<Position>,
     pub(crate) joints: Vec<JointSource>,
     /// Name and content of each transmission, by joint.
     pub(crate) drives: HashMap<String, (String, Drive)>,
     pub(crate) warnings: Vec<ModelWarning>,
-    /// The text with all parts blanked that the model does not use.
+    /// The text, with all parts blanked that the model does not use.
     pub(crate) text: String,
 }
 

@@ -23,7 +23,7 @@ pub(crate) struct Edge {
     pub(crate) child: usize,
 }
 
-/// Orders the joints, and rejects everything that is not a single tree.
+/// Orders the joints and rejects anything other than a single tree.
 pub(crate) fn structure(robot: &Robot, survey: &Survey) -> Result<Structure, UrdfError> {
     let links = unique("link", robot.links.iter().map(|link| &*link.name), &survey.links)?;
     let places: Vec<_> = survey.joints.iter().map(|joint| joint.at).collect();
@@ -95,7 +95,7 @@ fn find_loop(
     UrdfError::new(survey.links[link], UrdfProblem::Loop(names))
 }
 
-/// Returns the index by name; a duplicate name is an error.
+/// Returns the indices by name; a duplicate name is an error.
 fn unique<'a>(
     what: &'static str,
     names: impl Iterator<Item = &'a str>,

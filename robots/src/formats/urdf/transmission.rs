@@ -1,8 +1,8 @@
 //! Transmissions between motors and joints.
 //!
-//! URDF does not define an element for rotor inertia. Drake's elements are supported (`<drake:gear_ratio
-//! value>`, `<drake:rotor_inertia value>` in `<actuator>`), and ROS's `<mechanicalReduction>`, in the
-//! actuator, the joint or the transmission.
+//! URDF does not define an element for rotor inertia. Drake's elements in `<actuator>`
+//! (`<drake:gear_ratio value>`, `<drake:rotor_inertia value>`) are supported, as is ROS's
+//! `<mechanicalReduction>` in the actuator, the joint or the transmission.
 
 use std::collections::HashMap;
 

@@ -20,8 +20,8 @@ pub struct DrawnRobot {
 /// Maximum distance of a frame from its body's frame at which they count as equal \[m, rad\].
 const SAME: f64 = 1e-9;
 
-/// Writes a model as URDF: its links by their names, its joints with their axes and limits, its shapes as
-/// visuals. Meshes from files are named by `file://` and their path, others by `package://ROBOT/NUMBER.obj`.
+/// Writes a model as URDF: links with their names, joints with their axes and limits, shapes as visuals.
+/// Meshes from files are referenced by `file://` and their path, others by `package://ROBOT/NUMBER.obj`.
 /// World-fixed parts next to a floating base are omitted.
 ///
 /// ```

@@ -38,9 +38,9 @@ pub(super) fn limits(model: &Model, home: &DVector<f64>, holding: Option<&[f64]>
             false => rounded(reached),
         }
     });
-    let mut text = "\n[limits]\n# Speeds of the file, rad/s or m/s; moderate ones where it has none. Lower ones are kept by all components.\n".to_string();
+    let mut text = "\n[limits]\n# Speed limits of the file, rad/s or m/s, or moderate defaults. All components respect lower values.\n".to_string();
     text += &numbers("velocity", velocity.iter().copied());
-    text += "# Half of the effort that the weight at home leaves, by the inertia there, rad/s^2 or m/s^2; full speed not\n# before 0.1 s. `inf` for none.\n";
+    text += "# Half of the effort left after carrying the weight at home, divided by the inertia there, rad/s^2 or m/s^2;\n# full speed after at least 0.1 s. `inf` for no limit.\n";
     text + &numbers("acceleration", acceleration)
 }
 
@@ -62,7 +62,7 @@ pub(super) fn gains(model: &Model, home: &DVector<f64>, holding: Option<&[f64]>)
             let friction = model.joint(index).dynamics.friction;
             let mut least = friction / STUCK_WITHIN;
             if holding.is_some() {
-                // with the feet on the ground, more inertia resists than with the feet in the air
+                // feet on the ground resist with more inertia than feet in the air
                 least = least.max(at.holding[index].abs() / LARGEST_SAG[slides]);
             }
             let kp = rounded_above(wanted.min(free * HIGHEST_FREQUENCY.powi(2)), least);
@@ -70,7 +70,7 @@ pub(super) fn gains(model: &Model, home: &DVector<f64>, holding: Option<&[f64]>)
             (kp, rounded(critical.min(2.0 * free * HIGHEST_FREQUENCY)))
         })
         .collect();
-    let mut text = "\n# Stiffness, N m/rad or N/m: the full effort at a deflection of 0.2 rad or 20 mm, less where little inertia follows,\n# but enough to overcome the friction of the joint within half of a tolerance of 0.01 rad or m.\n# Damping, N m s/rad or N s/m: critical for the inertia at home.\n[gains]\n".to_string();
+    let mut text = "\n# Stiffness, N m/rad or N/m: the full effort at a deflection of 0.2 rad or 20 mm, less for a small inertia,\n# but enough to overcome the friction of the joint within half of a tolerance of 0.01 rad or m.\n# Damping, N m s/rad or N s/m: critical for the inertia at home.\n[gains]\n".to_string();
     text += &numbers("kp", pairs.iter().map(|pair| pair.0));
     text + &numbers("kd", pairs.iter().map(|pair| pair.1))
 }

@@ -8,7 +8,7 @@ use crate::{
     CollisionModel, CollisionOptions, Collisions, Dynamics, FrameId, JointKind, Kinematics, Model, TaskRows,
 };
 
-/// Fraction of a joint's range that is kept free at either end.
+/// Fraction of a joint's range kept free at either end.
 const MARGIN: f64 = 0.1;
 /// Deflections to try, rad.
 const TRIED: [f64; 4] = [
@@ -43,7 +43,7 @@ pub(super) fn draft_home(model: &Model) -> (DVector<f64>, bool) {
     (home, moves_freely)
 }
 
-/// Moves joints, one at a time, to where the weight overloads the drives least.
+/// Moves joints, one at a time, to the positions at which the weight overloads the drives least.
 fn relieve(model: &Model, home: &mut DVector<f64>) {
     let mut dynamics = Dynamics::new(model);
     let mut effort = vec![0.0; model.nv()];

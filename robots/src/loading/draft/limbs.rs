@@ -44,7 +44,7 @@ pub(super) struct Limbs {
     pub(super) feet: Vec<Limb>,
     /// End effectors that are not feet.
     pub(super) tools: Vec<Limb>,
-    /// Whether the SRDF names the limbs.
+    /// `true` if the limbs are from the SRDF.
     pub(super) from_srdf: bool,
 }
 

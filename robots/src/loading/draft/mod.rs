@@ -73,7 +73,7 @@ pub fn draft_profile(robot: &Loaded, base: BaseMode) -> String {
         .map(|index| joints[index].clone())
         .collect();
     if !passive.is_empty() {
-        text += "# Joints whose effort limit is 0 in the file: they have no drive. Fix the file if they have one.\n";
+        text += "# Joints with an effort limit of 0 in the file: they have no drive. If they do have one, fix the file.\n";
         text += &strings("passive", &passive);
     }
     text += &poses(robot, &home, moves_freely, stance.as_ref());
@@ -97,7 +97,7 @@ fn head(robot: &Loaded) -> String {
     let file = robot.path.as_ref().and_then(|path| path.file_name()).map(|name| name.to_string_lossy());
     let source = file.map_or(model.name().to_string(), |file| file.into_owned());
     let mut text =
-        "# A first profile, to be read and edited. Each list has one number for each joint of `joints`.\n"
+        "# A draft profile, for review and editing. Each list has one number per joint of `joints`.\n"
             .to_string();
     let _ = writeln!(text, "title   = {}", quoted(model.name()));
     let _ = writeln!(text, "sources = [{}]", quoted(&format!("{source}: limits and inertias")));
@@ -119,7 +119,7 @@ fn poses(robot: &Loaded, home: &DVector<f64>, moves_freely: bool, stance: Option
         (None, true) => "inside the limits, and away from singular postures".into(),
         (None, false) => "inside the limits".into(),
     };
-    let mut text = format!("\n[poses]\n# Where the robot starts and rests, rad or m: {reason}.\n");
+    let mut text = format!("\n[poses]\n# Start and rest posture, rad or m: {reason}.\n");
     text += &numbers("home", home.iter().copied());
     let others = || robot.postures.iter().filter(|posture| posture.name != "home");
     for posture in others() {

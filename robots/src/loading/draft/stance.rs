@@ -18,7 +18,7 @@ const STANDING: [&str; 6] = ["standing", "half_sitting", "homing", "default", "h
 const HEIGHTS: [[f64; 4]; 2] = [[0.8, 0.7, 0.9, 0.6], [0.95, 0.9, 0.85, 0.75]];
 /// Initial deflections of hip, knee and ankle in a search, rad.
 const BENT: [f64; 3] = [-0.5, 1.0, -0.5];
-/// Fraction of a joint's range that is kept free at either end.
+/// Fraction of a joint's range kept free at either end.
 const MARGIN: f64 = 0.03;
 /// Minimum distance of the centre of mass from the edge of the support, m.
 const LEAST_MARGIN: f64 = 0.01;
@@ -122,7 +122,7 @@ pub(super) fn stand(robot: &Loaded, feet: &[Limb]) -> Result<Stance, Falls> {
             let targets = search.targets_below_hips(&zero, share);
             match search.stand(&reference, targets, true) {
                 Ok(stance) => return Ok(stance),
-                // a drive that is too weak is a better reason than a failed search
+                // a weak drive is a more helpful reason than a failed search
                 Err(falls) if matches!(failure, Falls::Unbalanced | Falls::Points) => failure = falls,
                 Err(_) => {}
             }

@@ -1,8 +1,8 @@
 //! The scalar functions of the angle `t` in exponentials and Jacobians. Below [`SEAM`] each is computed by
 //! its power series.
 
-/// Angle \[rad\] below which the series are used. There, a closed form loses up to two digits, whereas twelve
-/// terms lose none.
+/// Angle \[rad\] below which the series are used. There, a closed form loses up to two digits, and twelve
+/// terms of the series lose none.
 const SEAM: f64 = 1.5;
 
 const TERMS: usize = 12;

@@ -4,8 +4,9 @@
 //!
 //! - A rotation vector `phi` \[rad\] is a rotation by `|phi|` about `phi`.
 //! - A twist `xi` has the linear part \[m\] first, then the angular part \[rad\].
-//! - The left Jacobian maps a rate of the vector to a velocity in world axes, `d/dt exp(x) = (Jl x')^
-//!   exp(x)`; the right Jacobian to one in body axes, `d/dt exp(x) = exp(x) (Jr x')^`. `Jr(x) = Jl(-x)`.
+//! - The left Jacobian maps a rate of the vector to a velocity in world axes,
+//!   `d/dt exp(x) = (Jl x')^ exp(x)`; the right Jacobian maps it to a velocity in body axes,
+//!   `d/dt exp(x) = exp(x) (Jr x')^`. `Jr(x) = Jl(-x)`.
 //!
 //! Nothing here allocates. Results are accurate to a few units in the last place from angle zero to pi: power
 //! series replace closed forms that would subtract nearly equal numbers, and no angle is computed from its

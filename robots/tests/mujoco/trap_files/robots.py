@@ -1,13 +1,13 @@
-"""Robots of at most a few joints, and the files made of them."""
+"""Robots with at most a few joints, and the files made from them."""
 
-# A tetrahedron for the files that name a mesh.
+# A tetrahedron for the files that refer to a mesh.
 ASSETS = {"tetra.obj": "v 0 0 0\nv .2 0 0\nv 0 .3 0\nv 0 0 .4\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"}
 
 TRAPS = {}
 
 
 def file(name, world, before="", after="", compiler='angle="radian"'):
-    """A file with `world` in its worldbody, and sections before and after it."""
+    """Adds a file with `world` in its worldbody, and sections before and after it."""
     head = f"  <compiler {compiler}/>\n" if compiler else ""
     TRAPS[name] = f"<mujoco>\n{head}{before}  <worldbody>\n{world}  </worldbody>\n{after}</mujoco>\n"
 
@@ -18,7 +18,7 @@ def arm(
     upper_body='pos="0 0 1"',
     lower_body='pos=".1 0 .4"',
 ):
-    """Two links, one upon the other."""
+    """Returns a body of two links, one carrying the other."""
     return (
         f'    <body name="upper" {upper_body}>\n      {upper}\n      <body name="lower" {lower_body}>\n'
         f"        {lower}\n      </body>\n    </body>\n"
@@ -26,7 +26,7 @@ def arm(
 
 
 def free(inside, joint="<freejoint/>", body='pos=".1 .2 1"', child=True):
-    """A body with a free joint, and one on a hinge upon it."""
+    """Returns a body with a free joint that carries a body on a hinge."""
     hung = '      <body name="leg" pos="0 .1 -.2"><joint name="hip"/><geom size=".1" pos="0 0 -.1"/></body>\n'
     return f'    <body name="trunk" {body}>\n      {joint}\n      {inside}\n{hung if child else ""}    </body>\n'
 

@@ -7,7 +7,7 @@ use crate::graph::read::{At, Keys, Read, Value};
 use crate::graph::values::EventSource;
 use crate::units::TimeSpan;
 
-/// The activation of a component by events from outside of the graph.
+/// Activation of a component by events from outside the graph.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Activate")]
 pub(in crate::graph) struct ActivateTable {

@@ -1,4 +1,4 @@
-//! The table of a robot: its model and its place.
+//! The table of a robot: its model and its pose.
 
 use schemars::JsonSchema;
 
@@ -23,8 +23,7 @@ pub(in crate::graph) struct RobotTable {
     pub profile: Option<At<String>>,
     /// Folders searched first for `package://` files of its model (relative to the graph file). Default none.
     pub package_path: Option<At<Vec<At<String>>>>,
-    /// Pose of its base in the world. If left out: at the origin, or, for a floating base, where its profile
-    /// has it.
+    /// Pose of its base in the world. Default: the origin, or the pose in its profile for a floating base.
     pub base: Option<At<BaseTable>>,
     /// The moving joints: names of joints, or of end effectors of its profile for the joints that move them.
     /// The others are held in the `start` pose, unless `fixed` has a position, and are not part of states and
@@ -32,7 +31,7 @@ pub(in crate::graph) struct RobotTable {
     pub joints: Option<At<Vec<At<String>>>>,
     /// Positions at which joints are held (rad or m). Default: none.
     pub fixed: Option<At<Named<Number>>>,
-    /// The link moved by tasks. Default: that of the only end effector of its profile.
+    /// The link moved by tasks. Default: the link of the only end effector of its profile.
     pub frame: Option<At<String>>,
     /// Start and home pose: a pose of its profile, one number for all joints, or a list with one number per
     /// joint (rad or m). Default: the home pose of its profile.

@@ -9,8 +9,8 @@ use crate::graph::values::TopicName;
 use crate::plan::{LimitPolicy, ResumeRule, SafeState};
 use crate::units::TimeSpan;
 
-/// Limits and states for the safety of the robot. The actuator enforces them on its own, whichever process
-/// has died.
+/// Limits and states for the safety of the robot. The actuator enforces them even if other processes have
+/// died.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Safety")]
 pub(in crate::graph) struct SafetyTable {
@@ -38,7 +38,7 @@ pub(in crate::graph) struct SafetyTable {
     /// Maximum age of the newest message on that topic. A longer silence counts as a pressed emergency stop.
     #[schemars(extend("default" = defaults::EMERGENCY_STOP_MAX_AGE))]
     pub emergency_stop_max_age: Option<At<TimeSpan>>,
-    /// For an actuator with several robots: if true, one robot without a valid command takes all of them to
+    /// For an actuator with several robots: if true, one robot without a valid command puts all of them into
     /// the safe state; otherwise each stops independently.
     #[schemars(extend("default" = false))]
     pub stop_together: Option<At<bool>>,
@@ -64,7 +64,7 @@ impl<'i> Read<'i> for SafetyTable {
     }
 }
 
-/// The safety of one actuator, in place of what `[safety]` says of all.
+/// Safety settings of one actuator, which override `[safety]`.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "ActuatorSafety")]
 pub(in crate::graph) struct ActuatorSafetyTable {
@@ -73,10 +73,10 @@ pub(in crate::graph) struct ActuatorSafetyTable {
     pub stale_after: Option<At<TimeSpan>>,
     /// State applied instead.
     pub safe_state: Option<At<SafeState>>,
-    /// The way out of the safe state once commands are fresh again.
+    /// Recovery from the safe state once commands are fresh again.
     pub resume: Option<At<ResumeRule>>,
-    /// Time for which this actuator stays in the safe state before it is stopped, at every end of a run. All
-    /// actuators wait for the one with the longest.
+    /// Time that this actuator stays in the safe state before it is stopped, at every end of a run. All
+    /// actuators wait for the longest time.
     pub settle: Option<At<TimeSpan>>,
 }
 

@@ -1,4 +1,4 @@
-//! The activation of a component by events from outside of the graph.
+//! Activation of a component by events from outside the graph.
 
 use super::draft::Draft;
 use crate::graph::diagnostic::Report;
@@ -8,7 +8,7 @@ use crate::graph::source::Span;
 use crate::plan::ClockKind;
 use crate::units::TimeSpan;
 
-/// Smallest `min_interval`: as for rates, 100 kHz.
+/// Smallest `min_interval`, the same as for rates: 100 kHz.
 const SHORTEST: TimeSpan = TimeSpan { ns: 10_000 };
 
 /// Checks the activation of a component by events. Returns its `min_interval`, ns.
@@ -43,10 +43,10 @@ pub(super) fn resolve(
     if clock == ClockKind::Lockstep {
         report
             .error(format!("component `{name}` waits for events, and in lockstep there are none"))
-            .label(&at.key, "events come in real time, from outside of the graph")
+            .label(&at.key, "events come in real time, from outside the graph")
             .advise(
-                "in lockstep give it a `rate` in place of `activate`: it then looks for events at each step, and no two runs are \
-                 the same; or put a component in its place that simulates the source",
+                "in lockstep give it a `rate` instead of `activate`: it then polls for events at each step, and runs are not \
+                 reproducible; or replace it by a component that simulates the source",
             );
     }
     let values = at.get()?;
@@ -70,7 +70,7 @@ pub(super) fn resolve(
     Some(time.ns)
 }
 
-/// The kind must have a descriptor to wait for.
+/// Checks that the kind has a descriptor to wait for.
 fn can_wait(draft: &Draft<'_, '_>, at: &At<ActivateTable>, report: &mut Report) {
     if draft.declaration.as_ref().is_none_or(|declaration| declaration.wakes_on_descriptor) {
         return;
@@ -78,15 +78,15 @@ fn can_wait(draft: &Draft<'_, '_>, at: &At<ActivateTable>, report: &mut Report) 
     let kind = draft.table.kind.as_ref().or(draft.table.exec.as_ref());
     let diagnostic = report
         .error(format!("component `{}` has no descriptor that could release it", draft.name))
-        .label(&at.span, "only kinds that wait for something outside of the graph have one")
+        .label(&at.span, "only kinds that wait for something outside the graph have one")
         .advise("give it a `rate`, or a `trigger`");
     if let Some(kind) = kind.filter(|kind| kind.get().is_some()) {
         diagnostic.and(&kind.span, "this one reads and writes topics only");
     }
 }
 
-/// Returns the key that replaces a rate, why a grid of releases is meaningless, and when the component steps
-/// instead; `None` for a clock-released component.
+/// Returns the key that replaces a rate, the reason why a grid of releases is meaningless, and the time at
+/// which the component steps instead; `None` for a clock-released component.
 pub(super) fn not_by_the_clock<'d>(
     draft: &'d Draft<'_, '_>,
 ) -> Option<(&'d Span, &'static str, &'static str)> {
@@ -99,7 +99,7 @@ pub(super) fn not_by_the_clock<'d>(
     Some((&activate.key, why, "it steps when an event comes"))
 }
 
-/// Advice for a component without an activation whose kind has a descriptor.
+/// Returns advice for a component without an activation whose kind has a descriptor.
 pub(super) fn advice(draft: &Draft<'_, '_>) -> Option<String> {
     let waits = draft.declaration.as_ref().is_some_and(|declaration| declaration.wakes_on_descriptor);
     let advice = "add `activate = { on = \"fd\", min_interval = \"1 ms\" }`, or a `rate`";

@@ -1,4 +1,4 @@
-//! The plan, put together from its resolved parts.
+//! Assembly of the plan from its resolved parts.
 
 use super::context::Context;
 use super::draft::Draft;
@@ -16,7 +16,7 @@ use crate::plan::{
     PortPlan, RestartPlan, SafetyPlan, TopicPlan, component_seed,
 };
 
-/// Everything that was resolved.
+/// Resolved parts of a graph.
 pub(super) struct Parts<'g, 'i> {
     pub drafts: Vec<Draft<'g, 'i>>,
     pub wiring: Wiring,
@@ -36,7 +36,7 @@ pub(super) struct Parts<'g, 'i> {
 }
 
 impl Parts<'_, '_> {
-    /// Returns the plan; `None` if a part is missing, which happens only for a graph with errors.
+    /// Returns the plan; `None` if a part is missing, which only happens in a graph with errors.
     pub(super) fn assemble(self, graph: &GraphTable<'_>, context: &Context<'_>) -> Option<Plan> {
         let Name(name) = good(&graph.name)?.clone();
         let seed = good_or(&graph.seed, defaults::SEED);
@@ -112,7 +112,7 @@ impl Parts<'_, '_> {
         PortPlan { port: port.name.clone(), topic, pattern: port.pattern, layout }
     }
 
-    /// The output that writes a topic.
+    /// Returns the output that writes a topic.
     fn written(&self, topic: usize) -> Option<&PortDeclaration> {
         self.wiring.writer(topic)?.declared(&self.drafts)
     }

@@ -12,13 +12,13 @@ use crate::worker::Registry;
 pub(in crate::graph) struct Context<'c> {
     /// The graph file.
     pub(super) file: &'c Path,
-    /// All texts; relative paths start in the folder of their file.
+    /// All texts; relative paths refer to the folder of their file.
     pub(super) sources: &'c Sources,
     /// Kinds of components, and robots.
     pub(super) registry: &'c Registry,
     /// The machine it will run on.
     pub(super) machine: &'c Machine,
-    /// Other programs that host kinds, as far as they have been queried.
+    /// Other programs that host kinds and were queried.
     siblings: Siblings,
     /// Gravity of the world file, in TOML notation, once read; `None` if unavailable.
     pub(super) gravity: OnceCell<Option<[String; 3]>>,

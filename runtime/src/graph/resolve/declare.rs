@@ -26,7 +26,7 @@ use crate::nearest::suggest;
 use crate::plan::Program;
 use crate::worker::{ConfigProblem, DescribeRequest};
 
-/// Maximum number of components of a graph; more would not be a robot and would slow down the timing
+/// Maximum number of components of a graph. More would not be a robot and would slow down the timing
 /// analysis.
 const MOST: usize = 512;
 
@@ -35,12 +35,12 @@ const MOST: usize = 512;
 pub struct DeclareTime {
     /// The component.
     pub component: String,
-    /// Wall time of its [`declare`](crate::component::Component::declare), ns; of a program of its own with
-    /// its start and its end.
+    /// Wall time of its [`declare`](crate::component::Component::declare), ns; for a separate program
+    /// including its start and end.
     pub wall_ns: u64,
 }
 
-/// Maximum declaration time of a component before `motorium check` warns, ns.
+/// Declaration time of a component above which `motorium check` warns, ns.
 pub const DECLARE_BOUND_NS: u64 = 100_000_000;
 
 /// Resolves all components of the file, in order.
@@ -102,7 +102,7 @@ pub(super) fn resolve<'g, 'i>(
             declare_ns: 0,
         };
         if let (true, Some(robot)) = (table.kind.is_some(), draft.robot.as_ref().or(draft.robots.first())) {
-            // the folder to which its paths were made relative, see `paths`
+            // the folder that its paths are relative to, see `paths`
             draft.placement.folder = robot.base.clone();
         }
         let written = config_value(&draft, graph, context, report);
@@ -123,7 +123,7 @@ pub(super) fn resolve<'g, 'i>(
     for (robot, _) in robots.iter().zip(used).filter(|(_, used)| !used) {
         report
             .warning(format!("no component works on robot `{}`", robot.name))
-            .label(&robot.place, "used by nobody")
+            .label(&robot.place, "unused")
             .advise(format!("add `robot = \"{}\"` to a component, or leave the robot out", robot.name));
     }
     drafts
@@ -135,7 +135,7 @@ fn subscribed(table: &ComponentTable<'_>) -> Vec<String> {
     wired.iter().map(|(port, _)| port.clone()).collect()
 }
 
-/// Warns of a world that no component reads.
+/// Warns about a world that no component reads.
 fn unread_world(
     graph: &GraphTable<'_>,
     drafts: &[Draft<'_, '_>],
@@ -150,12 +150,12 @@ fn unread_world(
     if !drafts.iter().any(reads) {
         report
             .warning("no component reads the `[world]` of the graph")
-            .label(&world.key, "read by nobody")
+            .label(&world.key, "not read")
             .advise("leave it out, or simulate it by a component such as `physics.articulated`");
     }
 }
 
-/// Checks that `robots` lists each robot once and is used alone.
+/// Checks that `robots` lists each robot once and is not combined with `robot`.
 fn several_robots(table: &ComponentTable<'_>, report: &mut Report) -> bool {
     let Some(robots) = &table.robots else { return true };
     let names = robots.get().map(Vec::as_slice).unwrap_or_default();
@@ -327,7 +327,7 @@ fn config_value<'i>(
     value
 }
 
-/// A user's program may declare anything: reject declarations that this crate would not produce.
+/// Rejects declarations that this crate would not produce, because a user's program may declare anything.
 fn is_sane(declaration: &Declaration, draft: &Draft<'_, '_>, report: &mut Report) -> bool {
     let ports = &declaration.ports;
     let twice = |index: usize| ports[..index].iter().any(|port| port.name == ports[index].name);

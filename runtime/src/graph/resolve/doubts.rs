@@ -27,7 +27,7 @@ pub(super) fn warning(draft: &Draft<'_, '_>, warning: &DeclareWarning, report: &
     }
 }
 
-/// The part of a component that a message is about.
+/// Returns the part of a component that a message refers to.
 fn subject(draft: &Draft<'_, '_>, key: Option<&str>) -> String {
     match key {
         Some(key @ ("robot" | "robots")) => format!("`{}.{key}`", draft.name),
@@ -36,7 +36,7 @@ fn subject(draft: &Draft<'_, '_>, key: Option<&str>) -> String {
     }
 }
 
-/// Reports a configuration rejected by a component. `config` is its table as passed to the component.
+/// Reports a configuration rejected by a component. `config` is the table passed to the component.
 pub(super) fn problem(
     draft: &Draft<'_, '_>,
     config: &Value<'_>,
@@ -74,7 +74,8 @@ pub(super) fn problem(
         .advise(advice);
 }
 
-/// The place of a key that a component complained about: in its `config`, or `robot` of the component itself.
+/// Returns the position of a key that a component reported: a key of its `config`, or `robot` of the
+/// component itself.
 fn place_of(key: &str, draft: &Draft<'_, '_>) -> Option<Span> {
     let inside = good(&draft.table.config).and_then(|config| find(&config.0, key));
     inside.map(|found| found.value).or_else(|| match key {
@@ -84,7 +85,7 @@ fn place_of(key: &str, draft: &Draft<'_, '_>) -> Option<Span> {
     })
 }
 
-/// Advice on serde's message "unknown field `x`, expected one of `a`, `b`".
+/// Returns advice on serde's message "unknown field `x`, expected one of `a`, `b`".
 fn near_field(message: &str) -> Option<String> {
     let rest = message.strip_prefix(UNKNOWN_KEY).or_else(|| message.strip_prefix("unknown variant `"))?;
     let (written, known) = rest.split_once('`')?;

@@ -12,13 +12,13 @@ use crate::plan::Program;
 pub(super) struct Draft<'g, 'i> {
     /// Its name.
     pub(super) name: &'g str,
-    /// Place of its name.
+    /// Position of its name.
     pub(super) place: Span,
     /// Its table in the file.
     pub(super) table: &'g ComponentTable<'i>,
     /// The robot it works on.
     pub(super) robot: Option<RobotReference>,
-    /// The robots it works on by `robots`.
+    /// The robots it works on, from `robots`.
     pub(super) robots: Vec<RobotReference>,
     /// Its period, clock and folder.
     pub(super) placement: Placement,
@@ -42,7 +42,7 @@ impl Draft<'_, '_> {
         }
     }
 
-    /// Its scheduling class: of the file, else as it declares.
+    /// Returns its scheduling class: from the file, or else as declared.
     pub(super) fn schedule(&self) -> Schedule {
         let declared = self.declaration.as_ref().is_some_and(|declared| declared.not_real_time.is_some());
         let default = if declared { Schedule::Normal } else { defaults::SCHEDULE };
@@ -54,7 +54,7 @@ impl Draft<'_, '_> {
         self.declaration.iter().flat_map(|d| &d.ports).filter(move |port| port.direction == direction)
     }
 
-    /// Returns `true` if it declares to be an actuator.
+    /// Returns `true` if it declares that it is an actuator.
     pub(super) fn is_actuator(&self) -> bool {
         self.declaration.as_ref().is_some_and(|declaration| declaration.actuator)
     }

@@ -1,4 +1,5 @@
-//! Episodes: whether all components of a graph can be reset, and who begins and ends an episode.
+//! Episodes: checks that all components of a graph can be reset, and finds the components that begin and end
+//! episodes.
 
 use super::draft::Draft;
 use crate::declare::Declaration;
@@ -56,13 +57,13 @@ pub(super) fn check(graph: &GraphTable<'_>, drafts: &[Draft<'_, '_>], report: &m
     let Some(at) = graph.episodes.as_ref() else { return };
     let Some(table) = at.get() else { return };
     if let Some(count) = table.count.as_ref().filter(|count| count.get() == Some(&0)) {
-        report.error("a run of no episodes").label(&count.span, "expected at least 1");
+        report.error("a run without episodes").label(&count.span, "expected at least 1");
     }
     if let Some((name, span)) = &beginning {
         report
             .error(format!("`[episodes]` and component `{name}` both divide the run"))
             .label(&at.span, "a fixed number of episodes")
-            .and(span, "begins episodes when it decides to")
+            .and(span, "begins episodes at any time")
             .advise("remove one of them");
     } else if good(&graph.duration).is_none() && ending.is_none() {
         report
@@ -81,8 +82,8 @@ pub(super) fn check(graph: &GraphTable<'_>, drafts: &[Draft<'_, '_>], report: &m
     }
 }
 
-/// The component with a right, and the place at which the graph gives it. Reports a second one, and one that
-/// cannot use it.
+/// Returns the component with a right, and the position of that key in the graph. Reports a second component,
+/// and a component that cannot use the right.
 fn holder<'g>(right: &Right, drafts: &'g [Draft<'_, '_>], report: &mut Report) -> Option<(&'g str, Span)> {
     let mut holder: Option<(&str, Span)> = None;
     for draft in drafts {

@@ -1,9 +1,9 @@
 //! User programs: search, and queries of their declarations.
 //!
-//! The program is run once as `program motorium-describe`, receives `{"config": ..., "robot": ...,
-//! "placement": ...}` on standard input and answers on standard output with `{"motorium": VERSION,
-//! "declaration": ...}`, or with `{"motorium": VERSION, "error": {"key": ..., "message": ..., "advice":
-//! ...}}`.
+//! The program is run once as `program motorium-describe`. It receives
+//! `{"config": ..., "robot": ..., "placement": ...}` on standard input and answers on standard output with
+//! `{"motorium": VERSION, "declaration": ...}`, or with
+//! `{"motorium": VERSION, "error": {"key": ..., "message": ..., "advice": ...}}`.
 
 use std::io::{Read as _, Write as _};
 use std::os::unix::fs::PermissionsExt as _;
@@ -25,7 +25,7 @@ use crate::worker::{
 
 /// Timeout of the answer.
 const DESCRIBE_TIMEOUT: Duration = Duration::from_secs(5);
-/// The most that is read of its answer.
+/// Maximum number of bytes read of its answer.
 const LONGEST_ANSWER: u64 = 1 << 20;
 /// Version of this crate, which must be equal on both sides because they share memory layouts.
 pub(super) const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -33,10 +33,10 @@ pub(super) const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// A program that cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ExecProblem {
-    /// No file has this path.
+    /// The file does not exist.
     #[error("program `{}` does not exist", .0.display())]
     Missing(PathBuf),
-    /// The path names something else than a program.
+    /// The path is not a program.
     #[error("`{}` is not an executable program", .0.display())]
     NotExecutable(PathBuf),
     /// The system cannot start it.
@@ -50,7 +50,7 @@ pub enum ExecProblem {
     /// The program does not answer in time.
     #[error("program `{}` did not describe itself within {} s", .0.display(), DESCRIBE_TIMEOUT.as_secs())]
     Silent(PathBuf),
-    /// The program's answer is not a component's.
+    /// The answer of the program is not a component's.
     #[error("program `{}` does not answer `{request}` as a component does: {reason}", path.display())]
     NoComponent {
         /// The program.
@@ -59,7 +59,7 @@ pub enum ExecProblem {
         request: &'static str,
         /// Cause.
         reason: String,
-        /// The last line of its standard error.
+        /// Last line of its standard error.
         stderr: String,
     },
     /// The program was built with another version.
@@ -70,20 +70,20 @@ pub enum ExecProblem {
         /// Its version.
         found: String,
     },
-    /// The program is another build of the same version, with another layout of shared memory.
+    /// The program is another build of the same version, with a different layout of shared memory.
     #[error("program `{}` has another layout of shared memory than this motorium {VERSION}", .0.display())]
     Memory(PathBuf),
 }
 
 impl ExecProblem {
-    /// Reports it, of a program of the user.
+    /// Reports the problem of a user's program.
     pub(super) fn report(&self, draft: &Draft<'_, '_>, span: &Span, report: &mut Report) {
         let diagnostic =
             report.error(format!("component `{}`: {self}", draft.name)).label(span, "this program");
         if let Self::NoComponent { stderr, .. } = self
             && !stderr.is_empty()
         {
-            diagnostic.note(format!("it said: {stderr}"));
+            diagnostic.note(format!("standard error: {stderr}"));
         }
         diagnostic.advise(match self {
             Self::Missing(_) => format!("{}; the path is relative to the graph file", self.advice()),
@@ -91,7 +91,7 @@ impl ExecProblem {
         });
     }
 
-    /// Advice, of a program of the user.
+    /// Returns advice for a user's program.
     pub fn advice(&self) -> String {
         match self {
             Self::Missing(_) => "build it first: `cargo build --release`",
@@ -101,7 +101,7 @@ impl ExecProblem {
             Self::NotExecutable(path) => return format!("try `chmod +x {}`", path.display()),
             Self::Start { .. } => "was it built for this machine? try `cargo build --release`",
             Self::Silent(_) => {
-                "`motorium::main!(...)` answers at once; does the program do other things before it?"
+                "`motorium::main!(...)` answers immediately; does the program do other work before it?"
             }
             Self::NoComponent { .. } => "its main function must be `motorium::main!(MyComponent);`",
             Self::Version { .. } | Self::Memory(_) => {
@@ -149,7 +149,7 @@ pub fn describe(
     }
 }
 
-/// Queries the kinds hosted by a program: the one of `motorium::main!`, or several.
+/// Queries the kinds hosted by a program: one with `motorium::main!`, or several.
 ///
 /// # Errors
 /// The program does not answer according to this version's protocol.
@@ -159,13 +159,13 @@ pub fn kinds(path: &Path) -> Result<Vec<KindAnswer>, ExecProblem> {
     Ok(reply.kinds)
 }
 
-/// Two builds of one version may differ in the layout of shared memory: they would meet in a control block
-/// that neither can read.
+/// Checks that two builds of one version have the same layout of shared memory, because otherwise they could
+/// not share a control block.
 fn same_memory(path: &Path, digest: &str) -> Result<(), ExecProblem> {
     if digest == layout_digest() { Ok(()) } else { Err(ExecProblem::Memory(path.to_path_buf())) }
 }
 
-/// The answer of the program, of this version, to a request.
+/// Returns the answer of the program, which must be of this version, to a request.
 fn answer<T: serde::de::DeserializeOwned>(
     path: &Path,
     argument: &'static str,
@@ -199,7 +199,7 @@ fn answer<T: serde::de::DeserializeOwned>(
 struct Answer {
     status: ExitStatus,
     stdout: String,
-    /// The last line of its standard error.
+    /// Last line of its standard error.
     stderr: String,
 }
 
@@ -220,7 +220,7 @@ fn ask(path: &Path, argument: &str, request: String) -> Result<Answer, ExecProbl
     let silent = || ExecProblem::Silent(path.to_path_buf());
     let deadline = Instant::now() + DESCRIBE_TIMEOUT;
     if let Some(mut stdin) = child.stdin.take() {
-        // a program that never reads must not block; its answer shows whether it read the request
+        // a program that never reads must not block this one; its answer shows whether it read the request
         let spawned = thread().spawn(move || stdin.write_all(request.as_bytes()));
         spawned.map(drop).or_else(|error| ended(&mut child, error)).map_err(start)?;
     }
@@ -228,7 +228,7 @@ fn ask(path: &Path, argument: &str, request: String) -> Result<Answer, ExecProbl
     let stderr = read_all(child.stderr.take()).or_else(|error| ended(&mut child, error)).map_err(start)?;
     let finished = wait_until(&mut child, deadline);
     let Some(status) = finished.map_err(start)? else {
-        // it may just have ended on its own
+        // it may have just ended
         let _ = child.kill();
         let _ = child.wait();
         return Err(silent());
@@ -247,7 +247,7 @@ fn thread() -> std::thread::Builder {
     std::thread::Builder::new().name("describe".to_string())
 }
 
-/// Ends a program that cannot be talked to, for want of a thread.
+/// Kills a program that cannot be queried because there is no thread left.
 fn ended<T>(child: &mut Child, error: std::io::Error) -> std::io::Result<T> {
     let _ = child.kill();
     let _ = child.wait();

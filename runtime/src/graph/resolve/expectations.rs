@@ -7,7 +7,7 @@ use crate::graph::read::good;
 use crate::nearest::suggest;
 use crate::plan::Expectation;
 
-/// The expectations of a graph.
+/// Resolves the expectations of a graph.
 pub(super) fn resolve(
     graph: &GraphTable<'_>,
     drafts: &[Draft<'_, '_>],

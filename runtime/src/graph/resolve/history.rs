@@ -1,4 +1,4 @@
-//! Histories of topics: number of older values kept for taps.
+//! Histories of topics, which are the numbers of older values kept for taps.
 
 use super::draft::Draft;
 use super::wiring::Wiring;
@@ -8,12 +8,12 @@ use crate::graph::model::GraphTable;
 use crate::graph::read::good;
 use crate::nearest::{list, nearest};
 
-/// The largest history, values.
+/// Maximum history, number of values.
 const LARGEST: usize = 10_000;
-/// The largest history that a component with taps brings about, bytes.
+/// Maximum history caused by a component with taps, bytes.
 const LARGEST_TAPPED: usize = 64 << 20;
 
-/// The history of each topic, in the order of the topics.
+/// Resolves the history of each topic, in the order of the topics.
 pub(super) fn resolve(
     graph: &GraphTable<'_>,
     drafts: &[Draft<'_, '_>],
@@ -61,7 +61,7 @@ pub(super) fn resolve(
     histories
 }
 
-/// Extends the histories of tapped topics to the requested unread time.
+/// Extends the histories of tapped topics to the time that taps may go unread.
 fn tapped(
     draft: &Draft<'_, '_>,
     taps: &Taps,

@@ -1,8 +1,8 @@
 //! End-to-end latency budgets, and the source times from which they are measured.
 //!
-//! A sample carries the source time of the input that caused it: for a triggered component its trigger; for a
-//! time-triggered one the input on the path of a latency budget, if any. A chain starts at a component
-//! without such a cause, where its samples originate.
+//! A sample carries the source time of the input that caused it. In a triggered component this is its
+//! trigger; in a time-triggered component it is the input on the path of a latency budget, if any. A chain
+//! starts at a component without such a cause, where its samples originate.
 
 use super::draft::Draft;
 use super::timing::Timing;
@@ -55,7 +55,7 @@ pub(super) fn resolve(
     let tables = good(&graph.latency).map(Vec::as_slice).unwrap_or_default();
     let budgets: Vec<Budget<'_>> =
         tables.iter().filter_map(|at| budget(at.get()?, &at.span, wiring, report)).collect();
-    // source times can only be followed through a fully valid graph
+    // source times can only be traced through a valid graph
     if timing.activation.iter().any(Option::is_none) || wiring.wires.iter().any(|wire| wire.index.is_none()) {
         return Latencies { plans: Vec::new(), causes };
     }
@@ -89,7 +89,7 @@ pub(super) fn resolve(
     Latencies { plans, causes }
 }
 
-/// The topics and times of a budget.
+/// Reads the topics and times of a budget.
 fn budget<'g>(
     table: &'g LatencyTable,
     place: &Span,
@@ -105,8 +105,8 @@ fn budget<'g>(
     }
     if let Some(max) = table.max.as_ref().filter(|max| max.get() == Some(&TimeSpan { ns: 0 })) {
         report
-            .error("a latency budget of nothing cannot be met")
-            .label(&max.span, "no time at all")
+            .error("a latency budget of zero cannot be met")
+            .label(&max.span, "expected a time above zero")
             .advise("allow at least the execution budgets of the components on the path");
     }
     let from = topic(table.from.as_ref(), wiring, report);
@@ -132,7 +132,7 @@ fn topic(at: Option<&At<TopicName>>, wiring: &Wiring, report: &mut Report) -> Op
     let found = wiring.topic(name).filter(|topic| wiring.writer(*topic).is_some());
     if found.is_none() && !wiring.incomplete {
         report
-            .error(format!("nobody writes topic `{name}`"))
+            .error(format!("topic `{name}` has no writer"))
             .label(&at.span, "not a topic that can be measured")
             .advise(suggest(name, wiring.written(), "the topics of this graph are"));
     }
@@ -148,7 +148,7 @@ fn path<'w>(
     timing: &Timing,
 ) -> Option<Vec<&'w Wire>> {
     let start = wiring.writer(budget.from)?.component;
-    // by topic: the wire to the component that wrote it
+    // by topic: the wire that leads to the component that writes it
     let mut came_by: Vec<Option<&Wire>> = vec![None; wiring.topics.len()];
     let mut reached = vec![budget.from];
     let mut next = 0;
@@ -181,7 +181,7 @@ fn path<'w>(
     Some(path)
 }
 
-/// Topic from which the source time of a topic's samples comes.
+/// Returns the topic where the source time of a topic's samples originates.
 fn origin(topic: usize, causes: &[Option<usize>], wiring: &Wiring) -> Option<usize> {
     let mut current = topic;
     // a path back is at most as long as the number of topics, unless it is cyclic
@@ -206,7 +206,7 @@ fn no_path(
     let cause = causes[writer].and_then(|cause| wiring.of_port(writer, Direction::Input, cause)?.topic);
     let name = drafts[writer].name;
     let diagnostic = report
-        .error(format!("no data goes from `{from}` to `{to}`"))
+        .error(format!("no data flows from `{from}` to `{to}`"))
         .label(budget.to_span, format!("not made from `{from}`"))
         .and(budget.from_span, "the budget starts here");
     let Some(cause) = cause else {
@@ -222,7 +222,7 @@ fn no_path(
     };
     let reason = match timing.activation[writer] {
         Some(Activation::Triggered { .. }) => "its trigger",
-        _ => "which lies on the path of another latency budget",
+        _ => "which is on the path of another latency budget",
     };
     diagnostic.note(format!(
         "`{to}` is written by `{name}` and has the source time of `{}`, {reason}",
@@ -260,7 +260,7 @@ fn at_the_head(
     };
 }
 
-/// A budget below the sum of the execution budgets on its path cannot be relied upon.
+/// Warns about a budget below the sum of the execution budgets on its path.
 fn too_tight(budget: &Budget<'_>, path: &[&Wire], drafts: &[Draft<'_, '_>], report: &mut Report) {
     let Some(max) = budget.max.get() else { return };
     let limited =

@@ -1,4 +1,4 @@
-//! Liveness limits: time without a step, time of computing without waiting, and lost steps.
+//! Liveness limits: time without a step, computing time without waiting, and lost steps.
 
 use super::draft::Draft;
 use super::timing::Timing;
@@ -10,7 +10,7 @@ use crate::graph::values::{Choice as _, Schedule};
 use crate::plan::LivenessPlan;
 use crate::units::TimeSpan;
 
-/// Determines the limits of every component: its own, else the graph's, else the defaults.
+/// Determines the limits of every component: its own, or else the graph's, or else the defaults.
 pub(super) fn resolve(
     graph: &GraphTable<'_>,
     drafts: &[Draft<'_, '_>],
@@ -42,7 +42,7 @@ pub(super) fn resolve(
     (0..drafts.len()).map(|component| of(component, report)).collect()
 }
 
-/// Checks that a component waiting for its next release does not count as hung.
+/// Checks that a component that waits for its next release does not count as hung.
 fn long_enough(draft: &Draft<'_, '_>, at: &At<TimeSpan>, period_ns: u64, report: &mut Report) {
     let Some(time) = at.get().filter(|time| time.ns < 2 * period_ns || time.ns == 0) else { return };
     let period = TimeSpan { ns: period_ns };
@@ -53,7 +53,7 @@ fn long_enough(draft: &Draft<'_, '_>, at: &At<TimeSpan>, period_ns: u64, report:
         .advise(format!("write `{}` or more", TimeSpan { ns: (2 * period_ns).max(1_000_000) }));
 }
 
-/// The limit on computing without waiting; only `SCHED_FIFO` has one.
+/// Returns the limit on computing without waiting, which only `SCHED_FIFO` has.
 fn cpu_limit(draft: &Draft<'_, '_>, schedule: Schedule, period_ns: u64, report: &mut Report) -> Option<u64> {
     let given = draft.table.cpu_limit.as_ref();
     let budget_ns = good(&draft.table.budget).map(|budget| budget.ns);

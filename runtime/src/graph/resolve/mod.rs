@@ -1,7 +1,7 @@
 //! Resolution of tables to a plan: names, wires and defaults.
 //!
-//! Each step continues despite earlier mistakes as far as possible, so that one check finds most of them.
-//! Consequences of reported mistakes are not reported again.
+//! Each step continues after earlier errors as far as possible, so that one check finds most of them.
+//! Consequences of reported errors are not reported.
 
 mod activate;
 mod assemble;
@@ -38,8 +38,8 @@ use super::model::GraphTable;
 use super::read::good_or;
 use crate::plan::Plan;
 
-/// Resolves a graph, with the time of each declaration. Returns `None` if and only if an error has been
-/// reported.
+/// Resolves a graph and measures the time of each declaration. Returns `None` if and only if an error has
+/// been reported.
 pub(super) fn resolve(
     graph: &GraphTable<'_>,
     context: &Context<'_>,

@@ -6,7 +6,7 @@ use crate::graph::read::good;
 use crate::nearest::suggest;
 use crate::plan::ParameterPlan;
 
-/// The parameters of every component, in the order of their declaration.
+/// Resolves the parameters of every component, in the order of their declaration.
 pub(super) fn resolve(drafts: &[Draft<'_, '_>], report: &mut Report) -> Vec<Vec<ParameterPlan>> {
     drafts.iter().map(|draft| of_component(draft, report)).collect()
 }

@@ -1,7 +1,7 @@
-//! Relative paths in a `config` table: each starts in the folder of its file.
+//! Relative paths in a `config` table, which refer to the folder of their file.
 //!
-//! A component resolves its paths against the folder of its robot. If the files of a graph are in
-//! several folders, paths of the others are made absolute. The JSON Schema of the kind defines the paths:
+//! A component resolves its paths against the folder of its robot. If the files of a graph are in several
+//! folders, paths in files of other folders are made absolute. The JSON Schema of the kind defines the paths:
 //! texts and lists of the format `path`, except for the words listed as `words`.
 
 use std::borrow::Cow;
@@ -17,7 +17,7 @@ use crate::graph::source::{Sources, Span};
 /// Deepest nesting that is followed.
 const DEEPEST: usize = 64;
 
-/// Makes the paths of a `config` table absolute that are not in `folder`.
+/// Makes the paths of a `config` table absolute that do not refer to `folder`.
 pub(super) fn rebase(config: &mut Value<'_>, kind: &Home<'_>, folder: &Path, sources: &Sources) {
     if sources.files().iter().all(|file| file.folder == *folder) {
         return;

@@ -4,9 +4,9 @@ use crate::graph::model::ComponentTable;
 use crate::graph::read::{At, good};
 use crate::graph::values::TopicName;
 
-/// The period of each component, ns: by its rate or the shortest time between its events, or by that at the
-/// head of its trigger chain. `None` where the file has a mistake, which is reported when the times are
-/// resolved.
+/// Returns the period of each component, ns: from its rate or its minimum interval between events, or from
+/// the component at the head of its trigger chain. `None` if the file has an error, which is reported when
+/// the times are resolved.
 pub(super) fn component_periods(components: &[(String, At<ComponentTable<'_>>)]) -> Vec<Option<u64>> {
     let tables: Vec<Option<&ComponentTable<'_>>> = components.iter().map(|(_, at)| at.get()).collect();
     (0..tables.len()).map(|component| of_component(component, &tables)).collect()

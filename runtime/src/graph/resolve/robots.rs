@@ -11,7 +11,7 @@ use crate::graph::values::check_robot_name;
 /// A robot of the file.
 pub(super) struct Robot {
     pub name: String,
-    /// Place of its name.
+    /// Position of its name.
     pub place: Span,
     /// `None` if its model cannot be used, which has been reported.
     pub reference: Option<RobotReference>,

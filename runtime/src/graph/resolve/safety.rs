@@ -35,11 +35,11 @@ pub(super) fn resolve(
     let stale_after =
         table.map_or(defaults::STALE_AFTER, |table| good_or(&table.stale_after, defaults::STALE_AFTER));
     let at = table.and_then(|table| table.stale_after.as_ref());
-    bounds::not_zero("stale_after", at, "every command would be stale at once", report);
+    bounds::not_zero("stale_after", at, "every command would be stale immediately", report);
     if let Some(at) = graph.duration.as_ref().filter(|at| at.get() == Some(&TimeSpan { ns: 0 })) {
         report
             .error("`duration` is zero")
-            .label(&at.span, "the run would end at once")
+            .label(&at.span, "the run would end immediately")
             .advise("leave it out to run until stopped");
     }
     for draft in drafts {
@@ -86,7 +86,7 @@ pub(super) fn resolve(
     }
 }
 
-/// The longest sum of the periods of the components through which a measurement becomes an actuator's
+/// Returns the longest sum of the periods of the components on the path from a measurement to an actuator's
 /// command, ns.
 fn chains_ns(drafts: &[Draft<'_, '_>], wiring: &Wiring, timing: &Timing, causes: &[Option<usize>]) -> u64 {
     let mut longest = 0;
@@ -100,7 +100,7 @@ fn chains_ns(drafts: &[Draft<'_, '_>], wiring: &Wiring, timing: &Timing, causes:
             }
             let mut sum_ns: u64 = 0;
             let mut input = Some((component, index));
-            // A chain of causes has no loop; the count bounds one that was reported.
+            // A chain of causes has no loop, unless one was reported; the count bounds it.
             for _ in 0..drafts.len() {
                 let writer = input
                     .and_then(|(component, index)| wiring.of_port(component, Direction::Input, index))
@@ -116,7 +116,8 @@ fn chains_ns(drafts: &[Draft<'_, '_>], wiring: &Wiring, timing: &Timing, causes:
     longest
 }
 
-/// Commands that come more slowly than they grow stale hold the robot in its safe state half of the time.
+/// Warns about commands that become stale before the next one arrives, which would put the robot into its
+/// safe state half of the time.
 fn stale_commands(
     stale_after: TimeSpan,
     at: Option<&At<TimeSpan>>,
@@ -157,7 +158,7 @@ fn stale_commands(
     }
 }
 
-/// Warns of a `[safety]` table in a graph without actuators.
+/// Warns about a `[safety]` table in a graph without actuators.
 fn no_actuator(graph: &GraphTable<'_>, drafts: &[Draft<'_, '_>], report: &mut Report) {
     let Some(safety) = &graph.safety else { return };
     let known = drafts.iter().all(|draft| draft.declaration.is_some());

@@ -18,9 +18,9 @@ use crate::worker::{Kind, KindAnswer, Registry, Sibling};
 /// The program that hosts a kind.
 #[derive(Debug, Clone)]
 pub(super) enum Home<'c> {
-    /// This one.
+    /// This program.
     Here(&'c Kind),
-    /// Another program, and the index of the kind.
+    /// Another program, with the index of the kind.
     Sibling(Rc<Program>, usize),
 }
 
@@ -31,20 +31,20 @@ pub(super) struct Program {
     kinds: Vec<KindAnswer>,
 }
 
-/// No program hosts the kind.
+/// Reason why no program hosts a kind.
 #[derive(Debug, Clone)]
 pub(super) enum Homeless {
-    /// The kind is neither in this program nor in the family of another one.
+    /// The kind is neither in this program nor in the family of another program.
     Unknown,
     /// The program with the kind is not installed.
     Missing { sibling: Sibling, beside: PathBuf },
-    /// The program that should have the kind cannot be used.
+    /// The program that should host the kind cannot be used.
     Unusable { sibling: Sibling, problem: Rc<ExecProblem> },
-    /// The program of its family does not have the kind.
+    /// The program of its family does not host the kind.
     NotAmong { program: Rc<Program> },
 }
 
-/// Other host programs by name, as far as they have been queried.
+/// Other host programs that were queried, by name.
 #[derive(Debug, Default)]
 pub(super) struct Siblings(RefCell<BTreeMap<&'static str, Result<Rc<Program>, Homeless>>>);
 
@@ -57,7 +57,8 @@ impl Home<'_> {
         }
     }
 
-    /// Returns `true` if its configuration has a key `gravity`, whose default is that of the graph's world.
+    /// Returns `true` if its configuration has a key `gravity`, which defaults to the gravity of the graph's
+    /// world.
     pub(super) fn reads_gravity(&self) -> bool {
         match self {
             Self::Here(kind) => kind.reads_gravity,
@@ -78,7 +79,7 @@ impl Home<'_> {
 }
 
 impl Siblings {
-    /// The program that hosts a kind.
+    /// Finds the program that hosts a kind.
     pub(super) fn home<'c>(&self, kind: &str, registry: &'c Registry) -> Result<Home<'c>, Homeless> {
         if let Some(kind) = registry.find(kind) {
             return Ok(Home::Here(kind));
@@ -169,7 +170,7 @@ impl Homeless {
                 if let ExecProblem::NoComponent { stderr, .. } = &**problem
                     && !stderr.is_empty()
                 {
-                    diagnostic.note(format!("it said: {stderr}"));
+                    diagnostic.note(format!("standard error: {stderr}"));
                 }
                 diagnostic.advise(match sibling.install {
                     Some(install) => {

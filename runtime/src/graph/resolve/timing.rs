@@ -1,4 +1,4 @@
-//! The activation of the components: rates, triggers, and the chains they form.
+//! Activation of the components: rates, triggers, and trigger chains.
 
 use super::activate;
 use super::draft::Draft;
@@ -18,21 +18,21 @@ use crate::units::TimeSpan;
 pub(super) struct Timing {
     /// Per component; `None` if unknown, which has been reported.
     pub activation: Vec<Option<Activation>>,
-    /// The component at the head of each one's trigger chain, which the clock or events release; itself if it
-    /// is one.
+    /// Per component: the component at the head of its trigger chain, which the clock or events release;
+    /// itself if it is a head.
     pub head: Vec<Option<usize>>,
-    /// The component whose output triggers each one.
+    /// Per component: the component whose output triggers it.
     pub triggered_by: Vec<Option<usize>>,
 }
 
 impl Timing {
-    /// Nominal time between two steps of a component, ns.
+    /// Returns the nominal time between two steps of a component, ns.
     pub(super) fn period_ns(&self, component: usize) -> Option<u64> {
         self.activation[component].as_ref().map(Activation::period_ns)
     }
 }
 
-/// The activation of a component, from its own table.
+/// Activation of a component, from its own table.
 enum Start {
     /// Invalid, which has been reported.
     Unknown,
@@ -51,7 +51,8 @@ enum Start {
 }
 
 impl Start {
-    /// Period of a component that no other one releases, ns; the shortest for an event-released one.
+    /// Returns the period of a component that no other component releases, ns; the shortest time for an
+    /// event-released component.
     fn own_period_ns(&self) -> Option<u64> {
         match self {
             Self::Periodic { period_ns, .. } => Some(*period_ns),
@@ -61,7 +62,7 @@ impl Start {
     }
 }
 
-/// Finds the activation of every component.
+/// Resolves the activation of every component.
 pub(super) fn resolve(
     drafts: &[Draft<'_, '_>],
     wiring: &Wiring,
@@ -221,7 +222,7 @@ fn find_trigger(
     None
 }
 
-/// The component at the head of a trigger chain.
+/// Returns the component at the head of a trigger chain.
 fn head(component: usize, starts: &[Start], triggered_by: &[Option<usize>]) -> Option<usize> {
     let mut current = component;
     // a chain is at most as long as the number of components, unless it is a loop
@@ -289,7 +290,7 @@ fn report_loop(
 ) {
     let mut places = Vec::new();
     let mut path = vec![format!("`{}`", drafts[cycle[0]].name)];
-    // the loop in the direction in which triggers go
+    // the loop in the direction of triggers
     for member in cycle.iter().rev() {
         let Start::Triggered { topic, span, .. } = &starts[*member] else { continue };
         path.push(format!("`{}`", drafts[*member].name));
@@ -312,15 +313,15 @@ fn report_loop(
     }
 }
 
-/// A budget must be a time, and fit into the period.
+/// Checks that budgets are above zero and fit into the period.
 fn budgets(drafts: &[Draft<'_, '_>], timing: &Timing, report: &mut Report) {
     for (component, draft) in drafts.iter().enumerate() {
         let Some(at) = &draft.table.budget else { continue };
         let Some(budget) = at.get() else { continue };
         if budget.ns == 0 {
             report
-                .error(format!("component `{}` has no time to step", draft.name))
-                .label(&at.span, "a budget of nothing")
+                .error(format!("the budget of component `{}` is zero", draft.name))
+                .label(&at.span, "expected a time above zero")
                 .advise("leave `budget` out if the execution time does not matter");
         }
         let (Some(period_ns), Some(head)) = (timing.period_ns(component), timing.head[component]) else {

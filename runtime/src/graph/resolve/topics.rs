@@ -1,4 +1,4 @@
-//! Topics: one writer each, and readers of the same type.
+//! Checks of topics, which have one writer and readers of the same type.
 
 use super::draft::Draft;
 use super::wiring::{Wire, Wiring, carries};
@@ -55,13 +55,13 @@ fn without_writer(topic: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, repor
         };
         let component = drafts[reader.component].name;
         report
-            .error(format!("nobody writes topic `{name}`, which `{component}` reads"))
+            .error(format!("topic `{name}`, which `{component}` reads, has no writer"))
             .label(&reader.span, "a topic without a writer")
             .advise(advice);
     }
 }
 
-/// Reader and writer agree on the type, its layout, and on state or stream.
+/// Checks that reader and writer agree on the type, its layout, and on state or stream.
 fn agree(
     topic: usize,
     writer: &Wire,

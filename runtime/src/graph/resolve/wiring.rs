@@ -19,16 +19,16 @@ pub(super) struct Wire {
     pub port: String,
     /// Index among the declared ports of its direction; `None` for an unknown port.
     pub index: Option<usize>,
-    /// Reads or writes.
+    /// Direction of the port.
     pub direction: Direction,
     /// Index of the topic; `None` if its name was refused.
     pub topic: Option<usize>,
-    /// Place of the topic's name.
+    /// Position of the topic's name.
     pub span: Span,
 }
 
 impl Wire {
-    /// The declared port.
+    /// Returns the declared port.
     pub(super) fn declared<'d>(&self, drafts: &'d [Draft<'_, '_>]) -> Option<&'d PortDeclaration> {
         drafts[self.component].ports(self.direction).nth(self.index?)
     }
@@ -70,7 +70,7 @@ impl Wiring {
         });
     }
 
-    /// The wires of one topic and direction.
+    /// Returns the wires of one topic and direction.
     pub(super) fn of_topic(&self, topic: usize, direction: Direction) -> impl Iterator<Item = &Wire> {
         self.wires.iter().filter(move |wire| wire.topic == Some(topic) && wire.direction == direction)
     }
@@ -80,17 +80,17 @@ impl Wiring {
         self.of_topic(topic, Direction::Output).next()
     }
 
-    /// The wires of one component and direction.
+    /// Returns the wires of one component and direction.
     pub(super) fn of_component(&self, component: usize, direction: Direction) -> impl Iterator<Item = &Wire> {
         self.wires.iter().filter(move |wire| wire.component == component && wire.direction == direction)
     }
 
-    /// The wire of a component's port, by its index among the declared ports of its direction.
+    /// Returns the wire of a component's port, by its index among the declared ports of its direction.
     pub(super) fn of_port(&self, component: usize, direction: Direction, index: usize) -> Option<&Wire> {
         self.of_component(component, direction).find(|wire| wire.index == Some(index))
     }
 
-    /// Topics that carry a type.
+    /// Returns the topics that carry a type.
     pub(super) fn that_carry<'w>(&'w self, type_name: &str, drafts: &[Draft<'_, '_>]) -> Vec<&'w str> {
         let carries = |wire: &&Wire| {
             wire.direction == Direction::Output
@@ -99,19 +99,19 @@ impl Wiring {
         self.wires.iter().filter(carries).filter_map(|wire| Some(self.topics[wire.topic?].as_str())).collect()
     }
 
-    /// The topic of this name.
+    /// Returns the topic with this name.
     pub(super) fn topic(&self, name: &str) -> Option<usize> {
         self.topics.iter().position(|topic| topic == name)
     }
 
-    /// Names of the topics that somebody writes.
+    /// Returns the names of the topics that have a writer.
     pub(super) fn written(&self) -> impl Iterator<Item = &str> + Clone {
         let written = |topic: &usize| self.writer(*topic).is_some();
         (0..self.topics.len()).filter(written).map(|topic| self.topics[topic].as_str())
     }
 }
 
-/// The pattern and type of a port, for messages.
+/// Describes the pattern and type of a port, for messages.
 pub(super) fn carries(port: &PortDeclaration) -> String {
     match port.pattern {
         TopicPattern::State => port.layout.type_name.clone(),
@@ -205,7 +205,7 @@ fn unknown_port(draft: &Draft<'_, '_>, direction: Direction, port: &str, place: 
         .advise(advice);
 }
 
-/// Every input that must be wired is.
+/// Checks that all required inputs are wired.
 fn required(component: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, report: &mut Report) {
     let draft = &drafts[component];
     if draft.table.subscribe.as_ref().is_some_and(|at| at.get().is_none()) {
@@ -241,7 +241,7 @@ fn required(component: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, report:
     }
 }
 
-/// Warns of a component without a wired port.
+/// Warns about a component without a wired port.
 fn nothing_to_do(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, report: &mut Report) {
     let Some(declaration) = &draft.declaration else { return };
     if declaration.taps.is_some() || wiring.wires.iter().any(|wire| wire.component == component) {
@@ -251,7 +251,7 @@ fn nothing_to_do(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, repor
         report
             .warning(format!("component `{}` has no ports: the graph cannot see what it does", draft.name))
             .label(&draft.place, "neither reads nor writes")
-            .advise("harmless if it only acts outside of the graph");
+            .advise("harmless if it only acts outside the graph");
     } else if declaration.ports.iter().all(|port| !port.required) {
         // a missing required port has been reported already
         let ports: Vec<String> =

@@ -1,4 +1,4 @@
-//! Messages of serde in the words of a graph file.
+//! Rewording of serde's messages in terms of graph files.
 
 /// Rewords a serde message about a `config` table in terms of graph files: keys, numbers, lists and tables
 /// instead of fields, Rust types, sequences and maps. Other messages are unchanged.
@@ -25,12 +25,12 @@ fn reword(message: &str) -> Option<String> {
         return Some(format!("found {count} {noun}, expected {}", expected(expectation)));
     }
     let rest = ["invalid type: ", "invalid value: "].iter().find_map(|start| message.strip_prefix(start))?;
-    // The value may contain the same words: the last ones are serde's.
+    // The value may contain the same words; serde's are the last ones.
     let (value, expectation) = rest.rsplit_once(", expected ")?;
     Some(format!("found {}, expected {}", found(value), expected(expectation)))
 }
 
-/// A value that serde names with its type.
+/// Rewords a value that serde names with its type.
 fn found(value: &str) -> String {
     let (kind, rest) = value.split_once(' ').unwrap_or((value, ""));
     match (kind, rest) {
@@ -45,7 +45,7 @@ fn found(value: &str) -> String {
     }
 }
 
-/// The expectation of a type.
+/// Rewords the expectation of a type.
 fn expected(expectation: &str) -> String {
     let words: Vec<&str> = expectation.split(' ').collect();
     match words.as_slice() {
@@ -96,7 +96,7 @@ mod tests {
         gain: f64,
     }
 
-    /// The refusal of a value of TOML, in the words of a graph file.
+    /// Returns the reworded error for a TOML value.
     fn refusal<T: DeserializeOwned + std::fmt::Debug>(value: &str) -> String {
         let text = format!("key = {value}");
         let error = toml::from_str::<BTreeMap<String, T>>(&text).expect_err("refused");
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_and_choices_are_called_so() {
+    fn fields_and_variants_are_called_keys_and_choices() {
         assert_eq!(refusal::<Table>("{ gian = 1.0 }"), "unknown key `gian`, expected `gain`");
         assert_eq!(refusal::<Table>("{}"), "key `gain` is missing");
         assert_eq!(refusal::<Choice>("\"wlak\""), "found `wlak`, expected `walk` or `trot`");

@@ -13,8 +13,8 @@ use crate::graph::model::GraphTable;
 use crate::graph::read::Value;
 use crate::graph::values::AnyTable;
 
-/// Inserts the graph's world, or its gravity only, into the configuration of a kind that reads it. Gravity is
-/// three numbers, from the world file if the world states none.
+/// Inserts the graph's world, or only its gravity, into the configuration of a kind that reads it. Gravity
+/// has three numbers, from the world file if the world does not set it.
 pub(super) fn insert<'i>(
     value: &mut Value<'i>,
     kind: &Home<'_>,
@@ -57,7 +57,7 @@ pub(super) fn insert<'i>(
     }
 }
 
-/// The gravity of the file of the world, read once for all components.
+/// Returns the gravity of the world file, which is read once for all components.
 fn of_file<'i>(
     (key, file): (&Spanned<Cow<'i, str>>, &Value<'i>),
     draft: &Draft<'_, 'i>,

@@ -24,7 +24,7 @@ impl<'i> Read<'i> for Expectations {
     }
 }
 
-/// Adds the expectations below a figure.
+/// Collects the expectations below a figure.
 fn collect(
     figure: &str,
     value: &Value<'_>,

@@ -44,9 +44,9 @@ impl<'i> Read<'i> for String {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Name(pub String);
 
-/// The longest name of a component, in characters: it becomes part of names in shared memory.
+/// Maximum length of a component's name, in characters, because it is part of names in shared memory.
 const LONGEST_NAME: usize = 64;
-/// The longest name of a topic.
+/// Maximum length of a topic's name.
 const LONGEST_TOPIC: usize = 128;
 
 fn name_character(c: char) -> bool {
@@ -133,7 +133,7 @@ impl schemars::JsonSchema for Name {
 
 /// [`Name`] as a regular expression.
 pub(super) const NAME_PATTERN: &str = "^[a-z0-9_-]{1,64}$";
-/// Name of a robot as a regular expression.
+/// The name of a robot as a regular expression.
 pub(super) const ROBOT_NAME_PATTERN: &str = "^[A-Za-z0-9_-]{1,64}$";
 
 /// The name of a topic, such as `panda/joint_state`.
@@ -163,7 +163,7 @@ impl schemars::JsonSchema for TopicName {
     }
 }
 
-/// Reports a time or rate that cannot be.
+/// Reports an invalid time or rate.
 fn refuse(key: &str, span: &Span, what: &str, error: &UnitError, report: &mut Report) {
     report
         .error(format!("`{key}` {}", error.found))
@@ -238,9 +238,9 @@ macro_rules! read_whole {
 
 read_whole!(u64, u32, i64, usize);
 
-/// One of a few words.
+/// A choice of one of a few words.
 pub(super) trait Choice: Copy + Serialize + 'static {
-    /// All of them.
+    /// All choices.
     const ALL: &'static [Self];
 
     /// Returns its serialised name.
@@ -330,7 +330,7 @@ impl<'i, T: Read<'i>> Read<'i> for Vec<At<T>> {
     }
 }
 
-/// A table whose keys the user chooses, in the order of the file.
+/// A table with user-defined keys, in file order.
 #[derive(Debug, Clone)]
 pub(super) struct Named<T>(pub Vec<(String, At<T>)>);
 
@@ -367,7 +367,7 @@ impl<T: schemars::JsonSchema> schemars::JsonSchema for Named<T> {
     }
 }
 
-/// A table that is read by somebody else.
+/// A table that is not read here.
 #[derive(Debug, Clone)]
 pub(super) struct AnyTable<'i>(pub Value<'i>);
 

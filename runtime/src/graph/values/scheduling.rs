@@ -16,13 +16,13 @@ use crate::units::TimeSpan;
 pub(in crate::graph) enum Schedule {
     /// Real-time: `SCHED_FIFO`, on a real-time core.
     Fifo,
-    /// Real-time: `SCHED_DEADLINE`. The kernel promises the budget in every period, on whatever core.
+    /// Real-time: `SCHED_DEADLINE`. The kernel guarantees the budget in every period, on any core.
     Deadline,
     /// Not real-time: the system's time sharing, on the shared cores.
     Normal,
 }
 
-/// A source of events from outside of the graph.
+/// A source of events outside the graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::graph) enum EventSource {
@@ -33,9 +33,9 @@ pub(in crate::graph) enum EventSource {
 /// The spin time before a release.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::graph) enum SpinChoice {
-    /// A time that follows the wake errors of the machine.
+    /// A time adapted to the wake errors of the machine.
     Auto,
-    /// Always this long.
+    /// A fixed time.
     Fixed(TimeSpan),
 }
 
@@ -71,7 +71,7 @@ impl schemars::JsonSchema for SpinChoice {
     }
 }
 
-/// A part of a whole, above 0 and at most 1.
+/// A share, above 0 and at most 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(transparent)]
 pub(in crate::graph) struct Share(pub f64);

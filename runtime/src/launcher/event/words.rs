@@ -1,4 +1,4 @@
-//! Texts of events, all in one place.
+//! Texts of events.
 
 use core::fmt;
 
@@ -9,7 +9,7 @@ use crate::plan::ClockKind;
 use crate::region::{Latch, Misses, Refusal};
 use crate::units::TimeSpan;
 
-/// Writes its text in one line, without its kind; nothing for a status.
+/// Writes the text in one line, without the kind; nothing for a status.
 impl fmt::Display for Event<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let milliseconds = |ns: &u64| *ns as f64 * 1e-6;
@@ -87,15 +87,15 @@ impl fmt::Display for Event<'_> {
                     Latch::EmergencyStop => "release the emergency stop, then ",
                     Latch::Stop | Latch::SafeState => "",
                 };
-                write!(f, "the robot stays in its safe state, {cause}; to go on: {first}`motorium resume`")
+                write!(f, "the robot stays in its safe state, {cause}; to continue: {first}`motorium resume`")
             }
-            Self::Resumed => f.write_str("resumed: the robot comes back to its commands"),
+            Self::Resumed => f.write_str("resumed: the robot returns to its commands"),
             Self::LosesSteps { component, share } => {
                 write!(f, "`{component}` lost {} of its steps in the last second", LostShare(*share))
             }
             Self::Waiting { component, tick, for_ns } => write!(
                 f,
-                "`{component}` has been in tick {tick} for {:.1} s; simulated time stands still until it ends (Ctrl-C stops)",
+                "`{component}` has been in tick {tick} for {:.1} s; simulated time does not advance until it ends (Ctrl-C stops)",
                 *for_ns as f64 * 1e-9
             ),
             Self::Ending(Exit::Finished) => f.write_str("the run ends: its time is over"),
@@ -115,11 +115,11 @@ impl fmt::Display for Event<'_> {
 }
 
 impl Refusal {
-    /// Short description of the refused commands, such as "3 commands stamped in the future".
+    /// Describes the refused commands in a few words, such as "3 commands stamped in the future".
     pub fn description(self) -> &'static str {
         match self {
             Self::Content => "not finite",
-            Self::Count => "for another number of joints",
+            Self::Count => "for a different number of joints",
             Self::NegativeGain => "with a negative gain",
             Self::Limits => "beyond a limit",
             Self::Future => "stamped in the future",
@@ -129,7 +129,7 @@ impl Refusal {
     }
 }
 
-/// A number and its noun.
+/// Formats a number and its noun.
 fn count_of(count: u64, noun: &str) -> String {
     if count == 1 { format!("1 {noun}") } else { format!("{count} {noun}s") }
 }
@@ -138,11 +138,11 @@ fn names(names: &[&str]) -> String {
     names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
 }
 
-/// Missed steps by cause.
+/// Formats missed steps by cause.
 fn causes(misses: &Misses) -> String {
     let causes = [
         (misses.long_step, "too long"),
-        (misses.late_wake, "held up by others"),
+        (misses.late_wake, "delayed by others"),
         (misses.stolen, "by the host"),
         (misses.late_input, "without a fresh command"),
     ];
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn a_resuming_actuator_does_not_follow_its_commands() {
+    fn resuming_actuator_does_not_follow_its_commands() {
         let left = |before_ns, resuming| {
             Event::LeftSafeState { component: "physics", before_ns, resuming }.to_string()
         };
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn an_actuator_that_is_not_at_rest_is_not_in_its_safe_state() {
+    fn moving_actuator_is_not_in_its_safe_state() {
         let event = Event::NotSafe { dead: &[], late: &[], moving: &["physics"], safe: &[] };
         let expected =
             "not all actuators are in their safe state: `physics` in its safe state, but not at rest";

@@ -1,4 +1,4 @@
-//! The kinds and the severities of events.
+//! Kinds and severities of events.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -22,10 +22,10 @@ pub enum EventSeverity {
 }
 
 impl EventSeverity {
-    /// All severities, the least severe first.
+    /// All severities, in ascending order.
     pub const ALL: [Self; 3] = [Self::Information, Self::Warning, Self::Error];
 
-    /// Its name, as in JSON.
+    /// Returns the name used in JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::Information => "information",
@@ -48,7 +48,7 @@ macro_rules! kinds {
             /// All of them.
             pub const ALL: &'static [Self] = &[$(Self::$kind),*];
 
-            /// Its name, as in JSON.
+            /// Returns the name used in JSON.
             pub fn name(self) -> &'static str {
                 match self {
                     $(Self::$kind => $name,)*

@@ -1,9 +1,9 @@
-//! Event log of a run in its control block: a ring of fixed size for each severity, and one for printed
-//! lines.
+//! The event log of a run in its control block, with a ring of fixed size for each severity and one for
+//! printed lines.
 //!
-//! Its writers are the launcher, and the guard when the launcher is gone. Workers do not write it: they count
-//! misses and refusals, which the launcher reports at its own pace. Separate rings prevent printed lines from
-//! displacing events, and warnings from displacing failures.
+//! It is written by the launcher, and by the guard if the launcher has ended. Workers do not write it. They
+//! count misses and refusals, which the launcher reports at its own pace. Separate rings prevent printed
+//! lines from displacing events, and warnings from displacing failures.
 
 mod kind;
 mod ring;
@@ -24,11 +24,11 @@ const RINGS: [EventSeverity; 4] =
     [EventSeverity::Information, EventSeverity::Warning, EventSeverity::Error, EventSeverity::Information];
 /// Number of records kept per ring.
 const RECORDS: usize = 128;
-/// Words of a record, so that its slot has 512 bytes.
+/// Words of a record, chosen for a slot of 512 bytes.
 const WORDS: usize = 63;
 /// Words of a record before its text.
 const HEAD: usize = 6;
-/// The longest text of an event, bytes.
+/// Maximum length of the text of an event, bytes.
 pub const EVENT_TEXT_BYTES: usize = (WORDS - HEAD) * 8;
 /// Marks a missing simulated time.
 const NONE: u64 = u64::MAX;
@@ -37,7 +37,7 @@ const NONE: u64 = u64::MAX;
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct EventLog {
-    /// Time of its creation, `CLOCK_MONOTONIC` ns.
+    /// Time of creation, `CLOCK_MONOTONIC` ns.
     opened_ns: AtomicU64,
     rings: [Ring<Native, RECORDS, WORDS>; RINGS.len()],
 }
@@ -47,9 +47,9 @@ pub struct EventLog {
 pub struct EventRecord {
     /// Time of the event or its detection, `CLOCK_MONOTONIC` ns.
     pub time_ns: u64,
-    /// Number of the episode.
+    /// Index of the episode.
     pub episode: u64,
-    /// In lockstep: the simulated time in the episode, ns.
+    /// In lockstep, simulated time in the episode, ns.
     pub simulated_ns: Option<u64>,
     /// Its severity.
     pub severity: EventSeverity,
@@ -69,19 +69,19 @@ impl EventLog {
         self.opened_ns.store(now_ns, Relaxed);
     }
 
-    /// Time at which the log was opened, `CLOCK_MONOTONIC` ns.
+    /// Returns the time at which the log was opened, `CLOCK_MONOTONIC` ns.
     pub fn opened_ns(&self) -> u64 {
         self.opened_ns.load(Relaxed)
     }
 
-    /// Writes an event over the oldest one of its ring. Wait-free, without allocation.
+    /// Writes an event over the oldest one of its ring. Wait-free; does not allocate.
     pub fn write(&self, record: &EventRecord) {
-        // It fails only if the writers of the slot were killed; there is nobody to inform then.
+        // A write only fails if the writers of the slot were killed, and then there is nobody to inform.
         let ring = if record.kind == EventKind::Output { RINGS.len() - 1 } else { record.severity as usize };
         let _ = self.rings[ring].write(&encode(record));
     }
 
-    /// Number of events that were written so far.
+    /// Returns the number of events written so far.
     pub fn count(&self) -> u64 {
         self.rings.iter().map(Ring::newest).fold(0, u64::saturating_add)
     }
@@ -125,12 +125,12 @@ pub struct EventReader {
     lost: u64,
 }
 
-/// The place of a reader in one ring.
+/// Position of a reader in one ring.
 #[derive(Debug, Clone, Copy, Default)]
 struct Place {
-    /// Number of the record that was read last.
+    /// Number of the record read last.
     read: u64,
-    /// Number of a record that was being written when it was to be read.
+    /// Number of a record that was still being written at the last read.
     waits_for: u64,
 }
 
@@ -145,19 +145,19 @@ impl EventReader {
         records
     }
 
-    /// Number of events overwritten before this reader read them.
+    /// Returns the number of events overwritten before this reader read them.
     pub fn lost(&self) -> u64 {
         self.lost
     }
 
-    /// True if the last call left out an event that was being written.
+    /// Returns `true` if the last call skipped an event that was being written.
     fn is_waiting(&self) -> bool {
         self.places.iter().any(|place| place.waits_for > place.read)
     }
 }
 
 impl Place {
-    /// Reads the new records of a ring; returns the number of lost ones.
+    /// Reads the new records of a ring and returns the number of lost ones.
     fn read_on(
         &mut self,
         ring: &Ring<Native, RECORDS, WORDS>,
@@ -208,7 +208,8 @@ fn encode(record: &EventRecord) -> [u64; WORDS] {
     words
 }
 
-/// `None` if the words are not an event of this version: the log is damaged.
+/// Decodes an event. Returns `None` if the words are not an event of this version, because the log is
+/// damaged.
 fn decode(words: &[u64; WORDS], severity: EventSeverity) -> Option<EventRecord> {
     let value = f64::from_bits(words[4]);
     let length = usize::try_from(words[5]).ok().filter(|length| *length <= EVENT_TEXT_BYTES)?;

@@ -3,7 +3,7 @@
 //! Every record has a number, starting at 1, which selects its slot. The state word of a slot is twice the
 //! number of its record, plus one while the record is being written. A writer takes the next number, enters
 //! the slot by exchanging its state, writes the words, and leaves. A reader accepts a record only if the
-//! state was that of the same complete record before and after reading, so a torn record is never accepted.
+//! state showed the same complete record before and after reading, so a torn record is never accepted.
 //!
 //! A slot of a killed writer stays unusable. Other writers skip it with an empty number, which readers count
 //! as lost.
@@ -32,16 +32,16 @@ struct Slot<A: Atomics, const WORDS: usize> {
 /// The outcome of reading a record by its number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Found {
-    /// The whole record.
+    /// The complete record.
     Record,
-    /// A later one has taken its slot.
+    /// A later record has replaced it.
     Overwritten,
-    /// Being written, skipped by its writer, or abandoned by a killed one.
+    /// The record is being written, was skipped by its writer, or was abandoned by a killed writer.
     Pending,
 }
 
 impl<A: Atomics, const SLOTS: usize, const WORDS: usize> Ring<A, SLOTS, WORDS> {
-    /// A ring without records.
+    /// Creates an empty ring.
     #[cfg(test)]
     pub(crate) fn empty() -> Self {
         let words = || core::array::from_fn(|_| A::U64::new(0));
@@ -49,13 +49,13 @@ impl<A: Atomics, const SLOTS: usize, const WORDS: usize> Ring<A, SLOTS, WORDS> {
         Self { taken: A::U64::new(0), slots }
     }
 
-    /// Number of the newest record.
+    /// Returns the number of the newest record.
     pub(crate) fn newest(&self) -> u64 {
         self.taken.load(Relaxed)
     }
 
-    /// Writes a record over the oldest one. Returns `false` without writing if other writers occupy all of
-    /// its slots.
+    /// Writes a record over the oldest one. Returns `false` without writing if other writers occupy all
+    /// slots.
     pub(crate) fn write(&self, words: &[u64; WORDS]) -> bool {
         for _ in 0..SLOTS {
             let number = self.taken.fetch_add(1, Relaxed).wrapping_add(1);
@@ -73,7 +73,7 @@ impl<A: Atomics, const SLOTS: usize, const WORDS: usize> Ring<A, SLOTS, WORDS> {
         false
     }
 
-    /// Reads the record of a number into `words`.
+    /// Reads the record with a number into `words`.
     pub(crate) fn read(&self, number: u64, words: &mut [u64; WORDS]) -> Found {
         let (slot, whole) = (self.slot(number), number.wrapping_mul(2));
         let state = slot.state.load(A::ordering(Site::Begin, Acquire));
@@ -135,7 +135,7 @@ mod tests {
         ring.write_and_die();
         (3..=5).for_each(|value| assert!(ring.write(&[value, value])));
         assert_eq!(found(&ring, 2), Err(Found::Pending));
-        // The next one would be in its slot, and is in the one behind.
+        // The next record skips the occupied slot.
         assert!(ring.write(&[6, 6]));
         assert_eq!((ring.newest(), found(&ring, 7)), (7, Ok([6, 6])));
         assert_eq!(found(&ring, 6), Err(Found::Pending));

@@ -45,7 +45,7 @@ fn long_text_is_cut_at_a_character() {
 }
 
 #[test]
-fn the_events_of_all_severities_are_read_in_the_order_of_time() {
+fn events_of_all_severities_are_read_in_order_of_time() {
     let log = log();
     for (time_ns, severity) in [(1, Warning), (2, Information), (3, Error), (4, Information)] {
         log.write(&event(time_ns, severity, ""));
@@ -91,7 +91,7 @@ fn event_of_a_killed_writer_counts_as_lost() {
 }
 
 #[test]
-fn several_writers_at_once_lose_nothing_and_tear_nothing() {
+fn concurrent_writers_lose_and_tear_no_event() {
     let log = log();
     let (writers, each) = (4, 5_000_u64);
     std::thread::scope(|scope| {

@@ -1,4 +1,4 @@
-//! Limits and refusals: commands that pass, that are clamped, that are not applied.
+//! Limits and refusals: commands that are forwarded, clamped or refused.
 
 use proptest::prelude::*;
 
@@ -6,7 +6,7 @@ use super::*;
 use crate::region::GateState;
 
 #[test]
-fn a_command_within_the_limits_passes_to_the_last_bit() {
+fn command_within_the_limits_is_forwarded_bit_for_bit() {
     let mut arm = Arm::following();
     let wanted = command([0.500_1, -0.499_9], [0.005, -0.004]);
     assert_eq!(arm.offer(&wanted), Verdict::Applied);
@@ -53,7 +53,7 @@ fn each_field_is_clamped_and_counted_by_reason() {
         assert!(arm.book.limited.borrow().contains(&(1, kind)), "{kind:?}: {:?}", arm.book.limited.borrow());
         assert!(
             arm.book.limited.borrow().iter().all(|(joint, _)| *joint == 1),
-            "the other joint is innocent"
+            "the other joint is not counted"
         );
     }
 }
@@ -89,7 +89,7 @@ fn malformed_commands_are_refused_before_they_apply() {
 }
 
 #[test]
-fn a_drive_brakes_beyond_its_velocity_limit() {
+fn drive_brakes_beyond_its_velocity_limit() {
     for (kp, kd, effort) in [(0.0, 0.0, 1e9), (1e300, 0.0, 0.0), (0.0, 1e300, 0.0), (0.0, 0.0, 1e308)] {
         let push = JointSetpoint {
             position: 1e300,
@@ -110,7 +110,7 @@ fn a_drive_brakes_beyond_its_velocity_limit() {
 }
 
 #[test]
-fn a_joint_slows_to_stop_before_the_end_of_its_range() {
+fn joint_slows_to_stop_before_the_end_of_its_range() {
     let mut arm = Arm::following();
     for (q, low, high) in [(0.0, -2.0, 2.0), (1.9, -2.0, 1.5_f64.sqrt()), (2.0, -2.0, 0.1), (-2.1, -0.1, 2.0)]
     {
@@ -192,7 +192,7 @@ fn positions_extrapolate_briefly_while_a_command_is_late() {
     arm.silence();
     let towards_the_end = command([1.999_95, -0.5], [7.5 * DT, 0.0]);
     assert_eq!(arm.offer(&towards_the_end), Verdict::Applied);
-    // what is left of the difference at the beginning fades meanwhile
+    // the rest of the initial difference fades meanwhile
     (0..150).for_each(|_| {
         arm.offer_again(&towards_the_end);
     });

@@ -14,7 +14,7 @@ use crate::state::JointCommand;
 
 const DT: f64 = 1e-3;
 
-/// An account that keeps what it is told.
+/// Statistics that record every call.
 #[derive(Default)]
 struct Book {
     limited: RefCell<Vec<(usize, LimitKind)>>,
@@ -83,7 +83,7 @@ impl Arm {
         self.offer_as(command, true)
     }
 
-    /// Offers the command of the step before: the next one is late.
+    /// Offers the command of the previous step again, as if the next one were late.
     fn offer_again(&mut self, command: &JointCommand) -> Verdict {
         self.offer_as(command, false)
     }
@@ -105,7 +105,7 @@ impl Arm {
         verdict
     }
 
-    /// The drives follow at once, where they have a gain.
+    /// Moves the drives with a gain to their setpoints immediately.
     fn move_on(&mut self) {
         for (i, setpoint) in self.gate.setpoints().iter().enumerate() {
             if setpoint.kp > 0.0 {

@@ -1,16 +1,16 @@
-//! Safe states: their entry and their law.
+//! Safe states: entry and control laws.
 
 use super::*;
 
 #[test]
-fn a_gate_starts_in_the_safe_state_and_every_outage_too() {
+fn startup_and_every_outage_enter_the_safe_state() {
     let entered = Verdict::Safe { state: SafeState::Hold, entered: true };
     let mut arm = arm();
-    assert_eq!(arm.silence(), entered, "whatever the process before it left behind");
+    assert_eq!(arm.silence(), entered, "regardless of the previous process");
     assert_eq!(arm.silence(), Verdict::Safe { state: SafeState::Hold, entered: false });
     arm.offer(&command([0.5, -0.5], [0.0; 2]));
     assert_eq!(arm.silence(), entered);
-    // Of two gates, a fresh one has no say in the other's state.
+    // A gate with a fresh command does not affect the state of another gate.
     let (mut stale, mut fresh) = (Arm::following(), Arm::following());
     assert_eq!(stale.silence(), entered);
     for _ in 0..5 {
@@ -34,7 +34,7 @@ fn hold_stops_a_joint_within_acceleration_and_range() {
     }
     let rest = arm.gate.setpoints()[0].position;
     assert!((0.5..0.62).contains(&rest), "{rest}");
-    assert!(arm.gate.setpoints()[1].position <= 2.0, "the other joint would have passed its stop");
+    assert!(arm.gate.setpoints()[1].position <= 2.0, "the other joint would have overshot its limit");
     arm.silence();
     assert_eq!(arm.gate.setpoints()[0].position, rest, "it stays there");
 }
@@ -42,7 +42,7 @@ fn hold_stops_a_joint_within_acceleration_and_range() {
 #[test]
 fn hold_begins_with_the_last_effort_and_ends_with_gravity() {
     let mut arm = Arm::following();
-    // The joint lags behind its setpoint by 0.01 rad: its drive pulls with 6 N m more than gravity.
+    // The joint lags behind its setpoint by 0.01 rad, so its drive applies 6 N m more than gravity.
     arm.position[0] = 0.49;
     arm.silence();
     let first = arm.gate.setpoints()[0];
@@ -82,13 +82,13 @@ fn each_safe_state_is_entered_by_its_law() {
     assert_eq!((held.kp, held.kd), (9_600.0, 800.0), "a stiff controller may be unstable");
     let unknown = JointLimits { kp: 0.0, kd: 0.0, ..limits.clone() };
     let held = enter(SafeState::Hold, &joint, &unknown, &stiffest);
-    assert_eq!((held.kp, held.kd), (20_000.0, 5_000.0), "without a profile the last command's");
+    assert_eq!((held.kp, held.kd), (20_000.0, 5_000.0), "without a profile, the last command's");
     let stands = stay(SafeState::Brake, &Joint { position: 0.4, ..joint }, limits, &braked, DT);
     assert_eq!((stands.position, stands.kp, stands.kd, stands.effort), (0.4, 600.0, 40.0, 21.0));
 }
 
 #[test]
-fn a_reading_that_is_not_a_number_is_never_held() {
+fn reading_that_is_not_finite_is_never_held() {
     let mut arm = Arm::following();
     (arm.position, arm.velocity) = ([f64::NAN, -0.5], [f64::INFINITY, 0.0]);
     arm.silence();
@@ -96,7 +96,7 @@ fn a_reading_that_is_not_a_number_is_never_held() {
     assert_eq!(arm.gate.setpoints()[0].velocity, 0.0);
 }
 
-/// A joint with inertia that a drive moves against gravity.
+/// A joint with inertia, driven against gravity.
 struct Pendulum {
     q: f64,
     v: f64,
@@ -158,7 +158,7 @@ fn hold_stops_a_moving_joint_whatever_its_last_gains() {
 fn hold_that_does_not_hold_is_never_reached() {
     let mut arm = Arm::following();
     for step in 0..1_500 {
-        // Something outside of the gate keeps moving the joint.
+        // An external force keeps moving the joint.
         (arm.position[0], arm.velocity[0]) = (0.5 + 0.3 * f64::from(step) * DT, 0.3);
         arm.silence();
         arm.velocity[0] = 0.3;
@@ -166,11 +166,11 @@ fn hold_that_does_not_hold_is_never_reached() {
     assert!(!arm.gate.is_safe_state_reached());
     arm.offer(&command([0.95, -0.5], [0.0; 2]));
     arm.silence();
-    assert!(arm.gate.is_safe_state_reached(), "it has just been entered again");
+    assert!(arm.gate.is_safe_state_reached(), "just entered again");
 }
 
-/// A light joint whose drive computes its effort once in a step: stable up to `kd = 2 inertia / dt`, which is
-/// 0.8 N m s/rad.
+/// A light joint whose drive computes its effort once per step. It is stable up to `kd = 2 inertia / dt`,
+/// which is 0.8 N m s/rad.
 #[test]
 fn hold_stops_a_joint_that_its_last_gains_shake() {
     const INERTIA: f64 = 4e-4;

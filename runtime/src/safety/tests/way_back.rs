@@ -1,10 +1,10 @@
-//! The way back from a safe state to the commands, and latches.
+//! Recovery from a safe state to the commands, and latches.
 
 use super::*;
 use crate::region::GateState;
 
-/// Largest velocity and acceleration of each setpoint while the arm goes from its safe state to a command far
-/// away, and the number of steps that took.
+/// Returns the largest velocity and acceleration of each setpoint during the recovery to a far command, and
+/// the number of steps.
 fn return_to(arm: &mut Arm, goal: &JointCommand) -> ([f64; 2], [f64; 2], usize) {
     let (mut fastest, mut hardest) = ([0.0_f64; 2], [0.0_f64; 2]);
     let mut before: Vec<JointSetpoint> = arm.gate.setpoints().to_vec();
@@ -23,7 +23,7 @@ fn return_to(arm: &mut Arm, goal: &JointCommand) -> ([f64; 2], [f64; 2], usize) 
 }
 
 #[test]
-fn a_far_setpoint_is_approached_within_the_limits() {
+fn far_setpoint_is_approached_within_the_limits() {
     let mut arm = Arm::following();
     arm.silence();
     let goal = command([-1.5, 1.0], [0.0; 2]);
@@ -41,18 +41,18 @@ fn a_far_setpoint_is_approached_within_the_limits() {
     assert_eq!(arm.gate.state(), GateState::Following);
     let there = arm.gate.setpoints()[0].position;
     assert!((there + 1.5).abs() < 3e-3, "{there}");
-    assert!(arm.book.limited.borrow().is_empty(), "an approach is no fault of the command");
+    assert!(arm.book.limited.borrow().is_empty(), "the command is not at fault for an approach");
 }
 
 #[test]
-fn a_setpoint_near_the_held_pose_is_followed_at_once() {
+fn setpoint_near_the_held_pose_is_followed_immediately() {
     let mut arm = Arm::following();
     arm.silence();
     assert_eq!(arm.offer(&command([0.500_05, -0.5], [0.001, 0.0])), Verdict::Applied);
 }
 
 #[test]
-fn a_setpoint_that_moves_on_is_met_while_it_moves() {
+fn moving_setpoint_is_met_while_it_moves() {
     let mut arm = Arm::following();
     arm.silence();
     let mut steps = 0;
@@ -65,14 +65,14 @@ fn a_setpoint_that_moves_on_is_met_while_it_moves() {
 }
 
 #[test]
-fn the_offset_fades_until_commands_pass_exactly() {
+fn offset_fades_until_commands_are_forwarded_exactly() {
     let mut arm = Arm::following();
     arm.silence();
     let mut before = arm.gate.setpoints()[0];
     let mut goal = command([0.5, -0.5], [0.0; 2]);
     let mut fading = 0;
     for step in 0..3_000 {
-        // a controller that answers to noise: its setpoint jumps by 1 mrad and 20 mrad/s from step to step
+        // a controller that reacts to noise: its setpoint steps by 1 mrad and 20 mrad/s each time
         let jump = if step % 2 == 0 { 1.0 } else { -1.0 };
         goal.position_mut()[0] = 0.6 + 0.5e-3 * jump;
         goal.velocity_mut()[0] = 0.01 * jump;
@@ -97,10 +97,10 @@ fn the_offset_fades_until_commands_pass_exactly() {
 }
 
 #[test]
-fn under_refuse_the_end_of_the_way_back_refuses_nothing() {
+fn end_of_recovery_refuses_nothing_with_limits_refuse() {
     let mut arm = arm_with(SafeState::Hold, LimitPolicy::Refuse, ResumeRule::Near);
     arm.silence();
-    // other feed-forward efforts and another pose than those it is held at
+    // feed-forward efforts and a pose that differ from the held ones
     let mut goal = command([0.7, -0.6], [0.0; 2]);
     goal.effort_mut().fill(0.0);
     for _ in 0..3_000 {
@@ -114,7 +114,7 @@ fn under_refuse_the_end_of_the_way_back_refuses_nothing() {
 }
 
 #[test]
-fn the_way_back_swings_at_no_period_of_the_actuator() {
+fn recovery_does_not_oscillate_at_any_actuator_period() {
     for period_ms in [0.5, 1.0, 4.0, 10.0, 25.0, 50.0] {
         let mut arm = Arm::following();
         arm.silence();
@@ -135,7 +135,7 @@ fn the_way_back_swings_at_no_period_of_the_actuator() {
 }
 
 #[test]
-fn at_once_follows_the_first_fresh_command_however_far_it_is() {
+fn at_once_follows_the_first_fresh_command_at_any_distance() {
     let mut arm = arm_with(SafeState::Hold, LimitPolicy::Clamp, ResumeRule::AtOnce);
     arm.silence();
     assert_eq!(arm.offer(&command([-1.5, 1.0], [0.0; 2])), Verdict::Applied);
@@ -143,11 +143,11 @@ fn at_once_follows_the_first_fresh_command_however_far_it_is() {
 }
 
 #[test]
-fn a_latch_holds_until_it_is_released() {
+fn latch_stays_until_it_is_released() {
     let mut arm = arm_with(SafeState::Hold, LimitPolicy::Clamp, ResumeRule::Latch);
     arm.silence();
     let fresh = command([0.5, -0.5], [0.0; 2]);
-    assert_eq!(arm.offer(&fresh), Verdict::Applied, "before the first command nothing failed");
+    assert_eq!(arm.offer(&fresh), Verdict::Applied, "nothing had failed before the first command");
     arm.silence();
     for _ in 0..10 {
         assert_eq!(arm.offer(&fresh), Verdict::Safe { state: SafeState::Hold, entered: false });
@@ -158,7 +158,7 @@ fn a_latch_holds_until_it_is_released() {
 }
 
 #[test]
-fn a_setpoint_without_its_gain_leaves_nothing_that_fades() {
+fn setpoint_without_its_gain_leaves_no_fading_difference() {
     let mut arm = arm_with(SafeState::Damp, LimitPolicy::Clamp, ResumeRule::Near);
     arm.silence();
     let mut damped = command([-1e21, 1e21], [0.0; 2]);
@@ -174,7 +174,7 @@ fn a_setpoint_without_its_gain_leaves_nothing_that_fades() {
 #[test]
 fn resuming_from_a_braking_joint_keeps_its_effort() {
     let mut arm = Arm::following();
-    // Its drive pulls with 6 N m more than gravity, and goes on with that.
+    // Its drive applies 6 N m more than gravity, and continues to do so.
     arm.position[0] = 0.49;
     arm.silence();
     (0..5).for_each(|_| {
@@ -194,8 +194,8 @@ fn resuming_from_a_braking_joint_keeps_its_effort() {
     assert!((before - 21.0).abs() < 0.01, "{before}");
 }
 
-/// A sine at `share` of the acceleration limit of the first joint, sampled every `hold` ms and extrapolated
-/// in between.
+/// Resumes to a sine at `share` of the acceleration limit of the first joint, sampled every `hold` ms and
+/// extrapolated in between.
 fn resumes_to_a_sine(hertz: f64, share: f64, hold: usize, silent: usize) -> (usize, usize) {
     let omega = core::f64::consts::TAU * hertz;
     let amplitude = (share * 7.5 / (omega * omega)).min(share * 2.0 / omega);
@@ -243,7 +243,8 @@ fn resuming_ends_for_fast_motion() {
             let (longest, following) = resumes_to_a_sine(hertz, share, hold, silent);
             let case =
                 format!("{hertz} Hz at {share} of the limits, new every {hold} ms, silent for {silent} ms");
-            // Motion at 0.9 of the velocity limit takes longer than `RESUME_WITHIN`, and is reported.
+            // Recovery to a motion at 0.9 of the velocity limit lasts longer than `RESUME_WITHIN` and is
+            // reported.
             let within = if (hertz, share) == (0.5, 0.9) { 4_500 } else { 2_000 };
             assert!(longest <= within, "{case}: resuming for {longest} ms");
             assert!(following > 900 || silent >= 1_000, "{case}: following for the last {following} ms");
@@ -252,7 +253,7 @@ fn resuming_ends_for_fast_motion() {
 }
 
 #[test]
-fn a_joint_that_may_not_move_has_a_braking_band() {
+fn joint_that_must_not_move_has_a_braking_band() {
     let mut joints = limits();
     joints[0].velocity = 0.0;
     let rules =
@@ -269,7 +270,7 @@ fn a_joint_that_may_not_move_has_a_braking_band() {
 }
 
 #[test]
-fn a_drive_without_an_effort_limit_keeps_its_velocity_limit() {
+fn drive_without_an_effort_limit_keeps_its_velocity_limit() {
     for push in [
         JointSetpoint { effort: 20.0, ..JointSetpoint::default() },
         JointSetpoint { effort: -20.0, ..JointSetpoint::default() },

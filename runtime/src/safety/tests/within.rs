@@ -1,10 +1,10 @@
-//! The common step, against the one that looks at each joint.
+//! The vectorised step compared with the step joint by joint.
 
 use proptest::prelude::*;
 
 use super::*;
 
-/// A command of two joints: how far it goes from where they are, and one number that is anything else.
+/// A command of two joints, relative to their positions, with one arbitrary number.
 #[derive(Debug, Clone)]
 struct Move {
     position: [f64; 2],
@@ -13,7 +13,7 @@ struct Move {
     other: Option<(usize, usize, f64)>,
 }
 
-/// Moves that are within the limits of the rates as a rule.
+/// Moves that are usually within the rate limits.
 fn moves() -> impl Strategy<Value = Move> {
     let of = |largest: f64| prop::array::uniform2(-largest..largest);
     let anything = [0.0, -0.0, -1.0, 1.999, 2.003, -2.1, 90.0, 1e4, 1e12, f64::NAN, f64::INFINITY];
@@ -49,7 +49,7 @@ impl Move {
     }
 }
 
-/// The setpoints of a gate, bit by bit.
+/// Returns the bits of a gate's setpoints.
 fn bits(gate: &Gate) -> Vec<[u64; 7]> {
     let of = |s: &JointSetpoint| {
         [s.position, s.velocity, s.effort, s.kp, s.kd, s.min_velocity, s.max_velocity].map(f64::to_bits)
@@ -57,7 +57,7 @@ fn bits(gate: &Gate) -> Vec<[u64; 7]> {
     gate.setpoints().iter().map(of).collect()
 }
 
-/// Offers a new command to the part of a gate that looks at each joint.
+/// Offers a new command to the part of a gate that checks joint by joint.
 fn offer_by_joint(arm: &mut Arm, command: &JointCommand) -> Verdict {
     let mut gravity = |effort: &mut [f64]| effort.copy_from_slice(&GRAVITY);
     let measured = Measured { position: &arm.position, velocity: &arm.velocity, gravity: &mut gravity };
@@ -85,7 +85,7 @@ proptest! {
             prop_assert_eq!(verdicts[0], verdicts[1], "step {}", step);
             prop_assert_eq!(bits(&arms[0].gate), bits(&arms[1].gate), "step {}", step);
             let [one, other] = [&arms[0].book, &arms[1].book].map(|book| (book.limited.take(), book.refused.take()));
-            prop_assert_eq!(one, other, "what step {} tells the account", step);
+            prop_assert_eq!(one, other, "statistics of step {}", step);
         }
     }
 }

@@ -1,10 +1,10 @@
 //! Default priorities and cores.
 
-/// Rate-monotonic priorities: the shorter the period, the higher (C. Liu, J. Layland 1973). Equal periods get
-/// equal priorities.
+/// Returns rate-monotonic priorities: the shorter the period, the higher the priority (C. Liu, J. Layland
+/// 1973). Equal periods get equal priorities.
 ///
-/// The fastest rate gets `fastest`, every slower one `step` less. If the last would end below 1, the steps
-/// are made smaller, and only with more than `fastest` rates do neighbours share a priority.
+/// The fastest rate gets `fastest`, every slower one `step` less. If the last priority would be below 1, the
+/// steps are smaller. Neighbouring rates share a priority only if there are more than `fastest` rates.
 pub fn rate_monotonic(periods_ns: &[u64], fastest: u8, step: u8) -> Vec<u8> {
     let mut rates = periods_ns.to_vec();
     rates.sort_unstable();
@@ -25,18 +25,19 @@ pub fn rate_monotonic(periods_ns: &[u64], fastest: u8, step: u8) -> Vec<u8> {
 /// A chain of components that trigger one another, reduced to the facts that decide its core.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChainLoad {
-    /// Share of a core that it takes: budgets by period; 0 if they are not known.
+    /// Share of a core that it uses, budgets divided by period; 0 if the budgets are unknown.
     pub share: f64,
-    /// The core that the graph names for it.
+    /// Core that the graph assigns to it.
     pub core: Option<usize>,
 }
 
-/// Cores for chains, each whole on one core: a hand-over on one core is several times cheaper than waking
-/// another.
+/// Returns a core for each chain. A chain is never split, because a hand-over on one core is several times
+/// cheaper than waking another core.
 ///
-/// Chains go to the least loaded of the real-time cores, the largest first (worst fit, decreasing), after the
-/// chains whose core is given; among equally loaded cores to the one with fewer chains, then to the one
-/// listed first. The result has one core a chain, in the order of `chains`; `realtime` must not be empty.
+/// After the chains whose core is given, the remaining chains are assigned to the least loaded of the
+/// real-time cores, the largest chain first (worst fit, decreasing). Among equally loaded cores, the one with
+/// fewer chains is chosen, then the one listed first. The result is in the order of `chains`; `realtime` must
+/// not be empty.
 pub fn cores(chains: &[ChainLoad], realtime: &[usize]) -> Vec<usize> {
     let mut loads: Vec<(f64, usize)> = realtime
         .iter()
@@ -66,14 +67,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn faster_means_more_urgent_and_equal_rates_are_equal() {
+    fn faster_rates_are_more_urgent_and_equal_rates_equal() {
         assert_eq!(rate_monotonic(&[1_000, 250, 1_000, 10_000], 80, 5), [75, 80, 75, 70]);
         assert_eq!(rate_monotonic(&[7], 80, 5), [80]);
         assert!(rate_monotonic(&[], 80, 5).is_empty());
     }
 
     #[test]
-    fn many_rates_all_keep_a_priority_of_their_own() {
+    fn many_rates_keep_distinct_priorities() {
         let periods: Vec<u64> = (1..=80).collect();
         let priorities = rate_monotonic(&periods, 80, 5);
         assert_eq!((priorities[0], priorities[79]), (80, 1));
@@ -81,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn more_rates_than_priorities_never_rank_a_slower_one_higher() {
+    fn slower_rate_never_gets_a_higher_priority() {
         let periods: Vec<u64> = (1..=300).collect();
         let priorities = rate_monotonic(&periods, 80, 5);
         assert!(priorities.windows(2).all(|pair| pair[0] >= pair[1]));
@@ -99,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn a_given_core_is_kept_and_counted() {
+    fn given_core_is_kept_and_counted() {
         let chains = [chain(0.5, Some(3)), chain(0.1, None), chain(0.1, Some(0))];
         assert_eq!(cores(&chains, &[3, 2]), [3, 2, 0]);
     }

@@ -1,9 +1,9 @@
-//! Response times of `SCHED_DEADLINE` components: the earliest deadline first, on all cores together, before
-//! every priority.
+//! Response times of `SCHED_DEADLINE` components under global earliest deadline first, ahead of all
+//! priorities.
 //!
-//! The kernel runs each in a *reservation* (constant bandwidth server, L. Abeni, G. Buttazzo 1998): it gets
-//! its run time in every period, and no more. A set of reservations meets its deadlines on `m` cores if
-//! either of two tests holds:
+//! The kernel runs each component in a *reservation* (constant bandwidth server, L. Abeni, G. Buttazzo 1998),
+//! which gets its run time in every period, but no more. A set of reservations meets its deadlines on `m`
+//! cores if either of two tests succeeds:
 //!
 //! * density: `sum of d_i <= m - (m - 1) * max d_i`, with `d_i` run time by period (J. Goossens, S. Funk, S.
 //!   Baruah, *Priority-driven scheduling of periodic task systems on multiprocessors*, 2003);
@@ -15,18 +15,18 @@
 //!
 //! where `W_i` is the longest time another reservation can run in a window of that length, and `I_i` the part
 //! of it with an earlier deadline (M. Bertogna, M. Cirinei, *Response-time analysis for globally scheduled
-//! symmetric multiprocessor platforms*, 2007). Slack that is found for one reservation lowers the bounds of
-//! the others, so the bounds are iterated.
+//! symmetric multiprocessor platforms*, 2007). Slack found for one reservation lowers the bounds of the
+//! others, so the bounds are iterated.
 //!
 //! Wake-ups may be late by a jitter; the kernel counts deadlines from the actual wake-up. All times are in
 //! ns.
 
-/// Rounds after which the iteration stops with the bounds it has reached, which are valid.
+/// Number of rounds after which the iteration stops; the bounds reached so far are valid.
 const MOST_ROUNDS: usize = 100;
-/// Steps of one fixed-point iteration after which the bound is given up.
+/// Number of steps of a fixed-point iteration after which there is no bound.
 const MOST_STEPS: usize = 100_000;
 
-/// The times of one reservation.
+/// Times of one reservation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::schedule) struct Reserved {
     /// Run time in each period.
@@ -42,13 +42,13 @@ pub(in crate::schedule) struct Global {
     cores: i64,
     /// Lateness of a wake-up.
     jitter: i64,
-    /// Slack: the time by which each is known to finish before its deadline.
+    /// Slack: the time by which each reservation is known to finish before its deadline.
     slack: Vec<i64>,
     in_time: bool,
 }
 
 impl Global {
-    /// Analyses a set.
+    /// Analyses a set of reservations.
     pub(in crate::schedule) fn analyse(reserved: Vec<Reserved>, cores: usize, jitter: i64) -> Self {
         let slack = vec![0; reserved.len()];
         let cores = i64::try_from(cores.max(1)).unwrap_or(1);
@@ -71,7 +71,8 @@ impl Global {
         global
     }
 
-    /// Longest time from the wake-up of one to the end of `work` of its run time; `None` without a bound.
+    /// Returns the longest time from the wake-up of a reservation to the end of `work` of its run time;
+    /// `None` without a bound.
     pub(in crate::schedule) fn response(&self, index: usize, work: i64) -> Option<i64> {
         let Reserved { runtime, period } = self.reserved[index];
         // The bounds assume that every reservation meets its deadline; only the run time is guaranteed.
@@ -91,8 +92,8 @@ impl Global {
         sum <= self.cores as f64 - (self.cores - 1) as f64 * most && most <= 1.0
     }
 
-    /// The smallest solution of the equation above for one with that much work, if it lies before its
-    /// deadline.
+    /// Returns the smallest solution of the equation above for a reservation with this work, if it is before
+    /// the deadline.
     fn iterate(&self, index: usize, work: i64) -> Option<i64> {
         let deadline = self.reserved[index].period;
         let mut response = work;
@@ -116,8 +117,8 @@ impl Global {
         None
     }
 
-    /// Work of one component in a window of some length: its first job as late as possible, the others as
-    /// soon as possible.
+    /// Returns the work of one component in a window of this length, with its first job as late as possible
+    /// and the others as soon as possible.
     fn workload(&self, index: usize, length: i64) -> i64 {
         let Reserved { runtime, period } = self.reserved[index];
         let span = (length + self.jitter + period - runtime - self.slack[index]).max(0);
@@ -125,8 +126,8 @@ impl Global {
         whole * runtime + runtime.min(span - whole * period)
     }
 
-    /// Work of one component between a wake-up and the deadline that follows it, counting only jobs whose own
-    /// deadline is not later.
+    /// Returns the work of one component between a wake-up and the following deadline, counting only jobs
+    /// whose own deadline is not later.
     fn earlier(&self, index: usize, deadline: i64) -> i64 {
         let Reserved { runtime, period } = self.reserved[index];
         let span = deadline + self.jitter;

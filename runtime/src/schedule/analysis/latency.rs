@@ -3,7 +3,7 @@
 //! The path from one topic to another consists of *segments*: the head of a chain and the components
 //! triggered after it. Between two segments the data waits in shared memory until the next head reads it.
 //!
-//! A component is assumed to publish at the end of its step: its work after the publication is not part of
+//! A component is assumed to publish at the end of its step. Its work after the publication is not part of
 //! the latency of that sample, but delays the components it triggers on its core.
 
 use super::Analysis;
@@ -21,10 +21,10 @@ pub(in crate::schedule) struct LatencySum {
     pub terms: Vec<LatencyTerm>,
 }
 
-/// A term of a latency's bound.
+/// A term of the bound on a latency.
 #[derive(Debug)]
 pub(in crate::schedule) enum LatencyTerm {
-    /// The whole path, from the release of its first component to the end of its last.
+    /// The whole path, from the release of its first component to the end of its last component.
     WholePath { ns: u64 },
     /// Remainder of the first component's step after its publication.
     AfterPublication { ns: u64 },
@@ -70,8 +70,8 @@ fn segments<'p>(plan: &Plan, path: &'p [usize]) -> Vec<&'p [usize]> {
     starts.zip(ends).map(|(start, end)| &path[start..end]).collect()
 }
 
-/// Components of a path that step on events, where data waits for such a step or is read long after it:
-/// events may be arbitrarily rare.
+/// Returns the components of a path that step on events, if data waits for such a step or is read at a rate
+/// after it. Events may be arbitrarily rare.
 pub(in crate::schedule) fn sampled_events(plan: &Plan, path: &[usize]) -> Vec<usize> {
     let segments = segments(plan, path);
     let heads = segments.iter().filter(|_| segments.len() > 1).map(|segment| segment[0]);
@@ -79,7 +79,8 @@ pub(in crate::schedule) fn sampled_events(plan: &Plan, path: &[usize]) -> Vec<us
     heads.filter(by_events).collect()
 }
 
-/// From the publication of the first component to the end of the last, each triggered by its predecessor.
+/// Returns the latency from the publication of the first component to the end of the last, if each is
+/// triggered by its predecessor.
 fn triggered(analysis: &Analysis<'_>, path: &[usize]) -> Option<LatencySum> {
     let last = path.last()?;
     let places: Option<Vec<Place>> = path.iter().map(|component| analysis.tasks.places[*component]).collect();
@@ -130,8 +131,8 @@ fn first_task(analysis: &Analysis<'_>, task: usize) -> bool {
     !matches!(analysis.tasks.tasks[task].release, Release::Trigger { .. })
 }
 
-/// Longest time for which the head of a task continues after its publication, before all components on a path
-/// through the task have run, ns. A more urgent component preempts it immediately.
+/// Returns the longest time that the head of a task continues after its publication, before all components on
+/// a path through the task have run, ns. A more urgent component preempts it immediately.
 fn goes_on(analysis: &Analysis<'_>, path: &[usize], place: Place) -> u64 {
     let task = &analysis.tasks.tasks[place.task];
     let priority = |component: usize| tasks::priority(&analysis.plan.components[component]);
@@ -140,8 +141,8 @@ fn goes_on(analysis: &Analysis<'_>, path: &[usize], place: Place) -> u64 {
     if path.iter().skip(1).any(|component| waits(*component)) { task.stages[0].steps[0].after_ns } else { 0 }
 }
 
-/// Longest time from the publication of the first stage of a task to the end of another, if the first
-/// continues for `goes_on` in between.
+/// Returns the longest time from the publication of the first stage of a task to the end of another, if the
+/// first continues for `goes_on` in between.
 fn rest(analysis: &Analysis<'_>, place: Place, goes_on: u64) -> Option<Sum> {
     let (demands, index) = analysis.responses.on_core_of(analysis.tasks, place.task);
     let bounds = analysis.responses.bounds[place.task].as_ref()?;
@@ -152,7 +153,7 @@ fn rest(analysis: &Analysis<'_>, place: Place, goes_on: u64) -> Option<Sum> {
     after_first_stage(&demands, index, queued, goes_on as i64)?.get(place.stage).cloned()
 }
 
-/// Time from the release at the head of a chain to the end of a component's step, ns.
+/// Returns the time from the release at the head of a chain to the end of a component's step, ns.
 pub(in crate::schedule) fn since_release(analysis: &Analysis<'_>, component: usize) -> Option<u64> {
     if let Some((reservation, _)) = analysis.tasks.reservation(component) {
         return u64::try_from(analysis.responses.reserved_finish(reservation)?).ok();
@@ -163,7 +164,7 @@ pub(in crate::schedule) fn since_release(analysis: &Analysis<'_>, component: usi
     u64::try_from(bound.finish.total - spin as i64).ok()
 }
 
-/// Time from the release at the head of the first segment to the end of the last one.
+/// Returns the time from the release at the head of the first segment to the end of the last segment.
 fn sampled(analysis: &Analysis<'_>, segments: &[&[usize]]) -> Option<LatencySum> {
     let mut total = 0;
     let mut terms = Vec::new();
@@ -179,12 +180,12 @@ fn sampled(analysis: &Analysis<'_>, segments: &[&[usize]]) -> Option<LatencySum>
     Some(LatencySum { ns: total + ns, terms })
 }
 
-/// Greatest age of the newest data of a chain, since the release at its head, when a time-triggered component
-/// is released and reads it.
+/// Returns the greatest age of the newest data of a chain, since the release at its head, when a
+/// time-triggered component is released and reads it.
 ///
-/// By the bound F after the release of its chain, data has been published with certainty. The newest release
-/// that is at least F ago counts. On one clock the time between releases of the two is `d + k * g`, with g
-/// the greatest common divisor of the periods and d the difference of the phases.
+/// Data has certainly been published once the bound F has passed since the release of its chain, so the
+/// newest release that is at least F ago counts. On a common clock, the time between releases of the two is
+/// `d + k * g`, where g is the greatest common divisor of the periods and d the difference of the phases.
 fn age_at_read(analysis: &Analysis<'_>, writer: &[usize], reader: &[usize]) -> Option<u64> {
     let end = since_release(analysis, *writer.last()?)? as i64;
     let timer = |component: usize| {

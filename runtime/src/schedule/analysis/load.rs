@@ -8,19 +8,19 @@ use super::window::Demand;
 /// The longest time that real-time components may run within one throttling period.
 #[derive(Debug)]
 pub(in crate::schedule) struct Burst {
-    /// In all, ns.
+    /// Total, ns.
     pub total_ns: u64,
     /// By task or reservation: its components, and their longest time on the core, ns.
     pub terms: Vec<(Vec<usize>, u64)>,
 }
 
-/// The longest time, ns, that real-time components may run within one throttling period, with the terms of
-/// the sum, each by its components. `None` if there is no throttling, or no bound.
+/// Returns the longest time that real-time components may run within one throttling period, ns, with the
+/// terms of the sum. Returns `None` without throttling or without a bound.
 ///
 /// The share of a core is a mean, but the kernel counts in periods. In a window of length P a task of cost C,
-/// period T and response time R runs for at most `n * C + min(C, P + R - C - n * T)` with `n = floor((P + R -
-/// C) / T)`: its first job as late as it can be, its last one at once (M. Bertogna, M. Cirinei, G. Lipari
-/// 2005).
+/// period T and response time R runs for at most `n * C + min(C, P + R - C - n * T)` with
+/// `n = floor((P + R - C) / T)`. Its first job runs as late as possible, its last one immediately (M.
+/// Bertogna, M. Cirinei, G. Lipari 2005).
 pub(in crate::schedule) fn longest_burst(
     tasks: &StaticPlan,
     responses: &Responses,

@@ -1,4 +1,4 @@
-//! The numbers of the analysis: the static plan, bounds on response times, latencies and bursts. No text.
+//! The numeric part of the analysis: the static plan, and bounds on response times, latencies and bursts.
 
 pub mod assign;
 pub(in crate::schedule) mod global;

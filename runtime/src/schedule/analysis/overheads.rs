@@ -33,11 +33,11 @@ pub struct Overheads {
 }
 
 impl Overheads {
-    /// A machine without overheads: for the analysis of abstract task sets.
+    /// A machine without overheads, for the analysis of abstract task sets.
     pub const NONE: Self =
         Self { wake_ns: 0, timer_ns: 0, hop_same_core_ns: 0, hop_cross_core_ns: 0, look_ns: 0, worker_ns: 0 };
 
-    /// Defaults where nothing was measured.
+    /// Defaults without measurements.
     pub const CAUTIOUS: Self = Self {
         wake_ns: 150 * MICROSECOND,
         timer_ns: 80 * MICROSECOND,
@@ -72,7 +72,7 @@ impl RtLimit {
     pub const KERNEL_DEFAULT: Self = Self { runtime_ns: Some(950_000_000), period_ns: 1_000_000_000 };
 
     /// Parses the limit from the two files in `/proc/sys/kernel`, in us; a negative run time means no limit.
-    /// `None` if they are not numbers.
+    /// Returns `None` if they are not numbers.
     pub fn from_sysctl(runtime_us: &str, period_us: &str) -> Option<Self> {
         let runtime: i64 = runtime_us.trim().parse().ok()?;
         let period_ns = period_us.trim().parse::<u64>().ok()?.checked_mul(MICROSECOND)?;
@@ -81,7 +81,7 @@ impl RtLimit {
         (period_ns > 0).then_some(Self { runtime_ns, period_ns })
     }
 
-    /// The limit of the machine this runs on; the kernel's default if it cannot be read.
+    /// Returns the limit of this machine, or the kernel's default if it cannot be read.
     pub fn detect() -> Self {
         let read =
             |name: &str| std::fs::read_to_string(format!("/proc/sys/kernel/{name}")).unwrap_or_default();
@@ -89,10 +89,10 @@ impl RtLimit {
             .unwrap_or(Self::KERNEL_DEFAULT)
     }
 
-    /// Share of each core that the kernel grants to `SCHED_DEADLINE` components, 0 to 1: the share of
-    /// real-time threads, less the kernel's reserve for normal priority (the fair server of Linux 6.12 and
-    /// later, 50 ms in every second of each core; counted for earlier kernels too). 1 where there is no
-    /// throttling.
+    /// Returns the share of each core that the kernel grants to `SCHED_DEADLINE` components, 0 to 1. It is
+    /// the share of real-time threads minus the kernel's reserve for normal priority (the fair server of
+    /// Linux 6.12 and later, 50 ms in every second of each core; counted for earlier kernels, too). It is 1
+    /// without throttling.
     pub fn deadline_share(&self) -> f64 {
         const FAIR_SERVER_MS_PER_S: u64 = 50;
         match self.runtime_ns {
@@ -104,7 +104,7 @@ impl RtLimit {
         }
     }
 
-    /// Share of a core for real-time threads, 0 to 1.
+    /// Returns the share of a core for real-time threads, 0 to 1.
     pub fn share(&self) -> f64 {
         match self.runtime_ns {
             Some(runtime_ns) if runtime_ns < self.period_ns => runtime_ns as f64 / self.period_ns as f64,

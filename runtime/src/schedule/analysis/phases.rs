@@ -1,20 +1,22 @@
-//! Response times with known phases: tasks whose releases lie on one clock at known offsets do not all meet.
+//! Response times with known phases: tasks with known offsets on a common clock are not all released
+//! together.
 //!
-//! Every job of one hyperperiod is examined, in every busy window that it can fall into. A worst-case window
-//! opens when some release is as late as it can be (K. Tindell, *Adding time-offsets to schedulability
-//! analysis*, 1994): opening it earlier than the latest release that it contains only adds time in which all
+//! Every job of one hyperperiod is examined in every busy window that may contain it. A worst-case window
+//! opens when some release is as late as possible (K. Tindell, *Adding time-offsets to schedulability
+//! analysis*, 1994). Opening it earlier than the latest release that it contains only adds time in which all
 //! of its work can finish.
 
 use super::window::{Bound, Demand, Level, Opening, ceil_div, floor_div, keep_worst};
 
-/// Limit of windows examined for one task; with more, phases are ignored.
+/// Maximum number of windows examined for one task; with more, phases are ignored.
 const MOST_WINDOWS: i64 = 20_000;
 
-/// Bounds of all stages of a task with known offsets. `None` if there is no bound, or too many windows.
+/// Returns the bounds of all stages of a task with known offsets; `None` if there is no bound, or too many
+/// windows.
 pub(in crate::schedule) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
     let level = Level::for_task(tasks, index)?;
     let own = level.own();
-    // where work comes long after its release, phases say little
+    // phases are of little use if work may be long after its release
     if level.all().any(Demand::suspends) {
         return None;
     }
@@ -37,7 +39,7 @@ pub(in crate::schedule) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<
         let released = due + late;
         let mut openings = vec![released];
         for (task, offset) in on_grid() {
-            // as late as each release can come
+            // each release as late as possible
             let first = offset + task.jitter?;
             let from = ceil_div(due - longest - first, task.period);
             let to = floor_div(released - first, task.period);
@@ -54,12 +56,12 @@ pub(in crate::schedule) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<
     bounds.into_iter().collect()
 }
 
-/// The least common multiple; `None` if it is too large to count with.
+/// Returns the least common multiple; `None` on overflow.
 pub(in crate::schedule) fn least_common_multiple(a: i64, b: i64) -> Option<i64> {
     (a / greatest_common_divisor(a, b)).checked_mul(b)
 }
 
-/// The greatest common divisor of two positive numbers.
+/// Returns the greatest common divisor of two positive numbers.
 pub(in crate::schedule) fn greatest_common_divisor(a: i64, b: i64) -> i64 {
     let (mut a, mut b) = (a, b);
     while b != 0 {

@@ -1,9 +1,9 @@
 //! Bounds of all tasks of all cores.
 //!
-//! Tasks on different cores, or of different priorities, that trigger one another depend on one another
-//! through their release jitter: a triggered task is released as late as the bound of the component that
-//! publishes. Starting from no jitter, bounds and jitters are iterated until nothing changes (K. Tindell, J.
-//! Clark, *Holistic schedulability analysis for distributed hard real-time systems*, 1994).
+//! Tasks that trigger one another across cores or priorities depend on one another through their release
+//! jitter: a triggered task is released as late as the bound of the publishing component. Starting without
+//! jitter, bounds and jitters are iterated until nothing changes (K. Tindell, J. Clark, *Holistic
+//! schedulability analysis for distributed hard real-time systems*, 1994).
 
 use super::global::{Global, Reserved};
 use super::overheads::Overheads;
@@ -11,7 +11,7 @@ use super::phases;
 use super::tasks::{Release, Reservation, StaticPlan, Task};
 use super::window::{self, Bound, Demand};
 
-/// Rounds after which bounds that still grow count as unbounded.
+/// Number of rounds after which bounds that still grow count as unbounded.
 const MOST_ROUNDS: usize = 100;
 
 /// All tasks as the analysis models them, with the bounds found so far.
@@ -19,18 +19,19 @@ const MOST_ROUNDS: usize = 100;
 pub(in crate::schedule) struct Responses {
     /// By task of the static plan.
     pub demands: Vec<Demand>,
-    /// By task: the bound of each stage; `None` if there is no bound.
+    /// By task: the bound of each stage; `None` without a bound.
     pub bounds: Vec<Option<Vec<Bound>>>,
-    /// By reservation of the static plan: the load it puts on any core.
+    /// By reservation of the static plan: its load on any core.
     pub reserved: Vec<Demand>,
-    /// By reservation: longest time from its wake-up to the end of its step, ns; `None` if there is no bound.
+    /// By reservation: longest time from its wake-up to the end of its step, ns; `None` without a bound.
     pub reserved_response: Vec<Option<i64>>,
     /// Lateness of a reservation's wake-up, ns.
     pub reserved_late: i64,
 }
 
 impl Responses {
-    /// The tasks on the core of one of them with all reservations behind them, and its index.
+    /// Returns the tasks on the core of a task followed by all reservations, and the index of the task among
+    /// them.
     pub(in crate::schedule) fn on_core_of(&self, plan: &StaticPlan, task: usize) -> (Vec<Demand>, usize) {
         let core = plan.on_core(plan.tasks[task].core);
         let index = core.iter().position(|other| *other == task).expect("a task is on its core");
@@ -38,7 +39,7 @@ impl Responses {
         (tasks.chain(self.reserved.iter().cloned()).collect(), index)
     }
 
-    /// Longest time from the release of a reservation to the end of its step, ns.
+    /// Returns the longest time from the release of a reservation to the end of its step, ns.
     pub(in crate::schedule) fn reserved_finish(&self, reservation: usize) -> Option<i64> {
         Some(self.reserved_response[reservation]? + self.reserved_late)
     }
@@ -89,8 +90,8 @@ pub(in crate::schedule) fn responses(plan: &StaticPlan, overheads: &Overheads) -
     Responses { demands, bounds, reserved, reserved_response, reserved_late: late }
 }
 
-/// Time by which the work of a task that waits may come later than its release: until the end of its job,
-/// less the work.
+/// Returns the time by which the work of a suspending task may be later than its release: until the end of
+/// its job, minus the work.
 fn deferral(demand: &Demand, bounds: Option<&[Bound]>) -> Option<i64> {
     let finish = bounds?.iter().map(|bound| bound.finish.total).max()?;
     Some((finish - demand.cost() - demand.jitter?).max(demand.deferral?))
@@ -100,8 +101,8 @@ fn reserved(reservation: &Reservation) -> Reserved {
     Reserved { runtime: reservation.runtime_ns as i64, period: reservation.period_ns as i64 }
 }
 
-/// The load of a reservation on every core it may run on: it comes before every priority, with all of its run
-/// time, at any time from its release to its latest end.
+/// Returns the load of a reservation on every core it may run on: its whole run time, ahead of all
+/// priorities, at any time from its release to its latest end.
 fn above_all(reservation: &Reservation, global: &Global, index: usize, late: i64) -> Demand {
     let Reserved { runtime, period } = reserved(reservation);
     let jitter = global.response(index, runtime).map(|response| late + response - runtime);
@@ -124,12 +125,12 @@ fn demand(task: &Task, plan: &StaticPlan, overheads: &Overheads) -> Demand {
     stages[0] += task.spin_ns() as i64;
     let waits: Vec<i64> = task.stages.iter().map(|stage| stage.waits_ns() as i64).collect();
     let period = task.period_ns as i64;
-    // that of a triggered task grows with what is found
+    // the jitter of a triggered task grows during the iteration
     let (offset, jitter, queue) = match task.release {
-        // It needs the core from the moment it begins to spin; being woken late shortens the spinning.
+        // It needs the core from the start of its spinning; a late wake-up shortens the spinning.
         Release::Timer { phase_ns, spin_ns, tuned, fixed } => {
             let offset = (phase_ns as i64 - spin_ns as i64).rem_euclid(period);
-            // a self-tuning margin covers the wake-up error of the machine: the component is awake by its
+            // a self-tuning margin covers the wake-up error of the machine, so the component is awake by its
             // release
             let queue = if tuned { overheads.wake_ns.max(spin_ns) } else { overheads.wake_ns };
             (fixed.then_some(offset), late_wake(spin_ns, overheads), queue as i64)
@@ -152,7 +153,7 @@ fn demand(task: &Task, plan: &StaticPlan, overheads: &Overheads) -> Demand {
     }
 }
 
-/// Offset of a triggered task: that of the releases at the head of its chain.
+/// Returns the offset of a triggered task, which is the offset of the releases at the head of its chain.
 fn offset(task: &Task, plan: &StaticPlan) -> Option<i64> {
     match task.release {
         Release::Timer { phase_ns, fixed, .. } => fixed.then_some(phase_ns as i64),
@@ -164,12 +165,12 @@ fn offset(task: &Task, plan: &StaticPlan) -> Option<i64> {
     }
 }
 
-/// Lateness of a component's wake-up for its release, in spite of spinning.
+/// Returns the lateness of a component's wake-up for its release, after spinning.
 fn late_wake(spin_ns: u64, overheads: &Overheads) -> i64 {
     overheads.wake_ns.saturating_sub(spin_ns) as i64
 }
 
-/// Release jitter of a task, ns: a triggered one is due when the head of its chain is released.
+/// Returns the release jitter of a task, ns. A triggered task is due when the head of its chain is released.
 fn jitter(
     task: &Task,
     plan: &StaticPlan,
@@ -185,8 +186,8 @@ fn jitter(
                 return Some(reserved_finish(reservation)? + delay_ns as i64);
             }
             let Some(place) = plan.places[by] else {
-                // A component that is not real-time is assumed to be in time; what follows from that is
-                // reported as not provable.
+                // A component that is not real-time is assumed to be in time; dependent bounds are reported
+                // as not provable.
                 return Some(delay_ns as i64);
             };
             let writer = bounds[place.task].as_ref()?.get(place.stage)?;
@@ -195,7 +196,8 @@ fn jitter(
     }
 }
 
-/// Bounds of the tasks of one core. Also finds out which of them always go to the end of the queue.
+/// Returns the bounds of the tasks of one core, and determines the tasks that always go to the end of the
+/// queue.
 pub(in crate::schedule) fn on_core(mut tasks: Vec<Demand>) -> Vec<Option<Vec<Bound>>> {
     loop {
         let bounds: Vec<Option<Vec<Bound>>> = (0..tasks.len()).map(|index| best(&tasks, index)).collect();
@@ -212,7 +214,7 @@ pub(in crate::schedule) fn on_core(mut tasks: Vec<Demand>) -> Vec<Option<Vec<Bou
     }
 }
 
-/// Each of two analyses gives a bound; the lower of both holds.
+/// Returns the lower of the bounds of two analyses, both of which are valid.
 fn best(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
     let mut bounds = window::bounds(tasks, index)?;
     for (bound, other) in bounds.iter_mut().zip(phases::bounds(tasks, index).into_iter().flatten()) {

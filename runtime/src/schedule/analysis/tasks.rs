@@ -2,14 +2,14 @@
 //!
 //! A *task* is the unit of the analysis: a real-time component together with everything that it triggers,
 //! directly or through others, on the same core at the same priority, or at priorities that rise along the
-//! chain but stay below every other priority. Its *stages* run one after the other: the first is the
-//! component at its head, the next are all those that it triggers, and so on. (Under `SCHED_FIFO` a thread
-//! that is woken goes to the end of the queue of its priority, and nobody of that priority interrupts
-//! another, so that everything triggered by one stage has run before anything that the next stage triggers.
-//! Where priorities rise, whatever is triggered wakes as the step that triggers it ends, and runs at once.)
-//! With rising priorities and several components triggered by one, the order of one of them and of what
-//! another one triggers is open: from there on all is one stage. A component that is triggered from another
-//! core, or by one of another priority, is the head of a separate task.
+//! chain but stay below every other priority. Its *stages* run one after the other. The first is the
+//! component at its head, the next consists of all components that it triggers, and so on. Under `SCHED_FIFO`
+//! a woken thread goes to the end of the queue of its priority, and threads of that priority do not preempt
+//! each other. All components triggered by one stage therefore run before the components that the next stage
+//! triggers. With rising priorities, a triggered component wakes when the triggering step ends, and runs
+//! immediately. If priorities rise and one component triggers several, the order between one of them and the
+//! components that another one triggers is unknown. From there on all components form one stage. A component
+//! triggered from another core, or by a component of another priority, is the head of a separate task.
 
 use serde::Serialize;
 
@@ -19,7 +19,7 @@ use crate::plan::{Activation, ComponentPlan, OnOverrun, Plan, SchedulingClass, S
 /// All real-time components of a graph as tasks.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct StaticPlan {
-    /// Tasks, each after the one that triggers it.
+    /// Tasks, each after the task that triggers it.
     pub tasks: Vec<Task>,
     /// Position per component of the plan; `None` if it is not real-time, or may run on several cores.
     pub places: Vec<Option<Place>>,
@@ -32,26 +32,26 @@ pub struct StaticPlan {
 /// A component that the kernel schedules by its deadline (`SCHED_DEADLINE`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Reservation {
-    /// Its step.
+    /// Step of the component.
     pub step: Step,
     /// Core time granted by the kernel in each period, ns.
     pub runtime_ns: u64,
-    /// The period, and the deadline within it, ns.
+    /// Period and relative deadline, ns.
     pub period_ns: u64,
     /// Offset of the first release, ns.
     pub phase_ns: u64,
-    /// True if releases never leave that grid.
+    /// True if releases never leave the grid.
     pub fixed: bool,
 }
 
 impl Reservation {
-    /// Share of a core, 1 for all of it.
+    /// Returns the share of a core, 1 for the whole core.
     pub fn share(&self) -> f64 {
         self.runtime_ns as f64 / self.period_ns as f64
     }
 }
 
-/// The place of a component in a static plan.
+/// Position of a component in a static plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Place {
     /// Index of its task.
@@ -67,7 +67,7 @@ pub struct Task {
     pub core: usize,
     /// `SCHED_FIFO` priority of its head; triggered components may rise above it.
     pub priority: u8,
-    /// Time between two releases of the component at the head of the whole chain, ns; the shortest, where
+    /// Time between two releases of the component at the head of the whole chain, ns; the shortest time if
     /// events release it.
     pub period_ns: u64,
     /// The release of its first stage.
@@ -91,8 +91,8 @@ pub enum Release {
         /// `true` if releases never leave the grid; the overrun policy `rephase` moves it.
         fixed: bool,
     },
-    /// An event from outside of the graph, shown by a file descriptor: at any time, no sooner than one period
-    /// after the one before (a sporadic task).
+    /// An event from outside the graph, signalled by a file descriptor, at any time but at least one period
+    /// after the previous one (a sporadic task).
     Event,
     /// A publication of another component.
     Trigger {
@@ -121,33 +121,33 @@ pub struct Step {
     pub overhead_ns: u64,
     /// Part of the overhead after the step has published, ns.
     pub after_ns: u64,
-    /// Longest time it waits for an answer without the core, ns.
+    /// Longest time that it waits for an answer without the core, ns.
     pub waits_ns: u64,
 }
 
 impl Step {
-    /// Core time, ns: budget and overhead; the overhead alone without a budget.
+    /// Returns the core time, ns: budget plus overhead, or only the overhead without a budget.
     pub fn cost_ns(&self) -> u64 {
         self.budget_ns.unwrap_or(0) + self.overhead_ns
     }
 }
 
 impl Stage {
-    /// Core time of its steps, ns.
+    /// Returns the core time of its steps, ns.
     pub fn cost_ns(&self) -> u64 {
         self.steps.iter().map(Step::cost_ns).sum()
     }
 }
 
 impl Stage {
-    /// Longest total waiting time of its steps without the core, ns.
+    /// Returns the longest total waiting time of its steps without the core, ns.
     pub fn waits_ns(&self) -> u64 {
         self.steps.iter().map(|step| step.waits_ns).sum()
     }
 }
 
 impl Task {
-    /// Spin time of its head before every release, ns.
+    /// Returns the spin time of its head before every release, ns.
     pub fn spin_ns(&self) -> u64 {
         match self.release {
             Release::Timer { spin_ns, .. } => spin_ns,
@@ -155,29 +155,29 @@ impl Task {
         }
     }
 
-    /// Core time of one release, ns: spinning and all stages.
+    /// Returns the core time of one release, ns: spinning and all stages.
     pub fn cost_ns(&self) -> u64 {
         self.spin_ns() + self.stages.iter().map(Stage::cost_ns).sum::<u64>()
     }
 
-    /// Longest time for which the steps of one release wait without the core, ns.
+    /// Returns the longest time that the steps of one release wait without the core, ns.
     pub fn waits_ns(&self) -> u64 {
         self.stages.iter().map(Stage::waits_ns).sum()
     }
 
-    /// All its steps.
+    /// Returns all steps of the task.
     pub fn steps(&self) -> impl Iterator<Item = &Step> {
         self.stages.iter().flat_map(|stage| &stage.steps)
     }
 
-    /// Index in the plan of the component at its head.
+    /// Returns the index in the plan of the component at its head.
     pub fn head(&self) -> usize {
         self.stages[0].steps[0].component
     }
 }
 
 impl StaticPlan {
-    /// The tasks of a plan.
+    /// Creates the tasks of a plan.
     pub fn from_plan(plan: &Plan, overheads: &Overheads) -> Self {
         let mut cores = plan.scheduling.shared_cores.clone();
         cores.extend(plan.components.iter().filter_map(|component| component.core));
@@ -238,7 +238,7 @@ impl StaticPlan {
             Activation::Triggered { topic, .. } => {
                 let by = plan.topics[topic].writer;
                 let writer = &plan.components[by];
-                // a component that runs on any core may have run on this one
+                // a component that runs on any core may have run on this core
                 if has_deadline(writer) {
                     step.overhead_ns += overheads.hop_same_core_ns;
                 }
@@ -273,17 +273,17 @@ impl StaticPlan {
         });
     }
 
-    /// The reservation of a component, and its index.
+    /// Returns the reservation of a component, and its index.
     pub fn reservation(&self, component: usize) -> Option<(usize, &Reservation)> {
         self.reservations.iter().enumerate().find(|(_, reservation)| reservation.step.component == component)
     }
 
-    /// True if a component is part of the analysis.
+    /// Returns `true` if a component is part of the analysis.
     pub fn knows(&self, component: usize) -> bool {
         self.places[component].is_some() || self.reservation(component).is_some()
     }
 
-    /// Cores with tasks, ascending.
+    /// Returns the cores with tasks, ascending.
     pub fn cores(&self) -> Vec<usize> {
         let mut cores: Vec<usize> = self.tasks.iter().map(|task| task.core).collect();
         cores.sort_unstable();
@@ -291,13 +291,13 @@ impl StaticPlan {
         cores
     }
 
-    /// Indices of the tasks on a core.
+    /// Returns the indices of the tasks on a core.
     pub fn on_core(&self, core: usize) -> Vec<usize> {
         (0..self.tasks.len()).filter(|task| self.tasks[*task].core == core).collect()
     }
 }
 
-/// The kernel's reservation for a component that is scheduled by its deadline.
+/// Returns the kernel's reservation for a component scheduled by its deadline.
 fn reservation(component: (usize, &ComponentPlan), overheads: &Overheads) -> Option<Reservation> {
     let (index, component) = component;
     let SchedulingClass::Deadline { runtime_ns, period_ns } = component.class else { return None };
@@ -311,7 +311,7 @@ fn reservation(component: (usize, &ComponentPlan), overheads: &Overheads) -> Opt
     Some(Reservation { step, runtime_ns, period_ns, phase_ns, fixed })
 }
 
-/// A step of a component, with the overhead common to all triggers.
+/// Returns the step of a component, with the overhead common to all triggers.
 fn step(index: usize, component: &ComponentPlan, overheads: &Overheads) -> Step {
     let timer_ns = match component.activation {
         Activation::Periodic { .. } | Activation::Descriptor { .. } => overheads.timer_ns,
@@ -327,12 +327,12 @@ fn step(index: usize, component: &ComponentPlan, overheads: &Overheads) -> Step 
     }
 }
 
-/// True if the kernel schedules a component under `SCHED_DEADLINE`, on any core.
+/// Returns `true` if the kernel schedules a component under `SCHED_DEADLINE`, on any core.
 pub(in crate::schedule) fn has_deadline(component: &ComponentPlan) -> bool {
     matches!(component.class, SchedulingClass::Deadline { .. })
 }
 
-/// Priority of a `SCHED_FIFO` component.
+/// Returns the priority of a `SCHED_FIFO` component.
 pub(in crate::schedule) fn priority(component: &ComponentPlan) -> Option<u8> {
     match component.class {
         SchedulingClass::Fifo(priority) => Some(priority),
@@ -340,7 +340,7 @@ pub(in crate::schedule) fn priority(component: &ComponentPlan) -> Option<u8> {
     }
 }
 
-/// Returns the core of a component that may run on one core only.
+/// Returns the core of a component that may only run on one core.
 pub(in crate::schedule) fn core(plan: &Plan, component: &ComponentPlan) -> Option<usize> {
     if has_deadline(component) {
         return None;

@@ -1,18 +1,18 @@
-//! The unknown times of a graph, and the bounds that rest on them.
+//! The unknown times of a graph, and the bounds that depend on them.
 
 use super::tasks::{Release, StaticPlan};
 use crate::plan::{Activation, Plan};
 
-/// The unknown times of a graph, and the tasks whose bounds do not hold because of them.
+/// The unknown times of a graph, and the tasks whose bounds depend on them.
 #[derive(Debug)]
 pub(in crate::schedule) struct Unknown {
     /// Real-time components without a budget.
     pub without_budget: Vec<usize>,
-    /// Real-time components that are triggered by one that is not.
+    /// Real-time components triggered by components that are not real-time.
     pub released_by_others: Vec<usize>,
     /// Real-time components that may run on several cores.
     pub without_core: Vec<usize>,
-    /// By task of the static plan: true if its bounds rest on any of them.
+    /// By task of the static plan: true if its bounds depend on any of them.
     pub rests: Vec<bool>,
 }
 
@@ -43,7 +43,7 @@ impl Unknown {
                 releaser_unknown || task.steps().any(|step| step.budget_ns.is_none())
             })
             .collect();
-        // it spreads to every task that can be delayed by it, and to every task it releases
+        // it propagates to every task that can be delayed, and to every task that is released
         for _ in 0..rests.len() {
             let spread: Vec<bool> = tasks
                 .tasks

@@ -1,7 +1,8 @@
 //! Response times on one core under fixed priorities.
 //!
-//! The response time of a job is found from the *busy window* it falls into: a time in which the core always
-//! has work of its priority or above. Every job that finishes in the window was released in it, so that
+//! The response time of a job is found from the *busy window* that contains it: an interval in which the core
+//! always has work of its priority or above. Every job that finishes in the window was released in it, so
+//! that
 //!
 //! ```text
 //! finish = own work + sum over others of the same or higher priority of (releases before finish) * cost
@@ -9,48 +10,48 @@
 //!
 //! whose smallest solution is found by iteration (M. Joseph, P. Pandya, *Finding response times in a
 //! real-time system*, 1986). A job may be the first of its task in the window or a later one, for response
-//! times beyond the period (J. Lehoczky 1990); releases may come late by a jitter (N. Audsley, A. Burns, M.
+//! times beyond the period (J. Lehoczky 1990); releases may be late by a jitter (N. Audsley, A. Burns, M.
 //! Richardson, K. Tindell, A. Wellings 1993).
 //!
-//! Tasks of equal priority wait in one queue, first come first served, and do not preempt each other. With
-//! unknown phases they count like more urgent ones, which is right for any order in that queue, and not
-//! pessimistic: as long as all of one priority finish within their periods, at most one job of each runs
-//! before a job that waits with it. With known phases only those count that joined the queue no later.
+//! Tasks of equal priority wait in one first-come-first-served queue and do not preempt each other. With
+//! unknown phases they count like more urgent tasks, which is correct for any order in the queue. It is not
+//! pessimistic: if all tasks of a priority finish within their periods, at most one job of each runs before a
+//! job that waits with it. With known phases only jobs that joined the queue no later count.
 //!
-//! A job may *suspend itself*: wait for an answer without the core. For its own response time that counts as
-//! work. Upon others it acts as if it were released later, by up to its own response time less its work (G.
-//! Nelissen, J. Fonseca, G. Raravi, V. Nelis, *Timing analysis of fixed priority self-suspending sporadic
-//! tasks*, 2015; J.-J. Chen et al., *Many suspensions, many problems*, 2019). After it has waited it stands
-//! at the end of the queue of its priority.
+//! A job may *suspend itself*, that is, wait for an answer without the core. This counts as work in its own
+//! response time. For other tasks, the job acts as if it were released later, by up to its response time
+//! minus its work (G. Nelissen, J. Fonseca, G. Raravi, V. Nelis, *Timing analysis of fixed priority
+//! self-suspending sporadic tasks*, 2015; J.-J. Chen et al., *Many suspensions, many problems*, 2019). After
+//! a wait it goes to the end of the queue of its priority.
 //!
-//! All times are in ns, and signed: a job whose release comes late by its whole jitter as the window opens
-//! was due before.
+//! All times are in ns, and signed, because a job whose release is late by its whole jitter when the window
+//! opens was due earlier.
 
-/// A task on a core, as this analysis sees it.
+/// Model of a task on a core.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(in crate::schedule) struct Demand {
     /// Higher is more urgent.
     pub priority: u8,
     /// Time between two releases.
     pub period: i64,
-    /// Offset of the releases, ns: due at `offset + n * period` on a clock that all tasks share; at any time
-    /// if `None`.
+    /// Offset of the releases, ns: due at `offset + n * period` on a clock shared by all tasks, or at any
+    /// time if `None`.
     pub offset: Option<i64>,
     /// Release jitter, ns: the longest time from the due time to the release; `None` if unbounded.
     pub jitter: Option<i64>,
-    /// Longest time from the due time until it joins the queue of its priority, ns: not less than the jitter.
+    /// Longest time from the due time until it joins the queue of its priority, ns; not less than the jitter.
     pub queue: i64,
-    /// True if it goes to the end of that queue once more when it first gets the core: a component that waits
-    /// for the clock yields to those it has woken. Among tasks that all yield the order stays the same.
+    /// True if it goes to the end of the queue again when it first gets the core, because a component that
+    /// waits for the clock yields to components it has woken. The order among yielding tasks does not change.
     pub yields: bool,
     /// Cost of each stage.
     pub stages: Vec<i64>,
-    /// By stage: longest time for which it waits without the core.
+    /// By stage: longest time that it waits without the core.
     pub waits: Vec<i64>,
-    /// Time by which its work may come later than its release because it waits; `None` if unbounded.
+    /// Time by which its work may be later than its release because it waits; `None` if unbounded.
     pub deferral: Option<i64>,
-    /// True if every job is known to finish before the next one is due, so that each goes to the end of the
-    /// queue.
+    /// True if every job is known to finish before the next one is due, so that each job goes to the end of
+    /// the queue.
     pub orderly: bool,
 }
 
@@ -63,27 +64,29 @@ pub(in crate::schedule) struct Bound {
     pub response: Sum,
 }
 
-/// The terms of a bound: the stages of the job up to its own, other jobs, less the time before the release.
+/// Terms of a bound: the stages of the job up to its own, plus other jobs, minus the time before the release.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(in crate::schedule) struct Sum {
     /// The bound.
     pub total: i64,
-    /// By task of the core: jobs that run in the window before the stage ends, besides the job itself.
+    /// By task of the core: number of jobs that run in the window before the stage ends, excluding the job
+    /// itself.
     pub jobs: Vec<i64>,
-    /// Time from the opening of the window to the beginning of the measurement; negative if that came first.
+    /// Time from the opening of the window to the start of the measurement; negative if the measurement
+    /// starts first.
     pub elapsed: i64,
 }
 
-/// Limit of jobs followed in one window.
+/// Maximum number of jobs followed in one window.
 const MOST: usize = 100_000;
 
 /// The start of the window.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::schedule) enum Opening {
-    /// At time 0, with every other task released as late as it can be, so that the next release follows
+    /// At time 0, with every other task released as late as possible, so that its next release follows
     /// soonest.
     Worst,
-    /// At this time, with releases as their offsets say.
+    /// At this time, with releases at their offsets.
     At(i64),
 }
 
@@ -105,17 +108,17 @@ pub(in crate::schedule) fn ceil_div(a: i64, b: i64) -> i64 {
 }
 
 impl Demand {
-    /// Cost of one job.
+    /// Returns the cost of one job.
     pub(in crate::schedule) fn cost(&self) -> i64 {
         self.stages.iter().sum()
     }
 
-    /// Cost of one job with its waiting, which is how long it keeps itself.
+    /// Returns the cost of one job including its waiting, by which it delays itself.
     fn length(&self) -> i64 {
         self.cost() + self.waits.iter().sum::<i64>()
     }
 
-    /// True if it waits without the core.
+    /// Returns `true` if it waits without the core.
     pub(in crate::schedule) fn suspends(&self) -> bool {
         self.waits.iter().any(|wait| *wait > 0)
     }
@@ -124,17 +127,18 @@ impl Demand {
         self.jitter.unwrap_or(0)
     }
 
-    /// Longest time from the due time of a job to the beginning of its work.
+    /// Returns the longest time from the due time of a job to the start of its work.
     fn latest(&self) -> i64 {
         self.late() + self.deferral.unwrap_or(0)
     }
 
-    /// Releases before `until` in the longest window of the task itself, whose waiting counts as work there.
+    /// Returns the number of releases before `until` in the longest window of the task itself, in which its
+    /// waiting counts as work.
     fn own_releases(&self, until: i64) -> i64 {
         ceil_div(until + self.late(), self.period).max(0)
     }
 
-    /// Releases in the window before `until`.
+    /// Returns the number of releases in the window before `until`.
     fn releases(&self, opening: Opening, until: i64) -> i64 {
         let first = match (opening, self.offset) {
             _ if until <= opening.time() => return 0,
@@ -147,7 +151,7 @@ impl Demand {
     }
 }
 
-/// A task, and those of its core that can delay it: of its own priority or above.
+/// A task and the tasks on its core that can delay it, which have its priority or a higher one.
 #[derive(Debug)]
 pub(in crate::schedule) struct Level<'a> {
     tasks: &'a [Demand],
@@ -156,7 +160,7 @@ pub(in crate::schedule) struct Level<'a> {
 }
 
 impl<'a> Level<'a> {
-    /// The jobs that can delay a task; `None` if there is no bound.
+    /// Returns the tasks that can delay a task; `None` if there is no bound.
     pub(in crate::schedule) fn for_task(tasks: &'a [Demand], index: usize) -> Option<Self> {
         let above = |other: &usize| *other != index && tasks[*other].priority >= tasks[index].priority;
         let level = Self { tasks, index, others: (0..tasks.len()).filter(above).collect() };
@@ -171,12 +175,12 @@ impl<'a> Level<'a> {
         &self.tasks[self.index]
     }
 
-    /// The task and all that can delay it.
+    /// Returns the task and all tasks that can delay it.
     pub(in crate::schedule) fn all(&self) -> impl Iterator<Item = &'a Demand> + '_ {
         self.others.iter().chain(core::iter::once(&self.index)).map(|task| &self.tasks[*task])
     }
 
-    /// Length of the longest busy window.
+    /// Returns the length of the longest busy window.
     pub(in crate::schedule) fn longest(&self) -> Option<i64> {
         let length = settle(1, |until| {
             self.own().own_releases(until) * self.own().length()
@@ -186,7 +190,8 @@ impl<'a> Level<'a> {
         (length / shortest < MOST as i64).then_some(length)
     }
 
-    /// Number of jobs of every task of the core: `count` of those that can delay the task, zero of others.
+    /// Returns the number of jobs of every task of the core: `count` for tasks that can delay the task, zero
+    /// for others.
     fn jobs(&self, own: i64, count: impl Fn(&Demand) -> i64) -> Vec<i64> {
         let mut jobs = vec![0; self.tasks.len()];
         for other in &self.others {
@@ -200,8 +205,8 @@ impl<'a> Level<'a> {
         self.others.iter().map(|other| &self.tasks[*other]).map(|other| count(other) * other.cost()).sum()
     }
 
-    /// Ends of the stages of a job that is due at `due`, in a window in which `before` jobs of its own task
-    /// run first. By stage: the time, and the jobs that ran before it, by task.
+    /// Returns the ends of the stages of a job that is due at `due`, in a window in which `before` jobs of
+    /// its own task run first. By stage: the time, and the number of earlier jobs by task.
     pub(in crate::schedule) fn run(
         &self,
         opening: Opening,
@@ -213,7 +218,7 @@ impl<'a> Level<'a> {
         let mut joins = due + own.queue;
         let mut turn = joins;
         if own.yields && matches!(opening, Opening::At(_)) {
-            // it may have been late to a core that was idle before
+            // it may have been late on a core that was idle before
             let there = joins.max(start);
             turn = settle(there + 1, |until| {
                 there + self.work(|other| self.ahead(opening, other, until, joins)) + before * own.length()
@@ -245,10 +250,11 @@ impl<'a> Level<'a> {
         Some(ends)
     }
 
-    /// Releases of another task before `until` that come before a job which joins the queue at `joins`.
+    /// Returns the number of releases of another task before `until` that are ahead of a job that joins the
+    /// queue at `joins`.
     fn ahead(&self, opening: Opening, other: &Demand, until: i64, joins: i64) -> i64 {
         let own = self.own();
-        // one that has waited stands behind all others of its priority
+        // a job that has waited is behind all others of its priority
         let waits = other.priority == own.priority && other.orderly && !own.suspends();
         match opening {
             Opening::At(_) if waits => other.releases(opening, until.min(joins + 1)),
@@ -257,8 +263,8 @@ impl<'a> Level<'a> {
     }
 }
 
-/// The smallest fixed point of a function that never falls, at or above `from`; its value at `from` where
-/// that is below `from`.
+/// Returns the smallest fixed point at or above `from` of a function that never decreases; its value at
+/// `from` if that is below `from`.
 fn settle(from: i64, function: impl Fn(i64) -> i64) -> Option<i64> {
     let mut time = from;
     for _ in 0..MOST {
@@ -271,7 +277,8 @@ fn settle(from: i64, function: impl Fn(i64) -> i64) -> Option<i64> {
     None
 }
 
-/// Keeps the worst of each stage, among the results so far and those of a job that is due at `due`.
+/// Keeps the worst result of each stage, among the results so far and the results of a job that is due at
+/// `due`.
 pub(in crate::schedule) fn keep_worst(
     bounds: &mut [Option<Bound>],
     opening: Opening,
@@ -299,7 +306,7 @@ pub(in crate::schedule) fn keep_worst(
     }
 }
 
-/// Bounds of all stages of a task, whatever the offsets of the tasks are. `None` if there is no bound.
+/// Returns the bounds of all stages of a task for any offsets of the tasks; `None` if there is no bound.
 pub(in crate::schedule) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
     let level = Level::for_task(tasks, index)?;
     let own = level.own();
@@ -317,11 +324,11 @@ pub(in crate::schedule) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<
     bounds.into_iter().collect()
 }
 
-/// Bounds of the time from the end of the first stage of a job to the end of each of its stages, for a task
-/// that always finishes before it is due again.
+/// Returns bounds on the time from the end of the first stage of a job to the end of each of its stages, for
+/// a task that always finishes before it is due again.
 ///
-/// When the first stage ends (or does its rest), no more urgent task is waiting. Tasks of equal priority that
-/// are still ahead joined the queue after the job did: `queued` is the longest time from then to the end of
+/// When the first stage ends (or runs its last part), no more urgent task is waiting. Tasks of equal priority
+/// that are still ahead joined the queue after the job. `queued` is the longest time from then to the end of
 /// the first stage. With `rest`, times count from that long before this end.
 pub(in crate::schedule) fn after_first_stage(
     tasks: &[Demand],

@@ -6,7 +6,7 @@ use crate::schedule::admission::{LatencyBound, Verdict};
 use crate::schedule::analysis::Analysis;
 use crate::schedule::analysis::latency::{self, LatencySum, LatencyTerm};
 
-/// The bound of one latency budget.
+/// Returns the bound of one latency budget.
 pub(in crate::schedule) fn latency(analysis: &Analysis<'_>, budget: &LatencyPlan) -> LatencyBound {
     let plan = analysis.plan;
     let path = latency::path(plan, budget);
@@ -22,7 +22,7 @@ pub(in crate::schedule) fn latency(analysis: &Analysis<'_>, budget: &LatencyPlan
     let events = latency::sampled_events(plan, &path);
     let arithmetic = match (&bounded, analysed) {
         (None, true) if !events.is_empty() => {
-            format!("{} when events come, however seldom: no bound", stepping(plan, &events))
+            format!("{} when events come, which may be arbitrarily rare: no bound", stepping(plan, &events))
         }
         (Some(sum), _) => {
             words::comparison(&sum_terms(analysis, &path, sum), words::time(sum.ns), holds, &max)
@@ -50,17 +50,17 @@ pub(in crate::schedule) fn latency(analysis: &Analysis<'_>, budget: &LatencyPlan
     }
 }
 
-/// "`a` is", "`a` and `b` are".
+/// Formats "`a` is" or "`a` and `b` are".
 fn are(names: &str, count: usize) -> String {
     format!("{names} {}", if count == 1 { "is" } else { "are" })
 }
 
-/// "`a` steps", "`a` and `b` step".
+/// Formats "`a` steps" or "`a` and `b` step".
 fn stepping(plan: &Plan, components: &[usize]) -> String {
     format!("{} {}", words::names(plan, components), if components.len() == 1 { "steps" } else { "step" })
 }
 
-/// The terms of a latency's bound, each but the first with its sign.
+/// Formats the terms of a latency's bound, each with its sign except the first.
 fn sum_terms(analysis: &Analysis<'_>, path: &[usize], sum: &LatencySum) -> Vec<String> {
     let terms = sum.terms.iter().flat_map(|term| term_texts(analysis, path, term));
     terms.enumerate().map(|(index, term)| terms::joined(index, &term)).collect()
@@ -94,7 +94,7 @@ fn term_texts(analysis: &Analysis<'_>, path: &[usize], term: &LatencyTerm) -> Ve
     }]
 }
 
-/// The topic through which a component takes over the source time.
+/// Returns the topic whose source time a component propagates.
 fn topic_read(plan: &Plan, reader: usize) -> &str {
     let component = &plan.components[reader];
     let topic = component.cause.and_then(|cause| component.inputs[cause].topic);

@@ -1,4 +1,4 @@
-//! The load of real-time components on a core, against the kernel's limit.
+//! The load of real-time components on a core, compared with the kernel's limit.
 
 use super::words;
 use crate::plan::Plan;
@@ -6,7 +6,7 @@ use crate::schedule::admission::{Activity, CoreLoad, DeadlineLoad, LoadTerm, Ver
 use crate::schedule::analysis::overheads::RtLimit;
 use crate::schedule::analysis::tasks::{Reservation, StaticPlan};
 
-/// Load of one core.
+/// Returns the load of one core.
 pub(in crate::schedule) fn load(plan: &Plan, tasks: &StaticPlan, core: usize, limit: &RtLimit) -> CoreLoad {
     let mut terms = Vec::new();
     let mut known = true;
@@ -73,9 +73,9 @@ fn term(plan: &Plan, reservation: &Reservation) -> LoadTerm {
     }
 }
 
-/// Load of all cores by the `SCHED_DEADLINE` components; `None` if there are none.
+/// Returns the load of all cores by `SCHED_DEADLINE` components; `None` if there are none.
 ///
-/// The kernel admits no more than [`RtLimit::deadline_share`] of all cores.
+/// The kernel admits at most [`RtLimit::deadline_share`] of all cores.
 pub(in crate::schedule) fn deadlines(
     plan: &Plan,
     tasks: &StaticPlan,

@@ -1,4 +1,4 @@
-//! The text of an admission: sums of times, problems, advice. It adds no numbers.
+//! Texts of an admission: sums of times, problems and advice, without further computation.
 
 pub(in crate::schedule) mod latency;
 pub(in crate::schedule) mod load;

@@ -45,7 +45,7 @@ fn overload(admission: &Admission) -> Vec<Problem> {
         .collect()
 }
 
-/// The problem of more deadlines than the kernel admits.
+/// Returns the problem of more deadlines than the kernel admits.
 fn reserved_too_much(admission: &Admission) -> Option<Problem> {
     let load = admission.deadlines.as_ref().filter(|load| load.verdict == Verdict::Exceeds)?;
     Some(error(
@@ -55,7 +55,7 @@ fn reserved_too_much(admission: &Admission) -> Option<Problem> {
     ))
 }
 
-/// Cores whose mean load is allowed, but not their load in one throttling period.
+/// Finds cores whose mean load is allowed, but not their load in one throttling period.
 fn bursts(analysis: &Analysis<'_>, admission: &mut Admission, problems: &mut Vec<Problem>) {
     for core in admission.cores.iter_mut().filter(|core| core.verdict != Verdict::Exceeds) {
         let limit = &admission.rt_limit;
@@ -94,7 +94,7 @@ fn late(admission: &Admission, problems: &mut Vec<Problem>) {
     };
     let mut reported: Vec<&str> = Vec::new();
     for task in admission.tasks.iter().filter(|task| task.verdict == Verdict::Exceeds && !follows(task)) {
-        // of the members of one chain, the first that is late is enough
+        // only the first late member of a chain is reported
         if reported.contains(&task.released_with.as_str()) {
             continue;
         }

@@ -5,7 +5,7 @@ use crate::schedule::admission::{TaskBound, Verdict};
 use crate::schedule::analysis::tasks::{self, Release, Reservation};
 use crate::schedule::analysis::{Analysis, latency};
 
-/// The bound of one component.
+/// Returns the bound of one component.
 pub(in crate::schedule) fn bound(analysis: &Analysis<'_>, component: usize) -> TaskBound {
     let (plan, tasks) = (analysis.plan, analysis.tasks);
     let planned = &plan.components[component];
@@ -42,8 +42,7 @@ pub(in crate::schedule) fn bound(analysis: &Analysis<'_>, component: usize) -> T
         found.arithmetic = format!("grows without bound > {}", words::time(deadline_ns));
         return found;
     };
-    // the head of a chain is measured from its release: not from the start of its spinning, nor from its
-    // wake-up
+    // the head of a chain is measured from its release, not from the start of its spinning or its wake-up
     let (sum, spin) = match task.release {
         Release::Timer { spin_ns, .. } => (&bound.finish, spin_ns as i64),
         Release::Event => (&bound.finish, 0),
@@ -68,7 +67,7 @@ pub(in crate::schedule) fn bound(analysis: &Analysis<'_>, component: usize) -> T
     found
 }
 
-/// The bound of a component under `SCHED_DEADLINE`.
+/// Returns the bound of a component under `SCHED_DEADLINE`.
 fn by_deadline(
     analysis: &Analysis<'_>,
     index: usize,
@@ -94,7 +93,7 @@ fn by_deadline(
         responses.reserved_response[index],
         responses.reserved_finish(index).and_then(|ns| u64::try_from(ns).ok()),
     ) else {
-        found.arithmetic = format!("not in time for certain beside the other deadlines > {deadline}");
+        found.arithmetic = format!("not guaranteed to be in time with the other deadlines > {deadline}");
         return found;
     };
     let holds = finish <= found.deadline_ns;

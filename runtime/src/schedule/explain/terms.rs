@@ -1,12 +1,12 @@
-//! The terms of a bound, as text.
+//! Terms of a bound, as text.
 
 use super::words;
 use crate::schedule::analysis::Analysis;
 use crate::schedule::analysis::tasks::Place;
 use crate::schedule::analysis::window::Sum;
 
-/// The terms of a bound of a stage: the stages of the job from `first` on, then other jobs, then what ran
-/// before.
+/// Formats the terms of a bound of a stage: the stages of the job from `first` on, then other jobs, then the
+/// time before the release.
 pub(in crate::schedule) fn bound_terms(
     analysis: &Analysis<'_>,
     place: Place,
@@ -28,7 +28,7 @@ pub(in crate::schedule) fn bound_terms(
         })
         .collect();
     let here = analysis.tasks.on_core(task.core);
-    // SCHED_DEADLINE components stand behind the tasks of the core
+    // SCHED_DEADLINE components follow the tasks of the core
     for (reservation, count) in analysis.tasks.reservations.iter().zip(sum.jobs.iter().skip(here.len())) {
         if *count > 0 {
             let times = if *count == 1 { String::new() } else { format!("{count} x ") };
@@ -58,7 +58,7 @@ pub(in crate::schedule) fn bound_terms(
     terms
 }
 
-/// A term with its sign, unless it is the first.
+/// Adds the sign to a term, unless it is the first.
 pub(in crate::schedule) fn joined(index: usize, term: &str) -> String {
     if index == 0 || term.starts_with('-') { term.to_string() } else { format!("+ {term}") }
 }

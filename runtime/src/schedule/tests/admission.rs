@@ -1,4 +1,4 @@
-//! Whole graphs: verdicts, and the arithmetic in words.
+//! Verdicts and arithmetic of whole graphs.
 
 use super::graphs::{Node, When, graph, node};
 use crate::plan::{ClockKind, OnOverrun};
@@ -8,7 +8,7 @@ use crate::severity::Severity;
 const US: u64 = 1_000;
 const KHZ: When = When::Every(1_000 * US, 0);
 
-/// A machine with costs that are easy to tell apart in a sum.
+/// A machine whose costs are easy to distinguish in a sum.
 const MACHINE: Overheads = Overheads {
     wake_ns: 40 * US,
     timer_ns: 0,
@@ -22,7 +22,7 @@ fn every(us: u64) -> When {
     When::Every(us * US, 0)
 }
 
-/// Physics, encoder, policy and controller, as a chain.
+/// Returns physics, encoder, policy and controller as a chain.
 fn reach(controller_us: u64) -> Vec<Node> {
     vec![
         node("physics", KHZ, 400 * US),
@@ -46,7 +46,7 @@ fn warnings(admission: &Admission) -> Vec<&str> {
 }
 
 #[test]
-fn a_chain_on_one_core_is_the_sum_of_its_steps_and_hand_overs() {
+fn chain_on_one_core_is_the_sum_of_steps_and_hand_overs() {
     let admission = check(&reach(300), &[(0, 3, 600 * US)]);
     assert_eq!(admission.verdict, Verdict::Holds, "{:?}", admission.problems);
     assert_eq!(
@@ -68,7 +68,7 @@ fn a_chain_on_one_core_is_the_sum_of_its_steps_and_hand_overs() {
         "3 us (physics, after it has published) + 59 us (encoder) + 59 us (policy) + 309 us (controller) = 430 us \
          <= 600 us"
     );
-    // more urgent ones have the core at once
+    // more urgent components get the core immediately
     let rising: Vec<Node> =
         reach(300).into_iter().enumerate().map(|(index, node)| node.rising(index as u8)).collect();
     let latency = &check(&rising, &[(0, 3, 600 * US)]).latencies[0];
@@ -79,7 +79,7 @@ fn a_chain_on_one_core_is_the_sum_of_its_steps_and_hand_overs() {
 }
 
 #[test]
-fn an_overloaded_core_is_refused_with_the_sum() {
+fn overloaded_core_is_refused_with_the_sum() {
     let admission = check(&reach(600), &[]);
     assert!(admission.refuses());
     assert_eq!(errors(&admission), ["core 1 is overloaded"]);
@@ -96,7 +96,7 @@ fn an_overloaded_core_is_refused_with_the_sum() {
 }
 
 #[test]
-fn a_graph_the_kernel_would_throttle_is_refused_with_reason() {
+fn graph_the_kernel_would_throttle_is_refused_with_reason() {
     let admission = check(&reach(325), &[]);
     assert_eq!(
         errors(&admission),
@@ -108,7 +108,7 @@ fn a_graph_the_kernel_would_throttle_is_refused_with_reason() {
 }
 
 #[test]
-fn a_long_step_is_refused_though_its_mean_load_is_small() {
+fn long_step_is_refused_in_spite_of_a_small_mean_load() {
     // 1.2 s in every 4 s: a third of the core, but more than 950 ms in one second
     let admission = check(&[node("planner", every(4_000_000), 1_200_000 * US)], &[]);
     assert_eq!(errors(&admission), ["the kernel may stop the real-time components of core 1 (throttling)"]);
@@ -119,7 +119,7 @@ fn a_long_step_is_refused_though_its_mean_load_is_small() {
 }
 
 #[test]
-fn a_slow_task_that_is_too_urgent_makes_a_fast_one_late() {
+fn slow_task_that_is_too_urgent_makes_a_fast_one_late() {
     let nodes = [
         node("control", KHZ, 200 * US).priority(50),
         node("planner", every(100_000), 5_000 * US).priority(60),
@@ -129,13 +129,13 @@ fn a_slow_task_that_is_too_urgent_makes_a_fast_one_late() {
     let arithmetic = admission.problems[0].arithmetic.as_deref().unwrap();
     assert!(arithmetic.starts_with("control: 203 us (control) + 5.103 ms (planner)"), "{arithmetic}");
     assert!(arithmetic.contains("> 1 ms"), "{arithmetic}");
-    // the other way round both hold
+    // with exchanged priorities both hold
     let rate_monotonic = [nodes[0].clone().priority(60), nodes[1].clone().priority(50)];
     assert_eq!(check(&rate_monotonic, &[]).verdict, Verdict::Holds);
 }
 
 #[test]
-fn a_late_wake_is_hidden_by_spinning_before_the_release() {
+fn late_wake_up_is_hidden_by_spinning_before_the_release() {
     let spinning = check(&[node("a", KHZ, 100 * US)], &[]);
     assert_eq!(spinning.tasks[0].response_ns, Some(103 * US));
     let sleeping = admit(&graph(&[node("a", KHZ, 100 * US)], 0, &[]), &MACHINE, RtLimit::KERNEL_DEFAULT);
@@ -144,7 +144,7 @@ fn a_late_wake_is_hidden_by_spinning_before_the_release() {
 }
 
 #[test]
-fn a_clock_wake_up_and_polling_are_part_of_the_cost() {
+fn clock_wake_up_and_polling_are_part_of_the_cost() {
     let machine = Overheads { timer_ns: 20 * US, look_ns: 10 * US, ..MACHINE };
     let nodes = [
         node("sensor", KHZ, 100 * US),
@@ -157,14 +157,14 @@ fn a_clock_wake_up_and_polling_are_part_of_the_cost() {
 }
 
 #[test]
-fn another_core_is_reached_through_its_wake_up() {
+fn latency_to_another_core_includes_its_wake_up() {
     let nodes = [
         node("sensor", KHZ, 100 * US),
         node("filter", When::After(0), 50 * US).core(2),
         node("control", When::After(1), 50 * US).core(2),
     ];
     let admission = check(&nodes, &[(0, 2, 200 * US)]);
-    // 30 us to the other core, 53 us of the filter there, 59 us of the controller behind it
+    // 30 us to the other core, 53 us of the filter there, 59 us of the controller after it
     assert_eq!(admission.latencies[0].bound_ns, Some(142 * US), "{}", admission.latencies[0].arithmetic);
     assert_eq!(
         admission.latencies[0].arithmetic,
@@ -176,14 +176,14 @@ fn another_core_is_reached_through_its_wake_up() {
 }
 
 #[test]
-fn a_reader_on_the_clock_adds_the_time_until_it_reads() {
+fn time_triggered_reader_adds_the_time_until_it_reads() {
     let phased = |phase: u64| {
         let control = node("control", When::Every(1_000 * US, phase * US), 100 * US).core(2).reading(0);
         check(&[node("sensor", KHZ, 200 * US), control], &[(0, 1, 2_000 * US)]).latencies[0].clone()
     };
-    // released together, it reads what was made a period ago
+    // released together, it reads the sample of a period ago
     assert_eq!(phased(0).bound_ns, Some(1_103 * US));
-    // released just after the sensor is through, it reads what has just been made
+    // released just after the sensor has finished, it reads the new sample
     assert_eq!(phased(210).bound_ns, Some(313 * US));
     assert_eq!(
         phased(210).arithmetic,
@@ -195,7 +195,7 @@ fn a_reader_on_the_clock_adds_the_time_until_it_reads() {
 }
 
 #[test]
-fn a_reader_that_may_leave_the_clock_may_just_miss_the_data() {
+fn reader_that_may_leave_the_clock_may_just_miss_the_data() {
     let mut control = node("control", When::Every(1_000 * US, 210 * US), 100 * US).core(2).reading(0);
     control.on_overrun = OnOverrun::Rephase;
     let admission = check(&[node("sensor", KHZ, 200 * US), control], &[(0, 1, 2_000 * US)]);
@@ -203,7 +203,7 @@ fn a_reader_that_may_leave_the_clock_may_just_miss_the_data() {
 }
 
 #[test]
-fn a_latency_budget_that_is_too_short_is_refused() {
+fn latency_budget_that_is_too_short_is_refused() {
     let admission = check(&reach(300), &[(0, 3, 400 * US)]);
     assert_eq!(admission.latencies[0].verdict, Verdict::Exceeds);
     assert_eq!(
@@ -226,21 +226,21 @@ fn components_without_a_budget_are_named_and_not_refused() {
         ["component `policy` has no budget: response times that depend on it cannot be verified"]
     );
     let verdicts: Vec<_> = admission.tasks.iter().map(|task| task.verdict).collect();
-    // all that shares its priority, and all below, but not what is more urgent
+    // all components at or below its priority, but not more urgent ones
     let unknown = Verdict::NotProvable;
     assert_eq!(verdicts, [unknown, unknown, unknown, unknown, unknown, Verdict::Holds]);
     assert_eq!(admission.latencies[0].verdict, Verdict::NotProvable);
 }
 
 #[test]
-fn what_cannot_hold_even_without_the_unknown_is_refused() {
+fn bound_exceeded_without_the_unknown_time_is_refused() {
     let mut nodes = reach(900);
     nodes[1] = nodes[1].clone().no_budget();
     assert!(check(&nodes, &[]).refuses());
 }
 
 #[test]
-fn components_that_are_not_real_time_promise_nothing() {
+fn components_that_are_not_real_time_have_no_bound() {
     let nodes = [
         node("physics", KHZ, 100 * US),
         node("logger", When::After(0), 900 * US).not_realtime(),
@@ -260,7 +260,7 @@ fn components_that_are_not_real_time_promise_nothing() {
 }
 
 #[test]
-fn real_time_behind_what_is_not_is_not_provable() {
+fn real_time_after_best_effort_is_not_provable() {
     let nodes = [node("view", KHZ, 100 * US).not_realtime(), node("control", When::After(0), 100 * US)];
     let admission = check(&nodes, &[]);
     assert_eq!(admission.verdict, Verdict::NotProvable);
@@ -273,13 +273,13 @@ fn real_time_behind_what_is_not_is_not_provable() {
 }
 
 #[test]
-fn phases_keep_components_of_one_core_out_of_each_others_way() {
+fn phases_separate_components_on_one_core() {
     let at = |phase: u64| {
         let nodes = [node("a", KHZ, 300 * US), node("b", When::Every(1_000 * US, phase * US), 300 * US)];
         check(&nodes, &[]).tasks.iter().map(|task| task.response_ns.unwrap() / US).collect::<Vec<_>>()
     };
     assert_eq!(at(500), [303, 303]);
-    // spinning, too, wants the core: `b` begins 100 us before its release
+    // spinning needs the core, too: `b` begins 100 us before its release
     assert_eq!(at(0), [706, 706]);
 }
 
@@ -293,7 +293,7 @@ fn phases_of_a_component_that_may_leave_its_grid_are_ignored() {
 }
 
 #[test]
-fn in_lockstep_nothing_has_a_deadline() {
+fn lockstep_has_no_deadlines() {
     let mut plan = graph(&reach(900), 100 * US, &[(0, 3, 1)]);
     plan.clock = ClockKind::Lockstep;
     let admission = admit(&plan, &MACHINE, RtLimit::KERNEL_DEFAULT);

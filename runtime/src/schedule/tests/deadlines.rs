@@ -1,4 +1,4 @@
-//! `SCHED_DEADLINE` components, and their effect on everything below.
+//! `SCHED_DEADLINE` components and their effect on lower classes.
 
 use proptest::prelude::*;
 
@@ -14,7 +14,7 @@ fn set(reserved: &[(i64, i64)]) -> Vec<Reserved> {
     reserved.iter().map(|(runtime, period)| Reserved { runtime: *runtime, period: *period }).collect()
 }
 
-/// Response times of reservations (run time, period) on so many cores.
+/// Returns the response times of reservations (run time, period) on a number of cores.
 fn responses(reserved: &[(i64, i64)], cores: usize) -> Vec<Option<i64>> {
     let global = Global::analyse(set(reserved), cores, 0);
     (0..reserved.len()).map(|index| global.response(index, reserved[index].0)).collect()
@@ -28,30 +28,30 @@ fn earliest_deadline_first_uses_exactly_one_core() {
 }
 
 #[test]
-fn a_long_task_among_many_short_ones_may_be_late() {
-    // S. Dhall, C. Liu, *On a real-time scheduling problem*, 1978: short ones have the earlier deadlines,
-    // take all cores first, and the long one no longer fits in
+fn long_task_among_many_short_ones_may_be_late() {
+    // S. Dhall, C. Liu, *On a real-time scheduling problem*, 1978: short tasks have earlier deadlines and run
+    // on all cores first, so the long task no longer fits
     let short = (2, 100);
     assert_eq!(responses(&[short, short, (100, 101)], 2), [None; 3]);
-    // each a core of its own
+    // one core each
     assert_eq!(responses(&[short, (100, 101)], 2), [Some(2), Some(100)]);
     assert!(responses(&[short, short, (99, 101)], 2).iter().all(Option::is_some));
 }
 
 #[test]
-fn as_many_as_there_are_cores_never_wait() {
+fn reservations_up_to_the_number_of_cores_never_wait() {
     assert_eq!(responses(&[(7, 10), (19, 20), (1, 5)], 3), [Some(7), Some(19), Some(1)]);
 }
 
 #[test]
-fn little_enough_is_in_time_by_its_density_alone() {
+fn low_density_is_admitted_by_the_density_test() {
     // J. Goossens, S. Funk, S. Baruah 2003: 2 cores, largest density 0.5, sum 1.5 <= 2 - 0.5
     let set = [(5, 10), (10, 20), (15, 30)];
     assert!(responses(&set, 2).iter().all(Option::is_some));
 }
 
 #[test]
-fn no_more_than_the_run_time_is_promised() {
+fn only_the_run_time_is_guaranteed() {
     let global = Global::analyse(set(&[(5, 10)]), 2, 0);
     assert_eq!((global.response(0, 3), global.response(0, 6)), (Some(3), None));
 }
@@ -61,7 +61,7 @@ fn check(nodes: &[Node], overheads: &Overheads) -> Admission {
 }
 
 #[test]
-fn a_priority_waits_for_every_deadline_and_the_sum_says_so() {
+fn sum_of_a_priority_contains_every_deadline_component() {
     let nodes = [
         node("loop", KHZ, 300 * US),
         node("vision", When::Every(2_000 * US, 0), 200 * US).by_deadline(200 * US, 50 * US),
@@ -82,7 +82,7 @@ fn a_priority_waits_for_every_deadline_and_the_sum_says_so() {
 }
 
 #[test]
-fn what_is_triggered_by_a_deadline_comes_after_its_bound() {
+fn component_triggered_by_a_deadline_starts_at_its_bound() {
     let overheads = Overheads { wake_ns: 40 * US, hop_cross_core_ns: 30 * US, ..Overheads::NONE };
     let nodes = [
         node("camera", KHZ, 200 * US).by_deadline(200 * US, 50 * US),
@@ -118,15 +118,14 @@ fn excess_deadline_bandwidth_is_refused_with_its_sum() {
 }
 
 #[test]
-fn a_step_that_needs_more_than_the_kernel_gives_it_is_refused() {
+fn step_longer_than_its_reservation_is_refused() {
     let overheads = Overheads { worker_ns: 60 * US, ..Overheads::NONE };
     let admission = check(&[node("a", KHZ, 200 * US).by_deadline(200 * US, 50 * US)], &overheads);
     assert_eq!(admission.tasks[0].verdict, Verdict::Exceeds);
     assert_eq!(admission.tasks[0].arithmetic, "260 us > 250 us that the kernel gives it");
 }
 
-/// A component by its deadline or by its priority: period, phase, cost, room (by its deadline) or priority,
-/// core.
+/// A component scheduled by deadline or by priority: period, phase, cost, spare run time or priority, core.
 type Any = (u64, u64, u64, Result<u64, u8>, usize);
 
 fn any_node() -> impl Strategy<Value = Any> {
@@ -137,9 +136,9 @@ fn any_node() -> impl Strategy<Value = Any> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
-    /// Deadlines on all cores, priorities below: nothing takes longer than the analysis says.
+    /// With deadlines on all cores and priorities below, no response exceeds its bound.
     #[test]
-    fn nothing_takes_longer_than_its_bound(
+    fn no_response_with_deadlines_exceeds_its_bound(
         set in proptest::collection::vec(any_node(), 2..6),
         follows in proptest::collection::vec(1u64..4, 0..4),
         wake_ns in 0u64..4,
@@ -160,7 +159,7 @@ proptest! {
                 }
             })
             .collect();
-        // a chain whose priorities rise, set off by whatever comes first
+        // a chain with rising priorities, triggered by the first component
         for (rise, cost) in follows.into_iter().enumerate() {
             let writer = if rise == 0 { 0 } else { nodes.len() - 1 };
             let after = node(&format!("after {rise}"), When::After(writer), cost).core(1);
@@ -169,7 +168,7 @@ proptest! {
         let admission = admit(&graph(&nodes, 0, &[]), &overheads, RtLimit::NONE);
         let seen = Machine::new(&nodes, 0, overheads, Chance::Times, seed).run(2_000);
         for (index, task) in admission.tasks.iter().enumerate() {
-            // late ones leave out releases, which is no part of what is claimed of them
+            // late components skip releases, which the bounds do not cover
             if let Some(bound) = task.response_ns.filter(|_| task.verdict == Verdict::Holds) {
                 prop_assert!(
                     seen.response[index] <= bound as i64,
@@ -179,9 +178,9 @@ proptest! {
         }
     }
 
-    /// The earliest deadline first on some cores, every release in time and with all of its run time.
+    /// Earliest deadline first on several cores, with every release in time and its full run time.
     #[test]
-    fn what_is_admitted_by_deadlines_is_in_time(
+    fn admitted_deadlines_are_met(
         set in proptest::collection::vec((prop::sample::select(vec![8u64, 10, 12, 15, 20]), 1u64..12), 1..6),
         seed in any::<u64>(),
     ) {

@@ -1,4 +1,4 @@
-//! Graphs made by hand.
+//! Graphs built by hand.
 
 use std::path::PathBuf;
 
@@ -10,18 +10,18 @@ use crate::plan::{
 };
 use crate::state::{JointState, StateBuffer as _};
 
-/// When a component steps.
+/// Activation of a component.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum When {
-    /// Every period, after a phase, ns.
+    /// Every period, with a phase, ns.
     Every(u64, u64),
-    /// When events come, at least so far apart, ns.
+    /// On events with this minimum interval, ns.
     OnEvents(u64),
-    /// When the component of this index publishes.
+    /// On publications of the component with this index.
     After(usize),
 }
 
-/// One component.
+/// A component.
 #[derive(Debug, Clone)]
 pub(crate) struct Node {
     pub name: String,
@@ -31,11 +31,11 @@ pub(crate) struct Node {
     pub class: SchedulingClass,
     pub rise: u8,
     pub on_overrun: OnOverrun,
-    /// The component whose topic a time-triggered one reads and takes the source time of.
+    /// Component whose topic a time-triggered component reads, and whose source time it propagates.
     pub reads: Option<usize>,
 }
 
-/// A real-time component on core 1 at priority 80; times in ns.
+/// Returns a real-time component on core 1 at priority 80; times in ns.
 pub(crate) fn node(name: &str, when: When, budget_ns: u64) -> Node {
     Node {
         name: name.to_string(),
@@ -55,7 +55,7 @@ impl Node {
         self
     }
 
-    /// So far above the head of its chain.
+    /// Raises the priority above the head of its chain.
     pub(crate) fn rising(mut self, rise: u8) -> Self {
         let SchedulingClass::Fifo(priority) = self.class else { panic!("only priorities rise") };
         (self.class, self.rise) = (SchedulingClass::Fifo(priority - self.rise + rise), rise);
@@ -72,9 +72,9 @@ impl Node {
         self
     }
 
-    /// Scheduled by its deadline, with so much more than it needs.
+    /// Schedules the component by deadline, with spare run time.
     pub(crate) fn by_deadline(mut self, needs_ns: u64, room_ns: u64) -> Self {
-        let When::Every(period_ns, _) = self.when else { panic!("deadlines are those of periods") };
+        let When::Every(period_ns, _) = self.when else { panic!("only periodic components have deadlines") };
         self.class = SchedulingClass::Deadline { runtime_ns: (needs_ns + room_ns).min(period_ns), period_ns };
         self.core = None;
         self
@@ -91,8 +91,8 @@ impl Node {
     }
 }
 
-/// A graph in which every component writes the topic of its own index. Latency budgets go from topic to
-/// topic.
+/// Returns a graph in which every component writes the topic with its own index. Latency budgets are from
+/// topic to topic.
 pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u64)]) -> Plan {
     let head = |mut index: usize| loop {
         match nodes[index].when {

@@ -1,4 +1,5 @@
-//! Scheduling against published examples, theorems, and a simulation that shares no code with the analysis.
+//! Scheduling compared with published examples, theorems, and a simulation that shares no code with the
+//! analysis.
 
 mod admission;
 mod deadlines;

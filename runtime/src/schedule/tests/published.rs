@@ -1,11 +1,11 @@
-//! Task sets whose response times were published, and theorems on when rate-monotonic priorities suffice.
+//! Task sets with published response times, and theorems on rate-monotonic priorities.
 
 use proptest::prelude::*;
 
 use crate::schedule::analysis::response::on_core;
 use crate::schedule::analysis::window::Demand;
 
-/// A task with cost and period; the priority falls from the first to the last.
+/// Returns tasks with these costs and periods; the priority decreases from the first to the last.
 fn tasks(set: &[(i64, i64)]) -> Vec<Demand> {
     let demand = |(index, (cost, period)): (usize, &(i64, i64))| Demand {
         priority: u8::try_from(99 - index).unwrap(),
@@ -30,8 +30,8 @@ fn response_times(set: &[(i64, i64)]) -> Vec<Option<i64>> {
     responses(tasks(set))
 }
 
-/// Responses of tasks of which some wait: cost, waiting, period. The deferral of a task is its response less
-/// its cost.
+/// Returns the responses of tasks with these costs, waiting times and periods. The deferral of a task is its
+/// response minus its cost.
 fn with_waits(set: &[(i64, i64, i64)]) -> Vec<Option<i64>> {
     let plain: Vec<(i64, i64)> = set.iter().map(|(cost, _, period)| (*cost, *period)).collect();
     let mut tasks = tasks(&plain);
@@ -53,17 +53,17 @@ fn with_waits(set: &[(i64, i64, i64)]) -> Vec<Option<i64>> {
 
 #[test]
 fn waiting_counts_for_the_waiter_and_not_as_core_load() {
-    // As work, 60 + 50 of 100 would leave no bound to the second. One job of the first that has waited and
-    // the next that has not may both come within one of the second: 50 + 2 * 10.
+    // Counted as work, 60 + 50 of 100 would leave the second task without a bound. A job of the first task
+    // that has waited and the next job that has not may both run within one job of the second: 50 + 2 * 10.
     assert_eq!(with_waits(&[(10, 50, 100), (50, 0, 100)]), [Some(60), Some(70)]);
     assert_eq!(response_times(&[(60, 100), (50, 100)])[1], None);
-    // a task that is delayed while it waits is not in time, however little work it has
+    // a task that is delayed after its wait is late, although it has little work
     assert_eq!(with_waits(&[(50, 0, 100), (10, 50, 100)]), [Some(50), None]);
 }
 
 #[test]
-fn one_that_waits_delays_others_twice_within_its_period() {
-    // Nelissen et al. 2015: the waiting alone as jitter would give 12, which a schedule exceeds
+fn waiting_task_delays_others_twice_within_its_period() {
+    // Nelissen et al. 2015: only the waiting as jitter would result in 12, which a schedule exceeds
     assert_eq!(with_waits(&[(1, 0, 2), (5, 5, 20), (1, 0, 50)]), [Some(1), Some(20), Some(22)]);
 }
 
@@ -81,8 +81,8 @@ fn burns_and_wellings_three_harmonic_tasks_of_a_full_core() {
 
 #[test]
 fn buttazzo_four_tasks_by_deadline() {
-    // Hard Real-Time Computing Systems, response time analysis of a deadline-monotonic set: R4 goes 5, 6, 7,
-    // 9, 10
+    // Hard Real-Time Computing Systems, response time analysis of a deadline-monotonic set: R4 iterates over
+    // 5, 6, 7, 9, 10
     assert_eq!(response_times(&[(1, 4), (1, 5), (2, 6), (1, 11)])[3], Some(10));
 }
 
@@ -94,19 +94,19 @@ fn lehoczky_two_tasks_whose_worst_job_is_not_the_first() {
 }
 
 #[test]
-fn a_task_on_a_full_core_is_unbounded_and_higher_ones_are_not() {
+fn only_the_lowest_task_of_a_full_core_is_unbounded() {
     assert_eq!(response_times(&[(3, 6), (2, 8), (6, 20)]), [Some(3), Some(5), None]);
 }
 
 #[test]
-fn equals_that_share_a_period_wait_for_all_others() {
+fn equals_with_one_period_wait_for_all_others() {
     let mut equals = tasks(&[(3, 20), (5, 20), (7, 20)]);
     equals.iter_mut().for_each(|task| task.priority = 50);
     assert_eq!(responses(equals), [Some(15); 3]);
 }
 
 #[test]
-fn a_fast_task_waits_for_equal_but_not_lower_priority() {
+fn fast_task_waits_for_equal_but_not_lower_priority() {
     let mut equals = tasks(&[(1, 10), (6, 100)]);
     equals[1].priority = equals[0].priority;
     assert_eq!(responses(equals), [Some(7), Some(7)]);
@@ -114,13 +114,13 @@ fn a_fast_task_waits_for_equal_but_not_lower_priority() {
 }
 
 #[test]
-fn who_joins_the_queue_later_waits_however_equal_it_is() {
+fn task_that_joins_the_queue_later_waits_for_its_equal() {
     let mut equals = tasks(&[(5, 100), (5, 100)]);
     equals[1].priority = equals[0].priority;
     assert_eq!(responses(equals.clone()), [Some(10), Some(10)]);
     (equals[0].offset, equals[1].offset) = (Some(0), Some(2));
     assert_eq!(responses(equals.clone()), [Some(5), Some(8)]);
-    // unless the first may be woken so late that it joins behind
+    // unless the first may be woken so late that it joins after the other
     equals[0].queue = 2;
     assert_eq!(responses(equals), [Some(10), Some(8)]);
 }
@@ -131,16 +131,16 @@ fn phases_that_separate_tasks_remove_interference() {
     assert_eq!(responses(apart.clone()), [Some(4), Some(8)]);
     (apart[0].offset, apart[1].offset) = (Some(0), Some(5));
     assert_eq!(responses(apart.clone()), [Some(4), Some(4)]);
-    // unless one of them may come late
+    // unless one of them may be late
     (apart[0].jitter, apart[0].queue) = (Some(2), 2);
     assert_eq!(responses(apart.clone()), [Some(6), Some(5)]);
-    // periods without a common grid meet sooner or later
+    // periods without a common grid coincide eventually
     (apart[0].period, apart[0].jitter, apart[0].queue) = (9, Some(0), 0);
     assert_eq!(responses(apart)[1], Some(8));
 }
 
 #[test]
-fn a_task_released_again_early_keeps_its_queue_position() {
+fn task_released_again_early_keeps_its_queue_position() {
     let mut equals = tasks(&[(3, 10), (1, 100)]);
     equals[1].priority = equals[0].priority;
     assert_eq!(responses(equals.clone())[1], Some(4));
@@ -174,15 +174,15 @@ proptest! {
     /// E. Bini, G. Buttazzo, *A hyperbolic bound for the rate monotonic algorithm*, 2001; it contains the
     /// bound of Liu and Layland.
     #[test]
-    fn whatever_keeps_the_hyperbolic_bound_is_in_time(set in rate_monotonic()) {
+    fn sets_within_the_hyperbolic_bound_are_in_time(set in rate_monotonic()) {
         for (response, (_, period)) in response_times(&set).into_iter().zip(&set) {
             prop_assert!(response.is_some_and(|response| response <= *period), "{response:?} of {set:?}");
         }
     }
 
-    /// Cost, jitter and equals only ever make it worse.
+    /// More cost, jitter or equals never shorten a response.
     #[test]
-    fn more_to_do_is_never_done_sooner(
+    fn more_load_never_shortens_a_response(
         set in proptest::collection::vec((1i64..6, 10i64..60), 2..5),
         changed in 0usize..5,
         jitter in 0i64..20,

@@ -1,5 +1,4 @@
-//! A simulated machine never exceeds the bounds of the analysis; and where nothing is uncertain, it comes up
-//! to it.
+//! A simulated machine never exceeds the bounds of the analysis, and reaches them if nothing is uncertain.
 
 use proptest::prelude::*;
 
@@ -40,8 +39,8 @@ fn policy() -> impl Strategy<Value = OnOverrun> {
     ]
 }
 
-/// A component after the first of its chain: the component it waits for, its cost, and if it leaves core or
-/// priority.
+/// A component after the first of its chain: the component that triggers it, its cost, whether it is on
+/// another core, and another priority.
 type Follower = (prop::sample::Index, u64, bool, Option<u8>);
 
 fn follower() -> impl Strategy<Value = Follower> {
@@ -71,7 +70,7 @@ fn case() -> impl Strategy<Value = Case> {
     (chains, spin, overheads(), any::<u64>()).prop_map(|(chains, (spin, tuned), overheads, seed)| {
         let mut nodes: Vec<Node> = Vec::new();
         let mut latencies = Vec::new();
-        // where data that a component passes on came into being
+        // origin of the data that a component forwards
         let mut origin: Vec<usize> = Vec::new();
         for (chain, rises) in chains {
             let (period, phase, cost, core, priority, on_overrun, (reads, on_events), followers) = chain;
@@ -109,7 +108,7 @@ fn case() -> impl Strategy<Value = Case> {
     })
 }
 
-/// Nobody rises above a component that wakes another core too.
+/// Removes rising priorities after components that also wake another core.
 fn lowered(mut nodes: Vec<Node>) -> Vec<Node> {
     for index in 0..nodes.len() {
         let When::After(writer) = nodes[index].when else { continue };
@@ -140,7 +139,7 @@ impl Case {
 }
 
 #[test]
-fn an_equal_may_interrupt_a_chain_more_than_once() {
+fn equal_task_may_interrupt_a_chain_more_than_once() {
     let nodes = [
         node("head", When::Every(400, 0), 60),
         node("second", When::After(0), 30),
@@ -159,7 +158,7 @@ fn an_equal_may_interrupt_a_chain_more_than_once() {
 }
 
 #[test]
-fn an_equal_does_not_interrupt_a_chain_of_rising_priority() {
+fn equal_task_does_not_interrupt_a_rising_chain() {
     let nodes = [
         node("head", When::Every(400, 0), 60),
         node("second", When::After(0), 30).rising(1),
@@ -189,7 +188,7 @@ fn any_triggered_task_may_run_last_if_priorities_rise() {
 }
 
 #[test]
-fn events_that_come_as_fast_as_they_may_come_up_to_the_bounds() {
+fn events_at_the_minimum_interval_reach_the_bounds() {
     let nodes = [
         node("bus", When::OnEvents(50), 10).priority(90),
         node("decoder", When::After(0), 5).rising(0).priority(90),
@@ -199,8 +198,8 @@ fn events_that_come_as_fast_as_they_may_come_up_to_the_bounds() {
     let admission = admit(&graph(&nodes, 0, &[(0, 1, 100)]), &overheads, RtLimit::NONE);
     assert_eq!(admission.verdict, Verdict::Holds, "{:?}", admission.problems);
     let responses: Vec<_> = admission.tasks.iter().map(|task| task.response_ns).collect();
-    // the third event may come late as the window opens, so that the fourth comes soon: 4 jobs of 15 beside
-    // the 60
+    // the third event may be late when the window opens, so the fourth follows soon: 4 jobs of 15 in addition
+    // to the 60
     assert_eq!(responses, [Some(14), Some(19), Some(94)], "{:?}", admission.tasks);
     assert_eq!(admission.tasks[0].arithmetic, "10 ns (bus) + 4 ns (released late) = 14 ns <= 50 ns");
     assert_eq!(admission.latencies[0].bound_ns, Some(5));
@@ -209,16 +208,19 @@ fn events_that_come_as_fast_as_they_may_come_up_to_the_bounds() {
 }
 
 #[test]
-fn the_age_of_event_data_read_at_a_rate_is_unbounded() {
+fn age_of_event_data_read_at_a_rate_is_unbounded() {
     let nodes = [node("goal", When::OnEvents(500), 10), node("policy", When::Every(100, 0), 10).reading(0)];
     let admission = admit(&graph(&nodes, 0, &[(0, 1, 1_000)]), &Overheads::NONE, RtLimit::NONE);
     assert_eq!((admission.verdict, admission.latencies[0].bound_ns), (Verdict::NotProvable, None));
-    assert_eq!(admission.latencies[0].arithmetic, "`goal` steps when events come, however seldom: no bound");
+    assert_eq!(
+        admission.latencies[0].arithmetic,
+        "`goal` steps when events come, which may be arbitrarily rare: no bound"
+    );
     assert!(admission.problems[0].advice.contains("trigger the components"), "{:?}", admission.problems);
 }
 
-/// The bound for "late", one of two equals that are released one after the other below something more urgent,
-/// and the simulated time.
+/// Returns the bound and the simulated response of "late", one of two equals that are released one after the
+/// other below a more urgent task.
 fn late_behind_an_urgent(equal: [Node; 2]) -> (u64, i64) {
     let [far, equal] = equal;
     let nodes = [
@@ -233,20 +235,19 @@ fn late_behind_an_urgent(equal: [Node; 2]) -> (u64, i64) {
 }
 
 #[test]
-fn a_task_waiting_for_the_clock_yields_to_triggered_ones() {
+fn task_waiting_for_the_clock_yields_to_triggered_ones() {
     let far = node("far", When::Every(100, 3), 7).core(2);
-    // released at 2; triggered at 10; both have to wait until 20
+    // released at 2, triggered at 10; both wait until 20
     assert_eq!(late_behind_an_urgent([far.clone(), node("equal", When::After(2), 10)]), (33, 33));
-    // two that wait for the clock keep their order
+    // two tasks that wait for the clock keep their order
     assert_eq!(late_behind_an_urgent([far, node("equal", When::Every(100, 10), 10)]), (23, 23));
 }
 
 #[test]
-fn an_adaptive_margin_may_delay_queueing_to_the_release() {
+fn adaptive_margin_may_delay_queueing_to_the_release() {
     let nodes = [node("own", When::Every(100, 50), 5), node("equal", When::Every(100, 40), 10)];
     let mut plan = graph(&nodes, 20, &[]);
-    // spinning from 30 until 50 it comes before the equal, which spins from 20 until 40 only if it always
-    // does
+    // spinning from 30 to 50, it runs before its equal, which spins from 20 to 40 unless its margin adapts
     plan.components[1].spin = Spin::Fixed { ns: 0 };
     let overheads = Overheads { wake_ns: 5, ..Overheads::NONE };
     let response = |plan: &crate::plan::Plan| admit(plan, &overheads, RtLimit::NONE).tasks[0].response_ns;
@@ -276,7 +277,7 @@ proptest! {
         }
         for core in &admission.cores {
             let busy = seen.busy[&core.core];
-            // a period at each end may be cut
+            // a period at each end may be truncated
             prop_assert!(busy <= core.share + 0.05, "core {} was busy for {busy}: {}", core.core, core.arithmetic);
         }
     }
@@ -284,11 +285,11 @@ proptest! {
     #[test]
     fn no_latency_is_ever_longer_than_its_bound(case in case()) {
         let admission = case.admit();
-        // what leaves out releases leaves older data to be read
+        // readers of components that skip releases read older data
         prop_assume!(admission.tasks.iter().all(|task| task.verdict == Verdict::Holds));
         let seen = case.play(Chance::Times, 4_000);
         for (latency, (from, to, _)) in admission.latencies.iter().zip(&case.latencies) {
-            // nothing bounds the age of what events have brought, where it is read at a rate
+            // the age of event data read at a rate is unbounded
             if latency.verdict == Verdict::NotProvable && latency.arithmetic.contains("when events come") {
                 continue;
             }
@@ -300,8 +301,8 @@ proptest! {
         }
     }
 
-    /// Independent tasks on one clock, all using up their budgets: the bound is what happens. Equals are
-    /// never released at the same time, which leaves open who goes first.
+    /// For independent tasks on one clock that use up their budgets, the bounds are exact. Equals are never
+    /// released simultaneously, because their order would be unknown.
     #[test]
     fn bounds_of_independent_tasks_with_phases_are_exact(
         set in proptest::collection::vec(
@@ -320,7 +321,7 @@ proptest! {
         let utilisation: f64 = set.iter().map(|(period, _, cost, _)| *cost as f64 / *period as f64).sum();
         prop_assume!(utilisation <= 1.0);
         let admission = admit(&graph(&nodes, 0, &[]), &Overheads::NONE, RtLimit::NONE);
-        // exactness is only claimed while jobs end before the next ones come: after that, releases are
+        // bounds are only exact if jobs end before the next ones are released; otherwise, releases are
         // skipped
         prop_assume!(!admission.refuses());
         let seen = Machine::new(&nodes, 0, Overheads::NONE, Chance::None, 0).run(1_000);
@@ -330,10 +331,10 @@ proptest! {
 }
 
 proptest! {
-    // every case plays through all phases
+    // every case tests all phases
     #![proptest_config(ProptestConfig::with_cases(40))]
 
-    /// Two equals below a more urgent task, at phases that are not known: some phases come up to the bound.
+    /// Two equals below a more urgent task with unknown phases, some of which reach the bound.
     #[test]
     fn bounds_of_equals_are_exact(
         above in (prop::sample::select(vec![8u64, 9, 10, 12]), 1u64..5),

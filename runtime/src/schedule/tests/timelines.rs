@@ -17,7 +17,7 @@ fn spans(lane: &Lane) -> Vec<(u64, u64)> {
 }
 
 #[test]
-fn a_chain_runs_in_order_and_spins_before_its_release() {
+fn chain_runs_in_order_and_spins_before_its_release() {
     let nodes = [node("head", When::Every(100, 20), 30), node("tail", When::After(0), 25)];
     let drawn = drawn_timeline(&nodes, 10, MS);
     assert_eq!((drawn.length_ns, drawn.hyperperiod_ns), (100, Some(100)));
@@ -31,7 +31,7 @@ fn a_chain_runs_in_order_and_spins_before_its_release() {
 }
 
 #[test]
-fn the_more_urgent_interrupts_and_equals_wait_for_their_turn() {
+fn urgent_tasks_preempt_and_equals_wait() {
     let nodes = [
         node("fast", When::Every(20, 0), 5).priority(90),
         node("slow", When::Every(60, 2), 20).priority(50),
@@ -46,7 +46,7 @@ fn the_more_urgent_interrupts_and_equals_wait_for_their_turn() {
 }
 
 #[test]
-fn events_are_drawn_as_often_as_they_may_come() {
+fn events_are_drawn_at_their_minimum_interval() {
     let nodes =
         [node("bus", When::OnEvents(40), 5).priority(90), node("slow", When::Every(80, 2), 40).priority(50)];
     let drawn = drawn_timeline(&nodes, 0, MS);
@@ -60,13 +60,13 @@ fn events_are_drawn_as_often_as_they_may_come() {
 }
 
 #[test]
-fn what_spins_before_time_zero_shows_at_the_end() {
+fn spinning_before_time_zero_is_drawn_at_the_end() {
     let drawn = drawn_timeline(&[node("head", When::Every(100, 0), 30)], 10, MS);
     assert_eq!(spans(&drawn.cores[0].lanes[0]), [(0, 30), (90, 100)]);
 }
 
 #[test]
-fn the_other_core_begins_after_its_wake_up() {
+fn other_core_begins_after_its_wake_up() {
     let nodes = [node("head", When::Every(100, 0), 30), node("tail", When::After(0), 25).core(2)];
     let overheads = Overheads { hop_cross_core_ns: 7, ..Overheads::NONE };
     let drawn = timeline(&graph(&nodes, 0, &[]), &overheads, MS);
@@ -75,7 +75,7 @@ fn the_other_core_begins_after_its_wake_up() {
 }
 
 #[test]
-fn a_late_step_is_marked() {
+fn late_step_is_marked() {
     // the first job of the second ends after 114 (J. Lehoczky 1990)
     let nodes = [
         node("fast", When::Every(70, 0), 26).priority(90),
@@ -88,7 +88,7 @@ fn a_late_step_is_marked() {
 }
 
 #[test]
-fn a_core_that_cannot_keep_up_is_drawn_and_named() {
+fn core_that_cannot_keep_up_is_drawn_and_named() {
     let nodes =
         [node("a", When::Every(20, 0), 12).priority(90), node("b", When::Every(20, 0), 12).priority(50)];
     let drawn = drawn_timeline(&nodes, 0, MS);
@@ -97,7 +97,7 @@ fn a_core_that_cannot_keep_up_is_drawn_and_named() {
 }
 
 #[test]
-fn long_hyperperiods_are_cut_and_what_is_left_out_is_said() {
+fn long_hyperperiods_are_cut_and_omissions_are_noted() {
     let nodes = [
         node("a", When::Every(1_000_000, 0), 1_000),
         node("b", When::Every(999_983, 0), 1_000),
@@ -121,7 +121,7 @@ fn long_hyperperiods_are_cut_and_what_is_left_out_is_said() {
 }
 
 proptest! {
-    /// The other simulation, unit by unit, keeps the core busy for the same time.
+    /// The unit-by-unit simulation keeps the core busy for the same time.
     #[test]
     fn two_simulations_agree(
         set in proptest::collection::vec((prop::sample::select(vec![20u64, 40, 80]), 0u64..20, 1u64..6, 40u8..44), 1..5),
@@ -139,13 +139,13 @@ proptest! {
         }
         let drawn = drawn_timeline(&nodes, 0, MS);
         let late = drawn.cores[0].lanes.iter().any(|lane| !lane.late_ns.is_empty());
-        // beyond a full core the least urgent may not come to an end at all
+        // on an overloaded core the least urgent task may never finish
         let keeps_up = drawn.notes.is_empty();
         prop_assume!(keeps_up && !late && drawn.hyperperiod_ns == Some(drawn.length_ns));
         let length = drawn.length_ns as i64;
         let busy = 1.0 - drawn.cores[0].idle_ns(drawn.length_ns) as f64 / length as f64;
         let once = Machine::new(&nodes, 0, Overheads::NONE, Chance::None, 0).run(100 * length).busy[&1];
-        // the first of a hundred hyperperiods starts with phases
+        // the first of a hundred hyperperiods is incomplete because of phases
         prop_assert!((busy - once).abs() <= 0.02, "{busy} {once}");
     }
 }

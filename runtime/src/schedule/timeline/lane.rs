@@ -12,7 +12,7 @@ pub struct Lane {
     pub component: String,
     /// Its `SCHED_FIFO` priority.
     pub priority: u8,
-    /// Releases, ns from the start: by the clock or a trigger.
+    /// Releases by the clock or a trigger, ns from the start.
     pub releases_ns: Vec<u64>,
     /// Intervals in which it runs on the core, in order.
     pub segments: Vec<Segment>,

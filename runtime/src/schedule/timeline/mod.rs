@@ -40,7 +40,7 @@ pub struct CoreTimeline {
 }
 
 impl CoreTimeline {
-    /// Time without real-time components on the core, ns.
+    /// Returns the time without real-time components on the core, ns.
     pub fn idle_ns(&self, length_ns: u64) -> u64 {
         let busy: u64 = self
             .lanes
@@ -119,7 +119,7 @@ fn notes(plan: &Plan, tasks: &StaticPlan, hyperperiod_ns: Option<u64>, length_ns
     let reserved: Vec<usize> = all.clone().filter(|index| tasks.reservation(*index).is_some()).collect();
     if !reserved.is_empty() {
         notes.push(format!(
-            "scheduled by deadlines, on whatever core and before all that is drawn, not drawn: {}",
+            "scheduled by deadline, on any core ahead of all drawn components, not drawn: {}",
             words::names(plan, &reserved)
         ));
     }
@@ -130,7 +130,7 @@ fn notes(plan: &Plan, tasks: &StaticPlan, hyperperiod_ns: Option<u64>, length_ns
     notes
 }
 
-/// The least common multiple of all periods.
+/// Returns the least common multiple of all periods.
 fn hyperperiod(periods_ns: impl Iterator<Item = u64>) -> Option<u64> {
     periods_ns
         .map(|period| i64::try_from(period).ok())

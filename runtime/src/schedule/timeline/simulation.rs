@@ -1,4 +1,4 @@
-//! An event simulation of fixed-priority scheduling, first come first served among equals.
+//! A discrete-event simulation of fixed-priority scheduling, first come first served among equals.
 
 use core::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -8,7 +8,7 @@ use crate::plan::{Activation, OnOverrun, Plan};
 use crate::schedule::analysis::tasks::{self, Place, StaticPlan};
 use crate::schedule::{Activity, Overheads};
 
-/// Limit of segments drawn.
+/// Maximum number of segments.
 const MOST_SEGMENTS: usize = 20_000;
 
 /// An event at a known time.
@@ -24,10 +24,10 @@ enum Event {
     End { component: usize, release: i64 },
 }
 
-/// A step that waits for the core, or runs on it.
+/// A step that waits for the core or runs on it.
 #[derive(Debug, Clone, Copy)]
 struct Job {
-    /// Place in the queue of its priority.
+    /// Position in the queue of its priority.
     order: u64,
     /// Time at which it was due.
     release: i64,
@@ -65,7 +65,7 @@ pub(super) struct Simulation<'p> {
 }
 
 impl<'p> Simulation<'p> {
-    /// A simulation before its start.
+    /// Creates a simulation before its start.
     pub(super) fn new(plan: &'p Plan, made: &StaticPlan, overheads: &'p Overheads) -> Self {
         let threads: Vec<Thread> = plan
             .components
@@ -155,13 +155,13 @@ impl<'p> Simulation<'p> {
         self.events.push(Reverse((time, order, event)));
     }
 
-    /// Spin time of a component before a release; one period for a component that always spins.
+    /// Returns the spin time of a component before a release; one period for a component that always spins.
     fn spin(&self, component: usize) -> i64 {
         let component = &self.plan.components[component];
         component.spin.at_most_ns().min(component.period_ns()) as i64
     }
 
-    /// A time-triggered component waits for its next release: asleep, then spinning.
+    /// Makes a time-triggered component wait for its next release, first asleep, then spinning.
     fn wait(&mut self, component: usize, release: i64) {
         let time = self.now.max(release - self.spin(component));
         self.schedule(time, Event::Wait { component, release });
@@ -191,7 +191,7 @@ impl<'p> Simulation<'p> {
         }
     }
 
-    /// A component that does not wait for the clock is released now.
+    /// Releases a component that does not wait for the clock.
     fn release(&mut self, component: usize) {
         if self.now >= 0 {
             self.lanes[component].releases_ns.push(self.now as u64);
@@ -203,7 +203,7 @@ impl<'p> Simulation<'p> {
         }
     }
 
-    /// A step goes to the end of the queue of its priority.
+    /// Adds a step to the end of the queue of its priority.
     fn queue(&mut self, component: usize, release: i64, spin_until: i64) {
         let order = self.order();
         let thread = &mut self.threads[component];
@@ -215,8 +215,8 @@ impl<'p> Simulation<'p> {
         }
     }
 
-    /// Moves a job that waited for the clock to the end of the queue of its priority once more, when it first
-    /// gets the core.
+    /// Moves a job that waited for the clock to the end of the queue of its priority again when it first gets
+    /// the core.
     fn let_others_run(&mut self) {
         loop {
             let yielding = |job: &mut Job| core::mem::take(&mut job.to_yield);
@@ -234,7 +234,7 @@ impl<'p> Simulation<'p> {
         }
     }
 
-    /// The job on each core.
+    /// Returns the job on each core.
     fn running(&self) -> Vec<Option<usize>> {
         let on = |core: usize| {
             let waiting = self.threads.iter().enumerate().filter_map(|(index, thread)| {
@@ -246,7 +246,7 @@ impl<'p> Simulation<'p> {
         self.cores.iter().map(|core| on(*core)).collect()
     }
 
-    /// Time of the next event.
+    /// Returns the time of the next event.
     fn next(&self, running: &[Option<usize>]) -> i64 {
         let events = self.events.peek().map(|Reverse((time, _, _))| *time);
         let ends = running.iter().flatten().filter_map(|index| {
@@ -256,7 +256,7 @@ impl<'p> Simulation<'p> {
         ends.chain(events).min().unwrap_or(i64::MAX).max(self.now)
     }
 
-    /// A component runs on the core until `next`.
+    /// Runs a component on the core until `next`.
     fn advance(&mut self, index: usize, next: i64) {
         let Some(job) = &mut self.threads[index].job else { return };
         let spinning = job.spin_until > self.now;
@@ -326,7 +326,7 @@ impl<'p> Simulation<'p> {
     }
 }
 
-/// The release after one whose step ended at `end`.
+/// Returns the release after a release whose step ended at `end`.
 fn after(release: i64, end: i64, period: i64, policy: OnOverrun) -> i64 {
     let next = release + period;
     match policy {

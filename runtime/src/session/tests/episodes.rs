@@ -1,4 +1,4 @@
-//! Episodes of real time: begun by the session or by a component, and seen by every worker at its next step.
+//! Real-time episodes, begun by the session or by a component, and entered by every worker at its next step.
 
 use std::time::Duration;
 
@@ -15,18 +15,18 @@ use crate::worker::{Kind, Registry, RobotSource};
 #[derive(serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct CounterConfig {
-    /// Steps after which it begins or ends an episode, where the graph gives it the right.
+    /// Number of steps after which it begins or ends an episode, if the graph grants it the right.
     #[serde(default)]
     every: u64,
 }
 
-/// Publishes the number of its step in the episode, and reports the episodes that it saw.
+/// Publishes the number of its step in the episode, and reports the episodes that it entered.
 struct Counter {
     every: u64,
     driver: Option<EpisodeDriver>,
     end: Option<EpisodeEnd>,
     step: u64,
-    /// Number, seed, and index of the first step of each episode.
+    /// Index, seed, and index of the first step of each episode.
     episodes: Vec<[u64; 3]>,
     begun: Option<Episode>,
     count: Output<Wrench>,
@@ -84,7 +84,7 @@ impl Component for Counter {
     }
 }
 
-/// A run in lockstep whose slow component the session replaces.
+/// Launches a run in lockstep whose slow component is replaced by the session.
 fn standing_in() -> Session<'static> {
     let options = Options::inline().standing_in_for("slow");
     launched("", &[("clock", "lockstep")], &options).unwrap_or_else(|error| panic!("{}", error.render(false)))
@@ -119,7 +119,7 @@ pub(super) fn launch(more: &str, settings: &[(&str, &str)]) -> Session<'static> 
     graph(more, settings).unwrap_or_else(|error| panic!("{}", error.render(false)))
 }
 
-/// Steps until a topic was published in an episode; the newest number.
+/// Steps until a topic was published in an episode, and returns the newest number.
 pub(super) fn await_episode(session: &mut Session<'_>, topic: &str, episode: u64) -> f64 {
     loop {
         session.step_until(session.time() + Duration::from_millis(2)).unwrap();
@@ -167,7 +167,7 @@ fn every_worker_enters_an_episode_at_its_next_step() {
 }
 
 #[test]
-fn a_run_of_three_episodes_divides_in_real_time() {
+fn real_time_run_is_divided_into_three_episodes() {
     let mut session = launch("duration = \"60 ms\"\n[episodes]\ncount = 3\nvary_seed = true", &[]);
     session.run().unwrap();
     let report = session.stop();
@@ -177,7 +177,7 @@ fn a_run_of_three_episodes_divides_in_real_time() {
 }
 
 #[test]
-fn a_component_ends_an_episode_early() {
+fn component_ends_an_episode_early() {
     let settings = [("component.fast.ends_episode", "true"), ("component.fast.config.every", "5")];
     let mut session = launch("duration = \"60 min\"\n[episodes]\ncount = 2", &settings);
     session.run().unwrap();
@@ -186,7 +186,7 @@ fn a_component_ends_an_episode_early() {
 }
 
 #[test]
-fn a_component_begins_episodes() {
+fn component_begins_episodes() {
     let settings = [("component.slow.begins_episodes", "true"), ("component.slow.config.every", "2")];
     let mut session = launch("", &settings);
     while session.episode() < 3 {
@@ -200,7 +200,7 @@ fn a_component_begins_episodes() {
 }
 
 #[test]
-fn an_episode_needs_a_reset_in_lockstep() {
+fn episode_needs_a_reset_in_lockstep() {
     let mut session = launch("", &[("clock", "lockstep")]);
     let error = session.begin_episode(1).unwrap_err();
     assert!(error.to_string().contains("use `Session::reset`"), "{error}");
@@ -208,7 +208,7 @@ fn an_episode_needs_a_reset_in_lockstep() {
 }
 
 #[test]
-fn a_session_writes_a_topic_by_its_layout() {
+fn session_writes_a_topic_by_its_layout() {
     let mut session = standing_in();
     let value = Wrench { force: [1.5, 0.0, 0.0], ..Wrench::default() };
     let mut bytes = vec![0; Wrench::layout().size];
@@ -228,7 +228,7 @@ fn a_session_writes_a_topic_by_its_layout() {
 }
 
 #[test]
-fn a_replaced_component_is_never_judged_hung() {
+fn replaced_component_never_counts_as_hung() {
     let options = Options::threads().leaving_signals().standing_in_for("slow");
     let settings = [("component.slow.hang_after", "30 ms")];
     let mut session =
@@ -247,7 +247,7 @@ fn a_replaced_component_is_never_judged_hung() {
 }
 
 #[test]
-fn check_refuses_two_divisions_of_one_run() {
+fn check_refuses_conflicting_divisions_into_episodes() {
     let refused = |more: &str, settings: &[(&str, &str)]| graph(more, settings).unwrap_err().render(false);
     let begins = ("component.slow.begins_episodes", "true");
     let both = refused("duration = \"1 s\"\n[episodes]\ncount = 2", &[begins]);

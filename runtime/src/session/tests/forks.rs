@@ -1,4 +1,4 @@
-//! A forked child of the program that drives a run.
+//! Forked children of the program that drives a run.
 
 #![allow(unsafe_code)] // forks a process
 
@@ -8,10 +8,10 @@ use super::episodes::{await_episode, launch};
 use crate::session::{Session, SessionError};
 use crate::state::Wrench;
 
-/// Forks a child that runs `act` and ends with the number that it returns, without running any destructor of
-/// the program.
+/// Forks a child that runs `act` and exits with the returned code, without running any destructor of the
+/// program.
 fn in_child(act: impl FnOnce() -> i32) -> i32 {
-    // SAFETY: the child calls nothing that waits for a lock which another thread of this program may hold: it
+    // SAFETY: the child calls nothing that waits for a lock that another thread of this program may hold: it
     // compares, reads and drops, and ends by `_exit`.
     match unsafe { libc::fork() } {
         0 => {
@@ -31,13 +31,13 @@ fn in_child(act: impl FnOnce() -> i32) -> i32 {
     }
 }
 
-/// True if a call was refused because of the process.
+/// Returns `true` if a call was refused because of the process.
 fn is_refused<T>(call: Result<T, SessionError>) -> bool {
     matches!(call, Err(SessionError::OtherProcess(other)) if other.owner != std::process::id())
 }
 
 #[test]
-fn a_run_outlives_a_forked_child_that_drops_its_session() {
+fn run_survives_a_forked_child_that_drops_its_session() {
     let mut session = launch("", &[]);
     await_episode(&mut session, "fast", 0);
     let mut reader = session.reader("fast").unwrap();
@@ -45,7 +45,7 @@ fn a_run_outlives_a_forked_child_that_drops_its_session() {
     assert!(reader.poll());
     let id = session.id().to_string();
     let seen = reader.stamp().unwrap().sequence;
-    // The parent keeps its handles as they were: a child has copies of them.
+    // The parent keeps its handles; a child has copies of them.
     let mut handles = Some((session, reader, tap));
     let code = in_child(|| {
         let Some((mut session, mut reader, mut tap)) = handles.take() else { return 90 };
@@ -65,7 +65,7 @@ fn a_run_outlives_a_forked_child_that_drops_its_session() {
     });
     assert_eq!(code, 0, "the call of this number was not refused");
     let Some((session, reader, tap)) = &mut handles else { panic!("the parent keeps its handles") };
-    assert_eq!(reader.stamp().unwrap().sequence, seen, "its pin is where it was");
+    assert_eq!(reader.stamp().unwrap().sequence, seen, "its pin is unchanged");
     await_next(session, seen);
     assert!(reader.poll() && reader.stamp().unwrap().sequence > seen);
     while !tap.read(|_, _| ()) {

@@ -11,7 +11,7 @@ fn reader(bench: &Bench) -> TopicReader {
 }
 
 #[test]
-fn a_value_stays_in_place_until_the_next_poll() {
+fn value_stays_in_place_until_the_next_poll() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let mut output = bench.output::<Wrench>();
     let mut reader = reader(&bench);
@@ -21,7 +21,7 @@ fn a_value_stays_in_place_until_the_next_poll() {
     let first = reader.value::<Wrench>().unwrap().unwrap();
     let address = core::ptr::from_ref(first);
     (2..1_000).for_each(|x| output.send(&wrench(f64::from(x))).unwrap());
-    assert_eq!(first.force[0], 1.0, "the writer leaves the pinned slot alone");
+    assert_eq!(first.force[0], 1.0, "the writer does not touch the pinned slot");
     assert_eq!(reader.stamp().unwrap().sequence, 1);
     assert_eq!(core::ptr::from_ref(reader.value::<Wrench>().unwrap().unwrap()), address, "no copy is made");
     assert_eq!(reader.bytes().unwrap().as_ptr().cast::<Wrench>(), address);
@@ -30,7 +30,7 @@ fn a_value_stays_in_place_until_the_next_poll() {
 }
 
 #[test]
-fn a_reader_knows_the_layout_and_refuses_other_types() {
+fn reader_checks_the_layout_of_types() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let reader = reader(&bench);
     assert_eq!(reader.layout().type_name, "motorium.Wrench");
@@ -39,7 +39,7 @@ fn a_reader_knows_the_layout_and_refuses_other_types() {
 }
 
 #[test]
-fn of_a_stream_the_newest_value_is_read() {
+fn newest_value_of_a_stream_is_read() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::Stream { capacity: 4 });
     let mut reader = reader(&bench);
     let mut output = bench.output::<Wrench>();
@@ -53,7 +53,7 @@ fn of_a_stream_the_newest_value_is_read() {
 }
 
 #[test]
-fn a_slice_is_read_as_the_bytes_of_all_elements() {
+fn slice_is_read_as_the_bytes_of_all_elements() {
     let bench = Bench::new(u16::layout(), TopicPattern::Slices { capacity: 4, longest: 1_000 });
     let mut reader = reader(&bench);
     let mut output = SliceOutput::<u16>::open(&bench.participant(0), bench.output_place(), "output").unwrap();
@@ -91,7 +91,7 @@ fn four_programs_read_a_topic_and_a_fifth_is_refused() {
 }
 
 #[test]
-fn a_new_episode_is_read_from_its_first_value() {
+fn new_episode_is_read_from_its_first_value() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let mut output = bench.output::<Wrench>();
     let mut reader = reader(&bench);

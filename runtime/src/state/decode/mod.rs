@@ -14,10 +14,10 @@ pub(super) const PADDING: &str = "reserved";
 /// Name of a byte array that contains text.
 const TEXT: &str = "text";
 
-/// A layout or a sample that cannot be read.
+/// A layout or a sample cannot be decoded.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DecodeError {
-    /// A field has a type unknown to this program.
+    /// The type of a field is unknown to this program.
     #[error(
         "field `{field}` of `{type_name}` has the type `{kind}`, which this version of motorium cannot read"
     )]
@@ -38,32 +38,32 @@ pub enum DecodeError {
         field: String,
         /// End of the field, bytes from the start.
         end: usize,
-        /// Bytes of a sample.
+        /// Size of a sample, bytes.
         size: usize,
     },
-    /// A sample is cut short.
+    /// A sample is truncated.
     #[error("a sample of {found} bytes, expected {expected}")]
     Short {
-        /// Bytes found.
+        /// Number of bytes found.
         found: usize,
-        /// Bytes of the type.
+        /// Size of the type, bytes.
         expected: usize,
     },
-    /// A sample counts more entries than an array holds.
+    /// The count of an array exceeds its capacity.
     #[error("`{count}` is {found}, but `{field}` holds at most {capacity} entries")]
     Count {
-        /// The field that counts.
+        /// The count field.
         count: String,
         /// The count found.
         found: u64,
         /// The array.
         field: String,
-        /// Its entries.
+        /// Capacity of the array.
         capacity: usize,
     },
 }
 
-/// A field's value.
+/// The value of a field.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FieldValue {
     /// A single number.
@@ -75,7 +75,7 @@ pub enum FieldValue {
 }
 
 impl FieldValue {
-    /// Returns its numbers: one, or the array entries in use; none for a text.
+    /// Returns the numbers: one, or the array entries in use; empty for a text.
     pub fn numbers(&self) -> &[Number] {
         match self {
             Self::One(number) => core::slice::from_ref(number),
@@ -103,7 +103,7 @@ impl Serialize for Decoded<'_> {
     }
 }
 
-/// Reads the samples of one layout.
+/// Decodes samples of one layout.
 ///
 /// ```
 /// use motorium::state::{Decoder, StateBuffer, Wrench};
@@ -124,17 +124,17 @@ struct Field {
     name: String,
     offset: usize,
     scalar: Scalar,
-    /// Entries of an array; `None` for a single number.
+    /// Length of an array; `None` for a single number.
     length: Option<usize>,
     /// Index of the field that counts the entries of this array in use.
     count: Option<usize>,
 }
 
 impl Decoder {
-    /// Prepares to read a layout.
+    /// Creates a decoder for a layout.
     ///
     /// # Errors
-    /// The layout has a field of an unknown type, or outside of the sample.
+    /// A field of the layout has an unknown type or is outside the sample.
     pub fn new(layout: &TypeLayout) -> Result<Self, DecodeError> {
         let mut fields = Vec::new();
         let shown: Vec<_> = layout.fields.iter().filter(|field| field.name != PADDING).collect();
@@ -185,7 +185,7 @@ impl Decoder {
         Ok(Decoded(fields.map(|(field, used)| (field.name.as_str(), value(field, used))).collect()))
     }
 
-    /// Number of entries in use of an array; `None` for a single number.
+    /// Returns the number of array entries in use; `None` for a single number.
     fn used(&self, field: &Field, bytes: &[u8]) -> Result<Option<usize>, DecodeError> {
         let (Some(capacity), Some(index)) = (field.length, field.count) else { return Ok(field.length) };
         let counter = &self.fields[index];
@@ -202,7 +202,7 @@ impl Decoder {
     }
 }
 
-/// Reads a kind such as `f64` or `[f64; 64]`.
+/// Parses a kind such as `f64` or `[f64; 64]`.
 pub(super) fn parse(kind: &str) -> Option<(Scalar, Option<usize>)> {
     match kind.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
         None => Some((Scalar::parse(kind)?, None)),

@@ -29,8 +29,8 @@ macro_rules! scalars {
                 }
             }
 
-            /// Parses a number and writes it to the start of `bytes`; `false` if it is not a number of this
-            /// type, or not finite.
+            /// Parses a number and writes it to the start of `bytes`. Returns `false` if it is not a number
+            /// of this type or not finite.
             pub(in crate::state) fn write(self, text: &str, bytes: &mut [u8]) -> bool {
                 match self {
                     $( Self::$variant => match text.parse::<$type>() {
@@ -54,13 +54,13 @@ scalars!(
 /// A number of a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Number {
-    /// Of an `f64`.
+    /// From an `f64`.
     Double(f64),
-    /// Of an `f32`.
+    /// From an `f32`.
     Single(f32),
-    /// Of an unsigned integer.
+    /// From an unsigned integer.
     Natural(u64),
-    /// Of a signed integer.
+    /// From a signed integer.
     Integer(i64),
 }
 
@@ -76,8 +76,8 @@ macro_rules! numbers {
 numbers!(f64 => Double, f32 => Single, u64 => Natural, i64 => Integer);
 
 impl core::fmt::Display for Number {
-    /// Formats floats with six decimals, so that columns stay aligned while values change; tiny and huge ones
-    /// with an exponent.
+    /// Formats floats with six decimals, so that columns stay aligned while values change; tiny and huge
+    /// floats with an exponent.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let value = match *self {
             Self::Natural(value) => return write!(f, "{value}"),

@@ -3,7 +3,7 @@ use crate::state::{FieldLayout, JointCommand, JointState, PoseTarget, StateBuffe
 use super::*;
 
 crate::state_buffer! {
-    /// Every primitive once, with padding between.
+    /// Every primitive once, with padding in between.
     struct Everything as "test.Everything" {
         small: u8,
         wide: u64,
@@ -25,7 +25,7 @@ crate::state_buffer! {
     }
 }
 
-/// A sample whose named fields contain these bytes, all others zero.
+/// Returns a sample whose named fields contain these bytes and whose other fields are zero.
 fn sample(layout: &TypeLayout, content: &[(&str, Vec<u8>)]) -> Vec<u8> {
     let mut sample = vec![0; layout.size];
     for (name, bytes) in content {
@@ -74,7 +74,7 @@ fn all_field_types_survive_decoding() {
 }
 
 #[test]
-fn of_joints_only_the_counted_ones_are_shown() {
+fn only_counted_joints_are_shown() {
     let content = [
         ("count", 2u32.to_ne_bytes().to_vec()),
         ("reserved", vec![9; 4]),
@@ -95,7 +95,7 @@ fn bytes_named_text_are_shown_as_text() {
 }
 
 #[test]
-fn the_arrays_of_other_types_are_shown_whole() {
+fn arrays_without_a_count_are_shown_completely() {
     let content = [("orientation", doubles(&[0.0, 0.0, 0.0, 1.0])), ("goal", 2u64.to_ne_bytes().to_vec())];
     let text = json::<PoseTarget>(&content);
     assert!(text.contains(r#""orientation":[0.0,0.0,0.0,1.0]"#) && text.contains(r#""goal":2"#), "{text}");
@@ -110,7 +110,7 @@ fn excessive_count_is_rejected_first() {
 }
 
 #[test]
-fn a_sample_cut_short_is_refused() {
+fn truncated_sample_is_refused() {
     let decoder = Decoder::new(&PoseTarget::layout()).unwrap();
     let expected = size_of::<PoseTarget>();
     assert_eq!(decoder.decode(&[0; 8]).unwrap_err(), DecodeError::Short { found: 8, expected });
@@ -122,7 +122,7 @@ fn layout(kind: &str, offset: usize) -> TypeLayout {
 }
 
 #[test]
-fn an_unknown_kind_of_field_is_named() {
+fn unknown_field_type_is_named() {
     for kind in ["f128", "[f64; many]", "[f64 3]", "", "[[f64; 2]; 2]"] {
         let error = Decoder::new(&layout(kind, 0)).unwrap_err();
         assert!(matches!(&error, DecodeError::Kind { kind: found, .. } if found == kind), "{error}");
@@ -130,7 +130,7 @@ fn an_unknown_kind_of_field_is_named() {
 }
 
 #[test]
-fn a_field_outside_of_the_sample_is_refused() {
+fn field_outside_the_sample_is_refused() {
     for (kind, offset) in [("f64", 9), ("[f64; 3]", 0), ("[u8; 18446744073709551615]", 8)] {
         let error = Decoder::new(&layout(kind, offset)).unwrap_err();
         assert!(matches!(error, DecodeError::Outside { size: 16, .. }), "{kind}: {error}");

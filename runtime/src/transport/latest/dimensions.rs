@@ -8,18 +8,19 @@ use crate::declare::TopicPattern;
 use crate::plan::TopicPlan;
 use crate::state::{Digest, Stamp};
 
-/// Pins of a topic in addition to its readers', for observing tools.
+/// Number of pins of a topic in addition to its readers', for observing tools.
 pub(crate) const SIDE_PINS: usize = 4;
 pub(super) const LINE: usize = 64;
-/// Bytes of the two cache lines that processors fetch together.
+/// Size of the two cache lines that processors fetch together, bytes.
 const PAIR: usize = 2 * LINE;
 pub(super) const PAGE: usize = 4096;
-/// Slots of a stream, whose values travel elsewhere: for the times of its two newest publications.
+/// Number of slots of a stream. Its values are not stored here, only the times of its two newest
+/// publications.
 pub(super) const TIMES: usize = 2;
-/// Bytes of the words before each value, which share a cache line with its beginning.
+/// Size of the words before each value, which share a cache line with its beginning, bytes.
 const SLOT_WORDS: usize = size_of::<AtomicU64>() + size_of::<Stamp>();
 
-/// First words of the memory, which describe its content.
+/// The first words of the memory, which describe its content.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub(super) struct Preface {
@@ -35,13 +36,13 @@ pub(super) struct Dimensions {
     pub(super) slots: usize,
     /// Offset of the value in a slot, bytes.
     pub(super) value: usize,
-    /// From slot to slot, bytes.
+    /// Distance between slots, bytes.
     pub(super) stride: usize,
-    /// Bytes of a value.
+    /// Size of a value, bytes.
     pub(super) size: usize,
 }
 
-/// Smallest multiple of `step` not below `number`; saturates for excessive plans.
+/// Returns the smallest multiple of `step` not below `number`; saturates for excessive plans.
 fn up_to_multiple(number: usize, step: usize) -> usize {
     number.checked_next_multiple_of(step).unwrap_or(usize::MAX)
 }
@@ -54,12 +55,13 @@ impl Dimensions {
             TopicPattern::State => (topic.history.saturating_add(pins + 2), topic.layout.size),
             TopicPattern::Stream { .. } | TopicPattern::Slices { .. } => (TIMES, 0),
         };
-        // Processors fetch lines in pairs and the following ones: an unused pair separates two slots.
+        // Processors fetch lines in pairs and prefetch the following ones, so an unused pair separates two
+        // slots.
         let stride = up_to_multiple(size.saturating_add(value), PAIR).saturating_add(PAIR);
         Self { pins, slots, value, stride, size }
     }
 
-    /// A number that differs if the plans of two processes differ.
+    /// Returns a hash that differs if the plans of two processes differ.
     pub(super) fn hash(self, topic: &TopicPlan) -> u64 {
         let mut digest = Digest::default();
         digest.write(topic.layout.hash().as_bytes());
@@ -82,12 +84,12 @@ impl Dimensions {
 }
 
 impl TopicPlan {
-    /// Number of value slots of the topic. State: one per reader and per tap (four), two for the writer, and
-    /// the history. Stream: the capacity of all queues and readers.
+    /// Returns the number of value slots of the topic. A state has one per reader and per tap (four), two for
+    /// the writer, and the history. A stream has the capacity of all queues and readers.
     pub fn slots(&self) -> usize {
         match self.pattern {
             TopicPattern::State => Dimensions::from_topic(self).slots,
-            // A killed reader occupies its slots until the launcher has cleaned up, hence twice.
+            // Doubled, because a killed reader occupies its slots until the launcher has cleaned up.
             TopicPattern::Stream { capacity } | TopicPattern::Slices { capacity, .. } => {
                 let queues = 2 * (self.readers.len() + SIDE_PINS);
                 queues.saturating_mul(capacity.saturating_add(2)).saturating_add(2)
@@ -95,7 +97,7 @@ impl TopicPlan {
         }
     }
 
-    /// Shared memory of the topic, bytes, in whole pages.
+    /// Returns the size of the topic's shared memory in whole pages, bytes.
     pub fn memory_bytes(&self) -> usize {
         let values = match self.pattern {
             TopicPattern::State => 0,

@@ -1,6 +1,6 @@
 //! The shared memory of one topic.
 
-#![allow(unsafe_code)] // the one place where mapped bytes become the words and slots of a topic
+#![allow(unsafe_code)] // the only place where mapped bytes become the words and slots of a topic
 
 use core::ptr::NonNull;
 use std::sync::atomic::AtomicU64;
@@ -24,13 +24,13 @@ use crate::plan::TopicPlan;
 use crate::state::{Digest, InUse, Stamp};
 use crate::transport::error::{PortError, refused};
 
-/// iceoryx2's own shared memory, so that names, permissions and clean-up are iceoryx2's.
+/// iceoryx2's shared memory, so that iceoryx2 handles names, permissions and clean-up.
 type Storage = iceoryx2_cal::shared_memory::recommended::Ipc<BumpAllocator>;
 type Configuration = <Storage as NamedConceptMgmt>::Configuration;
 
 /// First word of a topic's memory; the low digits are the version of its layout.
 const MAGIC: u64 = 0x6d6f_746f_746f_0002;
-/// Bytes of a value from which on the time to fill it outweighs the choice of its slot.
+/// Size of a value above which the time to fill it outweighs the choice of its slot, bytes.
 const LARGE: usize = 16 * 1024;
 
 /// The words before each value.
@@ -41,9 +41,9 @@ struct Slot {
     stamp: [AtomicU64; STAMP_WORDS],
 }
 
-/// Words of a stamp.
+/// Number of words of a stamp.
 const STAMP_WORDS: usize = size_of::<Stamp>() / size_of::<AtomicU64>();
-/// Index of the publication time among them.
+/// Index of the publication time among the words of a stamp.
 const PUBLISH_TIME: usize = core::mem::offset_of!(Stamp, publish_time) / size_of::<AtomicU64>();
 
 /// Mapped memory of a topic: words that any process may access at any time, and slots whose values are
@@ -57,8 +57,8 @@ pub(crate) struct TopicMemory {
 }
 
 impl TopicMemory {
-    /// Makes the memory of a topic, all of it reserved: on a full file system this fails, instead of a later
-    /// access.
+    /// Creates and fully reserves the memory of a topic, so that a full file system makes this call fail
+    /// rather than a later access.
     pub(crate) fn create(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
         let refuse = refused(&topic.name, "making its shared memory");
         let dimensions = Dimensions::from_topic(topic);
@@ -86,7 +86,7 @@ impl TopicMemory {
         {
             return Err(refuse(&"it was made by another version of motorium, or for another type"));
         }
-        // All of it is backed by memory: mapping page by page on access only costs page faults.
+        // If this fails, pages are mapped on first access, which only costs page faults.
         let _ = memory.reserve();
         Ok(memory)
     }
@@ -101,12 +101,12 @@ impl TopicMemory {
         Some(Self { base, dimensions, in_use, _storage: storage })
     }
 
-    /// Has the system find every page now.
+    /// Populates every page now.
     fn reserve(&self) -> std::io::Result<()> {
         let first = self.base.as_ptr() as usize & !(PAGE - 1);
         let bytes = self.base.as_ptr() as usize + self.dimensions.bytes() - first;
         let advice = rustix::mm::Advice::LinuxPopulateWrite;
-        // SAFETY: the range lies in the mapping, which begins on a page; populating it changes no byte.
+        // SAFETY: the range is in the mapping, which begins on a page; populating it changes no byte.
         match unsafe { rustix::mm::madvise(first as *mut _, bytes, advice) } {
             // Linux before 5.14 does not know the advice: pages are mapped on first use.
             Ok(()) | Err(rustix::io::Errno::INVAL) => Ok(()),
@@ -115,7 +115,7 @@ impl TopicMemory {
     }
 
     fn preface(&self) -> &Preface {
-        // SAFETY: the memory begins with the preface, aligned (see `map`); all of it are atomics, valid for
+        // SAFETY: the memory begins with the preface, aligned (see `map`); its words are atomics, valid for
         // any bytes.
         unsafe { self.base.cast::<Preface>().as_ref() }
     }
@@ -123,46 +123,46 @@ impl TopicMemory {
     #[inline]
     fn slot(&self, slot: usize) -> *mut Slot {
         assert!(slot < self.dimensions.slots, "a topic's words name a slot that it does not have");
-        // SAFETY: in bounds of the mapping by the assertion; aligned, since the slots begin at a multiple of
-        // a cache line and so does each of them.
+        // SAFETY: in bounds of the mapping by the assertion; aligned, since every slot begins at a multiple
+        // of a cache line.
         unsafe {
             self.base.as_ptr().add(self.dimensions.slots_at() + slot * self.dimensions.stride).cast::<Slot>()
         }
     }
 
-    /// The value in a slot. Any access needs the right to it: a reader has the slot pinned, the writer has
-    /// claimed it.
+    /// Returns the value in a slot. Only a reader that has pinned the slot, or the writer that has claimed
+    /// it, may access the value.
     #[inline]
     pub(crate) fn value(&self, slot: usize) -> *mut u8 {
         self.slot(slot).cast::<u8>().wrapping_add(self.dimensions.value)
     }
 
-    /// The stamp in a slot, to be read under the same rule as its value.
+    /// Returns the stamp in a slot, which is accessed under the same rule as its value.
     #[inline]
     pub(crate) fn stamp(&self, slot: usize) -> *const Stamp {
         self.stamp_words(slot).cast()
     }
 
-    /// The words of the stamp in a slot. Waiters read the time of publication without a right to the slot, so
-    /// it is written word by word.
+    /// Returns the words of the stamp in a slot. Waiters read the time of publication without a pin, so the
+    /// stamp is written word by word.
     #[inline]
     fn stamp_words(&self, slot: usize) -> *const [AtomicU64; STAMP_WORDS] {
-        // SAFETY: in bounds; no reference is made.
+        // SAFETY: in bounds; no reference is created.
         unsafe { &raw const (*self.slot(slot)).stamp }
     }
 
-    /// Writes the stamp of a claimed slot, but for the time of publication, which the announcement writes.
+    /// Writes the stamp of a claimed slot, except for the time of publication, which the announcement writes.
     #[inline]
     pub(crate) fn write_stamp(&self, slot: usize, stamp: &Stamp) {
         // SAFETY: in bounds and aligned (see `slot`); an atomic is valid for any bytes.
         let cells = unsafe { &*self.stamp_words(slot) };
-        // SAFETY: a stamp is so many words without padding.
+        // SAFETY: a stamp is this number of words without padding.
         let words: [u64; STAMP_WORDS] = unsafe { core::mem::transmute(*stamp) };
         let all = cells.iter().zip(words).enumerate().filter(|(index, _)| *index != PUBLISH_TIME);
         all.for_each(|(_, (cell, word))| cell.store(word, Relaxed));
     }
 
-    /// Bytes of a value.
+    /// Returns the size of a value, bytes.
     #[inline]
     pub(crate) fn value_bytes(&self) -> usize {
         self.dimensions.size
@@ -194,13 +194,13 @@ impl TopicMemory {
         first
     }
 
-    /// The newest publication.
+    /// Returns the newest publication.
     #[inline]
     pub(crate) fn newest(&self) -> Newest {
         newest(self.head())
     }
 
-    /// Order in which the writer reuses the slots.
+    /// Returns the order in which the writer reuses the slots.
     pub(crate) fn reuse(&self) -> Reuse {
         if self.dimensions.slots > self.dimensions.pins + 2 {
             Reuse::Oldest
@@ -211,7 +211,7 @@ impl TopicMemory {
         }
     }
 
-    /// True if the time to fill a value outweighs the choice of its slot.
+    /// Returns `true` if the time to fill a value outweighs the choice of its slot.
     #[inline]
     pub(crate) fn is_large(&self) -> bool {
         self.dimensions.size > LARGE
@@ -228,14 +228,13 @@ impl TopicMemory {
         notify::interrupt::<Native>(self.head(), &SystemFutex::FOREVER);
     }
 
-    /// Sleeps until something was published or interrupted after `seen`, a signal arrives, or the clock
-    /// reaches `until_ns`.
+    /// Sleeps until a publication or interrupt after `seen`, a signal, or the time `until_ns`.
     #[inline(always)]
     pub(crate) fn sleep(&self, seen: Newest, until_ns: Option<u64>) {
         notify::sleep::<Native>(self.head(), &SystemFutex { until_ns }, seen);
     }
 
-    /// Remembers the core of the publication to come.
+    /// Records the core of the next publication.
     #[inline]
     pub(crate) fn publish_from(&self, core: usize) {
         let core = core as u32 + 1;
@@ -244,7 +243,7 @@ impl TopicMemory {
         }
     }
 
-    /// The core of the last publication, if there was one.
+    /// Returns the core of the last publication, if there was one.
     #[inline]
     pub(crate) fn core(&self) -> Option<usize> {
         self.head().core.load(Relaxed).checked_sub(1).map(|core| core as usize)
@@ -259,7 +258,7 @@ impl TopicMemory {
         self.head().newest.store(0, Release);
     }
 
-    /// Pins in addition to those of the graph's readers, for observing processes.
+    /// Returns the pins for observing processes, which follow the pins of the graph's readers.
     pub(crate) fn side_pins(&self) -> core::ops::Range<usize> {
         self.dimensions.pins - SIDE_PINS..self.dimensions.pins
     }
@@ -268,14 +267,14 @@ impl TopicMemory {
 impl Words<Native> for TopicMemory {
     #[inline]
     fn head(&self) -> &Head<Native> {
-        // SAFETY: the head follows the preface, aligned like it; it is all atomics, valid for any bytes and
-        // shareable.
+        // SAFETY: the head follows the preface with the same alignment; its words are atomics, valid for any
+        // bytes and shareable.
         unsafe { &*self.base.as_ptr().add(size_of::<Preface>()).cast::<Head<Native>>() }
     }
 
     #[inline]
     fn pins(&self) -> &[Pin<Native>] {
-        // SAFETY: as for the head; `map` saw to room for all pins.
+        // SAFETY: as for the head; `map` checked that all pins fit.
         unsafe {
             let first = self.base.as_ptr().add(self.dimensions.pins_at()).cast::<Pin<Native>>();
             core::slice::from_raw_parts(first, self.dimensions.pins)
@@ -300,9 +299,9 @@ impl Words<Native> for TopicMemory {
     }
 }
 
-/// The futex of the system on the low half of a word.
+/// The system's futex on the low half of a word.
 struct SystemFutex {
-    /// End of the longest sleep, ns on `CLOCK_MONOTONIC`.
+    /// Latest end of the sleep, ns on `CLOCK_MONOTONIC`.
     until_ns: Option<u64>,
 }
 

@@ -1,22 +1,22 @@
-//! A single-writer latest-value buffer in shared memory, read in place: the state of a topic.
+//! A single-writer latest-value buffer in shared memory, read in place, for the state of a topic.
 //!
-//! # What it is
-//! The memory of a topic holds a word that names the newest publication, one pin per reader, and two more
-//! slots than pins. A reader pins the slot of the newest value and uses it in place, as a plain `&T` that
-//! does not change until the reader looks for the next one. The writer fills a slot that nobody has pinned.
-//! Nothing is copied, nobody waits, and the cost of the exchange does not depend on the size of the value.
+//! # Overview
+//! The memory of a topic consists of a word that identifies the newest publication, one pin per reader, and
+//! two more slots than pins. A reader pins the slot of the newest value and uses it in place, as a plain `&T`
+//! that does not change until the reader pins the next one. The writer fills an unpinned slot. Nothing is
+//! copied, no one waits, and the cost of an exchange does not depend on the size of the value.
 //!
-//! # When a process dies
+//! # Process crashes
 //! A killed reader leaves one slot pinned until its successor takes over the pin. The writer still finds a
-//! free slot, because there is one for every pin. A killed writer leaves the last complete value, however far
-//! it had got with the next one.
+//! free slot, because there is one for every pin. A killed writer leaves the last complete value, no matter
+//! how much of the next one it had written.
 //!
 //! # Weakly ordered processors
 //! [`protocol`] and [`notify`] are written once, generic over their atomics, and model-checked with loom
 //! (`model`).
 //!
-//! # Every value
-//! A [`Tap`] reads each publication in order from the slots behind the newest, at no cost to the writer. A
+//! # Reading every value
+//! A [`Tap`] reads every publication in order from the slots of older values, at no cost to the writer. A
 //! topic with a `history` keeps that many values for taps; publications that a tap misses are counted.
 
 mod dimensions;

@@ -1,9 +1,9 @@
 //! The notifier of a topic: how a publication wakes the waiters, and how the launcher interrupts them.
 //!
-//! A waiter names the last publication it has seen, counts itself as sleeping, and sleeps on the word of the
-//! newest publication only while that has not changed. A writer announces a publication and then checks
-//! whether anybody is asleep; only then does it make a system call. Either the writer sees the sleeper or the
-//! sleeper sees the publication, so no wake-up is lost.
+//! A waiter increments the number of sleepers and then sleeps on the word of the newest publication, but only
+//! if that word still equals the last publication it has seen. A writer announces a publication and makes a
+//! system call only if it then finds a sleeper. Either the writer sees the sleeper or the sleeper sees the
+//! publication, so no wake-up is lost.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, SeqCst};
 
@@ -12,13 +12,13 @@ use crate::atomics::{Atomics, Site, Word};
 
 /// Puts threads to sleep on a word and wakes them.
 pub(crate) trait Futex<A: Atomics> {
-    /// Sleeps while the low half of the word equals that of `seen`; may return early.
+    /// Sleeps while the low half of the word equals the low half of `seen`; may return early.
     fn sleep(&self, word: &A::U64, seen: u64);
-    /// Wakes everyone who sleeps on the word.
+    /// Wakes all sleepers on the word.
     fn wake(&self, word: &A::U64);
 }
 
-/// Wakes those who sleep until the next publication. Call it after a publication was announced.
+/// Wakes all sleepers. Call it after a publication was announced.
 #[inline(always)]
 pub(crate) fn notify<A: Atomics>(head: &Head<A>, futex: &impl Futex<A>) {
     A::fence_after_exchange(Site::Notify);
@@ -27,7 +27,7 @@ pub(crate) fn notify<A: Atomics>(head: &Head<A>, futex: &impl Futex<A>) {
     }
 }
 
-/// Wakes every waiter although nothing was published, so that it checks for commands. Not for the hot path.
+/// Wakes all sleepers without a publication, so that they check for commands. Not for the hot path.
 pub(crate) fn interrupt<A: Atomics>(head: &Head<A>, futex: &impl Futex<A>) {
     loop {
         let seen = Newest(head.newest.load(Acquire));

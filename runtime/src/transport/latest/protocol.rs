@@ -2,18 +2,17 @@
 //! waiting.
 //!
 //! * The writer fills a slot that is neither the newest nor pinned, and announces it with a single store of
-//!   one word, which holds the publication number and the slot.
-//! * A reader pins the announced slot, then checks that it is still the announced one. If it is, the writer
-//!   sees the pin before it could choose that slot again, and the reader may use the value in place for as
-//!   long as it keeps the pin. If not, the reader pins the newer one; it retries at most once per
-//!   publication.
-//! * A tap wants a particular publication, whether or not it is the newest. It pins the slot that is marked
-//!   with its number, then checks that the mark is still there; the writer removes the mark from a slot
-//!   before it checks who has pinned it.
+//!   one word that contains the publication number and the slot.
+//! * A reader pins the announced slot, then checks that it is still the announced one. If so, the writer sees
+//!   the pin before it can choose that slot again, and the reader may use the value in place while it keeps
+//!   the pin. Otherwise, the reader pins the newer slot; it retries at most once per publication.
+//! * A tap reads a particular publication, which need not be the newest. It pins the slot marked with the
+//!   number of that publication, then checks that the mark is still there. The writer removes the mark of a
+//!   slot before it checks the pins.
 //!
-//! With two more slots than pins, the writer always finds a free one. A reader that dies leaves one slot
-//! pinned until its successor pins another; a writer that dies leaves the last announced value and one slot
-//! without a mark.
+//! With two more slots than pins, the writer always finds a free slot. A killed reader leaves one slot pinned
+//! until its successor pins another. A killed writer leaves the last announced value and one slot without a
+//! mark.
 
 use core::fmt::Debug;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
@@ -28,46 +27,47 @@ const NUMBER_BITS: u32 = 44;
 pub(crate) struct Newest(pub(crate) u64);
 
 impl Newest {
-    /// A publication of this number in this slot, not interrupted.
+    /// Creates a publication with this number in this slot, not interrupted.
     #[inline]
     pub(crate) fn new(number: u64, slot: usize) -> Self {
         let number = number & ((1 << NUMBER_BITS) - 1);
         Self((slot as u64) << (INTERRUPT_BITS + NUMBER_BITS) | (number << INTERRUPT_BITS))
     }
 
-    /// Number of the publication, counted from 1; 0 before the first.
+    /// Returns the number of the publication, counted from 1; 0 before the first.
     #[inline]
     pub(crate) fn number(self) -> u64 {
         (self.0 >> INTERRUPT_BITS) & ((1 << NUMBER_BITS) - 1)
     }
 
-    /// The slot that holds it.
+    /// Returns the slot of the publication.
     #[inline]
     pub(crate) fn slot(self) -> usize {
         (self.0 >> (INTERRUPT_BITS + NUMBER_BITS)) as usize
     }
 
-    /// Returns the publication after one more interrupt.
+    /// Returns the publication with one more interrupt.
     pub(crate) fn interrupted(self) -> Self {
         let mask = (1 << INTERRUPT_BITS) - 1;
         Self((self.0 & !mask) | ((self.0 + 1) & mask))
     }
 }
 
-/// The words shared by the writer of a topic and everyone who waits for it: one cache line.
+/// The words shared by the writer of a topic and its waiters, in one cache line.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Head<A: Atomics> {
     /// The newest publication ([`Newest`]). Its low half is the futex on which waiters sleep.
     pub(crate) newest: A::U64,
-    /// Number of sleeping readers. A reader killed while asleep stays counted, which only costs one system
-    /// call per publication.
+    /// Number of sleeping readers. A reader killed during its sleep remains counted, which only costs one
+    /// system call per publication.
     pub(crate) sleepers: A::U32,
     /// Core of the last publication plus 1; 0 before the first.
     pub(crate) core: A::U32,
 }
 
-/// The slot that a reader uses. It fills a cache line and the neighbour that processors prefetch with it.
+/// The slot that a reader uses. It fills a pair of cache lines, because processors prefetch the neighbouring
+/// line.
 #[derive(Debug)]
 #[repr(C, align(128))]
 pub(crate) struct Pin<A: Atomics> {
@@ -75,45 +75,45 @@ pub(crate) struct Pin<A: Atomics> {
     pub(crate) slot: A::U32,
 }
 
-/// The shared words of a topic, wherever they are stored.
+/// Access to the shared words of a topic, independent of where they are stored.
 pub(crate) trait Words<A: Atomics> {
-    /// The words of the newest publication.
+    /// Returns the words of the newest publication.
     fn head(&self) -> &Head<A>;
-    /// All pins; those of components come first.
+    /// Returns all pins; the pins of components come first.
     fn pins(&self) -> &[Pin<A>];
-    /// Number of slots.
+    /// Returns the number of slots.
     fn slots(&self) -> usize;
-    /// Number of the publication that a slot holds; 0 while it is being filled.
+    /// Returns the number of the publication in a slot; 0 while the slot is being filled.
     fn mark(&self, slot: usize) -> &A::U64;
-    /// Time of the publication that a slot holds, ns.
+    /// Returns the time of the publication in a slot, ns.
     fn time(&self, slot: usize) -> &A::U64;
 }
 
-/// The newest publication.
+/// Returns the newest publication.
 #[inline]
 pub(crate) fn newest<A: Atomics>(head: &Head<A>) -> Newest {
     Newest(head.newest.load(A::ordering(Site::Look, Acquire)))
 }
 
-/// The order in which a writer takes its slots.
+/// Order in which a writer claims slots.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Reuse {
-    /// The first free one, one at a time: two large values take turns, and stay in the cache.
+    /// Claims the first free slot, one at a time: two slots of large values alternate and stay in the cache.
     First,
-    /// Takes all free slots at once. A free slot stays free until it is published, so the writer reads the
-    /// pins, which takes their cache lines away from the readers, only once in several publications.
+    /// Claims several free slots together. A free slot stays free until it is published, so the writer reads
+    /// the pins, which moves their cache lines away from the readers, only once in several publications.
     Several,
-    /// Takes the slots that were filled longest ago, so that taps find the earlier values. If there are many
-    /// slots, several are taken at once.
+    /// Claims the slots that were filled longest ago, so that taps find the earlier values. If there are many
+    /// slots, several are claimed together.
     Oldest,
 }
 
-/// Largest number of slots that a writer takes at once.
+/// Maximum number of slots that a writer claims together.
 const TAKEN: usize = 8;
-/// Smallest number of slots, for each slot taken at once, in a topic with a history.
+/// Minimum number of slots per slot claimed together, in a topic with a history.
 const MANY: usize = 16;
 
-/// The writing side of a topic. There is one at a time.
+/// The writing side of a topic. There is only one at a time.
 #[derive(Debug)]
 pub(crate) struct Writer {
     reuse: Reuse,
@@ -121,31 +121,31 @@ pub(crate) struct Writer {
     number: u64,
     /// Slot of the last publication.
     newest: usize,
-    /// The slots taken for the next publications; the last one is filled first.
+    /// Slots claimed for the next publications; the last one is filled first.
     taken: [usize; TAKEN],
-    /// Number of slots taken.
+    /// Number of claimed slots.
     count: usize,
 }
 
 impl Writer {
-    /// Takes over from the previous writer, if there was one.
+    /// Creates the writer, which continues after the previous one, if there was one.
     pub(crate) fn new<A: Atomics>(words: &impl Words<A>, reuse: Reuse) -> Self {
         let newest = newest(words.head());
         Self { reuse, number: newest.number(), newest: newest.slot(), taken: [0; TAKEN], count: 0 }
     }
 
-    /// The first writer of a topic without publications.
+    /// Creates the first writer of a topic without publications.
     pub(crate) fn of_empty(reuse: Reuse) -> Self {
         Self { reuse, number: 0, newest: 0, taken: [0; TAKEN], count: 0 }
     }
 
-    /// Number of the publication to come.
+    /// Returns the number of the next publication.
     #[inline]
     pub(crate) fn number(&self) -> u64 {
         self.number + 1
     }
 
-    /// The slot to fill.
+    /// Returns the slot to fill.
     #[inline]
     pub(crate) fn slot<A: Atomics>(&mut self, words: &impl Words<A>) -> usize {
         if self.count == 0 {
@@ -164,17 +164,17 @@ impl Writer {
         self.count -= 1;
     }
 
-    /// Takes slots for the next publications; at least one.
+    /// Claims slots for the next publications, at least one.
     #[cold]
     fn take<A: Atomics>(&mut self, words: &impl Words<A>) {
         let wanted = match self.reuse {
             Reuse::First => 1,
             Reuse::Several => TAKEN,
-            // Taps find nothing in taken slots: take few of many, and no more than there are beyond the
+            // Taps find nothing in claimed slots, so claim few of many, and no more than there are beyond the
             // history.
             Reuse::Oldest => (words.slots() / MANY).clamp(1, TAKEN.min(words.pins().len() + 1)),
         };
-        // Glancing at the pins first saves a fence for each taken slot.
+        // A relaxed read of the pins first saves a fence for each claimed slot.
         let seems_free = |slot: usize| !is_pinned::<A>(words.pins(), slot, Relaxed);
         let mut strict = false;
         while self.count == 0 {
@@ -183,7 +183,7 @@ impl Writer {
             while self.count == 0 && candidates.peek().is_some() {
                 self.claim(words, candidates.by_ref().take(wanted));
             }
-            // With two more slots than pins, one is free; the first glance at the pins may have been out of
+            // With two more slots than pins, one is free; the relaxed read of the pins may have been out of
             // date.
             strict = true;
         }
@@ -193,7 +193,7 @@ impl Writer {
         }
     }
 
-    /// Takes the unpinned ones of the slots, at most [`TAKEN`].
+    /// Claims the unpinned slots, at most [`TAKEN`].
     fn claim<A: Atomics>(&mut self, words: &impl Words<A>, slots: impl Iterator<Item = usize>) {
         let mut marked = [(0, 0); TAKEN];
         let mut count = 0;
@@ -204,12 +204,12 @@ impl Writer {
             count += 1;
         }
         A::fence(Site::Claim);
-        // The last one is filled first, so the slots are used from highest to lowest: a reader's processor
-        // prefetches lines beyond the end of what it reads, which then belong to an older value, not to the
-        // next one to be filled.
+        // The last one is filled first, so the slots are used from highest to lowest. A reader's processor
+        // prefetches lines past the end of its value, which then belong to an older value, not to the next
+        // slot to be filled.
         for (slot, held) in &marked[..count] {
             if is_pinned::<A>(words.pins(), *slot, A::ordering(Site::Scan, Acquire)) {
-                // Its value is unchanged.
+                // The value in the slot is unchanged.
                 words.mark(*slot).store(*held, A::ordering(Site::Mark, Release));
             } else {
                 self.taken[self.count] = *slot;
@@ -218,7 +218,7 @@ impl Writer {
         }
     }
 
-    /// Returns all slots but the newest, in the order in which to try them.
+    /// Returns all slots except the newest, in the order in which to try them.
     fn candidates(&self, slots: usize) -> impl Iterator<Item = usize> + use<> {
         let (newest, published) = (self.newest, self.number > 0);
         let first = match self.reuse {
@@ -235,18 +235,18 @@ fn is_pinned<A: Atomics>(pins: &[Pin<A>], slot: usize, ordering: std::sync::atom
 
 /// Announces a publication: first its time and number in its slot, then the publication itself.
 ///
-/// This is the only store to the line that waiters poll: a polling core takes the line away after each store,
-/// and a further store would have to fetch it back.
+/// This is the only store to the line that waiters poll. A polling core fetches the line after every store,
+/// and a second store would have to fetch it back.
 #[inline]
 pub(crate) fn announce<A: Atomics>(words: &impl Words<A>, newest: Newest, time_ns: u64) {
     words.time(newest.slot()).store(time_ns, A::ordering(Site::Time, Release));
     words.mark(newest.slot()).store(newest.number(), A::ordering(Site::Mark, Release));
-    // Swapped with whatever an interrupt left there: a reader that sees the publication then also sees what
-    // the interrupt was for.
+    // A swap, not a store, because of interrupts: a reader that sees the publication then also sees the
+    // command behind an earlier interrupt.
     words.head().newest.swap(newest.0, A::ordering(Site::Publish, Release));
 }
 
-/// The newest publication with its own time, ns.
+/// Returns the newest publication with its own time, ns.
 #[inline]
 pub(crate) fn newest_with_time<A: Atomics>(words: &impl Words<A>) -> (Newest, u64) {
     loop {
@@ -254,18 +254,18 @@ pub(crate) fn newest_with_time<A: Atomics>(words: &impl Words<A>) -> (Newest, u6
         // A word that names a nonexistent slot is damaged.
         let time_ns = if seen.slot() < words.slots() { words.time(seen.slot()).load(Relaxed) } else { 0 };
         A::read_fence(Site::TimeRead);
-        // The slot is refilled once another one is the newest.
+        // The slot may be refilled once another one is the newest.
         if Newest(words.head().newest.load(Relaxed)).number() == seen.number() {
             return (seen, time_ns);
         }
     }
 }
 
-/// Pins the newest value unless it is the publication `last` or there is none. Returns which one is pinned. A
-/// word that names a nonexistent slot is damaged and counts as no news.
+/// Pins the newest value unless it is the publication `last` or there is none. Returns the pinned
+/// publication. A word that names a nonexistent slot is damaged and counts as no publication.
 ///
-/// `fetch` is called with the slot just before it is pinned, because both may have to come from another core
-/// at the same time.
+/// `fetch` is called with the slot just before it is pinned, so that the transfers of slot and pin from other
+/// cores overlap.
 #[inline]
 pub(crate) fn pin_newest<A: Atomics>(
     words: &impl Words<A>,
@@ -289,7 +289,7 @@ pub(crate) fn pin_newest<A: Atomics>(
     None
 }
 
-/// Pins a slot if it holds this publication. Returns whether it does.
+/// Pins a slot if it contains this publication. Returns `true` if it does.
 pub(crate) fn pin_marked<A: Atomics>(words: &impl Words<A>, pin: &Pin<A>, slot: usize, number: u64) -> bool {
     let mark = words.mark(slot);
     if mark.load(Relaxed) != number {
@@ -299,7 +299,7 @@ pub(crate) fn pin_marked<A: Atomics>(words: &impl Words<A>, pin: &Pin<A>, slot: 
     mark.load(Acquire) == number
 }
 
-/// Releases whatever a pin holds.
+/// Releases the slot of a pin.
 pub(crate) fn unpin<A: Atomics>(pin: &Pin<A>) {
     pin.slot.store(0, A::ordering(Site::Pin, Release));
 }

@@ -11,7 +11,7 @@ use std::sync::atomic::Ordering::Relaxed;
 /// Number of attempts to pin a publication before it counts as not yet available.
 const TRIES: usize = 64;
 
-/// A reader of each publication of a topic, in order, from the slots behind the newest. The writer does
+/// A reader of every publication of a topic, in order, from the slots of older values. The writer does
 /// nothing for it.
 #[derive(Debug)]
 pub(crate) struct Tap {
@@ -22,12 +22,12 @@ pub(crate) struct Tap {
     /// Slot of the last publication read; the next one usually follows it.
     slot: usize,
     missed: u64,
-    /// Held for as long as the pin is used, and dropped after it.
+    /// Lock on the pin, dropped after its last use.
     _place: Lock,
 }
 
 impl Tap {
-    /// Joins a topic with one of its side pins and the lock on it; the first value is the newest one.
+    /// Joins a topic with one of its side pins and the pin's lock; the first value is the newest one.
     pub(crate) fn join(memory: TopicMemory, (place, pin): (Lock, usize)) -> Self {
         unpin(&memory.pins()[pin]);
         let newest = memory.newest();
@@ -35,14 +35,14 @@ impl Tap {
         Self { memory, pin, last, slot: newest.slot(), missed: 0, _place: place }
     }
 
-    /// Passes the stamp and bytes of the next publication to `read`, in place. Returns false if there is none
-    /// yet.
+    /// Passes the stamp and bytes of the next publication to `read`, in place. Returns `false` if there is
+    /// none yet.
     pub(crate) fn next(&mut self, read: impl FnOnce(&Stamp, &[u8])) -> bool {
-        // An attempt fails if the writer takes the slot; damaged words make all attempts fail.
+        // An attempt fails if the writer claims the slot; damaged words make all attempts fail.
         for _ in 0..TRIES {
             let newest = self.memory.newest().number();
             if self.last > newest {
-                // A new episode has begun: it withdraws what was published before and restarts the numbers.
+                // A new episode has begun: it withdraws earlier publications and restarts the numbers.
                 self.last = 0;
             }
             if self.last == newest {

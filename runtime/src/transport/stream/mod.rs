@@ -17,6 +17,6 @@ pub(crate) use writer::{Lent, StreamWriter};
 pub(crate) trait Connect {
     fn connect(&self) -> Result<(), String>;
 
-    /// Drops what is left from the previous episode.
+    /// Drops values of the previous episode.
     fn begin_episode(&self) {}
 }

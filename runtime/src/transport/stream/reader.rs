@@ -16,14 +16,14 @@ use crate::region::add;
 use crate::state::{Stamp, StateBuffer};
 use crate::transport::{InputPlace, Participant, PortError};
 
-/// A reader of one stream of values, or of slices of them, with its queue.
+/// A reader of one stream of values or slices, with its queue.
 #[derive(Debug)]
 pub(crate) struct StreamReader<T> {
     queue: Rc<Queue>,
     /// Index of the topic.
     topic: usize,
     current: Option<Received>,
-    /// Restart count of the publisher and number of its last publication read.
+    /// Restart count of the publisher and number of the last publication read.
     last: (u32, u64),
     lost: u64,
     content: PhantomData<T>,
@@ -41,9 +41,8 @@ impl<T: StateBuffer> StreamReader<T> {
         self.queue.clone()
     }
 
-    /// Takes the next readable sample from the queue. Returns whether there was one. A sample that is
-    /// invalid, or whose number is not above the last one, is refused and counted, and the previous sample
-    /// stays.
+    /// Takes the next valid sample from the queue. Returns `true` if there was one. An invalid sample, or one
+    /// whose number is not above the last one, is refused and counted, and the previous sample is kept.
     pub(crate) fn take(&mut self, context: &Context, is_valid: impl Fn(&[T]) -> bool) -> bool {
         while let Some(sample) = receive(&self.queue) {
             let (stamp, bytes) = parts(&sample);
@@ -66,12 +65,12 @@ impl<T: StateBuffer> StreamReader<T> {
         false
     }
 
-    /// Forgets what was read in the previous episode; whatever was left in the queue is already gone.
+    /// Drops the sample read in the previous episode. The queue has already been emptied.
     pub(crate) fn begin_episode(&mut self) {
         (self.current, self.last) = (None, (0, 0));
     }
 
-    /// The sample read last.
+    /// Returns the sample read last.
     #[inline]
     pub(crate) fn current(&self) -> Option<(&Stamp, &[T])> {
         let (stamp, bytes) = parts(self.current.as_ref()?);
@@ -79,7 +78,7 @@ impl<T: StateBuffer> StreamReader<T> {
         Some((stamp, unsafe { values(bytes) }))
     }
 
-    /// The value read last, of a stream of single ones.
+    /// Returns the value read last from a stream of single values.
     #[inline]
     pub(crate) fn value(&self) -> Option<(&Stamp, &T)> {
         // SAFETY: the queue was opened for single values.

@@ -1,6 +1,6 @@
 //! Samples of a stream: a stamp and the bytes of a type that the port knows.
 //!
-//! All streams use the same iceoryx2 ports, whose services get their types at run time: compiled separately
+//! All streams use the same iceoryx2 ports, whose services get their types at run time. Compiled separately
 //! for each message type, the ports would be a fifth of a component's code.
 
 #![allow(unsafe_code)] // bytes in shared memory become values of the type that their port was opened for
@@ -21,17 +21,17 @@ pub(crate) type Header = CustomHeaderMarker;
 pub(crate) type Queue = Subscriber<Shared, Bytes, Header>;
 /// The writing end of a service.
 pub(crate) type Sender = Publisher<Shared, Bytes, Header>;
-/// A sample that was received.
+/// A received sample.
 pub(crate) type Received = Sample<Shared, Bytes, Header>;
 
-/// Takes the next sample from a queue. An error means that a connection could not be made to a publisher that
-/// is just starting or dying; the sample is then simply not there yet, and its age shows that.
+/// Takes the next sample from a queue. An error means that a publisher that is just starting or dying could
+/// not be connected. This is treated as no sample yet; the age of the last sample shows it.
 #[inline(never)]
 pub(crate) fn receive(queue: &Queue) -> Option<Received> {
     queue.receive().ok().flatten()
 }
 
-/// The stamp of a sample, and the bytes of its payload.
+/// Returns the stamp of a sample and the bytes of its payload.
 #[inline]
 pub(crate) fn parts(sample: &Received) -> (&Stamp, &[u8]) {
     // SAFETY: every service of a topic is created with a `Stamp` as its user header, which the marker
@@ -41,7 +41,7 @@ pub(crate) fn parts(sample: &Received) -> (&Stamp, &[u8]) {
     (stamp, as_bytes(sample.payload()))
 }
 
-/// The bytes behind their markers.
+/// Returns the bytes behind their markers.
 #[inline]
 pub(super) fn as_bytes(payload: &Bytes) -> &[u8] {
     // SAFETY: a marker represents each byte of the payload, over all of its elements, and has the size of a
@@ -55,13 +55,13 @@ pub(super) fn exposed<T>(marker: &Header) -> *const T {
     core::ptr::with_exposed_provenance(core::ptr::from_ref(marker).addr())
 }
 
-/// The values that the bytes of a sample are.
+/// Returns the bytes of a sample as values.
 ///
 /// # Safety
-/// The service of the sample was opened for the layout of `T`.
+/// The service of the sample must have been opened for the layout of `T`.
 #[inline]
 pub(super) unsafe fn values<T: StateBuffer>(bytes: &[u8]) -> &[T] {
-    // SAFETY: by the caller's promise, alignment and size are those of `T`, for which every bit pattern is
-    // valid.
+    // SAFETY: by the caller's contract, the bytes have the alignment and size of `T`, for which every bit
+    // pattern is valid.
     unsafe { core::slice::from_raw_parts(bytes.as_ptr().cast::<T>(), bytes.len() / size_of::<T>()) }
 }

@@ -1,6 +1,6 @@
 //! The iceoryx2 services of topics.
 
-#![allow(unsafe_code)] // services are made from layouts, so that the launcher need not know the Rust types
+#![allow(unsafe_code)] // services are created from layouts, so that the launcher need not know the Rust types
 
 use iceoryx2::node::Node;
 use iceoryx2::prelude::AttributeVerifier;
@@ -21,7 +21,7 @@ const LAYOUT_ATTRIBUTE: &str = "layout";
 /// The iceoryx2 service of a topic.
 pub(in crate::transport) type Samples = publish_subscribe::PortFactory<Shared, Bytes, Header>;
 
-/// The attribute of a topic's service that names the layout of its values.
+/// Returns the attribute of a topic's service that names the layout of its values.
 pub(in crate::transport) fn layout_attribute(
     topic: &TopicPlan,
 ) -> Result<(AttributeKey, AttributeValue), PortError> {
@@ -31,7 +31,7 @@ pub(in crate::transport) fn layout_attribute(
     Ok((key, value))
 }
 
-/// Returns the service of a topic, whose types only the plan describes.
+/// Returns the builder of a topic's service, with types described by the plan.
 pub(in crate::transport) fn builder(
     node: &Node<Shared>,
     topic: &TopicPlan,
@@ -47,7 +47,7 @@ pub(in crate::transport) fn builder(
     let service = node.service_builder(&service_name("topic", &topic.name)?);
     let builder = service.publish_subscribe::<Bytes>().user_header::<Header>();
     // SAFETY: the details describe a `StateBuffer` (`repr(C)`, fixed size, with its declared alignment) and a
-    // `Stamp`. iceoryx2 compares them with those of an existing service.
+    // `Stamp`. iceoryx2 compares them with an existing service's.
     Ok(unsafe {
         builder.__internal_set_payload_type_details(&payload).__internal_set_user_header_type_details(&stamp)
     })
@@ -60,7 +60,7 @@ fn open(node: &Node<Shared>, topic: &TopicPlan) -> Result<Samples, PortError> {
         .map_err(|error| refused(&topic.name, "opening")(&error))
 }
 
-/// A queue of a topic's samples.
+/// Opens a queue of a topic's samples.
 pub(crate) fn open_queue(node: &Node<Shared>, topic: &TopicPlan) -> Result<Queue, PortError> {
     let queue = open(node, topic)?.subscriber_builder().create();
     queue.map_err(|error| refused(&topic.name, "making a subscriber")(&error))
@@ -77,7 +77,7 @@ pub(super) fn open_sender(
     sender.map_err(|error| refused(&topic.name, "making a publisher")(&error))
 }
 
-/// The attribute that the service of a topic must have.
+/// Returns the attribute that the service of a topic must have.
 fn required(topic: &TopicPlan) -> Result<AttributeVerifier, PortError> {
     let (key, value) = layout_attribute(topic)?;
     AttributeVerifier::new()

@@ -1,4 +1,4 @@
-//! Streams of slices: images, clouds, frames, each of another length up to a declared longest one.
+//! Streams of slices, such as images, point clouds and frames, whose lengths vary up to a declared maximum.
 
 use std::rc::Rc;
 
@@ -43,7 +43,7 @@ impl<T: StateBuffer> SliceInput<T> {
         self.queue.as_ref().map(StreamReader::connection)
     }
 
-    /// True if the graph wires this input.
+    /// Returns `true` if the graph wires this input.
     pub fn is_wired(&self) -> bool {
         self.queue.is_some()
     }
@@ -63,7 +63,7 @@ impl<T: StateBuffer> SliceInput<T> {
         Some((*stamp, values))
     }
 
-    /// The slice read last.
+    /// Returns the slice read last.
     pub fn current(&self) -> Option<(Stamp, &[T])> {
         let queue = self.queue.as_ref().filter(|_| self.effects.is_of_this_episode())?;
         queue.current().map(|(stamp, values)| (*stamp, values))
@@ -75,7 +75,7 @@ impl<T: StateBuffer> SliceInput<T> {
     }
 }
 
-/// An output port that writes slices of up to a declared longest length, in place.
+/// An output port that writes slices of up to a declared maximum length, in place.
 ///
 /// ```
 /// # use motorium::prelude::*;
@@ -101,7 +101,7 @@ pub struct SliceLoan<'a, T: StateBuffer> {
     sample: Option<Lent<T>>,
     length: usize,
     output: &'a mut SliceOutput<T>,
-    /// True if all of it was checked while it was written and nothing has been written since.
+    /// True if the whole slice was checked while it was written and has not been written to since.
     checked: bool,
 }
 
@@ -131,20 +131,20 @@ impl<T: StateBuffer> SliceOutput<T> {
         self.wired.as_ref().map(|(stream, _)| stream.connection())
     }
 
-    /// True if the graph wires this output.
+    /// Returns `true` if the graph wires this output.
     pub fn is_wired(&self) -> bool {
         self.wired.is_some()
     }
 
-    /// The longest slice, elements.
+    /// Returns the maximum number of elements of a slice.
     pub fn longest(&self) -> usize {
         self.longest
     }
 
-    /// Lends the memory of the next slice, of this length.
+    /// Lends the memory of the next slice, with this length.
     ///
     /// # Errors
-    /// The slice is longer than declared, or readers hold all samples.
+    /// The slice is longer than declared, or readers still use all samples.
     pub fn loan(&mut self, length: usize) -> Result<SliceLoan<'_, T>, StepError> {
         let failed = |reason| StepError::Transport { port: self.port, reason };
         if length > self.longest {
@@ -180,9 +180,9 @@ impl<T: StateBuffer> core::ops::DerefMut for SliceLoan<'_, T> {
 }
 
 impl<T: StateBuffer> SliceLoan<'_, T> {
-    /// Fills the slice from its start, until the slice is full or the values run out, and checks each element
-    /// as it is written. [`publish`](Self::publish) then does not read the slice a second time, unless it was
-    /// written to in the meantime or was not filled completely. Returns how many elements were written.
+    /// Fills the slice from its start until the slice is full or the values run out, and checks each element
+    /// as it is written. [`publish`](Self::publish) then does not read the slice again, unless it was written
+    /// to in the meantime or was not filled completely. Returns the number of elements written.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -203,17 +203,17 @@ impl<T: StateBuffer> SliceLoan<'_, T> {
     /// Publishes the slice and wakes the components that it triggers.
     ///
     /// # Errors
-    /// [`StepError::InvalidOutput`] if the slice has a number that is not finite; nothing is published then.
+    /// [`StepError::InvalidOutput`] if a number of the slice is not finite; the slice is then not published.
     pub fn publish(self) -> Result<(), StepError> {
         self.finish(None)
     }
 
-    /// As [`publish`](Self::publish), with the source time of the slice, such as the exposure time of an
+    /// Like [`publish`](Self::publish), with the source time of the slice, such as the exposure time of an
     /// image, in ns on the clock of stamps: see [`Loan::publish_from`](crate::transport::Loan::publish_from).
     ///
     /// # Errors
-    /// As [`publish`](Self::publish), and [`StepError::SourceInFuture`] if the source time is more than 1 ms
-    /// in the future.
+    /// Same as [`publish`](Self::publish), or [`StepError::SourceInFuture`] if the source time is more than 1
+    /// ms in the future.
     pub fn publish_from(self, source_ns: u64) -> Result<(), StepError> {
         self.finish(Some(source_ns))
     }

@@ -16,7 +16,7 @@ use crate::plan::TopicPlan;
 use crate::state::{Stamp, StateBuffer};
 use crate::transport::{Participant, PortError};
 
-/// The one writer of a stream of values, or of slices of them.
+/// The only writer of a stream of values or slices.
 #[derive(Debug)]
 pub(crate) struct StreamWriter<T> {
     sender: Rc<Sender>,
@@ -24,7 +24,7 @@ pub(crate) struct StreamWriter<T> {
 }
 
 impl<T: StateBuffer> StreamWriter<T> {
-    /// Joins a topic with this layout, of slices of at most this many values, or of single values.
+    /// Joins a topic with this layout, of slices of up to this many values or of single values.
     pub(crate) fn open(
         participant: &Participant,
         topic: &TopicPlan,
@@ -33,8 +33,8 @@ impl<T: StateBuffer> StreamWriter<T> {
         Ok(Self { sender: Rc::new(open_sender(participant.node(), topic, longest)?), content: PhantomData })
     }
 
-    /// Lends the memory of the next sample, with room for this many values (a stream of single values takes
-    /// one); `None` if readers hold all of it.
+    /// Lends the memory of the next sample, with room for `count` values (1 in a stream of single values).
+    /// Returns `None` if readers still use all samples.
     pub(crate) fn lend(&self, count: usize) -> Option<Lent<T>> {
         lend(&self.sender, count).map(|sample| Lent { sample, content: PhantomData })
     }
@@ -44,7 +44,7 @@ impl<T: StateBuffer> StreamWriter<T> {
     }
 }
 
-/// A sample lent for filling with values.
+/// A lent sample, to be filled with values.
 #[derive(Debug)]
 pub(crate) struct Lent<T> {
     sample: SampleMut<Shared, Bytes, Header>,
@@ -59,7 +59,7 @@ impl<T: StateBuffer> Lent<T> {
         unsafe { values(as_bytes(self.sample.payload())) }
     }
 
-    /// The values, to be filled.
+    /// Returns the values, to be filled.
     #[inline]
     pub(crate) fn payload_mut(&mut self) -> &mut [T] {
         let bytes = self.sample.payload_mut();
@@ -68,7 +68,7 @@ impl<T: StateBuffer> Lent<T> {
         unsafe { core::slice::from_raw_parts_mut(bytes.as_mut_ptr().cast::<T>(), count) }
     }
 
-    /// Sends the sample; returns false if that failed.
+    /// Sends the sample; returns `false` on failure.
     pub(crate) fn send(self, stamp: Stamp) -> bool {
         send(self.sample, stamp)
     }
@@ -76,7 +76,8 @@ impl<T: StateBuffer> Lent<T> {
 
 #[inline(never)]
 fn lend(sender: &Sender, count: usize) -> Option<SampleMut<Shared, Bytes, Header>> {
-    // SAFETY: a service of single values is asked for exactly one, by the only port that writes them.
+    // SAFETY: exactly one value is requested from a service of single values, by the only port that writes
+    // them.
     let sample = unsafe { sender.loan_custom_payload(count) }.ok()?;
     // SAFETY: the memory is mapped, initialised by the system or an earlier sample, and every bit pattern is
     // a valid value (the contract of `Field`).

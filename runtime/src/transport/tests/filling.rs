@@ -8,7 +8,7 @@ use super::*;
 use crate::declare::StepError;
 use crate::state::{CloudPoint, MAX_RANGES, Ranges};
 
-/// Fills by hand the value that `fill_from` must match.
+/// Fills a value element by element, as a reference for `fill_from`.
 fn send_by_hand(output: &mut Output<Ranges>, values: &[f32]) -> Result<(), StepError> {
     let mut loan = output.loan()?;
     loan.set_count(values.len());
@@ -28,7 +28,7 @@ fn outcome(result: Result<(), StepError>) -> Result<(), String> {
 }
 
 #[test]
-fn a_number_that_is_not_finite_is_refused_at_any_position() {
+fn non_finite_number_is_refused_at_any_position() {
     let bench = Bench::new(Ranges::layout(), TopicPattern::State);
     let output = RefCell::new(bench.output::<Ranges>());
     let values = |count: usize| (0..count).map(|i| i as f32 * 0.01).collect::<Vec<_>>();
@@ -49,7 +49,7 @@ fn a_number_that_is_not_finite_is_refused_at_any_position() {
 }
 
 #[test]
-fn a_refused_value_leaves_the_previous_one_in_place() {
+fn refused_value_leaves_the_previous_one_in_place() {
     let bench = Bench::new(Ranges::layout(), TopicPattern::State);
     let (mut output, mut input) = (bench.output::<Ranges>(), bench.input::<Ranges>());
     let mut values: Vec<f32> = (0..1_500).map(|i| i as f32).collect();
@@ -87,13 +87,13 @@ fn writes_outside_the_filled_part_are_checked_as_well() {
     let mut loan = output.loan().unwrap();
     loan.most = 2.0;
     loan.set_count(100);
-    assert_eq!(loan.fill_from(Ranges::range, std::iter::repeat(1.0)), 100, "no more than there is room for");
+    assert_eq!(loan.fill_from(Ranges::range, std::iter::repeat(1.0)), 100, "at most the capacity");
     loan.publish().unwrap();
 }
 
 #[test]
 #[should_panic(expected = "no part of motorium.Ranges")]
-fn numbers_from_elsewhere_are_not_filled() {
+fn numbers_outside_the_value_are_not_filled() {
     static ELSEWHERE: [f32; 4] = [0.0; 4];
     let bench = Bench::new(Ranges::layout(), TopicPattern::State);
     let mut output = bench.output::<Ranges>();
@@ -101,7 +101,7 @@ fn numbers_from_elsewhere_are_not_filled() {
 }
 
 #[test]
-fn a_slice_with_a_non_finite_number_is_refused_at_any_position() {
+fn slice_with_a_non_finite_number_is_refused() {
     let pattern = TopicPattern::Slices { capacity: 4, longest: 3_000 };
     let bench = Bench::new(CloudPoint::layout(), pattern);
     let place = bench.output_place();

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use super::*;
 
-/// Joins every run with a given name as soon as it appears, as a stock iceoryx2 program does. Returns how
-/// many it joined.
+/// Joins every run with a given name as soon as it appears, like a stock iceoryx2 program. Returns the number
+/// of joined runs.
 fn join_all(name: &str, done: &AtomicBool) -> usize {
     let mut joined = BTreeSet::new();
     while !done.load(Relaxed) {
@@ -42,7 +42,7 @@ fn joining_a_run_during_its_creation_does_not_prevent_it() {
         all_made.unwrap();
         joined
     });
-    // A run that was joined while it ended may have been created again.
+    // A run that was joined during its end may have been recreated by the join.
     for run in &made {
         run.remove();
     }

@@ -8,7 +8,7 @@ use super::*;
 const LONG: Duration = Duration::from_secs(60);
 
 #[test]
-fn a_second_read_returns_the_newest_value_again() {
+fn second_read_returns_the_newest_value_again() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
     assert!(input.latest().is_none());
@@ -24,7 +24,7 @@ fn a_second_read_returns_the_newest_value_again() {
 }
 
 #[test]
-fn a_reader_that_keeps_its_sample_never_blocks_the_writer() {
+fn reader_that_keeps_its_sample_never_blocks_the_writer() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
     output.send(&wrench(1.0)).unwrap();
@@ -36,7 +36,7 @@ fn a_reader_that_keeps_its_sample_never_blocks_the_writer() {
 }
 
 #[test]
-fn a_state_is_read_where_the_writer_left_it() {
+fn state_is_read_in_place() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
     output.send(&wrench(1.0)).unwrap();
@@ -52,7 +52,7 @@ fn a_state_is_read_where_the_writer_left_it() {
 }
 
 #[test]
-fn a_killed_reader_costs_one_slot_until_it_is_replaced() {
+fn killed_reader_costs_one_slot_until_it_is_replaced() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let mut output = bench.output::<Wrench>();
     output.send(&wrench(1.0)).unwrap();
@@ -65,7 +65,7 @@ fn a_killed_reader_costs_one_slot_until_it_is_replaced() {
 }
 
 #[test]
-fn a_writer_killed_while_filling_leaves_the_previous_value() {
+fn writer_killed_while_filling_leaves_the_previous_value() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let (mut killed, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
     killed.send(&wrench(1.0)).unwrap();
@@ -79,7 +79,7 @@ fn a_writer_killed_while_filling_leaves_the_previous_value() {
 }
 
 #[test]
-fn news_show_without_reading_and_end_with_it() {
+fn has_news_is_true_until_the_value_is_read() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
     assert!(!input.has_news() && input.next_unread().is_none());
@@ -91,7 +91,7 @@ fn news_show_without_reading_and_end_with_it() {
 }
 
 #[test]
-fn a_trigger_is_due_for_publications_before_its_first_wait() {
+fn trigger_is_due_for_publications_before_its_first_wait() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let mut output = bench.output::<Wrench>();
     output.send(&wrench(1.0)).unwrap();
@@ -100,18 +100,18 @@ fn a_trigger_is_due_for_publications_before_its_first_wait() {
     trigger.wait();
     assert_eq!(trigger.newest().0, 1);
     assert!(!trigger.is_due());
-    // A restarted component starts with what comes next.
+    // A restarted component starts with the next publication.
     bench.region.components()[1].restarts.store(1, std::sync::atomic::Ordering::Relaxed);
     assert_eq!(bench.participant(1).trigger(bench.topic()).unwrap().first_seen(), 1);
 }
 
 #[test]
-fn an_input_waits_for_the_next_publication_up_to_its_limit() {
+fn input_waits_for_the_next_publication_up_to_its_limit() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
     assert!(!input.wait(Duration::from_millis(1)), "nothing is published");
     output.send(&wrench(1.0)).unwrap();
-    assert!(input.wait(LONG), "it is there");
+    assert!(input.wait(LONG), "it was published");
     assert!(input.latest().is_some() && !input.wait(Duration::ZERO), "and is read");
     let (folder, topic) = (&bench.folder, bench.topic());
     std::thread::scope(|scope| {
@@ -174,7 +174,7 @@ fn no_publication_is_lost_when_waiting_and_publishing_race() {
             while theirs.load(SeqCst) <= round {
                 trigger.wait();
             }
-            // Sometimes the other side has time to fall asleep, sometimes not.
+            // The other side only sometimes has time to fall asleep.
             (0..round % 97 * 10).for_each(|_| core::hint::spin_loop());
             if !begins {
                 mine.store(round + 1, SeqCst);
@@ -190,7 +190,7 @@ fn no_publication_is_lost_when_waiting_and_publishing_race() {
 }
 
 #[test]
-fn a_tap_reads_the_history_and_counts_missed_values() {
+fn tap_reads_the_history_and_counts_missed_values() {
     let mut bench = Bench::with_history(32);
     bench.plan.name = "tapped".to_string();
     let domain = bench.folder.domain().unwrap();
@@ -214,7 +214,7 @@ fn a_tap_reads_the_history_and_counts_missed_values() {
 }
 
 #[test]
-fn a_topic_has_four_tap_places_and_reuses_closed_ones() {
+fn topic_has_four_tap_places_and_reuses_closed_ones() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let domain = bench.folder.domain().unwrap();
     let mut taps: Vec<_> = (0..4).map(|_| Tap::open(&domain, bench.topic()).unwrap()).collect();

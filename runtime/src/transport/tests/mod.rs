@@ -1,4 +1,4 @@
-//! Topics and parameters across their real mechanisms, within one process.
+//! Topics and parameters through their real mechanisms, within one process.
 
 mod filling;
 mod joining;
@@ -191,7 +191,7 @@ fn only_hold_withholds_and_counts_late_publications() {
 }
 
 #[test]
-fn a_value_that_is_not_finite_is_not_published() {
+fn value_that_is_not_finite_is_not_published() {
     let bench = Bench::new(JointState::layout(), TopicPattern::State);
     let (mut output, mut input) = (bench.output::<JointState>(), bench.input::<JointState>());
     let mut loan = output.loan().unwrap();
@@ -230,7 +230,7 @@ pub(crate) mod swapped {
 }
 
 #[test]
-fn layouts_of_equal_size_are_told_apart() {
+fn layouts_of_equal_size_are_distinguished() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let opened = bench.try_input::<swapped::Wrench>();
     let text = opened.unwrap_err().to_string();
@@ -239,7 +239,7 @@ fn layouts_of_equal_size_are_told_apart() {
 }
 
 #[test]
-fn a_set_parameter_takes_effect_at_the_next_tick() {
+fn parameter_change_takes_effect_at_the_next_tick() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let mut reader = ParameterReader::open(&bench.node, &bench.plan.components[1]).unwrap();
     let (_, numbers, place) = reader.parameter("gain").unwrap();
@@ -291,13 +291,13 @@ fn parameters_of_a_component_change_together_or_not_at_all() {
     assert_eq!(seen(&gain), (4.0, 1, vec![1.0, -1.0], -1.0));
     table.set("reader.gain", 2.0.into()).unwrap();
     reader.refresh();
-    assert_eq!(seen(&gain), (2.0, 1, vec![1.0, -1.0], -1.0), "the others stay");
+    assert_eq!(seen(&gain), (2.0, 1, vec![1.0, -1.0], -1.0), "the others are unchanged");
     let listed: Vec<_> = table.list().unwrap().into_iter().map(|(_, _, value)| value.to_string()).collect();
     assert_eq!(listed, ["2", "quick", "[1, -1]"]);
 }
 
 #[test]
-fn an_invalid_parameter_is_refused_with_the_allowed_values() {
+fn invalid_parameter_is_refused_with_the_allowed_values() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let mut plan = bench.plan.clone();
     plan.components.remove(0);

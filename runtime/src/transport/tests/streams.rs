@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn a_stream_delivers_samples_in_order_and_counts_lost_ones() {
+fn stream_delivers_samples_in_order_and_counts_lost_ones() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::Stream { capacity: 4 });
     let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
     let read = |input: &mut Input<Wrench>| {
@@ -23,7 +23,7 @@ fn a_stream_delivers_samples_in_order_and_counts_lost_ones() {
 }
 
 #[test]
-fn slices_up_to_the_declared_length_arrive_whole_and_in_order() {
+fn slices_up_to_the_declared_length_arrive_in_order() {
     let bench = Bench::new(u16::layout(), TopicPattern::Slices { capacity: 4, longest: 1_000 });
     let mut output = SliceOutput::<u16>::open(&bench.participant(0), bench.output_place(), "output").unwrap();
     let topic = bench.topic();
@@ -53,7 +53,7 @@ fn slices_up_to_the_declared_length_arrive_whole_and_in_order() {
 }
 
 #[test]
-fn a_slice_with_a_non_finite_number_is_not_published() {
+fn slice_with_a_non_finite_number_is_not_published() {
     let bench = Bench::new(f32::layout(), TopicPattern::Slices { capacity: 4, longest: 8 });
     let mut output = SliceOutput::<f32>::open(&bench.participant(0), bench.output_place(), "output").unwrap();
     let mut loan = output.loan(8).unwrap();
@@ -69,7 +69,7 @@ fn a_slice_with_a_non_finite_number_is_not_published() {
 }
 
 #[test]
-fn an_array_has_the_digest_of_its_elements() {
+fn array_has_the_digest_of_its_elements() {
     use crate::state::{Digest, Field};
     let (mut bytes, mut elements) = (Digest::default(), Digest::default());
     let values = [1.5_f64, -2.0, 3.25];

@@ -27,7 +27,7 @@ pub(super) fn of_program(program: &Path) -> anyhow::Result<Vec<KindSource<'stati
     let advised = |problem: ExecProblem| {
         let stderr = match &problem {
             ExecProblem::NoComponent { stderr, .. } if !stderr.is_empty() => {
-                format!("; it said: {stderr}")
+                format!("; standard error: {stderr}")
             }
             _ => String::new(),
         };

@@ -19,7 +19,7 @@ pub(super) struct Field {
     pub(super) scalar: Scalar,
     /// Entries of an array; `None` for a single number.
     pub(super) length: Option<usize>,
-    /// Position of the count of entries in use.
+    /// Byte offset of the number of used entries.
     pub(super) count: Option<usize>,
 }
 
@@ -59,7 +59,7 @@ impl Scalar {
         }
     }
 
-    /// Its number in `google.protobuf.FieldDescriptorProto.Type`.
+    /// Number of the type in `google.protobuf.FieldDescriptorProto.Type`.
     fn descriptor_type(self, is_array: bool) -> u64 {
         match self {
             Self::F64 => 1,
@@ -154,7 +154,7 @@ impl Field {
         out
     }
 
-    /// Returns the field's bytes in use in a sample.
+    /// Returns the used bytes of the field in a sample.
     pub(super) fn content<'a>(&self, bytes: &'a [u8]) -> &'a [u8] {
         let entries = match (self.length, self.count) {
             (None, _) => 1,
@@ -207,7 +207,7 @@ impl Field {
             {
                 place.copy_from_slice(number);
             }
-            // Text that was not UTF-8 may have become longer.
+            // Replacing invalid UTF-8 may have made the text longer.
             (Scalar::Text, Read::Bytes(content)) if self.length.is_some() => {
                 let length = content.len().min(capacity);
                 place[..length].copy_from_slice(&content[..length]);

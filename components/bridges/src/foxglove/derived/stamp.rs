@@ -4,10 +4,10 @@ use motorium::state::Stamp;
 
 use motorium_recordings::messages::wire;
 
-/// Number of the field that holds the stamp.
+/// Field number of the stamp.
 pub(super) const STAMP: u32 = 1;
 
-/// The bytes of a stamp.
+/// Bytes of a stamp.
 pub(super) fn stamp_bytes(stamp: &Stamp) -> [u8; size_of::<Stamp>()] {
     let Stamp { sequence, source_time, publish_time, state_time, episode, publisher, restart_count } = *stamp;
     let mut raw = [0; size_of::<Stamp>()];
@@ -20,7 +20,7 @@ pub(super) fn stamp_bytes(stamp: &Stamp) -> [u8; size_of::<Stamp>()] {
     raw
 }
 
-/// The stamp of these bytes.
+/// Stamp with these bytes.
 pub(super) fn stamp_of(raw: &[u8]) -> Stamp {
     let long = |index: usize| {
         raw.get(8 * index..).and_then(|rest| rest.first_chunk()).map_or(0, |bytes| u64::from_le_bytes(*bytes))
@@ -37,7 +37,7 @@ pub(super) fn stamp_of(raw: &[u8]) -> Stamp {
     }
 }
 
-/// The descriptor of the field that holds the stamp.
+/// Descriptor of the stamp field.
 pub(super) fn stamp_field(type_name: &str) -> Vec<u8> {
     let mut out = Vec::new();
     wire::bytes(1, b"stamp", &mut out);

@@ -5,9 +5,10 @@ use motorium::state::{JointCommand, JointState, StateBuffer as _, from_bytes};
 
 use super::super::{Recording, Signal};
 
-/// Returns state and action of a recording with one commanded robot. The state is the measured positions read
-/// by the writer of the joint commands; the action is the commanded positions, or efforts if no position is
-/// controlled. `None` if there are no joint states, no joint commands, or several writers of commands.
+/// Returns state and action of a recording with one commanded robot. The state consists of the measured
+/// positions read by the writer of the joint commands. The action consists of the commanded positions, or of
+/// the efforts if no position is controlled. Returns `None` without joint states or joint commands, or with
+/// several writers of commands.
 pub fn usual_signals(recording: &Recording, plan: &Plan) -> Option<(Signal, Signal)> {
     let of_type = |name: &'static str| {
         plan.topics.iter().enumerate().filter(move |(_, topic)| topic.layout.type_name == name)

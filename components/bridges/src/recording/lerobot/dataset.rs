@@ -9,29 +9,29 @@ pub struct Dataset {
     pub state: Vec<Signal>,
     /// Policy outputs: `action`.
     pub action: Vec<Signal>,
-    /// Policy images: the latest of each camera at each frame.
+    /// Policy images: the latest image of each camera at each frame.
     pub cameras: Vec<Camera>,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: u32,
     /// Description of the task.
     pub task: String,
-    /// The type of the robot.
+    /// Type of the robot.
     pub robot: Option<String>,
     /// Names of the entries of state and action; signal names where entry names are missing.
     pub names: [Vec<String>; 2],
 }
 
-/// A camera whose pictures are part of a dataset.
+/// A camera whose images are part of a dataset.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Camera {
-    /// The topic of its pictures.
+    /// Topic of its images.
     pub topic: String,
-    /// Name of its feature behind `observation.images.`.
+    /// Name of its feature after `observation.images.`.
     pub name: String,
 }
 
 impl Camera {
-    /// The camera of a topic, and its usual name.
+    /// Creates the camera of a topic, with its default name.
     ///
     /// ```
     /// use motorium_bridges::recording::Camera;
@@ -40,7 +40,7 @@ impl Camera {
     /// assert_eq!(Camera::of_topic("left/camera/colour").name, "left_camera_colour");
     /// ```
     pub fn of_topic(topic: &str) -> Self {
-        // LeRobot refuses names with `/`, and has its own meaning for `.`.
+        // LeRobot rejects names with `/`, and gives `.` a special meaning.
         let name = topic.strip_suffix("/image").unwrap_or(topic).replace(['/', '.'], "_");
         Self { topic: topic.to_string(), name }
     }

@@ -16,12 +16,12 @@ pub enum DatasetError {
     Write {
         /// The file.
         path: PathBuf,
-        /// The error of the system.
+        /// System error.
         source: io::Error,
     },
-    /// The number of entries of a sample changed.
+    /// The length of a signal changed.
     #[error(
-        "the {what} has {found} numbers at {time_s:.3} s and had {expected} before: a dataset has frames of one width; \
+        "the {what} has {found} numbers at {time_s:.3} s, expected {expected} as before: all frames of a dataset have the same width; \
          choose entries, such as TOPIC.FIELD[0..{least}]"
     )]
     Width {
@@ -31,12 +31,12 @@ pub enum DatasetError {
         found: usize,
         /// Numbers expected.
         expected: usize,
-        /// The smaller of both.
+        /// Smaller of both lengths.
         least: usize,
         /// Time since the beginning of the recording, s.
         time_s: f64,
     },
-    /// The recording has no pictures of this topic.
+    /// The recording has no images on this topic.
     #[error("the recording has no pictures of `{topic}`; {advice}")]
     NoPictures {
         /// The topic.
@@ -54,7 +54,7 @@ pub enum DatasetError {
         /// Reason.
         found: String,
     },
-    /// The signals never all have a value at the same time.
+    /// The signals and images were never all available at the same time.
     #[error(
         "the dataset has no frame, because all signals of the state and the action, and pictures of all cameras, were never available together"
     )]

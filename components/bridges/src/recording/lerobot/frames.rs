@@ -1,4 +1,4 @@
-//! The frames of a dataset: signals of a recording at a fixed rate.
+//! Frames of a dataset: signals of a recording, resampled at a fixed rate.
 
 use std::iter::Peekable;
 
@@ -15,12 +15,12 @@ use crate::parquet::{Column, Values};
 /// `state` and `action`.
 const WHAT: [&str; 2] = ["state", "action"];
 
-/// The frames of all episodes, by columns.
+/// Frames of all episodes, stored by column.
 #[derive(Debug, Default)]
 pub(super) struct Frames {
     /// Lengths of the state and of the action in a frame.
     pub(super) widths: [usize; 2],
-    /// The numbers of all frames.
+    /// Numbers of all frames.
     numbers: [Vec<f32>; 2],
     /// Time since the first frame of the episode, s.
     pub(super) timestamp: Vec<f32>,
@@ -28,17 +28,17 @@ pub(super) struct Frames {
     pub(super) lengths: Vec<usize>,
     /// Time of each frame in the recording, ns.
     times_ns: Vec<u64>,
-    /// The pictures of each camera.
+    /// Images of each camera.
     pub(super) pictures: Vec<Pictures>,
 }
 
-/// A signal that is read from the recording.
+/// Signal that is read from the recording.
 struct Source {
     what: usize,
     topic: usize,
     signal: Signal,
     decoder: Decoder,
-    /// The newest numbers in the episode.
+    /// Newest numbers in the episode.
     newest: Option<Vec<f32>>,
 }
 
@@ -120,15 +120,15 @@ impl Frames {
             return samples.next().map_or(Ok(()), |failed| Ok(failed.map(drop)?));
         };
         let (number, begun_ns) = (first.stamp.episode, first.time_ns);
-        // In real time each component enters an episode at its next step: a slow one still publishes in the
-        // last episode after a fast one has begun the next.
+        // In real time, each component enters an episode at its next step. A slow one still publishes in the
+        // previous episode after a fast one has entered the next.
         let in_episode = |sample: &Result<RecordedSample, SignalsError>| {
             sample.as_ref().map_or(true, |sample| sample.stamp.episode <= number)
         };
         let pictured = self.pictures.iter().map(|pictures| pictures.first_from(begun_ns).unwrap_or(u64::MAX));
         let pictured_ns = pictured.max().unwrap_or(0);
-        // In whole nanoseconds from the first frame, so that a rate whose period is not a whole number of
-        // nanoseconds does not drift.
+        // Computed from the first frame, so a rate whose period is not a whole number of nanoseconds does not
+        // drift.
         let frame_ns = |first_ns: u64, index: usize| {
             first_ns + (index as u128 * 1_000_000_000 / u128::from(fps.max(1))) as u64
         };
@@ -137,7 +137,7 @@ impl Frames {
             for source in sources.iter_mut().filter(|source| source.topic == sample.topic) {
                 source.take(&sample)?;
             }
-            // A sample at exactly the time of a frame belongs to it: entries with equal times come first.
+            // A sample at exactly the time of a frame belongs to that frame.
             let next = samples.peek().filter(|next| in_episode(next)).and_then(|next| next.as_ref().ok());
             let next_ns = next.map_or(sample.time_ns + 1, |next| next.time_ns);
             let is_whole = sources.iter().all(|source| source.newest.is_some()) && pictured_ns < next_ns;
@@ -180,7 +180,7 @@ impl Frames {
         Ok(())
     }
 
-    /// The columns of the data. A feature of one number is no list.
+    /// Columns of the data. A feature of one number is not stored as a list.
     pub(super) fn columns(&self) -> Vec<Column> {
         let total = self.timestamp.len();
         let column = |name: &str, values| Column { name: name.to_string(), values };
@@ -207,8 +207,8 @@ impl Frames {
         numbers.into_iter().chain(self.pictures.iter().map(Pictures::column)).collect()
     }
 
-    /// The names of the numbers of the state and of the action: those that are known, else the signal and a
-    /// number.
+    /// Names of the entries of state and action; entries without a name are named after the signal and their
+    /// index.
     pub(super) fn names(&self, dataset: &Dataset) -> [Vec<String>; 2] {
         let signals = [&dataset.state, &dataset.action];
         core::array::from_fn(|what| {

@@ -39,7 +39,7 @@ const DATA: &str = "data/chunk-000/file-000.parquet";
 const EPISODES: &str = "meta/episodes/chunk-000/file-000.parquet";
 const TASKS: &str = "meta/tasks.parquet";
 
-/// Frames per row group with images, whose data must stay below two gigabytes.
+/// Frames per row group with images: the data of a row group must stay below two gigabytes.
 const GROUP: usize = 200;
 
 /// Counts of a written dataset.
@@ -51,11 +51,11 @@ pub struct DatasetCounts {
     pub frames: usize,
 }
 
-/// Writes a recording as a dataset into a folder. Each frame holds the latest samples at its time. The frames
-/// of an episode begin when all signals have a sample.
+/// Writes a recording as a dataset into a folder. Each frame contains the latest samples at its time. The
+/// first frame of an episode is at the time when all signals have a sample.
 ///
 /// # Errors
-/// If the recording cannot be read or lacks the signals, or the files cannot be written.
+/// Returns an error if the recording cannot be read or lacks the signals, or the files cannot be written.
 pub fn write_lerobot(
     recording: &Recording,
     dataset: &Dataset,
@@ -128,7 +128,7 @@ fn info(dataset: &Dataset, frames: &Frames) -> Value {
     })
 }
 
-/// Position of each episode in the data.
+/// Columns with the position of each episode in the data.
 fn episodes(lengths: &[usize], task: &str) -> Vec<Column> {
     let ends = lengths.iter().scan(0, |end, length| {
         *end += length;
@@ -161,7 +161,7 @@ fn numbers(columns: &[Column]) -> impl Iterator<Item = &Column> {
     columns.iter().filter(|column| !matches!(column.values, Values::Group(_)))
 }
 
-/// The statistics of each episode, in a column for each statistic of each feature.
+/// Statistics of each episode, in one column per statistic and feature.
 fn stats_of_episodes(columns: &[Column], lengths: &[usize]) -> Vec<Column> {
     let mut made = Vec::new();
     for column in numbers(columns) {
@@ -186,7 +186,7 @@ fn stats_of_episodes(columns: &[Column], lengths: &[usize]) -> Vec<Column> {
     made
 }
 
-/// Metadata that makes pandas use the task texts as the index, in which LeRobot looks tasks up.
+/// Metadata that makes pandas use the task texts as the index, where LeRobot looks them up.
 fn index_of_tasks() -> Value {
     let column = |name: &str, kind: &str, numpy: &str| json!({ "name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": null });
     json!({

@@ -1,4 +1,4 @@
-//! Images of a dataset: the latest of each camera at each frame, as PNG files within the table.
+//! Images of a dataset: the latest image of each camera at each frame, as PNG files within the table.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use super::stats::QUANTILES;
 use crate::parquet::{Column, Values};
 use crate::png;
 
-/// Name of the encoding of depths in metres.
+/// Encoding of depths in metres.
 const DEPTH: &str = "32FC1";
 
 /// Returns the cameras whose images fit a dataset, with 8 bits per colour, and the topics of the others, such
@@ -38,18 +38,18 @@ pub fn usual_cameras(recording: &Recording) -> (Vec<Camera>, Vec<String>) {
     (cameras, depths)
 }
 
-/// The pictures of one camera.
+/// Images of one camera.
 #[derive(Debug)]
 pub(super) struct Pictures {
     camera: Camera,
     /// Index among the images of the recording.
     index: usize,
-    /// Times of its pictures, ns, rising.
+    /// Times of the images, ns, ascending.
     times: Vec<u64>,
     size: (usize, usize),
-    /// The file of the picture of each frame.
+    /// PNG file of each frame.
     files: Vec<Arc<[u8]>>,
-    /// The pixels of each episode.
+    /// Brightness histogram of each episode.
     brightness: Vec<Brightness>,
 }
 
@@ -57,7 +57,7 @@ pub(super) struct Pictures {
 type Brightness = [[u64; 256]; 3];
 
 impl Pictures {
-    /// The cameras of a dataset, and the times of their pictures.
+    /// Finds the cameras of a dataset, and reads the times of their images.
     pub(super) fn from_recording(
         recording: &Recording,
         cameras: &[Camera],
@@ -89,13 +89,13 @@ impl Pictures {
         Ok(all)
     }
 
-    /// The time of the first picture from a time on.
+    /// Time of the first image at or after `time_ns`.
     pub(super) fn first_from(&self, time_ns: u64) -> Option<u64> {
         self.times.get(self.times.partition_point(|time| *time < time_ns)).copied()
     }
 
-    /// Reads the latest image at each of these ascending times and encodes it. `lengths` are the numbers of
-    /// frames of the episodes.
+    /// Reads and encodes the latest image at each of these ascending times. `lengths` contains the number of
+    /// frames of each episode.
     pub(super) fn read(
         &mut self,
         recording: &Recording,
@@ -151,7 +151,7 @@ impl Pictures {
         format!("observation.images.{}", self.camera.name)
     }
 
-    /// The column: the file of each frame, and its name.
+    /// Column with the file of each frame, and its name.
     pub(super) fn column(&self) -> Column {
         let names = (0..self.files.len()).map(|frame| format!("frame-{frame:06}.png")).collect();
         let file = Column { name: "bytes".to_string(), values: Values::Bytes(self.files.clone()) };
@@ -159,14 +159,14 @@ impl Pictures {
         Column { name: self.feature(), values: Values::Group(vec![file, name]) }
     }
 
-    /// The entry of `info.json`.
+    /// Entry of `info.json`.
     pub(super) fn info(&self) -> Value {
         let (width, height) = self.size;
         json!({ "dtype": "image", "shape": [height, width, 3], "names": ["height", "width", "channels"] })
     }
 
-    /// Entry of `stats.json`: statistics of each colour over all pixels of all frames, as fractions of full
-    /// brightness, each in a list of lists as LeRobot expects.
+    /// Entry of `stats.json`: statistics of each colour channel over all pixels of all frames, as fractions
+    /// of full brightness, nested in lists as LeRobot expects.
     pub(super) fn stats(&self) -> Value {
         let mut all: Brightness = [[0; 256]; 3];
         self.brightness.iter().for_each(|of_episode| add(&mut all, of_episode, 1));
@@ -175,7 +175,7 @@ impl Pictures {
         named.chain([("count".to_string(), json!([self.files.len()]))]).collect()
     }
 
-    /// Returns the statistics of each episode, in a column for each statistic.
+    /// Returns the statistics of each episode, in one column per statistic.
     pub(super) fn stats_of_episodes(&self, lengths: &[usize]) -> Vec<Column> {
         let list = |length: usize, entries: Values| {
             let lists = entries.len() / length.max(1);
@@ -223,8 +223,8 @@ fn colours(image: &RawImage) -> Result<Vec<u8>, String> {
         "bgr8" => &[2, 1, 0],
         "mono8" => &[0, 0, 0],
         DEPTH => {
-            return Err("is one of depths in metres, and pictures of a dataset have 8 bits for each of their colours: \
-                        name others by `--pictures`"
+            return Err("contains depths in metres, but a dataset requires 8 bits per colour: \
+                        select other cameras with `--pictures`"
                 .to_string());
         }
         other => return Err(format!("has the encoding {other}, expected rgb8, bgr8 or mono8")),
@@ -247,7 +247,7 @@ fn mean(counts: &[u64]) -> f64 {
     counts.iter().enumerate().map(|(value, count)| value as f64 * *count as f64).sum::<f64>() / total(counts)
 }
 
-/// Standard deviation of the population: `ddof = 0`.
+/// Population standard deviation (`ddof = 0`).
 fn deviation(counts: &[u64]) -> f64 {
     let mean = mean(counts);
     let squares =
@@ -255,7 +255,7 @@ fn deviation(counts: &[u64]) -> f64 {
     (squares.sum::<f64>() / total(counts)).sqrt()
 }
 
-/// Quantile `part` of the values, with linear interpolation between neighbours.
+/// Quantile `part` (0 to 1) of the values, with linear interpolation between neighbours.
 fn ranked(counts: &[u64], part: f64) -> f64 {
     let place = part * (counts.iter().sum::<u64>().saturating_sub(1)) as f64;
     let at = |rank: u64| {

@@ -6,14 +6,14 @@ use serde_json::{Value, json};
 
 use crate::parquet::Values;
 
-/// Names and parts of the quantiles.
+/// Names and fractions of the quantiles.
 pub(super) const QUANTILES: [(&str, f64); 5] =
     [("q01", 0.01), ("q10", 0.1), ("q50", 0.5), ("q90", 0.9), ("q99", 0.99)];
 
-/// The numbers of a column, read out once for the statistics of all its ranges of rows.
+/// Numbers of a column, extracted once for the statistics of all row ranges.
 pub(super) struct Numbers {
     flat: Vec<f64>,
-    /// Number of values in a row.
+    /// Number of values per row.
     width: usize,
 }
 
@@ -26,11 +26,11 @@ impl Numbers {
     }
 }
 
-/// Statistics of each number of a column.
+/// Statistics of each entry of a column.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Stats {
     rows: usize,
-    /// Values of each number, rising.
+    /// Values of each entry, ascending.
     rising: Vec<Vec<f64>>,
 }
 
@@ -50,7 +50,7 @@ impl Stats {
         self.rows
     }
 
-    /// Each of the statistics by its name: a value for each number of the column.
+    /// Statistics by name, each with one value per entry of the column.
     pub(super) fn named(&self) -> Vec<(&'static str, Vec<f64>)> {
         let each =
             |of: &dyn Fn(&[f64]) -> f64| self.rising.iter().map(|values| of(values)).collect::<Vec<f64>>();
@@ -85,7 +85,7 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// Standard deviation of the population: `ddof = 0`.
+/// Population standard deviation (`ddof = 0`).
 fn deviation(values: &[f64]) -> f64 {
     let mean = mean(values);
     (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len().max(1) as f64).sqrt()

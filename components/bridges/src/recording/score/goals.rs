@@ -1,4 +1,4 @@
-//! Goals of a recording, and the path of a frame between them.
+//! Pose goals of a recording, and the path of a frame between them.
 
 use motorium::plan::{ComponentPlan, Plan};
 use motorium::state::{BaseState, JointState, PoseTarget, StateBuffer, from_bytes};
@@ -10,8 +10,7 @@ use super::super::{RecordedSample, Recording};
 use super::spectral_arc_length;
 use crate::foxglove::load_in_world;
 
-/// Distances from a goal within which it counts as reached, if they differ from those in the reader's
-/// configuration.
+/// Tolerances within which a goal counts as reached, overriding the reader's configuration.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Tolerance {
     /// Distance, m.
@@ -20,12 +19,11 @@ pub struct Tolerance {
     pub orientation: Option<f64>,
 }
 
-/// Default distance from a goal within which it counts as reached, m.
+/// Default position tolerance within which a goal counts as reached, m.
 const POSITION: f64 = 5e-3;
-/// Default angle from a goal within which it counts as reached, rad.
+/// Default orientation tolerance within which a goal counts as reached, rad.
 const ORIENTATION: f64 = 0.02;
-/// Time for which the target must have rested at the last goal of a run, or of an episode, for it to count,
-/// s.
+/// Time for which the target must rest at the last goal of a run or episode for the goal to count, s.
 const SETTLE_S: f64 = 0.2;
 
 /// A frame that follows the pose targets of one topic.
@@ -33,41 +31,41 @@ const SETTLE_S: f64 = 0.2;
 pub struct PoseScore {
     /// The topic of the targets.
     pub target: String,
-    /// The component that reads them.
+    /// The component that reads the targets.
     pub reader: String,
     /// Topic of the joint states or of the base state that the component reads.
     pub state: String,
     /// The frame.
     pub frame: String,
-    /// Number of goals at which the target rested and the frame was within the tolerances when the target
-    /// left.
+    /// Number of goals where the target rested and the frame was within the tolerances when the target moved
+    /// on.
     pub goals_reached: u64,
-    /// Number of goals at which the frame was outside the tolerances.
+    /// Number of goals where the frame was outside the tolerances.
     pub goals_missed: u64,
-    /// Greatest distance at any of these goals, m.
+    /// Largest distance at any of these goals, m.
     pub position_error_m: Option<f64>,
-    /// Greatest angle at any of these goals, rad.
+    /// Largest angle at any of these goals, rad.
     pub orientation_error_rad: Option<f64>,
-    /// Distance of the frame from the target over the whole time, root mean square, m.
+    /// Root mean square distance of the frame from the target over the whole recording, m.
     pub path_position_rms_m: f64,
-    /// Greatest distance of the frame from the target over the whole time, m.
+    /// Largest distance of the frame from the target over the whole recording, m.
     pub path_position_max_m: f64,
-    /// Angle between the frame and the target over the whole time, root mean square, rad.
+    /// Root mean square angle between frame and target over the whole recording, rad.
     pub path_orientation_rms_rad: f64,
-    /// Greatest angle between the frame and the target over the whole time, rad.
+    /// Largest angle between frame and target over the whole recording, rad.
     pub path_orientation_max_rad: f64,
-    /// Mean smoothness of the movements to the goals, as [`GoalScore::smoothness`].
+    /// Mean [smoothness](GoalScore::smoothness) of the movements to the goals.
     pub smoothness: Option<f64>,
-    /// `true` if the reader leaves the position free; its position errors are meaningless then.
+    /// `true` if the reader does not control the position; the position errors are then meaningless.
     pub position_is_free: bool,
-    /// True if the reader leaves the orientation free.
+    /// `true` if the reader does not control the orientation.
     pub orientation_is_free: bool,
-    /// Each goal, in the order of time.
+    /// Goals in time order.
     pub goals: Vec<GoalScore>,
 }
 
 impl PoseScore {
-    /// A distance, m, and an angle, rad, as text in mm and mrad, without the one that is left free.
+    /// Formats a distance \[m\] and an angle \[rad\] in mm and mrad, omitting an uncontrolled one.
     pub fn errors(&self, position: f64, orientation: f64) -> String {
         let both = [
             (self.position_is_free, format!("{:.3} mm", 1e3 * position)),
@@ -79,27 +77,27 @@ impl PoseScore {
     }
 }
 
-/// A goal at which the target has rested.
+/// Goal at which the target has rested.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct GoalScore {
     /// Number of the episode.
     pub episode: u64,
-    /// Number of the goal in the targets.
+    /// Goal number of the target.
     pub goal: u64,
     /// Time at which the target came to rest, s since the first sample of the recording.
     pub at_rest_s: f64,
-    /// Distance of the frame when the target left, m.
+    /// Distance of the frame from the goal when the target moved on, m.
     pub position_error_m: f64,
-    /// Angle of the frame when the target left, rad.
+    /// Angle between the frame and the goal when the target moved on, rad.
     pub orientation_error_rad: f64,
-    /// True if both were within the tolerances.
+    /// `true` if both were within the tolerances.
     pub reached: bool,
-    /// Spectral arc length of the frame's speed on the path to the goal. About -1.4 for a movement with one
-    /// acceleration and one deceleration, lower for hesitant movements.
+    /// Spectral arc length of the frame's speed on the path to the goal. It is about -1.4 for a movement with
+    /// one acceleration and one deceleration, and lower for hesitant movements.
     pub smoothness: Option<f64>,
 }
 
-/// A frame that is followed through the recording.
+/// Frame whose pose is tracked through the recording.
 pub(super) struct Follower {
     target: usize,
     joints: Option<usize>,
@@ -107,7 +105,7 @@ pub(super) struct Follower {
     loaded: Loaded,
     kinematics: Kinematics,
     q: Vec<f64>,
-    /// True once the joints, and the base, have been seen.
+    /// `true` for the joints, and for the base, once they have been read.
     seen: (bool, bool),
     /// `None` for the base itself.
     frame: Option<FrameId>,
@@ -120,19 +118,20 @@ pub(super) struct Follower {
     score: PoseScore,
 }
 
-/// The way to one goal.
+/// Movement to one goal.
 struct Movement {
     episode: u64,
     goal: u64,
     /// Times and positions of the frame until the target rests.
     way: Vec<(u64, Vector3<f64>)>,
-    /// Time at which the target came to rest, ns, duration of the rest, s, and the newest error during it.
+    /// Time at which the target came to rest \[ns\], duration of the rest \[s\], and latest error while at
+    /// rest.
     rest: Option<(u64, f64, [f64; 2])>,
 }
 
 impl Follower {
-    /// `None` if the reader has no robot with such a frame, moves no frame to the target, or its inputs were
-    /// not recorded.
+    /// Returns `None` if the reader has no robot with such a frame, if it does not move a frame to the
+    /// target, or if its inputs were not recorded.
     pub(super) fn new(
         recording: &Recording,
         plan: &Plan,
@@ -150,7 +149,7 @@ impl Follower {
         let (joints, base) = (input(JointState::NAME), input(BaseState::NAME));
         let port = component.inputs.iter().find(|input| input.topic == Some(topic))?;
         let task = task_of(component, &port.port);
-        // A target read by another kind of task, such as a gaze target, is not a pose for a frame.
+        // The target of another kind of task, such as a gaze target, is not a frame pose.
         if task.is_none() && component.config.get("tasks").is_some() {
             return None;
         }
@@ -164,7 +163,7 @@ impl Follower {
         }
         let number = |key: &str| task?.get(key)?.as_f64();
         let is_free = |weight: &str| number(weight) == Some(0.0);
-        // An axis that a task leaves free cannot miss.
+        // An axis that the task does not control cannot miss.
         let of_task = |key: &str, weight: &str, usual: f64| {
             if is_free(weight) { f64::INFINITY } else { number(key).unwrap_or(usual) }
         };
@@ -294,7 +293,7 @@ impl Follower {
         }
     }
 
-    /// Enters a goal; `left` is true if the target went on from it, false at the end of a run or an episode.
+    /// Records a goal. `left` is `true` if the target moved on, and `false` at the end of a run or episode.
     fn finish(&mut self, movement: &Movement, left: bool, begin_ns: u64) {
         let Some((since_ns, rested, error)) = movement.rest else { return };
         if !left && rested + 1e-9 < SETTLE_S {
@@ -318,7 +317,7 @@ impl Follower {
         });
     }
 
-    /// `None` without a target and a state to compare.
+    /// Returns `None` if there is no target, or no state to compare.
     pub(super) fn result(mut self) -> Option<PoseScore> {
         if let (Some(last), Some(begin_ns)) = (self.movement.take(), self.begin_ns) {
             self.finish(&last, false, begin_ns);
@@ -335,10 +334,10 @@ impl Follower {
     }
 }
 
-/// Tasks that bring a frame to their target.
+/// Kinds of tasks that move a frame to their target.
 const FOLLOWING: [&str; 2] = ["cartesian", "admittance"];
 
-/// The table of the task of a controller that brings a frame to the target which is read at this port.
+/// Configuration of the controller task that moves a frame to the target of this port.
 fn task_of<'c>(component: &'c ComponentPlan, port: &str) -> Option<&'c serde_json::Value> {
     let tasks = component.config.get("tasks")?.as_array()?;
     let mut following = tasks.iter().flat_map(|task| FOLLOWING.iter().filter_map(|kind| task.get(*kind)));
@@ -348,13 +347,13 @@ fn task_of<'c>(component: &'c ComponentPlan, port: &str) -> Option<&'c serde_jso
     following.find(|task| target(task))
 }
 
-/// `None` if the orientation is not a unit quaternion.
+/// Returns `None` if the orientation is not a unit quaternion.
 fn pose(position: [f64; 3], [x, y, z, w]: [f64; 4]) -> Option<Isometry3<f64>> {
     let rotation = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.5)?;
     Some(Isometry3::from_parts(Translation3::from(position), rotation))
 }
 
-/// The smoothness of a way.
+/// Smoothness of a path.
 fn smoothness(way: &[(u64, Vector3<f64>)]) -> Option<f64> {
     let (first, last) = (way.first()?.0, way.last()?.0);
     let seconds = last.saturating_sub(first) as f64 * 1e-9;

@@ -8,48 +8,48 @@ use serde::Serialize;
 use super::super::{RecordedSample, Recording, Tracking};
 use crate::foxglove::{load_in_world, robot_of_topic};
 
-/// The joints of one topic of joint states.
+/// Joints of one topic of joint states.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct JointsScore {
     /// The topic.
     pub state: String,
-    /// Topic of the commands that the joints follow, if an actuator produced the state.
+    /// Topic of the commands that the joints follow, if an actuator published the state.
     pub command: Option<String>,
-    /// Each joint, in the order of the robot's model.
+    /// Joints, in the order of the robot model.
     pub joints: Vec<JointScore>,
 }
 
-/// Score of one joint: angles in rad, or lengths in m.
+/// Score of one joint. Positions are in rad for revolute joints and in m for prismatic joints.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct JointScore {
     /// Its name.
     pub name: String,
-    /// Root mean square of its distance from the commanded position; `null` without commands of positions.
+    /// Root mean square distance from the commanded position; `null` without position commands.
     pub tracking_rms: Option<f64>,
-    /// Greatest distance from the commanded position.
+    /// Largest distance from the commanded position.
     pub tracking_max: Option<f64>,
     /// Lowest position.
     pub position_min: f64,
     /// Highest position.
     pub position_max: f64,
-    /// Minimum distance from a position limit, negative beyond it; `null` without a limit.
+    /// Minimum distance from a position limit, negative beyond the limit; `null` without a limit.
     pub position_margin: Option<f64>,
-    /// Greatest speed, rad/s or m/s.
+    /// Largest speed, rad/s or m/s.
     pub velocity_max: f64,
-    /// Greatest speed as a share of its limit; `null` without one.
+    /// Largest speed as a fraction of the velocity limit; `null` without a limit.
     pub velocity_share: Option<f64>,
-    /// Greatest effort, Nm or N.
+    /// Largest effort, N m or N.
     pub effort_max: f64,
-    /// Greatest effort as a share of its limit; `null` without one.
+    /// Largest effort as a fraction of the effort limit; `null` without a limit.
     pub effort_share: Option<f64>,
-    /// Samples beyond a limit of the position or the speed.
+    /// Number of samples beyond a position or velocity limit.
     pub beyond_limits: u64,
 }
 
 /// Largest rounding error of a position at its limit, rad or m.
 const ROUNDING: f64 = 1e-9;
 
-/// The extremes of one topic.
+/// Extremes of one topic.
 pub(super) struct Limits {
     /// Index in the recording.
     topic: usize,
@@ -60,7 +60,7 @@ pub(super) struct Limits {
 }
 
 impl Limits {
-    /// `None` if the topic was not recorded, or its robot cannot be loaded.
+    /// Returns `None` if the topic was not recorded, or if its robot cannot be loaded.
     pub(super) fn new(recording: &Recording, plan: &Plan, index: usize) -> Option<Self> {
         let name = plan.topics[index].name.clone();
         let topic = recording.topic(&name)?;
@@ -97,7 +97,7 @@ impl Limits {
         }
     }
 
-    /// `None` without a sample.
+    /// Returns `None` without samples.
     pub(super) fn result(mut self, tracking: &[Tracking]) -> Option<JointsScore> {
         if self.samples == 0 {
             return None;

@@ -1,8 +1,8 @@
-//! The score of a run, computed from its recording: goals, paths, tracking, limits.
+//! The score of a run, computed from its recording: goals, paths, tracking and limits.
 //!
-//! The score does not rely on figures reported by components. Frame positions are computed from recorded
-//! joint states with motorium's kinematics, as configured in the component that read the targets, and
-//! compared with the recorded targets.
+//! The score does not rely on figures reported by components. Frame poses are computed from recorded joint
+//! states with motorium's kinematics, configured as in the component that read the targets, and compared with
+//! the recorded targets.
 
 mod goals;
 mod joints;
@@ -37,14 +37,14 @@ pub struct Score {
     pub graph: String,
     /// Time from the first sample to the last, s.
     pub duration_s: f64,
-    /// Each component that reads a topic of pose targets.
+    /// Score of each component that reads a topic of pose targets.
     pub poses: Vec<PoseScore>,
-    /// Each topic of joint states of a robot.
+    /// Score of each topic of joint states of a robot.
     pub joints: Vec<JointsScore>,
 }
 
 impl Score {
-    /// Number of reached goals and number of missed goals.
+    /// Returns the number of reached goals and the number of missed goals.
     pub fn goals(&self) -> (u64, u64) {
         let sum = |of: fn(&PoseScore) -> u64| self.poses.iter().map(of).sum();
         (sum(|pose| pose.goals_reached), sum(|pose| pose.goals_missed))
@@ -54,7 +54,7 @@ impl Score {
 /// Computes the score of a recording.
 ///
 /// # Errors
-/// A message is damaged.
+/// Returns an error if a message is damaged.
 pub fn score(recording: &Recording, plan: &Plan, tolerance: Tolerance) -> Result<Score, ReadError> {
     analyse(recording, plan)?.score(recording, plan, tolerance)
 }
@@ -63,7 +63,7 @@ impl Analysis {
     /// Computes the score of the analysed recording.
     ///
     /// # Errors
-    /// A message is damaged.
+    /// Returns an error if a message is damaged.
     pub fn score(
         &self,
         recording: &Recording,
@@ -81,8 +81,8 @@ impl Analysis {
         let mut limits: Vec<Limits> =
             of_type(JointState::NAME).filter_map(|(index, _)| Limits::new(recording, plan, index)).collect();
         let mut samples = recording.in_order().peekable();
-        // Values with equal times, such as all values of a lockstep tick: states first, then the targets
-        // derived from them.
+        // Values with equal times, such as all values of a lockstep tick, are processed together: first the
+        // states, then the targets derived from them.
         let mut together = Vec::new();
         while let Some(sample) = samples.next() {
             let sample = sample?;

@@ -1,4 +1,4 @@
-//! The smoothness of movements.
+//! Smoothness of movements.
 
 use core::f64::consts::PI;
 
@@ -9,10 +9,10 @@ const THRESHOLD: f64 = 0.05;
 /// Minimum number of speed samples for a spectrum.
 const FEWEST: usize = 8;
 
-/// Returns the spectral arc length of a movement from its speed sampled at `rate_hz`: the negated length of
-/// its normalised Fourier spectrum up to 10 Hz. A movement that accelerates and decelerates once has about
-/// -1.4; more changes of speed lower the value. Noise above 10 Hz has no effect. `None` for fewer than 8
-/// samples, or without motion.
+/// Returns the spectral arc length of a movement from its speed, sampled at `rate_hz`: the negative arc
+/// length of its normalised Fourier magnitude spectrum up to 10 Hz. A movement that accelerates and
+/// decelerates once has a value of about -1.4; further speed changes lower the value. Noise above 10 Hz has
+/// no effect. Returns `None` for fewer than 8 samples, or without motion.
 ///
 /// S. Balasubramanian, A. Melendez-Calderon, A. Roby-Brami, E. Burdet: On the analysis of movement
 /// smoothness. Journal of NeuroEngineering and Rehabilitation 12 (2015), section "SPARC", with their
@@ -37,7 +37,7 @@ pub fn spectral_arc_length(speeds: &[f64], rate_hz: f64) -> Option<f64> {
     let highest = ((CUT_OFF_HZ / resolution_hz).floor()).min(padded / 2.0) as usize;
     let amplitude = |index: usize| {
         let turn = nalgebra::Complex::from_polar(1.0, -2.0 * PI * index as f64 / padded);
-        // Horner's rule from the last speed on: one multiplication each, and no table.
+        // Horner's rule, starting at the last speed, needs one multiplication per sample and no table.
         let sum =
             speeds.iter().rev().fold(nalgebra::Complex::new(0.0, 0.0), |sum, speed| sum * turn + *speed);
         sum.norm()
@@ -60,13 +60,13 @@ mod tests {
         30.0 * t.powi(2) * (1.0 - t).powi(2)
     }
 
-    /// Speeds of a wave that never rests: its spectrum has more than one peak.
+    /// Speeds of a wave that never comes to rest; its spectrum has more than one peak.
     fn wave(count: usize, rate_hz: f64) -> Vec<f64> {
         let time = (0..count).map(|index| index as f64 / rate_hz);
         time.map(|t| 1.0 + 0.5 * (7.0 * t).sin() + 0.3 * (19.0 * t + 0.4).cos().abs()).collect()
     }
 
-    /// Expected figures from the authors' formula, computed with `numpy.fft.fft` (numpy 2).
+    /// Expected values from the authors' formula, computed with `numpy.fft.fft` (numpy 2).
     #[test]
     fn arc_length_matches_a_fast_fourier_transform() {
         let bells: Vec<f64> = (0..1000).map(|index| bell(f64::from(index) / 1000.0)).collect();

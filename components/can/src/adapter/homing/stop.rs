@@ -2,27 +2,28 @@
 //!
 //! The joint moves towards the stop with the effort allowed at the stop. It comes to rest, backs off, and
 //! comes to rest a second time at the same position. A joint that does not back off is jammed, or its brake
-//! is closed. A joint that comes to rest at two positions has met a movable obstacle. A joint stopped only by
-//! its own weight also comes to rest at the same position, but sinks back as soon as its effort is halved.
+//! is engaged. A joint that comes to rest at two different positions has hit a movable obstacle. A joint
+//! stopped only by its own weight also comes to rest at the same position, but sinks back when its effort is
+//! halved.
 
 use crate::protocols::entries::HomingEntry;
 use crate::protocols::homing_fault::HomingFault;
 
-/// Time over which motion is judged, ns.
+/// Length of the window in which motion is detected, ns.
 const WINDOW_NS: u64 = 200_000_000;
 /// Consecutive windows without motion after which the joint is at rest.
 const STILL_WINDOWS: u32 = 2;
-/// Fraction of the commanded velocity below which a joint counts as not moving. Even a heavy joint
-/// accelerates beyond it in time.
+/// Fraction of the commanded velocity below which a joint counts as at rest. Even a heavy joint accelerates
+/// beyond it within the windows.
 pub(crate) const STILL: f64 = 0.03;
 /// Multiple of the commanded velocity beyond which the joint counts as running away.
 pub(crate) const RUNAWAY: f64 = 5.0;
-/// Largest difference between the two stop positions, as a share of the distance backed off.
+/// Largest difference between the two stop positions, as a fraction of the back-off distance.
 const REPEATS_WITHIN: f64 = 0.4;
-/// Fraction of the effort with which the joint has to stay at the stop.
+/// Fraction of the effort at which the joint has to stay at the stop.
 pub(crate) const EASED: f64 = 0.5;
-/// Largest distance that the joint may yield then, as a share of the distance at the commanded velocity in a
-/// window.
+/// Largest distance that the joint may yield at that effort, as a fraction of the distance covered in a
+/// window at the commanded velocity.
 const GIVES_WITHIN: f64 = 0.2;
 
 /// Stage of a homing at a stop. Positions are joint positions without the offset.
@@ -32,7 +33,7 @@ enum Stage {
     Approach,
     /// Away from the stop, from this position.
     BackOff(f64),
-    /// Towards the stop again, which was found at this position.
+    /// Towards the stop again, which was first found at this position.
     ApproachAgain(f64),
     /// Against the stop with half of the effort, from this position. A joint stopped only by its weight sinks
     /// back.
@@ -143,7 +144,7 @@ impl Stop {
         }
         self.window_ns += cycle_ns;
         let share = |time_ns: u64| forward / (self.velocity.abs() * time_ns as f64 * 1e-9);
-        // as soon as it has moved as far as the whole window allows
+        // a runaway is detected as soon as the joint has moved farther than a whole window allows
         let gone = share(WINDOW_NS.max(self.window_ns)).abs();
         if gone > RUNAWAY {
             return Outcome::Failed(HomingFault::Runaway(share(self.window_ns).abs()));

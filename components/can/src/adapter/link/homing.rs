@@ -33,8 +33,8 @@ impl Link {
         }
     }
 
-    /// Records that a trip disables the drive, if it does: the drive has not disabled itself, and its homing
-    /// stays valid.
+    /// Disables the drive after a trip if it is homing or being enabled, or if `on_trip` requires it. The
+    /// drive has not disabled itself, so a completed homing remains valid.
     pub(in crate::adapter) fn let_go(&mut self, on_trip: OnTrip) {
         self.interrupt_homing();
         let lets_go = self.phase == Phase::Enabled && on_trip == OnTrip::Disable;
@@ -80,7 +80,7 @@ impl Link {
             return None;
         };
         if stop.is_enabled && self.answers.is_present() {
-            // the offset cancels out: any constant would do
+            // the offset cancels out, so any constant works
             match stop.step(self.reading.position - gear.offset, cycle_ns) {
                 Outcome::Moving => {}
                 Outcome::Failed(fault) => return Some(Err(fault)),
@@ -98,7 +98,7 @@ impl Link {
         homing.pass(cycle_ns).then_some(Err(HomingFault::TimedOut))
     }
 
-    /// Holds the joint at its position with the gains of the safe states until it is commanded.
+    /// Holds the joint at its position with the safe-state gains until it is commanded.
     pub(in crate::adapter) fn hold(&mut self) {
         let Self { reading: Reading { position, .. }, stiffness: kp, damping: kd, .. } = *self;
         self.setpoint = JointSetpoint { position, kp, kd, ..JointSetpoint::default() };

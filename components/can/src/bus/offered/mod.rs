@@ -1,8 +1,9 @@
-//! Simulated buses for other programs. They are offered over a unix socket, or over a pseudo-terminal as an
-//! slcan adapter, to which the kernel driver can be attached, or as a line of serial servos.
+//! Simulated buses for other programs. A bus is offered over a unix socket or a pseudo-terminal. The
+//! pseudo-terminal acts as an slcan adapter, to which the kernel driver can be attached, or as a line of
+//! serial servos.
 //!
 //! A [`Place`] is the address of such a bus: `unix:NAME` or `pty:PATH`. The program that simulates the bus
-//! opens an [`Offer`] there. Other programs open it with [`RealBus`](crate::RealBus), like any bus.
+//! opens an [`Offer`] there. Other programs open it with [`RealBus`](crate::RealBus), like any other bus.
 
 mod records;
 mod terminal;
@@ -29,9 +30,9 @@ pub use unix::{UnixBus, UnixOffer};
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place<'a> {
-    /// Unix socket of this user, by name.
+    /// Unix socket of this user, identified by its name.
     Socket(&'a str),
-    /// Pseudo-terminal, by the path of a symbolic link to it.
+    /// Pseudo-terminal, identified by the path of a symbolic link to it.
     Terminal(&'a str),
 }
 
@@ -44,7 +45,7 @@ impl<'a> Place<'a> {
     }
 }
 
-/// Simulated bus, as its simulator offers it to other programs.
+/// Simulator's end of a simulated bus that is offered to other programs.
 #[derive(Debug)]
 pub enum Offer {
     /// Over a unix socket.
@@ -68,7 +69,7 @@ impl Offer {
     }
 
     /// Fills `frames` with frames sent by the programs, each with its send time, and returns their number.
-    /// The remaining frames stay queued as far as the kernel has room.
+    /// Further frames stay queued in the kernel's buffer.
     pub fn receive(&mut self, frames: &mut [Received]) -> usize {
         match self {
             Self::Socket(offer) => offer.receive(frames),
@@ -76,7 +77,7 @@ impl Offer {
         }
     }
 
-    /// Queues a frame for the programs, until the next [`flush`](Self::flush).
+    /// Queues a frame for the programs until the next [`flush`](Self::flush).
     pub fn deliver(&mut self, received: &Received) {
         match self {
             Self::Socket(offer) => offer.deliver(received),
@@ -93,7 +94,7 @@ impl Offer {
         }
     }
 
-    /// Takes the interface down or brings it up. A terminal is unplugged.
+    /// Takes the interface down or brings it up. A terminal is unplugged or plugged in.
     pub fn set_link_down(&mut self, is_down: bool) {
         match self {
             Self::Socket(offer) if is_down => offer.down(),
@@ -103,7 +104,7 @@ impl Offer {
         }
     }
 
-    /// Sends everything that is queued. Returns the number of frames lost because a receiver had no room.
+    /// Sends all queued frames and reports. Returns the number of frames lost because a receiver had no room.
     pub fn flush(&mut self) -> u64 {
         match self {
             Self::Socket(offer) => offer.flush(),

@@ -1,4 +1,4 @@
-//! Frames and reports as records of 80 bytes for a unix socket, many per message.
+//! Frames and reports as 80-byte records for a unix socket, with many records per message.
 
 use crate::bus::Received;
 use crate::bus::report::Report;
@@ -111,7 +111,7 @@ mod tests {
     use crate::ErrorState;
 
     #[test]
-    fn records_survive_their_bytes_and_others_are_none() {
+    fn records_round_trip_and_invalid_bytes_are_rejected() {
         let frame = |id, form, data: &[u8]| {
             Record::Frame(Received {
                 frame: Frame::new(id, form, data).unwrap(),

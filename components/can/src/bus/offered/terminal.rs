@@ -1,4 +1,4 @@
-//! Simulated bus over a pseudo-terminal, in place of an slcan adapter or a line of serial servos.
+//! Simulated bus over a pseudo-terminal, which replaces an slcan adapter or a line of serial servos.
 
 #![allow(unsafe_code)] // a pseudo-terminal needs a few libc calls, which no crate of the project offers
 
@@ -17,12 +17,12 @@ use crate::bus::time::monotonic_ns;
 use crate::frame::Frame;
 use crate::servo;
 
-/// Bytes buffered for a program that does not read.
+/// Output buffer for a program that does not read, bytes.
 const ROOM: usize = 8192;
-/// Longest time, ns, for which a step waits for the next line of a batch, and for the whole batch.
+/// Maximum time, ns, for which a step waits for the next line of a batch, and for the whole batch.
 ///
 /// A worker of the kernel driver writes a line only after the previous one has been read. Polling once per
-/// step would receive one frame per step, whereas the microcontroller of an adapter reads as fast as lines
+/// step would receive one frame per step, but the microcontroller of an adapter reads lines as fast as they
 /// arrive.
 const NEXT_LINE_NS: u64 = 60_000;
 pub(crate) const BATCH_NS: u64 = 250_000;
@@ -47,7 +47,7 @@ struct End {
     _other: File,
 }
 
-/// Encoding of frames.
+/// Encoding of frames on the terminal.
 #[derive(Debug)]
 enum Encoding {
     /// slcan lines; `true` while the channel is open.
@@ -220,7 +220,7 @@ fn write(line: &mut Terminal, bytes: &[u8]) -> bool {
 
 impl Drop for TerminalOffer {
     fn drop(&mut self) {
-        // the link is removed with the terminal, unless it points to another one by now
+        // the link is removed with the terminal, unless it now points to another one
         let is_ours = self.end.as_ref().is_some_and(|end| {
             std::fs::read_link(&self.link).is_ok_and(|path| path.as_os_str() == end.line.path())
         });

@@ -1,8 +1,8 @@
 //! Simulated bus over a unix socket: both ends.
 //!
-//! The socket has an abstract name with the user ID, so no file is left behind, and both ends check that the
-//! other one belongs to the same user. Programs on one bus share an interface, as they do in the kernel: each
-//! receives the frames sent by the others.
+//! The abstract name of the socket contains the user ID and leaves no file behind. Each end checks that the
+//! other belongs to the same user. Programs on one bus share an interface, as in the kernel: each receives
+//! the frames sent by the others.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -21,7 +21,7 @@ use crate::bus::time::{Retry, monotonic_ns};
 use crate::bus::{Bus, Received};
 use crate::frame::{Frame, Id};
 
-/// Largest number of programs that share a bus.
+/// Maximum number of programs that share a bus.
 const PROGRAMS: usize = 8;
 
 fn address(name: &str) -> io::Result<SocketAddrUnix> {
@@ -39,7 +39,7 @@ fn is_ours(socket: &OwnedFd) -> bool {
     socket_peercred(socket).is_ok_and(|peer| peer.uid == rustix::process::getuid())
 }
 
-/// End of the program that simulates the bus.
+/// Simulator's end of the bus.
 #[derive(Debug)]
 pub struct UnixOffer {
     listener: OwnedFd,
@@ -257,7 +257,7 @@ impl UnixBus {
         self.filters = ids.to_vec();
     }
 
-    /// Records that the program has ended.
+    /// Records that the simulating program has ended.
     fn lose(&mut self) {
         if self.condition != Condition::Gone {
             self.counts.down += 1;
@@ -288,7 +288,7 @@ impl UnixBus {
         false
     }
 
-    /// Returns the next frame or report on the bus, bypassing the filters; `None` if none has arrived.
+    /// Returns the next frame or report on the bus, ignoring the filters; `None` if none has arrived.
     pub(crate) fn next(&mut self) -> Option<Traffic> {
         while self.condition != Condition::Gone {
             if self.rest.0 == self.rest.1 && !self.fill() {

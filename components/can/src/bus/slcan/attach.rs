@@ -1,4 +1,4 @@
-//! Adapters on serial lines as interfaces of the kernel, whose driver is attached to the line.
+//! Adapters on serial lines as kernel interfaces: attaches the kernel driver to the line.
 
 #![allow(unsafe_code)] // line disciplines and interface flags need ioctl calls
 
@@ -10,7 +10,7 @@ use super::{SETTLE, answers, bitrate};
 use crate::bus::socket::OpenError;
 use crate::bus::terminal;
 
-/// Adapter on a serial line that is an interface of the kernel until this value is dropped.
+/// Adapter on a serial line, which is a kernel interface until this value is dropped.
 ///
 /// ```no_run
 /// use motorium_can::Attached;
@@ -72,13 +72,13 @@ impl Attached {
 
     /// Brings the interface up.
     ///
-    /// # Errors
-    /// Returns an error if the kernel refuses: the call needs network administration privileges.
+    /// # Errors Returns an error if the kernel refuses, since the call requires network administration
+    /// privileges.
     pub fn bring_up(&self) -> io::Result<()> {
         let socket = std::net::UdpSocket::bind("0.0.0.0:0")?;
         // SAFETY: a request is a plain structure, valid when zeroed; its name is shorter than its buffer and
-        // ends with zero. The calls read and fill a request, and the flags are read only after they have been
-        // filled.
+        // is terminated by zero. The calls read and fill a request, and the flags are read only after the
+        // kernel has filled them.
         unsafe {
             let mut request: libc::ifreq = core::mem::zeroed();
             for (place, byte) in request.ifr_name.iter_mut().zip(self.name.bytes()).take(libc::IFNAMSIZ - 1) {

@@ -1,10 +1,10 @@
-//! Frames as text on a serial line: the protocol of Lawicel adapters, with the extensions of CANable for CAN
-//! FD and of Linux for error states.
+//! Frames as text on a serial line: the protocol of Lawicel adapters, with CANable's extensions for CAN FD
+//! and Linux's extensions for error states.
 
 use crate::bus::report::{ErrorState, Report};
 use crate::frame::{Form, Frame, Id};
 
-/// Bytes of the longest line: a CAN FD frame with a 29-bit identifier, 64 data bytes and a timestamp.
+/// Length of the longest line, bytes: a CAN FD frame with a 29-bit identifier, 64 data bytes and a timestamp.
 pub const LONGEST: usize = 1 + 8 + 1 + 2 * 64 + 4 + 1;
 
 /// Line from an adapter.
@@ -24,7 +24,7 @@ pub enum Line {
     Frame(Frame),
     /// Status report of the controller.
     Report(Report),
-    /// A command was accepted, or a frame sent.
+    /// A command was accepted, or a frame was sent.
     Done,
     /// A command was refused.
     Refused,
@@ -110,7 +110,7 @@ impl Reader {
         self.end(byte).map(|line| line.map_or(Request::Other, request))
     }
 
-    /// Appends a byte. Returns the line that it completes, with an inner `None` for a line that is too long.
+    /// Appends a byte. Returns the line that it completes, with `Some(None)` for a line that is too long.
     fn end(&mut self, byte: u8) -> Option<Option<&[u8]>> {
         match byte {
             b'\r' => {
@@ -232,7 +232,7 @@ pub fn write_report(report: &Report, line: &mut [u8; LONGEST]) -> usize {
     ];
     causes.iter().filter(|(is, _)| *is).for_each(|(_, cause)| put(*cause));
     if let Some(state) = report.state {
-        // without known error counters, the lowest count of the state
+        // without error counters, the lowest count of the state is used
         let (letter, fewest) = match state {
             ErrorState::Active => (b'a', 0),
             ErrorState::Warning => (b'w', 96),
@@ -249,7 +249,7 @@ pub fn write_report(report: &Report, line: &mut [u8; LONGEST]) -> usize {
     length
 }
 
-/// `saRRRTTT`: state, receive error counter and transmit error counter, in decimal digits.
+/// Parses `saRRRTTT`: state, receive error counter and transmit error counter, in decimal digits.
 fn state_report(state: u8, counters: &[u8]) -> Option<Report> {
     let state = match state {
         b'a' => ErrorState::Active,
@@ -268,7 +268,7 @@ fn state_report(state: u8, counters: &[u8]) -> Option<Report> {
     Some(Report { state: Some(state), counters: Some([counters[0]?, counters[1]?]), ..Report::default() })
 }
 
-/// `e1a`: number of causes, and one letter per cause.
+/// Parses `e1a`: number of causes, and one letter per cause.
 fn error_report(causes: &[u8]) -> Option<Report> {
     let (count, causes) = causes.split_first()?;
     if usize::from(count.checked_sub(b'0')?) != causes.len() || causes.is_empty() {

@@ -1,8 +1,8 @@
-//! Buses behind an adapter on a serial line, in user space: slcan.
+//! slcan: buses behind an adapter on a serial line, in user space.
 //!
-//! An adapter such as a CANable with slcan firmware is a serial line (`/dev/ttyACM0`) that carries frames as
-//! lines of text. [`write()`] and [`Reader`] are the codec. A [`SlcanBus`] is a bus over such a line, without
-//! a driver or network privileges.
+//! An adapter such as a CANable with slcan firmware appears as a serial line (`/dev/ttyACM0`) that carries
+//! frames as lines of text. [`write()`] and [`Reader`] are the codec. A [`SlcanBus`] is a bus over such a
+//! line; it needs neither a driver nor network privileges.
 
 mod attach;
 mod codec;
@@ -44,9 +44,9 @@ pub struct SlcanBus {
     counters: [u8; 2],
 }
 
-/// Frames whose text is written to the line at once.
+/// Number of frames whose text is written to the line in one call.
 const BATCH: usize = 32;
-/// Time within which an adapter refuses an unknown command.
+/// Time to wait for an adapter to refuse an unknown command.
 const SETTLE: Duration = Duration::from_millis(50);
 
 /// Command that sets a bitrate; `None` for an unsupported bitrate.
@@ -76,7 +76,7 @@ fn set_up(path: &str, rates: &Rates, is_fd: bool) -> Result<File, OpenError> {
     let commands = format!("{nominal}{fast}O\r");
     file.write_all(commands.as_bytes()).map_err(refused)?;
     let count = commands.matches('\r').count();
-    // many adapters never answer; their silence counts as acceptance
+    // many adapters never answer, so silence counts as acceptance
     if answers(&mut file, SETTLE, count).contains(&Line::Refused) {
         let error =
             io::Error::new(io::ErrorKind::InvalidInput, "the adapter refuses its bitrate, or to open");
@@ -85,7 +85,7 @@ fn set_up(path: &str, rates: &Rates, is_fd: bool) -> Result<File, OpenError> {
     Ok(file)
 }
 
-/// Lines that arrive within this time, at most `count`.
+/// Returns the lines that arrive within this time, at most `count`.
 fn answers(file: &mut File, within: Duration, count: usize) -> Vec<Line> {
     let (until, mut reader, mut lines) = (Instant::now() + within, Reader::default(), Vec::new());
     let mut bytes = [0; 64];
@@ -100,8 +100,8 @@ fn answers(file: &mut File, within: Duration, count: usize) -> Vec<Line> {
     lines
 }
 
-/// Version reported by an slcan adapter on a serial line; `None` if there is no such adapter or it does not
-/// report a version.
+/// Returns the version reported by an slcan adapter on a serial line. An adapter that only sends frames
+/// yields the text "it reports no version"; without any answer, the result is `None`.
 ///
 /// # Errors
 /// Returns an error if the line does not exist or cannot be opened.
@@ -151,7 +151,7 @@ impl SlcanBus {
         self.line.path()
     }
 
-    /// Condition of the bus, from the adapter's reports (if any) and its presence.
+    /// Condition of the bus, derived from the adapter's reports (if any) and its presence.
     pub fn condition(&self) -> Condition {
         self.line.condition
     }
@@ -185,7 +185,7 @@ impl SlcanBus {
 }
 
 impl Drop for SlcanBus {
-    /// Closes the channel, so that the adapter neither acknowledges nor keeps frames for a program that has
+    /// Closes the channel: otherwise the adapter would acknowledge and buffer frames for a program that has
     /// ended.
     fn drop(&mut self) {
         if self.line.condition != Condition::Gone && self.line.flush() {
@@ -218,7 +218,7 @@ impl Bus for SlcanBus {
                 text.extend_from_slice(&one[..length]);
             }
             let written = line.write(text);
-            // a partly written line is finished before the next one
+            // a partly written line is completed before the next one
             let whole = text[..written].iter().filter(|byte| **byte == b'\r').count();
             let is_begun = written > 0 && text[written - 1] != b'\r';
             sent += whole + usize::from(is_begun);

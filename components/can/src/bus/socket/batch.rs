@@ -1,4 +1,4 @@
-//! Whole batches of frames in one system call, with the kernel's receive timestamps.
+//! Sends and receives batches of frames in one system call, with the kernel's receive timestamps.
 
 #![allow(unsafe_code)] // sendmmsg, recvmmsg and ppoll are libc calls that no safe crate offers for CAN
 
@@ -14,11 +14,11 @@ use crate::frame::Frame;
 
 /// Frames per system call.
 pub(super) const BATCH: usize = 32;
-/// Bytes of a classic frame passed to the kernel; a CAN FD frame has 72.
+/// Size of a classic frame in the kernel's format, bytes; a CAN FD frame has 72.
 const CLASSIC: usize = size_of::<libc::can_frame>();
 
-/// Room for the control messages of a frame: three timestamps and a count, each with a header, aligned like
-/// headers.
+/// Buffer for the control messages of a frame: three timestamps and a count, each with a header. It has the
+/// alignment of a header.
 #[repr(C, align(8))]
 #[derive(Clone, Copy)]
 struct Control([u8; 128]);
@@ -29,9 +29,9 @@ pub(super) struct Arrival {
     pub(super) frame: canfd_frame,
     /// `true` for a CAN FD frame.
     pub(super) is_fd: bool,
-    /// Receive time of the kernel, ns of the wall clock; 0 if not available.
+    /// Receive time in the kernel, ns on the wall clock; 0 if unavailable.
     pub(super) wall_ns: u64,
-    /// Receive time of the controller, ns of its hardware clock; 0 if not available.
+    /// Receive time in the controller, ns on its hardware clock; 0 if unavailable.
     pub(super) hardware_ns: u64,
     /// Number of frames dropped so far because the socket buffer was full.
     pub(super) overflows: Option<u32>,
@@ -47,7 +47,7 @@ pub(super) struct Batch {
 
 impl Batch {
     pub(super) fn new() -> Self {
-        // SAFETY: all of them are plain structures of numbers and pointers, for which zero is a valid value.
+        // SAFETY: these are plain structures of numbers and pointers, for which zero is a valid value.
         let (frame, vector, header): (canfd_frame, iovec, mmsghdr) =
             unsafe { (zeroed(), zeroed(), zeroed()) };
         Self {
@@ -58,7 +58,7 @@ impl Batch {
         }
     }
 
-    /// Points the headers at the buffers; `control` adds the control buffers needed for receiving.
+    /// Points the headers at the buffers. With `control`, includes the control buffers needed for receiving.
     fn point(&mut self, count: usize, length: impl Fn(usize) -> usize, control: bool) {
         for i in 0..count {
             self.vectors[i] =
@@ -75,8 +75,8 @@ impl Batch {
         }
     }
 
-    /// Sends up to [`BATCH`] frames in this order. Returns the number of accepted frames; if none was
-    /// accepted, returns the error instead.
+    /// Sends up to [`BATCH`] frames in the given order. Returns the number of accepted frames, or the error
+    /// if none was accepted.
     pub(super) fn send(&mut self, socket: BorrowedFd<'_>, frames: &[Frame]) -> io::Result<usize> {
         let count = frames.len().min(BATCH);
         for (place, frame) in self.frames.iter_mut().zip(frames) {
@@ -92,7 +92,7 @@ impl Batch {
         usize::try_from(sent).map_err(|_| io::Error::last_os_error())
     }
 
-    /// Receives up to [`BATCH`] available frames. Returns `WouldBlock` if there are none.
+    /// Receives up to [`BATCH`] available frames. Returns the error `WouldBlock` if there are none.
     pub(super) fn receive(&mut self, socket: BorrowedFd<'_>, most: usize) -> io::Result<usize> {
         let count = most.min(BATCH);
         self.point(count, |_| size_of::<canfd_frame>(), true);
@@ -148,19 +148,19 @@ fn nanoseconds(time: timespec) -> u64 {
     u64::try_from(time.tv_sec).unwrap_or(0) * 1_000_000_000 + u64::try_from(time.tv_nsec).unwrap_or(0)
 }
 
-/// Wait for several sockets at once.
+/// Poll set of several sockets.
 pub(crate) struct Waiting {
     sockets: Vec<libc::pollfd>,
 }
 
 impl Waiting {
-    /// Creates a wait with room for `sockets` sockets.
+    /// Creates a poll set with room for `sockets` sockets.
     pub(crate) fn with_capacity(sockets: usize) -> Self {
         Self { sockets: Vec::with_capacity(sockets) }
     }
 
-    /// Waits until one of the sockets is readable, a signal arrives, or `timeout_ns` has passed. Without
-    /// sockets it sleeps.
+    /// Waits until one of the sockets is readable, a signal arrives, or `timeout_ns` has elapsed. Without
+    /// sockets, it sleeps.
     pub(crate) fn wait<'a>(&mut self, sockets: impl Iterator<Item = BorrowedFd<'a>>, timeout_ns: u64) {
         self.sockets.clear();
         let polled =
@@ -171,7 +171,7 @@ impl Waiting {
             tv_nsec: (timeout_ns % 1_000_000_000) as _,
         };
         // SAFETY: the descriptors, whose number is passed, and the time live throughout the call. An error
-        // means a signal; the caller checks the clock in any case.
+        // means that a signal arrived; the caller checks the clock anyway.
         unsafe {
             libc::ppoll(
                 self.sockets.as_mut_ptr(),

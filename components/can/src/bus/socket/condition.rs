@@ -1,4 +1,4 @@
-//! Condition of a bus of the computer, and counters of its events.
+//! Condition of a computer's bus, and counters of its events.
 
 use crate::bus::report::{ErrorState, Report};
 
@@ -51,22 +51,22 @@ impl From<ErrorState> for Condition {
     }
 }
 
-/// Counters of events on a bus of the kernel since it was opened.
+/// Counters of events on a bus since it was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SocketCounts {
     /// Reports of the controller.
     pub reports: u64,
     /// Frames that no node acknowledged.
     pub unacknowledged: u64,
-    /// Disturbed frames of any node.
+    /// Disturbed frames from any node.
     pub disturbed: u64,
-    /// Number of times that the controller went bus-off.
+    /// Number of bus-off events of the controller.
     pub bus_off: u64,
     /// Batches with frames that were not accepted because the interface's queue was full.
     pub queue_full: u64,
     /// Number of times that the interface went down or disappeared.
     pub down: u64,
-    /// Received frames lost for lack of room in the socket, or in the controller as it reports.
+    /// Received frames lost for lack of room in the socket or, according to its reports, in the controller.
     pub overflows: u64,
     /// Remote requests and invalid frames.
     pub other: u64,

@@ -1,4 +1,4 @@
-//! Errors of opening an interface: the cause and the next step.
+//! Errors of opening an interface, with advice on the next step.
 
 use std::io;
 
@@ -20,10 +20,10 @@ pub enum OpenError {
     #[error("the CAN interface `{0}` is down")]
     Down(String),
     /// The interface does not support CAN FD frames.
-    #[error("the CAN interface `{0}` takes classic frames only, and the bus has a data bitrate")]
+    #[error("the CAN interface `{0}` supports classic frames only, but the bus has a data bitrate")]
     Classic(String),
-    /// The bitrate differs from the bus's.
-    #[error("the CAN interface `{name}` has {found} bit/s, the bus {expected} bit/s")]
+    /// The bitrate of the interface differs from the bitrate of the bus.
+    #[error("the CAN interface `{name}` has {found} bit/s, but the bus has {expected} bit/s")]
     Bitrate {
         /// Name of the interface.
         name: String,
@@ -35,14 +35,14 @@ pub enum OpenError {
     /// The serial line does not exist.
     #[error("there is no serial line `{0}`")]
     NoLine(String),
-    /// Serial line or terminal, which only one program can open.
+    /// The interface is a serial line or terminal, which only one program can open.
     #[error("`{0}` is a serial line, which only one program can use")]
     NotShared(String),
     /// No program offers a simulated bus by this name.
     #[error("no program offers the simulated bus `unix:{0}`")]
     NotOffered(String),
     /// The adapter on a serial line does not support the bitrate.
-    #[error("the adapter on `{name}` knows no {rate} bit/s")]
+    #[error("the adapter on `{name}` does not support {rate} bit/s")]
     NoBitrate {
         /// Serial line.
         name: String,
@@ -50,7 +50,7 @@ pub enum OpenError {
         rate: u32,
     },
     /// The serial line does not support the speed.
-    #[error("the serial line `{name}` knows no speed of {speed} bit/s")]
+    #[error("the serial line `{name}` does not support a speed of {speed} bit/s")]
     NoSpeed {
         /// Serial line.
         name: String,
@@ -63,7 +63,7 @@ pub enum OpenError {
 }
 
 fn there_is(found: &[String]) -> String {
-    if found.is_empty() { "there is none at all".into() } else { format!("there is {}", found.join(", ")) }
+    if found.is_empty() { "found none".into() } else { format!("found {}", found.join(", ")) }
 }
 
 impl OpenError {
@@ -74,10 +74,10 @@ impl OpenError {
                 "load it: `sudo modprobe can_raw`; a container needs the CAN of its host".into()
             }
             Self::Missing { name, .. } if name.starts_with("vcan") => format!(
-                "make it: `sudo modprobe vcan && sudo ip link add {name} type vcan && sudo ip link set {name} mtu 72 up`"
+                "create it: `sudo modprobe vcan && sudo ip link add {name} type vcan && sudo ip link set {name} mtu 72 up`"
             ),
             Self::Missing { .. } => {
-                "plug the adapter in, or name another: `ip -details link show type can` lists them".into()
+                "plug in the adapter, or name another interface: `ip -details link show type can` lists them".into()
             }
             Self::Down(name) if name.starts_with("vcan") => {
                 format!("bring it up: `sudo ip link set {name} up`")
@@ -94,33 +94,33 @@ impl OpenError {
                 "set it: `sudo ip link set {name} down && sudo ip link set {name} up type can bitrate {expected}`, or correct the table of the bus"
             ),
             Self::NoLine(_) => {
-                "plug the adapter in: `ls /dev/serial/by-id` lists the lines that there are".into()
+                "plug in the adapter: `ls /dev/serial/by-id` lists the available lines".into()
             }
             Self::NotShared(name) => format!(
-                "put the driver of the kernel on it, and name its interface: `motorium can attach {}`",
+                "attach the kernel driver with `motorium can attach {}`, and name its interface",
                 name.strip_prefix("pty:").unwrap_or(name)
             ),
             Self::NotOffered(_) => {
                 "start the graph whose `can.drive_sim` has this bus in its drive table, in real time".into()
             }
             Self::NoBitrate { .. } => {
-                "slcan knows 10, 20, 50, 100, 125, 250, 500, 800 and 1000 kbit/s, and 2 and 5 Mbit/s for data".into()
+                "slcan supports 10, 20, 50, 100, 125, 250, 500, 800 and 1000 kbit/s, and 2 and 5 Mbit/s for data".into()
             }
             Self::NoSpeed { .. } => {
                 "write 9600, 19200, 38400, 57600, 115200, 500000, 1000000, 2000000, 3000000 or 4000000".into()
             }
             Self::Refused(name, error) if name.starts_with('/') => match error.kind() {
                 io::ErrorKind::PermissionDenied => {
-                    "join the group of serial lines (`sudo usermod -aG dialout $USER`), and log in again".into()
+                    "join the group that owns serial lines (`sudo usermod -aG dialout $USER`), and log in again".into()
                 }
-                io::ErrorKind::ResourceBusy => "end the program that has it: `sudo fuser -v` names it".into(),
+                io::ErrorKind::ResourceBusy => "stop the program that uses it: `sudo fuser -v` shows it".into(),
                 io::ErrorKind::InvalidInput => {
-                    "name a bitrate that the adapter knows, and see that no other program has opened its channel".into()
+                    "choose a bitrate that the adapter supports, and check that no other program has opened its channel".into()
                 }
-                _ => "see that it is a serial line: `ls /dev/serial/by-id` lists those that there are".into(),
+                _ => "check that it is a serial line: `ls /dev/serial/by-id` lists the available ones".into(),
             },
             Self::Refused(..) => {
-                "look for the cause in `dmesg`, and whether this user may use CAN sockets".into()
+                "look for the cause in `dmesg`, and check that this user may open CAN sockets".into()
             }
         }
     }
@@ -131,11 +131,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_advice_on_a_serial_line_is_that_of_its_error() {
+    fn serial_line_advice_matches_the_error() {
         for (kind, words) in [
             (io::ErrorKind::PermissionDenied, "dialout"),
             (io::ErrorKind::ResourceBusy, "fuser"),
-            (io::ErrorKind::IsADirectory, "see that it is a serial line"),
+            (io::ErrorKind::IsADirectory, "check that it is a serial line"),
         ] {
             let advice = OpenError::Refused("/dev/ttyACM0".into(), kind.into()).advice();
             assert!(advice.contains(words), "{kind}: {advice}");

@@ -3,8 +3,8 @@
 /// Offset between two clocks, estimated from frames with both timestamps.
 ///
 /// The kernel timestamps a frame later than the controller, by the transfer time of the frame. The smallest
-/// offset seen is closest to the truth. It is relaxed by the largest possible drift, so that the estimate
-/// follows the clocks.
+/// observed offset is closest to the truth. It is relaxed by the maximum drift, so the estimate tracks the
+/// clocks.
 ///
 /// ```
 /// use motorium_can::bus::socket::HardwareClock;
@@ -17,13 +17,13 @@
 /// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HardwareClock {
-    /// Computer time minus controller time, ns, and the computer time of this estimate.
+    /// Computer time minus controller time, ns, and the computer time of this estimate, ns.
     distance: Option<(i64, u64)>,
 }
 
 /// Largest drift between the two clocks, parts per million.
 const DRIFT: u64 = 200;
-/// Offset change that indicates a restarted controller, ns.
+/// Change of the offset that indicates a restarted controller, ns.
 const JUMP: i64 = 1_000_000_000;
 
 impl HardwareClock {
@@ -61,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn a_controller_that_starts_again_is_taken_as_it_is() {
+    fn a_restarted_controller_resets_the_offset() {
         let mut clock = HardwareClock::default();
         clock.to_computer(90_000_000_000, 100_000_000_000);
         assert_eq!(clock.to_computer(5_000, 101_000_000_000), 101_000_000_000);

@@ -59,7 +59,7 @@ impl Interface {
         Ok(Self::all()?.into_iter().find(|interface| interface.name == name))
     }
 
-    /// Returns `true` if frames pass without bit times, acknowledgement and arbitration.
+    /// Returns `true` for a virtual bus, which has no bit times, acknowledgement or arbitration.
     pub fn is_virtual(&self) -> bool {
         matches!(self.kind.as_deref(), Some("vcan" | "vxcan"))
     }
@@ -135,7 +135,7 @@ fn read(mut messages: &[u8], found: &mut Vec<Interface>) -> io::Result<bool> {
     Ok(false)
 }
 
-/// Attributes of a message, or nested in an attribute.
+/// Attributes of a message, or attributes nested in another one.
 fn attributes(mut bytes: &[u8]) -> impl Iterator<Item = (u16, &[u8])> {
     core::iter::from_fn(move || {
         let (length, kind) = (usize::from(u16_at(bytes, 0)?), u16_at(bytes, 2)?);
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_that_is_cut_off_anywhere_is_read_without_a_panic() {
+    fn truncated_messages_cause_no_panic() {
         let info = attribute(LINK_INFO, &attribute(DATA, &attribute(STATE, &[1, 0, 0, 0])));
         let datagram = device(CAN_DEVICE, 0, &[attribute(NAME, b"can0\0"), info]);
         for length in 0..datagram.len() {

@@ -1,4 +1,4 @@
-//! Buses of the kernel: SocketCAN.
+//! SocketCAN: buses of the kernel.
 //!
 //! A [`SocketBus`] sends and receives whole batches with one system call each, without blocking or
 //! allocating. Received frames carry the controller's timestamp if available, otherwise the kernel's. Reports
@@ -85,8 +85,8 @@ impl SocketBus {
         Ok(bus)
     }
 
-    /// Opens an interface for a bus with these bitrates, and checks them if the kernel reports the
-    /// interface's bitrates.
+    /// Opens an interface for a bus with these bitrates. The interface's bitrates are compared if the kernel
+    /// reports them.
     ///
     /// # Errors
     /// Returns an error if the interface cannot be opened or has other bitrates.
@@ -159,12 +159,12 @@ impl SocketBus {
         &self.counts
     }
 
-    /// Returns `true` for a virtual bus: frames pass without bit times, acknowledgement and arbitration.
+    /// Returns `true` for a virtual bus, which has no bit times, acknowledgement or arbitration.
     pub fn is_virtual(&self) -> bool {
         self.is_virtual
     }
 
-    /// Sends a report to the participants of a virtual bus, as if their controller had made it.
+    /// Sends a report to the participants of a virtual bus, as if their controller had generated it.
     ///
     /// # Errors
     /// Returns an error if the kernel refuses.
@@ -178,7 +178,7 @@ impl SocketBus {
         self.condition = report.state.map_or(self.condition, Condition::from);
     }
 
-    /// Handles an error of the socket. Returns `true` if the call may be repeated.
+    /// Handles a socket error. Returns `true` if the call may be repeated.
     fn fail(&mut self, error: &io::Error) -> bool {
         let condition = match error.raw_os_error() {
             Some(libc::EINTR) => return true,
@@ -198,7 +198,7 @@ impl SocketBus {
         false
     }
 
-    /// Checks once a second whether an interface that has gone or is down is back.
+    /// Checks once per second whether a missing interface, or one that is down, is available again.
     fn look_again(&mut self) {
         if !self.retry.is_due() {
             return;
@@ -216,7 +216,7 @@ impl SocketBus {
     }
 }
 
-/// Interface with this name, if it is up.
+/// Returns the interface with this name if it is up.
 pub(crate) fn look_up(name: &str) -> Result<Interface, OpenError> {
     let all = Interface::all().map_err(|error| OpenError::Refused(name.into(), error))?;
     let mut found: Vec<String> = all.iter().map(Interface::to_string).collect();
@@ -248,7 +248,7 @@ impl Bus for SocketBus {
                 Ok(count) => sent += count,
                 Err(error) => {
                     tries += 1;
-                    // An error may be pending from the time when the interface was down.
+                    // An error may still be pending from when the interface was down.
                     let is_old = error.raw_os_error() == Some(libc::ENETDOWN) && tries == 1;
                     if is_old {
                         batch::take_error(self.socket.as_fd());

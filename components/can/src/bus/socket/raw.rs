@@ -5,9 +5,9 @@ use libc::{CAN_EFF_FLAG, CAN_EFF_MASK, CAN_ERR_FLAG, CAN_ERR_MASK, CAN_RTR_FLAG,
 use crate::bus::report::Report;
 use crate::frame::{Form, Frame, Id};
 
-/// The data of a CAN FD frame use the data bitrate.
+/// Flag of a CAN FD frame whose data are sent at the data bitrate.
 const FAST: u8 = libc::CANFD_BRS as u8;
-/// Marks a CAN FD frame on sockets that accept both forms.
+/// Flag of a CAN FD frame on sockets that accept both forms.
 const IS_FD: u8 = 0x04;
 
 /// Converts a frame to the kernel's format.
@@ -86,7 +86,7 @@ mod tests {
     use crate::bus::report::ErrorState;
 
     #[test]
-    fn a_frame_survives_the_kernel_in_every_form() {
+    fn frames_of_every_form_round_trip_through_the_kernel() {
         for (id, form, length) in [
             (Id::Standard(0x7ff), Form::Classic, 8),
             (Id::Extended(0x1fff_ffff), Form::Classic, 0),
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn remote_requests_and_bad_lengths_are_not_data() {
+    fn remote_requests_and_invalid_lengths_are_not_data() {
         let mut raw = to_kernel(&Frame::classic(Id::Standard(1), &[1; 8]));
         raw.len = 9;
         assert_eq!(of_kernel(&raw, false), Delivered::Other);

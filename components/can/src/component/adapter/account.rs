@@ -1,4 +1,4 @@
-//! Account of one bus: counters, state and load.
+//! Statistics of one bus: counters, state and load.
 
 use motorium::prelude::*;
 use motorium::state::BusHealth;
@@ -6,22 +6,22 @@ use motorium::state::BusHealth;
 use crate::component::wire::News;
 use crate::{Bits, Condition, ErrorState, Frame, Rates, RealBus, SocketCounts};
 
-/// Time over which the load of a real bus is measured, ns; single steps of the adapter vary too much.
+/// Window for measuring the load of a real bus, ns; single steps of the adapter vary too much.
 const WINDOW_NS: u64 = 100_000_000;
 
-/// Account of one bus.
+/// Statistics of one bus.
 pub(super) struct BusAccount {
     pub(super) name: String,
     rates: Rates,
     pub(super) health: Output<BusHealth>,
     pub(super) counts: BusHealth,
-    /// Time of the bits on the bus since the window opened, and in total, ns.
+    /// Time for which the bus carried bits, since the start of the window and in total, ns.
     busy_ns: u64,
     total_ns: u64,
     opened_ns: u64,
-    /// Highest load of a cycle, or of a tenth of a second on a real bus.
+    /// Peak load of a cycle or, on a real bus, of a window.
     pub(super) peak: f64,
-    /// The bus is an interface of the computer.
+    /// The bus is a real interface of the computer.
     is_real: bool,
     pub(super) condition: Condition,
     /// Worst condition of the run.
@@ -55,7 +55,7 @@ impl BusAccount {
         self.busy_ns += Bits::from_frame(frame).ns(&self.rates);
     }
 
-    /// Records that the first `count` of these frames were sent and the others were not.
+    /// Records that the first `count` of these frames were sent, and the others were not.
     pub(super) fn sent(&mut self, frames: &[Frame], count: usize) {
         self.counts.sent += count as u64;
         self.counts.unsent += (frames.len() - count) as u64;
@@ -107,7 +107,7 @@ impl BusAccount {
         (self.counts.bus_off, self.counts.dropped) = (counts.bus_off, counts.overflows + counts.other);
     }
 
-    /// Closes cycle `cycles`, which ends `now_ns` after the start of the run.
+    /// Ends cycle `cycles`, `now_ns` after the start of the run.
     pub(super) fn close(&mut self, now_ns: u64, cycles: u64, period_ns: u64) {
         self.counts.load = ((self.total_ns + self.busy_ns) as f64 / (cycles * period_ns) as f64).min(1.0);
         let window_ns = now_ns.saturating_sub(self.opened_ns);
@@ -121,26 +121,26 @@ impl BusAccount {
         self.opened_ns = now_ns;
     }
 
-    /// Likely cause of the problems on the bus, and the next step; `None` without problems.
+    /// Returns the likely cause of the problems on the bus, and the next step; `None` without problems.
     pub(super) fn diagnosis(&self) -> Option<String> {
         let (condition, counts) = (self.condition, &self.events);
         let name = &self.name;
         let unheard = counts.unacknowledged > 0 || counts.queue_full > 0;
         Some(match condition {
-            Condition::Gone => format!("`{name}` has gone: is its adapter plugged in?"),
+            Condition::Gone => format!("`{name}` has disappeared: is its adapter plugged in?"),
             Condition::Down => {
                 format!("`{name}` is down: `sudo ip link set {name} up`, then `motorium resume`")
             }
             Condition::Off => format!(
-                "the controller of `{name}` has left the bus: look for a short circuit or a wrong bitrate, then `sudo ip link set {name} down && sudo ip link set {name} up`, and `motorium resume`"
+                "the controller of `{name}` has left the bus: check for a short circuit or a wrong bitrate, then `sudo ip link set {name} down && sudo ip link set {name} up`, and `motorium resume`"
             ),
             _ if unheard => format!("nobody acknowledges on `{name}`: power, bitrate, termination?"),
             Condition::Passive | Condition::Warning => {
-                format!("many errors on `{name}`: wires, termination, a node with another bitrate?")
+                format!("many errors on `{name}`: check wires, termination and the bitrate of every node")
             }
             Condition::Active if counts.down > 0 => format!("`{name}` was down, and is up again"),
             Condition::Active if counts.overflows > 0 => {
-                format!("frames were lost on `{name}`: does a node send without end?")
+                format!("frames were lost on `{name}`: does a node send continuously?")
             }
             Condition::Active => return None,
         })

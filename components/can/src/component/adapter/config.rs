@@ -123,8 +123,7 @@ pub struct CanAdapterConfig {
 }
 
 impl CanAdapterConfig {
-    /// Loads the drive table: from its file, which is relative to `folder`, or from the entries in the
-    /// configuration.
+    /// Loads the drive table from its file, relative to `folder`, or from the entries in the configuration.
     ///
     /// # Errors
     /// Returns an error if the file cannot be read, or if a value is invalid.
@@ -153,9 +152,8 @@ pub(super) fn check_observer(config: &CanAdapterConfig, equipped: &Equipped) -> 
     }
     if let Some(drive) = equipped.table.drives.iter().find(|drive| drive.is_homed()) {
         let message = format!("the drive of `{}` has to be homed, which needs torque", drive.joint);
-        return Err(ConfigError::key("observe", message).advise(
-            "leave `homing` out, and write the `offset` from which its position counts, or let the adapter enable it",
-        ));
+        return Err(ConfigError::key("observe", message)
+            .advise("leave `homing` out, and write the `offset` of its zero, or let the adapter enable it"));
     }
     if config.command_within.is_some() {
         return Err(ConfigError::key("command_within", "with `observe` there are no commands to wait for")
@@ -169,8 +167,8 @@ pub(super) fn check_observer(config: &CanAdapterConfig, equipped: &Equipped) -> 
     Ok(())
 }
 
-/// Refuses drives whose watchdog is off or trips between two commands. Warns of a watchdog that a single lost
-/// command triggers.
+/// Refuses drives whose watchdog is off or expires between two commands. Warns of a watchdog that expires
+/// after a single lost command.
 pub(super) fn check_watchdogs(
     config: &CanAdapterConfig,
     equipped: &Equipped,
@@ -196,7 +194,7 @@ pub(super) fn check_watchdogs(
         return Ok(());
     };
     let message = format!(
-        "the drive of `{}` lets go after {:?} without a command, and one is sent each {period:?}",
+        "the drive of `{}` disables itself after {:?} without a command, but commands are sent every {period:?}",
         drive.joint,
         watchdog(drive)
     );
@@ -205,15 +203,12 @@ pub(super) fn check_watchdogs(
         return Err(ConfigError::key("drives", message).advise(advice));
     }
     if watchdog(drive) < 2 * period {
-        declare
-            .warn(format!("{message}: a single one that is lost makes it let go"))
-            .key("drives")
-            .advise(advice);
+        declare.warn(format!("{message}: a single lost command disables it")).key("drives").advise(advice);
     }
     Ok(())
 }
 
-/// Refuses homings that fail at the stop or may hit it too hard, and warns of homings that may fail.
+/// Refuses homings that fail at the stop or may hit it too hard, and warns about homings that may fail.
 pub(super) fn check_homing_loads(
     config: &CanAdapterConfig,
     equipped: &Equipped,

@@ -13,9 +13,9 @@ use crate::component::interfaces;
 use crate::component::wire::{self, BATCH};
 use crate::{Frame, RealBus, Table};
 
-/// Longest time spent disabling drives at the end, ns: an ODrive confirms in its next heartbeat.
+/// Maximum time spent disabling drives at the end, ns. An ODrive confirms in its next heartbeat.
 const RELEASE_NS: u64 = 300_000_000;
-/// Time for the answers to each round of orders, ns.
+/// Time to wait for the answers to each round of orders, ns.
 const RELEASE_EVERY_NS: u64 = 5_000_000;
 /// Rounds after the first one.
 const RELEASES: u32 = 2;
@@ -55,7 +55,7 @@ impl Exchange {
         }
     }
 
-    /// Waits for the answers to this cycle's batch, if this order of a step requires it.
+    /// Waits for the answers to this cycle's batch, if the step order requires it.
     pub(super) fn await_answers(&mut self, adapter: &mut Adapter, buses: &mut [BusAccount]) {
         if let Self::Sockets(sockets) = self {
             sockets.await_answers(adapter, buses);
@@ -125,7 +125,7 @@ pub(super) struct Sockets {
     inbox: Vec<Received>,
     waiting: Waiting,
     clock: RunClock,
-    /// Longest wait of a step for answers; `None` if they are read in the next step.
+    /// Maximum time that a step waits for answers, ns; `None` if they are read in the next step.
     answer_within_ns: Option<u64>,
 }
 
@@ -158,7 +158,7 @@ impl Sockets {
                     let time_ns = received.time_ns.saturating_sub(start_ns);
                     adapter.take(index, &Received { frame: received.frame, time_ns });
                 }
-                // a bus with continuous traffic must not hold up the loop
+                // a bus with continuous traffic must not block the loop
                 if count < self.inbox.len() {
                     break;
                 }
@@ -191,7 +191,7 @@ impl Sockets {
         frames: &mut Vec<Frame>,
     ) -> bool {
         let until_ns = self.clock.now_ns() + RELEASE_NS;
-        // an answer to an earlier frame proves nothing, so the orders are sent again
+        // an answer to an earlier frame is no confirmation, so the orders are sent again
         for round in 0.. {
             self.send(adapter, accounts, frames);
             self.receive_for(adapter, accounts, RELEASE_EVERY_NS, |_| false);
@@ -203,7 +203,7 @@ impl Sockets {
         adapter.is_released()
     }
 
-    /// Receives until all queried drives have answered, or the time is over.
+    /// Receives until all queried drives have answered, or the time has expired.
     fn await_answers(&mut self, adapter: &mut Adapter, accounts: &mut [BusAccount]) {
         if let Some(within_ns) = self.answer_within_ns {
             self.receive_for(adapter, accounts, within_ns, Adapter::has_all_answers);

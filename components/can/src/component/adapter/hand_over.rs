@@ -1,16 +1,16 @@
-//! Time from the publication of a command until its frames are sent.
+//! Latency from the publication of a command until its frames are sent.
 
 use motorium::state::Stamp;
 use motorium::telemetry::Histogram;
 
-/// Time from the publication of a command until its frames have been handed to all buses, for each command
-/// that the drives follow. A command that is sent again, for lack of a newer one, counts once.
+/// Latency from the publication of a command until its frames have been handed to all buses, for each command
+/// that the drives follow. A command that is repeated for lack of a newer one counts once.
 #[derive(Default)]
 pub(super) struct HandOver {
     times: Box<Histogram>,
     /// Publisher, restart count and sequence number of the last command used.
     last: Option<(u32, u32, u64)>,
-    /// Publication time of this cycle's command if it is new, ns.
+    /// Publication time of this cycle's command, ns, if the command is new.
     published_ns: Option<u64>,
 }
 
@@ -25,14 +25,14 @@ impl HandOver {
         }
     }
 
-    /// Records that the frames of this cycle were handed over at `now_ns`, on the clock of stamps.
+    /// Records that the frames of this cycle were handed over at `now_ns`, on the stamp clock.
     pub(super) fn sent(&mut self, now_ns: u64) {
         if let Some(published_ns) = self.published_ns.take() {
             self.times.record(now_ns.saturating_sub(published_ns));
         }
     }
 
-    /// Percentiles in microseconds; `None` if no command was followed.
+    /// Returns percentiles, us; `None` if the drives followed no command.
     pub(super) fn result(&self) -> Option<serde_json::Value> {
         let (count, times) = (self.times.count(), self.times.percentiles());
         let us = |ns: u64| ns as f64 * 1e-3;

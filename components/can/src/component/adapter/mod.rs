@@ -44,11 +44,11 @@ pub struct CanAdapter {
     order: StepOrder,
     resumes: u32,
     safe: u64,
-    /// Joints are being homed, or their positions are not yet known again. The gate is reset once all are
+    /// Joints are being homed, or their positions are not known yet. The gate is reset once all positions are
     /// known.
     awaits_homing: bool,
     leaves_enabled: bool,
-    /// Each drive has confirmed at the end that it is off; `None` if none was disabled.
+    /// Every drive has confirmed at the end that it is off; `None` if no drive was disabled.
     is_released: Option<bool>,
 }
 
@@ -61,7 +61,7 @@ struct Weight {
 }
 
 impl Weight {
-    /// Writes the effort of each joint at these positions. They are zero for a floating base, whose
+    /// Writes the effort of each joint at these positions. Efforts are zero for a floating base, whose
     /// orientation and contacts the drives do not report.
     fn efforts(&mut self, position: &[f64], effort: &mut [f64]) {
         let Self { model, dynamics, gravity } = self;
@@ -199,12 +199,13 @@ impl Component for CanAdapter {
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         let Self { exchange, adapter, buses, .. } = self;
-        // late answers if answers are read within the step, otherwise the answers to the previous batch
+        // these are late answers if answers are read within the step, otherwise the answers to the previous
+        // batch
         exchange.collect(adapter, buses);
         if !self.order.answers_within_step() {
             let waits = self.order.command_within;
             if let (Some(_), Some((command, _))) = (waits, &mut self.drive) {
-                // a command that was too late for the previous step does not answer the state of this one
+                // a command that was too late for the previous step was not computed from this step's state
                 let _ = command.latest();
             }
             let is_told = self.end_cycle(tick)?;
@@ -223,7 +224,8 @@ impl Component for CanAdapter {
         self.publish_health(tick)
     }
 
-    /// Disables the drives after their safe state has settled: a drive without a watchdog would stay on.
+    /// Disables the drives after their safe state has settled; a drive without a watchdog would otherwise
+    /// stay on.
     fn stop(&mut self) {
         let Self { exchange, adapter, buses, frames, .. } = self;
         let is_on =
@@ -246,7 +248,7 @@ impl CanAdapter {
     /// Ends the cycle of commands and answers, and publishes the joint state if it is known. Returns `true`
     /// if it was published.
     fn end_cycle(&mut self, tick: &Tick) -> Result<bool, StepError> {
-        // simulated drives end with the run, even in the middle of a cycle
+        // simulated drives stop with the run, even in the middle of a cycle
         self.adapter.end_cycle(!tick.settling && !self.clock.is_settling());
         if let Some((joint, wrong)) = self.adapter.wrong_setting() {
             let name = &self.names[joint];
@@ -269,20 +271,20 @@ impl CanAdapter {
                 (position, velocity, effort);
             (self.measured[0][i], self.measured[1][i]) = (position, velocity);
         }
-        // as old as the oldest answer in it
+        // the state is as old as its oldest answer
         let oldest_ns = self.adapter.oldest_ns().unwrap_or(0);
         state.publish_from(self.clock.stamp_ns(oldest_ns))
     }
 
-    /// Passes the newest command through the gate to the drives. Until every joint's position is known,
-    /// nothing is commanded.
+    /// Passes the newest command through the gate to the drives. Nothing is commanded until all joint
+    /// positions are known.
     fn apply_command(&mut self, settling: bool) {
         if !self.adapter.is_known() {
             self.await_homing(settling);
             return;
         }
         if core::mem::take(&mut self.awaits_homing) {
-            // its safe state was based on readings that were not joint positions
+            // the safe state was based on readings that were not joint positions
             if let Some((_, gate)) = &mut self.drive {
                 gate.relocate();
             }
@@ -301,7 +303,8 @@ impl CanAdapter {
         if resumes != self.resumes {
             self.resumes = resumes;
             if self.adapter.has_tripped() {
-                // Starts from the present positions, not from those held before the joints were damped.
+                // Starts from the current positions, not from the positions held before the joints were
+                // damped.
                 gate.reset();
                 self.adapter.resume();
                 return;
@@ -310,9 +313,9 @@ impl CanAdapter {
         apply(&mut self.adapter, gate);
     }
 
-    /// Runs a step in which joints still have to be homed, or some are held while others are unknown;
-    /// commands are ignored. While the run is stopped, joints being homed are disabled, and held joints apply
-    /// the safe state of the graph.
+    /// Runs a step while joints still have to be homed, or while some positions are unknown. Commands are
+    /// ignored. While the run is stopped, joints being homed are disabled, and held joints apply the graph's
+    /// safe state.
     fn await_homing(&mut self, settling: bool) {
         let is_let_go = |link: &Link| link.is_homed() && link.phase() != Phase::Enabled;
         if self.adapter.links().iter().all(is_let_go) {
@@ -337,7 +340,7 @@ impl CanAdapter {
         }
         let is_stopped = settling || clock.is_settling() || clock.is_latched() || gate.is_latched();
         if is_stopped && adapter.allows_homing() {
-            // starts from the present joint positions
+            // starts from the current joint positions
             gate.relocate();
             gate.withhold(Measured { position, velocity, gravity: &mut weightless });
         }
@@ -375,7 +378,7 @@ impl CanAdapter {
     }
 }
 
-/// Commands the setpoints of the gate.
+/// Commands the gate's setpoints.
 fn apply(adapter: &mut Adapter, gate: &CommandGate) {
     for (joint, setpoint) in gate.setpoints().iter().enumerate() {
         adapter.set(joint, *setpoint);

@@ -1,4 +1,4 @@
-//! Order of a step: which part waits for which.
+//! Order of the operations in a step.
 
 use std::time::Duration;
 
@@ -15,21 +15,21 @@ use crate::{Budget, Table};
 /// | real | without | sends the newest command, waits for the answers, publishes |
 /// | real | with | reads previous answers, publishes, waits for the command, sends |
 ///
-/// In each case one cycle passes between a measured state and the effect of its command. The difference is
-/// the position of the pause: before the command is sent, or before the state is published.
+/// In each case, one cycle elapses between a measured state and the effect of its command. The orders differ
+/// in where the step waits: before it sends the command, or before it publishes the state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct StepOrder {
-    /// Longest wait of a step for answers after it has sent its batch; `None` if it does not wait.
+    /// Maximum time that a step waits for answers after sending its batch; `None` if it does not wait.
     pub(super) answer_within: Option<Duration>,
-    /// Longest wait of a step for the command computed from the state it has just published; `None` if it
-    /// does not wait.
+    /// Maximum time that a step waits for the command computed from the state that it has just published;
+    /// `None` if it does not wait.
     pub(super) command_within: Option<Duration>,
     is_real: bool,
 }
 
 impl CanAdapterConfig {
-    /// Time that answers on real buses have in a cycle of this length, from sending the batch until they are
-    /// read; `None` if all buses are simulated over topics.
+    /// Time available to answers on real buses in a cycle of this length, from sending the batch until they
+    /// are read; `None` if all buses are simulated over topics.
     pub fn answers_have(&self, table: &Table, cycle: Duration) -> Option<Duration> {
         let order = StepOrder::from_config(self, table, table.is_real(), Some(cycle)).ok()?;
         table.is_real().then(|| order.answers_have(cycle))
@@ -37,8 +37,8 @@ impl CanAdapterConfig {
 }
 
 impl StepOrder {
-    /// Derives the order from a configuration; `is_real` says whether the buses of the table are real.
-    /// Without a period, configured times are not checked against it.
+    /// Derives the order from a configuration. `is_real` is `true` if the buses of the table are real.
+    /// Configured times are only checked if there is a period.
     pub(super) fn from_config(
         config: &CanAdapterConfig,
         table: &Table,
@@ -47,7 +47,7 @@ impl StepOrder {
     ) -> Result<Self, ConfigError> {
         let (answer, command) =
             (config.answer_within.map(Duration::from), config.command_within.map(Duration::from));
-        // a line without receive timestamps must be read as soon as frames arrive
+        // a line without receive timestamps must be read when frames arrive
         let waits_for_answers = is_real && (command.is_none() || !table.tells_times());
         if answer.is_some() && !waits_for_answers {
             let (message, advice) = match is_real {
@@ -86,8 +86,7 @@ impl StepOrder {
             );
         }
         if let Some(within) = self.command_within.filter(|within| is_out(*within)) {
-            let advice =
-                "leave time for the answers: write what policy and controller take, such as \"300 us\"";
+            let advice = "leave time for the answers: set it to the time that policy and controller need, such as \"300 us\"";
             return refuse(
                 "command_within",
                 format!("a command within {within:?} of a period of {period:?}"),
@@ -95,8 +94,7 @@ impl StepOrder {
             );
         }
         if self.waits() >= period {
-            let message =
-                format!("a step that waits for {:?} in all, of a period of {period:?}", self.waits());
+            let message = format!("a total wait of {:?} per step, of a period of {period:?}", self.waits());
             return refuse("command_within", message, "shorten it, or `answer_within`");
         }
         Ok(())
@@ -107,24 +105,24 @@ impl StepOrder {
         self.is_real && self.command_within.is_none()
     }
 
-    /// Longest total wait of a step.
+    /// Maximum total wait of a step.
     pub(super) fn waits(&self) -> Duration {
         self.answer_within.unwrap_or_default() + self.command_within.unwrap_or_default()
     }
 
-    /// Time that answers have from sending the batch until they are read, in a cycle of this length.
+    /// Time available to answers in a cycle of this length, from sending the batch until they are read.
     pub(super) fn answers_have(&self, cycle: Duration) -> Duration {
         match self.answer_within {
             Some(within) => within,
             None if self.is_real => cycle.saturating_sub(self.command_within.unwrap_or_default()),
-            // in simulated time a step has no duration
+            // in simulated time, a step has no duration
             None => cycle,
         }
     }
 }
 
-/// Refuses a bus whose frames do not fit into a cycle, and warns of one whose answers may be too late for
-/// this order of a step.
+/// Refuses a bus whose frames do not fit into a cycle. Warns about a bus whose answers may be too late for
+/// this step order.
 pub(super) fn check_budget(
     bus: &str,
     budget: &Budget,
@@ -141,8 +139,7 @@ pub(super) fn check_budget(
     }
     let within = order.answers_have(Duration::from_nanos(budget.cycle_ns));
     if (within.as_nanos() as u64) < budget.complete_ns() {
-        let message =
-            format!("answers on bus `{bus}` are waited for {within:?}, and may take longer: {budget}");
+        let message = format!("answers on bus `{bus}` may take longer than the wait of {within:?}: {budget}");
         let advice = "wait longer, raise the bitrate, or lower the rate";
         let key = if order.answer_within.is_some() { "answer_within" } else { "command_within" };
         declare.warn(message).key(key).advise(advice);
@@ -217,7 +214,7 @@ mod tests {
             (
                 "interface = \"/dev/ttyACM0\"",
                 "command_within = \"1 ms\"\nanswer_within = \"1500 us\"",
-                "a step that waits for 2.5ms in all, of a period of 2ms",
+                "a total wait of 2.5ms per step, of a period of 2ms",
             ),
         ] {
             let found = refused(interface, config);

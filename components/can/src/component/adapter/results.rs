@@ -3,11 +3,11 @@
 use super::CanAdapter;
 use crate::adapter::{HomingState, Phase};
 
-/// Number of duplicate answers from which another drive with the same number is the likely cause.
+/// Minimum number of duplicate answers that suggests another drive with the same number.
 const TWIN_ANSWERS: u64 = 10;
 
 impl CanAdapter {
-    /// Names the joint on a bus whose frames are repeatedly answered twice, and the next step.
+    /// Describes the joint on a bus whose frames are repeatedly answered twice, and the next step.
     fn twins(&self, bus: usize, name: &str) -> Option<String> {
         let links = self.names.iter().zip(self.adapter.links()).filter(|(_, link)| link.bus() == bus);
         let mut twice = links.filter(|(_, link)| link.counts().duplicate >= TWIN_ANSWERS);
@@ -19,7 +19,7 @@ impl CanAdapter {
         ))
     }
 
-    /// Counters of the whole run, for buses and joints.
+    /// Counters of buses and joints for the whole run.
     pub(super) fn results(&self) -> serde_json::Value {
         let mut joints = serde_json::Map::new();
         for (name, link) in self.names.iter().zip(self.adapter.links()) {

@@ -7,15 +7,15 @@ use motorium::declare::ConfigError;
 use motorium::units::TimeSpan;
 use motorium_robots::{Actuator, ActuatorSettings, ActuatorTable, Delay, DriveCommand, Model, Motor};
 
-/// Velocity gain of a closed brake, N m s/rad or N s/m: it applies the joint's full effort at a very low
-/// velocity.
+/// Velocity gain of an engaged brake, N m s/rad or N s/m. The brake reaches the joint's full effort at a very
+/// low velocity.
 pub(super) const BRAKE: f64 = 1e5;
 
 /// Actuator of a joint behind a simulated drive.
 pub(super) struct Actuation {
     actuator: Actuator,
     delay: Delay<f64>,
-    /// Command at the motor in the previous step, whose load physics reports now.
+    /// Command at the motor in the previous step, for which physics now reports the load.
     command: Option<DriveCommand>,
 }
 
@@ -58,8 +58,8 @@ impl Actuation {
         Ok(Self { actuator, delay: Delay::new(settings.delay, 0.0), command: None })
     }
 
-    /// State of the motor after a step of `h` \[s\]. Physics reports the state of the `joint` and the
-    /// `effort` that acted on it.
+    /// State of the motor after a step of `h` \[s\]. `joint` is the state reported by physics, and `effort`
+    /// the effort that acted on the joint.
     pub(super) fn motor(&mut self, joint: Motor, effort: f64, h: f64) -> Motor {
         self.actuator.begin(joint);
         if let Some(command) = self.command.take() {
@@ -68,13 +68,13 @@ impl Actuation {
         self.actuator.motor().unwrap_or(joint)
     }
 
-    /// Effort on the joint in the next step of `h` \[s\] for the drive's torque; a closed brake damps the
+    /// Effort on the joint in the next step of `h` \[s\] for the drive's torque; an engaged brake damps the
     /// motor.
     pub(super) fn effort(&mut self, wanted: f64, brake: f64, joint: Motor, h: f64) -> Effort {
         let acting = self.delay.acting(wanted);
         self.delay.advance(wanted, h);
-        // The motor does not produce the effort of a brake. That counts within the motor's limits only if
-        // both are on one shaft.
+        // The motor does not produce the effort of a brake. That effort counts towards the motor's limits
+        // only if both are on one shaft.
         let command = DriveCommand { kd: brake, ..DriveCommand::effort(acting) };
         if let Some(law) = self.actuator.joint_law(&command, joint, h) {
             self.command = Some(command);
@@ -92,7 +92,7 @@ mod tests {
     const H: f64 = 2.5e-4;
 
     #[test]
-    fn the_torque_of_a_drive_lags_as_its_actuator_does() {
+    fn drive_torque_lags_like_its_actuator() {
         let settings = ActuatorSettings { lag: 0.01, delay: 1e-3, ..ActuatorSettings::default() };
         let mut actuation = Actuation::new(&settings, 50.0, "joint").unwrap();
         for step in 0..200 {
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn a_series_elastic_drive_winds_its_spring_on_a_blocked_joint() {
+    fn a_series_elastic_drive_loads_its_spring_on_a_blocked_joint() {
         let drivetrain = Drivetrain { motor_inertia: 0.1, stiffness: 300.0, damping: 4.0, backlash: 0.0 };
         let settings = ActuatorSettings { drivetrain: Some(drivetrain), ..ActuatorSettings::default() };
         let mut actuation = Actuation::new(&settings, f64::INFINITY, "joint").unwrap();

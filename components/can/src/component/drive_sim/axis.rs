@@ -15,7 +15,7 @@ pub(super) struct Axis {
     pub(super) node: usize,
     /// Index of the drive in the table.
     pub(super) entry: usize,
-    /// The drive had no power in the previous step.
+    /// The drive was without power in the previous step.
     pub(super) was_off: bool,
     /// The drive's controller is bus-off, or its cable is unplugged.
     pub(super) is_cut_off: bool,

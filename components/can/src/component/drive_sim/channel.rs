@@ -4,7 +4,7 @@ use super::axis::Axis;
 use crate::component::wire::BATCH;
 use crate::{Condition, Frame, SimulatedBus, Table};
 
-/// One bus. Node 0 is the adapter, nodes from 1 on are drives, followed by a babbling node and a twin of a
+/// One bus. Node 0 is the adapter. The drives start at node 1, followed by a babbling node and a twin of a
 /// drive.
 pub(super) struct Channel {
     pub(super) bus: SimulatedBus,
@@ -15,9 +15,9 @@ pub(super) struct Channel {
     pub(super) condition: Condition,
     pub(super) is_down: bool,
     pub(super) was_off: bool,
-    /// Nodes that are connected to the bus, whether or not they are bus-off.
+    /// Nodes that are connected to the bus, including bus-off nodes.
     connected: Vec<bool>,
-    /// Largest number of queued frames of the adapter, like the queue of a Linux interface and its
+    /// Maximum number of queued frames of the adapter, like the queues of a Linux interface and its
     /// controller.
     room: usize,
     pub(super) unsent: u8,
@@ -30,7 +30,7 @@ impl Channel {
         self.room.saturating_sub(self.bus.waiting(0))
     }
 
-    /// Queues a frame of the computer; a frame without room is dropped.
+    /// Queues a frame of the computer, or drops it if there is no room.
     pub(super) fn hand_over(&mut self, frame: Frame, ready_ns: u64) {
         let fits = self.room() > 0 && self.bus.enqueue(0, frame, ready_ns);
         self.unsent = self.unsent.saturating_add(u8::from(!fits));
@@ -47,7 +47,7 @@ impl Channel {
     }
 }
 
-/// Frames that a Linux interface holds: ten in its queue, two in its controller.
+/// Number of frames that a Linux interface buffers: ten in its queue, two in its controller.
 const ROOM: usize = 12;
 
 /// Creates the simulated buses, and assigns a node to each drive.

@@ -1,4 +1,4 @@
-//! The drives of a robot as receivers of frames.
+//! Delivery of frames to the drives of a robot.
 
 use super::axis::Axis;
 use super::config::DriveSimulationConfig;
@@ -6,7 +6,7 @@ use super::fault_injector::{DriveNode, FaultInjector, Sender};
 use crate::Frame;
 use crate::component::faults::Fault;
 
-/// Drives as receivers of a frame.
+/// Drives that receive a frame.
 pub(super) struct Drives<'a> {
     pub(super) axes: &'a mut [Axis],
     pub(super) faults: &'a [Fault],
@@ -17,7 +17,7 @@ pub(super) struct Drives<'a> {
 
 impl Drives<'_> {
     /// Delivers a frame to all drives of a bus. Passes the answer of each addressed drive to `answer_with`,
-    /// with its node and the time when it is ready.
+    /// with the drive's node and the time at which the answer is ready.
     pub(super) fn receive(
         &mut self,
         index: usize,
@@ -33,7 +33,7 @@ impl Drives<'_> {
         });
     }
 
-    /// Delivers the frame of one servo to the others on its serial line; the next one in turn answers
+    /// Delivers the frame of one servo to the others on its serial line. The next servo in turn answers
     /// immediately.
     pub(super) fn observe(
         &mut self,
@@ -48,7 +48,7 @@ impl Drives<'_> {
         });
     }
 
-    /// Calls `deliver` with each drive that listens on a bus.
+    /// Calls `deliver` with each drive that receives the traffic of a bus.
     fn each_listener(&mut self, index: usize, mut deliver: impl FnMut(&mut Axis, &mut FaultInjector<'_>)) {
         let Self { axes, faults, config, random, lost } = self;
         let mut injector = FaultInjector { faults, config, random, lost };

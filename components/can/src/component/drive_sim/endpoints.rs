@@ -1,4 +1,4 @@
-//! Endpoints of simulated buses: topics to the adapter, or sockets and terminals that any program can open.
+//! Endpoints of simulated buses: topics for the adapter, or sockets and terminals that any program can open.
 
 use motorium::prelude::*;
 use motorium::state::CanFrame;
@@ -13,7 +13,7 @@ use crate::{Frame, Report, Table};
 
 /// Endpoints of simulated buses.
 pub(super) enum Endpoints {
-    /// Topics, with one batch for all buses.
+    /// Topics, with one batch of frames for all buses.
     Topics(Box<Topics>),
     /// Sockets and terminals that offer the buses.
     Offers(Offers),
@@ -47,7 +47,7 @@ impl Endpoints {
         Ok(Self::Offers(Offers { offers, inbox: vec![Received::default(); BATCH], start_ns: 0 }))
     }
 
-    /// Queues the frames of the computer on their buses, at the time when they were sent.
+    /// Queues the frames of the computer on their buses, with their send times.
     pub(super) fn receive(&mut self, start_ns: u64, buses: &mut [Channel]) {
         match self {
             Self::Topics(topics) => {
@@ -64,8 +64,8 @@ impl Endpoints {
             Self::Offers(all) => {
                 all.start_ns = start_ns;
                 for (offer, channel) in all.offers.iter_mut().zip(buses) {
-                    // a socket delivers all frames, and the interface drops those without room; a terminal
-                    // keeps them, as the line of an adapter does
+                    // a socket delivers all frames, and the interface drops frames without room; a terminal
+                    // keeps them, like an adapter's serial line
                     let room = match offer {
                         Offer::Socket(_) => BATCH,
                         Offer::Terminal(_) => channel.room().min(BATCH),
@@ -108,7 +108,7 @@ impl Endpoints {
         }
     }
 
-    /// Sends everything that is queued. Returns the number of frames lost for lack of room.
+    /// Sends all queued frames and reports. Returns the number of frames lost for lack of room.
     pub(super) fn publish(&mut self) -> Result<u64, StepError> {
         match self {
             Self::Topics(topics) => topics.publish(),

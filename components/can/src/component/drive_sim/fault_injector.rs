@@ -8,12 +8,12 @@ use crate::component::faults::{Fault, FaultKind};
 /// Time between two frames of a babbling node, ns: shorter than a frame.
 pub(super) const BABBLE_NS: u64 = 50_000;
 
-/// Drive that sends a frame, and its node.
+/// Drive that sends a frame, with its node.
 #[derive(Clone, Copy)]
 pub(super) struct DriveNode {
     entry: usize,
     node: usize,
-    /// Makes the device, state or number in a frame invalid.
+    /// Invalidates the device, state or a number in a frame.
     corrupt: fn(&mut Frame),
 }
 
@@ -81,7 +81,7 @@ pub(super) enum Sender {
 }
 
 impl Sender {
-    /// Index of the node; `twin` is the node of the other drive.
+    /// Returns the index of the node; `twin` is the node of the other drive.
     pub(super) fn node(self, twin: usize) -> usize {
         match self {
             Self::Drive(node) => node,

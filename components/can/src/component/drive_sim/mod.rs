@@ -34,11 +34,11 @@ use endpoints::Endpoints;
 use simulated::Simulated;
 use sockets::Sockets;
 
-/// Component that simulates the buses and drives of a robot.
+/// Component that simulates a robot's buses and drives.
 ///
-/// Each step advances the buses to the present, lets each drive receive frames and answer, runs the inner
-/// loops on the joint state just published by physics, and publishes the efforts. Drives on an interface of
-/// the computer receive its frames and answer on it.
+/// Each step advances the buses to the current time and lets each drive receive frames and answer. It then
+/// runs the inner loops on the joint state that physics has just published, and publishes the efforts. Drives
+/// on an interface of the computer receive its frames and answer on it.
 pub struct DriveSimulation {
     joint_state: Input<JointState>,
     lines: Lines,
@@ -52,7 +52,7 @@ pub struct DriveSimulation {
     last_ns: Option<u64>,
 }
 
-/// Lines between adapter and drives.
+/// Connection between the adapter and the drives.
 enum Lines {
     Simulated(Box<Simulated>),
     Sockets(Sockets),

@@ -22,7 +22,7 @@ impl Simulated {
         Self { endpoints, buses }
     }
 
-    /// Advances the buses to the present, and publishes the frames that the adapter receives.
+    /// Advances the buses to the current time, and publishes the frames that the adapter receives.
     pub(super) fn run(
         &mut self,
         drives: &mut Drives<'_>,
@@ -65,7 +65,7 @@ impl Simulated {
                 channel.bus.disturb(1);
             }
             if is_on(FaultKind::Babbling) {
-                // the node continues from its last frame, without accumulating a backlog
+                // the node resumes after its last frame, without accumulating a backlog
                 channel.babbled_ns = channel.babbled_ns.max(now_ns.saturating_sub(1_000_000));
                 while channel.babbled_ns < now_ns {
                     let noise = Frame::classic(Id::Standard(0), &[0xff; 8]);
@@ -78,7 +78,8 @@ impl Simulated {
         }
     }
 
-    /// Advances a bus to the present: drives receive delivered frames, and their answers are sent in turn.
+    /// Advances a bus to the current time: drives receive delivered frames, and their answers are sent on the
+    /// bus.
     fn run_bus(&mut self, index: usize, now_ns: u64, drives: &mut Drives<'_>) {
         let Channel { bus, twin, .. } = &mut self.buses[index];
         drives.report(index, now_ns, &mut |sender, frame, ready_ns| {
@@ -111,7 +112,7 @@ impl Simulated {
         self.report_interface(index, now_ns);
     }
 
-    /// Reports changes of the adapter's interface since the last step to the adapter.
+    /// Reports changes of the adapter's interface since the last step.
     fn report_interface(&mut self, index: usize, now_ns: u64) {
         let channel = &mut self.buses[index];
         let state = channel.bus.state(0);

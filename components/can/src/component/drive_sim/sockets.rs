@@ -1,4 +1,4 @@
-//! Simulated drives on real buses: they receive frames from an interface and answer on it.
+//! Simulated drives on real buses, which receive frames from an interface and answer on it.
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
@@ -24,11 +24,11 @@ pub(super) struct Sockets {
 struct Line {
     bus: RealBus,
     babbled_ns: u64,
-    /// Controller state of the bus according to the fault script.
+    /// Controller state of the bus according to the scripted faults.
     state: ErrorState,
 }
 
-/// Largest number of delayed answers.
+/// Maximum number of delayed answers.
 const PENDING: usize = 4 * BATCH;
 /// Frames of a babbling node per step.
 const NOISE: usize = 32;
@@ -107,7 +107,7 @@ impl Sockets {
         }
     }
 
-    /// Delivers each received frame to the drives and lets them report. Their answers are sent when they are
+    /// Delivers each received frame to the drives, and collects their reports. Answers are sent when they are
     /// due.
     pub(super) fn receive(&mut self, drives: &mut Drives<'_>, now_ns: u64) {
         let start_ns = self.clock.stamp_ns(0);

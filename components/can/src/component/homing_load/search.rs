@@ -4,9 +4,9 @@ use core::f64::consts::TAU;
 
 /// Largest number of rounds over all coordinates in a search.
 pub(super) const ROUNDS: usize = 32;
-/// Gain of a round, relative to the value, above which another round follows.
+/// Relative improvement of a round above which another round follows.
 const GAIN: f64 = 1e-9;
-/// Sample positions over a range for a function of unknown shape.
+/// Number of sample positions over a range for a function of unknown shape.
 const PLACES: usize = 9;
 /// Largest number of function evaluations per coordinate.
 pub(super) const VALUES: usize = 3 * PLACES;
@@ -16,11 +16,11 @@ pub(super) const FURTHER: usize = 8;
 /// Shape of a function along one coordinate, with the others fixed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Shape {
-    /// A sum of sines and cosines of the angle and of twice the angle: weights and inertias over a revolute
-    /// joint. The positions of the bodies it carries are linear in sine and cosine of the angle; weights are
+    /// Sum of sines and cosines of the angle and of twice the angle: weights and inertias over a revolute
+    /// joint. The positions of the carried bodies are linear in the sine and cosine of the angle; weights are
     /// linear in these positions, and inertias quadratic.
     Turning,
-    /// A polynomial of the second degree: weights and inertias over a prismatic joint.
+    /// Quadratic polynomial: weights and inertias over a prismatic joint.
     Sliding,
     /// Any other shape, such as when a second joint follows the coordinate with a ratio.
     Unknown,
@@ -35,11 +35,11 @@ pub(super) struct Axis {
     pub(super) shape: Shape,
 }
 
-/// Returns the largest value of a function, searched from each of these starting positions.
+/// Returns the largest value of a function found from these starting positions.
 ///
 /// Each coordinate in turn moves to its maximum, which is exact for a known shape. The search ends when no
-/// single coordinate improves the value, or after [`ROUNDS`]. So each start leads to a position that no
-/// single joint can improve.
+/// single coordinate improves the value, or after [`ROUNDS`]. Except at that limit, each start therefore
+/// leads to a position that no single joint can improve.
 pub(super) fn largest(starts: Vec<Vec<f64>>, axes: &[Axis], mut value: impl FnMut(&[f64]) -> f64) -> f64 {
     let mut most = f64::NEG_INFINITY;
     for mut at in starts {
@@ -59,9 +59,9 @@ pub(super) fn largest(starts: Vec<Vec<f64>>, axes: &[Axis], mut value: impl FnMu
     most
 }
 
-/// Extrapolates in the direction of a round that started at `from`, with growing steps as long as the
-/// function increases. On a ridge, where all coordinates have to move together, rounds alone make small
-/// steps. Returns the value at the new position.
+/// Extrapolates in the direction of a round that started at `from`, with growing steps while the function
+/// increases. On a ridge, where all coordinates have to move together, rounds alone only make small steps.
+/// Returns the value at the new position.
 fn go_on(
     axes: &[Axis],
     from: &[f64],
@@ -86,7 +86,7 @@ fn go_on(
     best
 }
 
-/// Moves one coordinate to where the function exceeds `best`, if there is such a position. Returns the value
+/// Moves one coordinate to a position where the function exceeds `best`, if there is one. Returns the value
 /// there.
 fn raise(axis: &Axis, at: &mut [f64], best: f64, value: &mut impl FnMut(&[f64]) -> f64) -> f64 {
     let (i, [lower, upper], mut best) = (axis.index, axis.range, best);
@@ -146,7 +146,7 @@ struct Wave {
 }
 
 impl Wave {
-    /// Number of intervals over a range; near the best sample a wave has a single maximum.
+    /// Number of sampling intervals over a range. Near the best sample, a wave has a single maximum.
     const STEPS: usize = 64;
 
     /// Returns the wave with these values at 0, 72, 144, 216 and 288 degrees.
@@ -164,12 +164,12 @@ impl Wave {
         c0 + c1 * cos + s1 * sin + c2 * (cos * cos - sin * sin) + s2 * 2.0 * sin * cos
     }
 
-    /// Returns its maximiser in a range.
+    /// Returns the position of the maximum in a range.
     fn highest(&self, lower: f64, upper: f64) -> f64 {
         let step = (upper - lower) / Self::STEPS as f64;
         let places = (0..=Self::STEPS).map(|k| lower + step * k as f64);
         let best = places.max_by(|a, b| self.evaluate(*a).total_cmp(&self.evaluate(*b))).unwrap_or(lower);
-        // ternary search: around the best sample there is one maximum
+        // ternary search for the only maximum around the best sample
         let (mut a, mut b) = ((best - step).max(lower), (best + step).min(upper));
         for _ in 0..60 {
             let (x, y) = (a + (b - a) / 3.0, b - (b - a) / 3.0);

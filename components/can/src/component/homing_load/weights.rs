@@ -9,7 +9,8 @@ use super::search::{self, Axis, Shape};
 use crate::HomingEntry;
 use crate::component::Equipped;
 
-/// Spread poses from which a search starts, in addition to the ends and middles of the ranges and home.
+/// Number of distributed poses from which a search starts, in addition to home and the ends and middles of
+/// the ranges.
 const SPREAD: usize = 4;
 
 /// Positions of the other joints.
@@ -17,7 +18,7 @@ const SPREAD: usize = 4;
 pub(super) enum Others {
     /// Home.
     AtHome,
-    /// Anywhere within their limits, except for the joints homed before.
+    /// Anywhere within their limits, except for joints that have already been homed.
     Anywhere,
 }
 
@@ -30,7 +31,7 @@ impl Others {
     }
 }
 
-/// Smallest and largest value over a set of poses.
+/// Minimum and maximum over a set of poses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Bounds {
     pub(super) least: f64,
@@ -43,18 +44,18 @@ pub(super) struct Weights<'a> {
     dynamics: Dynamics,
     gravity: Vector3<f64>,
     joint: usize,
-    /// Direction to its stop.
+    /// Sign of the direction to the stop.
     sign: f64,
     stop: f64,
-    /// Home positions of all joints; for joints homed before, their final positions.
+    /// Home positions of all joints; final positions of joints that have already been homed.
     home: Vec<f64>,
-    /// Range of each joint; a single position for joints homed before.
+    /// Range of each joint; a single position for joints that have already been homed.
     ranges: Vec<[f64; 2]>,
-    /// Joints on whose positions the weight depends.
+    /// Joints whose positions affect the weight.
     related: Vec<usize>,
-    /// Joints carried by this joint, on which its inertia depends.
+    /// Joints carried by this joint, which affect its inertia.
     carried: Vec<usize>,
-    /// Working storage: configuration, efforts and mass matrix.
+    /// Workspace: configuration, efforts and mass matrix.
     q: Vec<f64>,
     efforts: Vec<f64>,
     mass: DMatrix<f64>,
@@ -109,12 +110,12 @@ impl<'a> Weights<'a> {
         self.joint().kind == JointKind::Prismatic
     }
 
-    /// N m, or N.
+    /// Unit of the joint's effort: N m or N.
     pub(super) fn unit(&self) -> &'static str {
         if self.is_prismatic() { "N" } else { "N m" }
     }
 
-    /// Effort that holds the joint at its stop, in the direction to the stop.
+    /// Effort that holds the joint at its stop, positive towards the stop.
     pub(super) fn at_stop(&mut self, others: Others) -> Bounds {
         let stop = Some(self.stop);
         Bounds {
@@ -123,7 +124,7 @@ impl<'a> Weights<'a> {
         }
     }
 
-    /// Largest effort that holds the joint anywhere within its limits, in the direction to its stop.
+    /// Largest effort that holds the joint anywhere within its limits, positive towards the stop.
     pub(super) fn on_the_way(&mut self, others: Others) -> f64 {
         self.largest(Of::Weight, others, None, Self::against)
     }
@@ -138,7 +139,7 @@ impl<'a> Weights<'a> {
         self.largest(Of::Inertia, Others::Anywhere, Some(self.stop), Self::inertia)
     }
 
-    /// Effort that holds the joint at these positions, in the direction to its stop.
+    /// Effort that holds the joint at these positions, positive towards the stop.
     fn against(&mut self, joints: &[f64]) -> f64 {
         let Self { model, dynamics, gravity, joint, sign, q, efforts, .. } = self;
         let spring = model.joint(*joint).dynamics;
@@ -165,8 +166,8 @@ impl<'a> Weights<'a> {
         mass[(place, place)]
     }
 
-    /// Largest value of a function of the positions, with the joint anywhere or at `place`. Coordinates that
-    /// are irrelevant or have no range are left out.
+    /// Returns the largest value of a function of the positions, with the joint anywhere or at `place`.
+    /// Irrelevant coordinates and coordinates without a range are skipped.
     fn largest(
         &mut self,
         of: Of,
@@ -217,8 +218,8 @@ enum Of {
     Inertia,
 }
 
-/// Joints on the bodies that a joint carries, including itself. With `above`, also the joints between the
-/// base and these bodies.
+/// Joints that a joint carries, including itself. With `above`, also includes the joints between the base and
+/// the carried bodies.
 fn related(model: &Model, joint: usize, above: bool) -> Vec<usize> {
     let bodies = model.bodies();
     // parents precede children
@@ -252,7 +253,7 @@ mod tests {
         weights.against(joints)
     }
 
-    /// Robot with these joints, each with the link that carries it. Links of 1 kg extend along x, and joints
+    /// Robot with these joints, each given with its parent link. Links of 1 kg extend along x, and joints
     /// rotate about y by up to 2 rad.
     fn robot(joints: &[(&str, &str)]) -> Model {
         bent_robot(joints, |_| 0.0)
@@ -308,14 +309,14 @@ mod tests {
     }
 
     #[test]
-    fn bounds_of_any_chain_are_those_when_it_is_stretched() {
+    fn bounds_of_any_chain_are_reached_fully_extended() {
         for count in [4, 8, 12, 16, 24] {
-            // extended where no joint is at zero, or at the middle or an end of its range
+            // the robot is fully extended at positions other than zero, the middle or an end of a range
             let equipped = chain(count, |i| 0.37 + 0.9 * (1.7 * i as f64).sin());
             let entry = equipped.table.drives[0].homing.clone().unwrap();
             let others = vec![None; count];
             let mut weights = Weights::new(&equipped, [0.0, 0.0, -9.81], 3, &entry, &others);
-            // centres of mass at 0.1 m, 0.2 m, ... behind the joint
+            // centres of mass at 0.1 m, 0.2 m, ... from the joint
             let lengths = || (1..=count - 3).map(|i| 0.1 * i as f64);
             let heaviest = 9.81 * lengths().sum::<f64>();
             let inertia = lengths().map(|length| 1.0 + length * length).sum::<f64>();

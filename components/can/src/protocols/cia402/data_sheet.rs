@@ -12,7 +12,7 @@ use crate::protocols::spec::Refusal;
 const WRITTEN: [Object; 4] =
     [Object::HEARTBEAT_CONSUMER, Object::MODE, Object::INTERPOLATION_UNITS, Object::INTERPOLATION_EXPONENT];
 
-/// Objects that it writes for a homing by the drive.
+/// Additional objects that the adapter writes for a homing by the drive.
 const HOMED: [Object; 5] = [
     Object::HOMING_METHOD,
     Object::HOMING_VELOCITY,
@@ -23,8 +23,8 @@ const HOMED: [Object; 5] = [
 
 const CORRECT: &str = "correct the entry of the drive, or name the data sheet of its firmware";
 
-/// Completes missing increments and rated torque of an entry from the drive's data sheet, and checks the
-/// other keys.
+/// Fills in missing increments, rated torque and rated current of an entry from the drive's data sheet, and
+/// checks the other keys.
 pub(crate) fn complete(
     drive: &mut DriveEntry,
     read: &dyn Fn(&str) -> io::Result<String>,
@@ -33,8 +33,9 @@ pub(crate) fn complete(
     let text = read(&name).map_err(|error| {
         (format!("{name}: {error}"), "name an EDS or DCF file, relative to the drive table")
     })?;
-    let sheet = Eds::parse(&text)
-        .map_err(|error| (format!("{name}, {error}"), "name an EDS or DCF file as its maker publishes it"))?;
+    let sheet = Eds::parse(&text).map_err(|error| {
+        (format!("{name}, {error}"), "use an EDS or DCF file as published by the manufacturer")
+    })?;
     let at = |(message, advice): Refusal| (format!("{name}: {message}"), advice);
     scales(drive, &sheet);
     mode(drive, &sheet).map_err(at)?;
@@ -72,7 +73,7 @@ fn method(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
     // a signed byte, which some data sheets write as unsigned
     let signed = |limit: i64| if (128..256).contains(&limit) { limit - 256 } else { limit };
     let (low, high) = (entry.low(drive.node).map(signed), entry.high(drive.node).map(signed));
-    // unsigned limits that cover the whole byte are no restriction
+    // unsigned limits that cover the whole byte do not restrict the method
     let is_range = !matches!((low, high), (Some(low), Some(high)) if low > high);
     let is_beyond = low.is_some_and(|low| method < low) || high.is_some_and(|high| method > high);
     if is_range && is_beyond {
@@ -83,7 +84,7 @@ fn method(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Returns `true` if the drive homes with its own procedure.
+/// Returns `true` if the drive uses its own homing procedure.
 fn homes_itself(drive: &DriveEntry) -> bool {
     drive.homing.as_ref().is_some_and(|homing| homing.by == HomingBy::Drive)
 }
@@ -109,7 +110,7 @@ fn scales(drive: &mut DriveEntry, sheet: &Eds) {
     drive.rated_torque = drive.rated_torque.or(torque.map(|torque| torque as f64 * 1e-3));
 }
 
-/// CiA 402 number of the entry's mode.
+/// CiA 402 mode of the entry.
 fn cyclic(drive: &DriveEntry) -> Mode {
     match drive.mode.unwrap_or_default() {
         ControlMode::Position => Mode::Position,
@@ -118,19 +119,21 @@ fn cyclic(drive: &DriveEntry) -> Mode {
     }
 }
 
-/// Refuses a mode that is missing in the drive's 0x6502, where bit 7 represents mode 8.
+/// Refuses a mode that is missing in the drive's object 0x6502, where bit 7 represents mode 8.
 fn mode(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
     let known = sheet.entry(Object::SUPPORTED_MODES).and_then(|entry| entry.value(drive.node));
     let mode = cyclic(drive);
     match known {
         Some(known) if known != 0 && known >> (mode as u8 - 1) & 1 == 0 => {
-            let message =
-                format!("the drive does not know the mode {} of `mode`: 0x6502 is 0x{known:X}", mode as u8);
-            let advice = "0x80 is position, 0x100 velocity, 0x200 torque: write a `mode` that it knows";
+            let message = format!(
+                "the drive does not support the mode {} of `mode`: 0x6502 is 0x{known:X}",
+                mode as u8
+            );
+            let advice = "0x80 is position, 0x100 velocity, 0x200 torque: write a `mode` that it supports";
             Err((message, advice))
         }
         Some(known) if known != 0 && known >> 5 & 1 == 0 && homes_itself(drive) => {
-            let message = format!("the drive does not know homing: 0x6502 is 0x{known:X}");
+            let message = format!("the drive does not support homing: 0x6502 is 0x{known:X}");
             Err((
                 message,
                 "0x20 is homing, mode 6: leave `homing` out, or home it at its stop with `mode = \"torque\"`",
@@ -146,7 +149,7 @@ pub(crate) fn fixed_mappings(drive: &DriveEntry) -> Vec<Mapping> {
     (0..).zip(Mapping::ALL).filter(is_fixed).map(|(_, mapping)| mapping).collect()
 }
 
-/// Numbers of the process data with a read-only mapping, which must match the adapter's.
+/// Indices of the process data with a read-only mapping, which must match the adapter's mapping.
 fn fixed(drive: &DriveEntry, sheet: &Eds) -> Result<Vec<u8>, Refusal> {
     let (node, mode) = (Node::new(drive.node).unwrap_or(Node::FIRST), cyclic(drive));
     let mut fixed = Vec::new();
@@ -217,8 +220,9 @@ fn limits(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
         if let Some(limit) = limit
             && found > limit * (1.0 + 1e-9)
         {
-            let message =
-                format!("`ranges.{key}` is {found} {unit}, and the drive ends at {limit:.4} ({objects})");
+            let message = format!(
+                "`ranges.{key}` is {found} {unit}, but the drive is limited to {limit:.4} ({objects})"
+            );
             return Err((message, "write a range that the drive reaches: commands beyond it are clamped"));
         }
     }

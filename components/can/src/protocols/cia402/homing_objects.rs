@@ -16,8 +16,8 @@ pub(crate) struct HomingObjects {
 }
 
 impl HomingObjects {
-    /// Objects of an entry; `None` if the drive does not home with its own procedure, or if a value does not
-    /// fit into its object.
+    /// Returns the objects of an entry; `None` if the drive has no homing procedure of its own, or if a value
+    /// does not fit into its object.
     pub(crate) fn from_entry(entry: &DriveEntry) -> Option<Self> {
         let homing = entry.homing.as_ref().filter(|homing| homing.by == HomingBy::Drive)?;
         let per_joint = entry.increments? / TAU * entry.ratio;

@@ -17,7 +17,7 @@ use crate::protocols::spec::DriveSetup;
 const NO_OBJECT: u32 = 0x0602_0000;
 /// Abort code: the object is read-only.
 const READ_ONLY: u32 = 0x0601_0002;
-/// Abort code: not allowed in the present state.
+/// Abort code: not allowed in the current state.
 const NOT_NOW: u32 = 0x0800_0022;
 /// Abort code: the value is out of range.
 const NO_SUCH_VALUE: u32 = 0x0609_0030;
@@ -41,7 +41,7 @@ const OBJECTS: [Object; 11] = [
     Object::INTERPOLATION_EXPONENT,
 ];
 
-/// CiA 402 drive with an internal position loop, or in the velocity or torque mode.
+/// CiA 402 drive with an internal position loop, or in velocity or torque mode.
 #[derive(Clone, Debug)]
 pub(crate) struct Cia402 {
     node: Node,
@@ -59,9 +59,9 @@ pub(crate) struct Cia402 {
     /// Watchdog that cannot be changed, ns.
     fixed_watchdog_ns: Option<u64>,
     watchdog: Watchdog,
-    /// A heartbeat of the adapter has arrived; from then on it is monitored.
+    /// A heartbeat of the adapter has arrived. From then on, the heartbeat is monitored.
     is_watching: bool,
-    /// Setpoints waiting for the next synchronisation, followed by the active ones.
+    /// Setpoints waiting for the next synchronisation, followed by the active setpoints.
     waiting: Option<Setpoint>,
     setpoint: Setpoint,
     /// The boot-up message has yet to be sent.
@@ -91,7 +91,7 @@ impl Cia402 {
             for step in 0..Mapping::STEPS {
                 let Service::Write(object, value) = mapping.step(node, mode, step) else { continue };
                 match dictionary.iter_mut().find(|(known, _)| *known == object) {
-                    // permanently, as if stored in the drive
+                    // permanent, like a mapping stored in the drive
                     Some((_, place)) if is_fixed => *place = value,
                     Some(_) => {}
                     None => dictionary.push((object, value)),
@@ -136,7 +136,7 @@ impl Cia402 {
         self.dictionary.iter().find(|(known, _)| *known == object).map(|(_, value)| *value)
     }
 
-    /// Returns `true` if process data are mapped as expected here, and switched on.
+    /// Returns `true` if the process data have the expected mapping and are switched on.
     fn is_mapped(&self, mapping: Mapping) -> bool {
         let mut last = (2..Mapping::STEPS).map(|step| mapping.step(self.node, self.cyclic, step));
         last.all(|service| match service {
@@ -260,7 +260,7 @@ impl Cia402 {
         };
     }
 
-    /// Sends the heartbeats that are due; the first is due one period after the period was written.
+    /// Sends the heartbeats that are due. The first one is due one period after the period was written.
     fn beat(&mut self, now_ns: u64, send: &mut dyn FnMut(Frame, u64)) {
         let period_ns = u64::from(self.number(Object::HEARTBEAT_PRODUCER)) * 1_000_000;
         if period_ns == 0 {

@@ -1,4 +1,4 @@
-//! Facts and rules of CiA 402 drives.
+//! Specification of CiA 402 drives.
 
 use core::f64::consts::TAU;
 use std::io;
@@ -36,7 +36,7 @@ pub(crate) static CIA402: Cia402 = Cia402 {
         watchdog: Watchdog::Units {
             unit_ns: 1_000_000,
             most: 65_535,
-            advice: "write whole milliseconds, up to 65535: object 0x1016 has them",
+            advice: "write whole milliseconds, up to 65535: object 0x1016 is in milliseconds",
         },
         current_limit: CurrentLimit::Settable {
             keys: &[(
@@ -104,8 +104,8 @@ impl DriveProtocol for Cia402 {
         let method = homing.method.unwrap_or_default();
         if !matches!(method, i8::MIN..=-1 | 1..=14 | 17..=30 | 33 | 34 | 35 | 37) {
             return Err((
-                format!("`homing.method` is {method}, which CiA 402 does not know"),
-                "write object 0x6098: 1 to 14 with the index, 17 to 30 without, 33 and 34 the index alone, 37 where it is, negative ones of the maker",
+                format!("`homing.method` is {method}, which CiA 402 does not define"),
+                "write object 0x6098: 1 to 14 with the index, 17 to 30 without, 33 and 34 the index alone, 37 the current position, negative for manufacturer-specific methods",
             ));
         }
         let all = [
@@ -123,7 +123,7 @@ impl DriveProtocol for Cia402 {
                 );
                 return Err((
                     message,
-                    "write it in rad or m of the joint, without a sign: the method has the direction",
+                    "write it in rad or m of the joint, without a sign: the method determines the direction",
                 ));
             }
         }

@@ -30,9 +30,9 @@ use serde::Deserialize;
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HomingEntry {
-    /// Finder of the mark: "drive", the drive with its own procedure (ODrive, CiA 402; for servos, the offset
-    /// stored in them), or "stop", the adapter, which moves the joint slowly against its mechanical stop (MIT
-    /// family, moteus, and drives commanded by torque).
+    /// Method to find the mark: "drive", the drive's own procedure (ODrive, CiA 402; for servos, the offset
+    /// stored in them), or "stop", for which the adapter moves the joint slowly against its mechanical stop
+    /// (MIT family, moteus, and drives commanded by torque).
     pub by: HomingBy,
     /// Joints with a lower number are homed before those with a higher one; joints with the same number are
     /// homed together. Default 0.
@@ -64,7 +64,7 @@ pub struct HomingEntry {
     pub energy: Option<f64>,
 }
 
-/// The part that finds the mark of a joint.
+/// The method that finds the mark of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum HomingBy {
@@ -87,9 +87,9 @@ pub enum HomingProcedure {
 
 /// Default timeout of a homing.
 const TIMEOUT: TimeSpan = TimeSpan { ns: 20_000_000_000 };
-/// Default energy limit at a stop, J: the energy of half a kilogram metre squared at 0.6 rad/s.
+/// Default energy limit at a stop, J: about the energy of 0.5 kg m2 at 0.6 rad/s.
 const ENERGY: f64 = 0.1;
-/// Default distance for backing off from a stop, rad or m.
+/// Default back-off distance from a stop, rad or m.
 const BACK_OFF: f64 = 0.05;
 
 impl HomingEntry {

@@ -108,8 +108,8 @@ pub struct DriveEntry {
     /// Torque of the output shaft per current of the motor, N m/A. For `current_limit` of ODrive, Damiao and
     /// Dynamixel.
     pub torque_constant: Option<f64>,
-    /// The current of which the drive's limit is a share: the largest current of a Damiao drive, the stall
-    /// current of a Feetech, A.
+    /// The current to which the drive's limit is relative, A: the largest current of a Damiao drive, the
+    /// stall current of a Feetech.
     pub full_current: Option<f64>,
     /// The unit of currents in a Dynamixel, A.
     pub current_unit: Option<f64>,

@@ -1,10 +1,10 @@
-//! Protocol of the MIT mini cheetah, and of drives that adopted it: CubeMars, Damiao, RobStride.
+//! Protocol of the MIT mini cheetah, adopted by CubeMars, Damiao and RobStride drives.
 //!
-//! A command is one frame of eight bytes with position (16 bits), velocity, position gain, velocity gain and
+//! A command is a frame of eight bytes with position (16 bits), velocity, position gain, velocity gain and
 //! torque (12 bits each), most significant bit first. The drive answers every command with one frame.
-//! Commands for enabling, disabling and setting the zero position have seven bytes 0xFF and a code.
+//! Commands for enabling, disabling and setting the zero position consist of seven bytes 0xFF and a code.
 //!
-//! Numbers are mapped to the [`Ranges`] configured in the drive: a wrong range scales them without any error.
+//! Numbers are mapped to the [`Ranges`] configured in the drive. A wrong range silently scales them.
 
 use crate::drive::{Command, Fault, Feedback, Ranges, State};
 use crate::frame::{DecodeError, Form, Frame, Id, exactly};
@@ -46,7 +46,7 @@ impl Reply {
     }
 }
 
-/// One drive as known to both ends of the bus: identifiers, ranges, format of its answers.
+/// Codec of one drive, for both ends of the bus: identifiers, ranges, and format of its answers.
 ///
 /// ```
 /// use motorium_can::drive::Command;
@@ -74,7 +74,7 @@ pub struct Drive {
 const ENABLE: u8 = 0xfc;
 const DISABLE: u8 = 0xfd;
 const SET_ZERO: u8 = 0xfe;
-/// Supply voltage field, whose largest byte represents this voltage, V.
+/// Supply voltage field; the largest byte represents 40 V.
 const VOLTAGE: Fields<1> = Range::from_zero(40.0).field(8);
 
 /// Data of the frame with this code.
@@ -126,8 +126,8 @@ impl Drive {
     #[inline(always)]
     pub fn command(&self, command: &Command) -> Frame {
         let packed = self.fields.pack(command);
-        // All fields at their maximum would be the code for enabling, disabling or zeroing, so the torque is
-        // reduced.
+        // All fields at their maximum would form the code for enabling, disabling or zeroing, so the torque
+        // is reduced.
         let is_code = packed >= u64::from_be_bytes(code(ENABLE));
         self.frame(if is_code { code(ENABLE - 1) } else { packed.to_be_bytes() })
     }
@@ -165,7 +165,7 @@ impl Drive {
         Ok(Instruction::Command(self.fields.command(u64::from_be_bytes(*data))))
     }
 
-    /// Drive side: frame of an answer. Values without a field in its format are left out.
+    /// Drive side: frame of an answer. Values without a field in its format are omitted.
     pub fn answer(&self, feedback: &Feedback) -> Frame {
         let motion = self.fields.pack_motion(feedback.position, feedback.velocity, feedback.torque);
         let [_, _, _, p1, p0, v1, v_t, t0] = motion.to_be_bytes();
@@ -200,7 +200,7 @@ impl Drive {
     // decoded in place, like commands
     #[inline(always)]
     pub fn reply(&self, frame: &Frame) -> Result<Feedback, DecodeError> {
-        // the first byte is the most significant, with or without the last two
+        // the first byte is the most significant, in formats with or without the last two bytes
         let packed = match self.reply {
             Reply::MiniCheetah => {
                 let [device, p1, p0, v1, v_t, t0] = *exactly::<6>(frame, self.reply_id)?;
@@ -253,12 +253,12 @@ impl Ranges {
     }
 }
 
-/// Fields of a frame with the factors of their [`Ranges`]: the fields of a command, three of which also occur
-/// in an answer.
+/// Fields of a frame, with the conversion factors for their [`Ranges`]. A command has all fields; an answer
+/// has three of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CommandFields(Fields<5>);
 
-/// Twelve bits of a number, starting with bit `from`.
+/// Extracts twelve bits of a number, starting at bit `from`.
 #[inline]
 const fn twelve(packed: u64, from: u32) -> u16 {
     (packed >> from) as u16 & 0xfff
@@ -285,7 +285,7 @@ impl CommandFields {
     fn pack(&self, command: &Command) -> u64 {
         let Command { position, velocity, kp, kd, torque } = *command;
         let [p, v, kp, kd, t] = self.0.encode_from_end([position, velocity, kp, kd, torque]);
-        // the fields fill the whole number, so all are inverted together
+        // the fields fill the whole number, so all bits are inverted together
         !(p << 48 | v << 36 | kp << 24 | kd << 12 | t)
     }
 
@@ -341,7 +341,7 @@ fn cubemars_code(state: State) -> u8 {
         State::Fault(Fault::Encoder) => 5,
         State::Fault(Fault::HotTransistors) => 6,
         State::Fault(Fault::Overload) => 7,
-        // it has no code for other faults
+        // the format has no code for other faults
         _ => 0,
     }
 }

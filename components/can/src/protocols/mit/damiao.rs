@@ -1,7 +1,7 @@
-//! Registers of Damiao drives: settings that must be known before such a drive is enabled.
+//! Registers of Damiao drives, with settings that must be known before a drive is enabled.
 //!
-//! All drives of a bus listen to the identifier 0x7FF; the first two bytes contain the drive's ID. An answer
-//! has the identifier of the drive's other answers and repeats the request.
+//! All drives on a bus listen to the identifier 0x7FF; the first two bytes contain the ID of the addressed
+//! drive. An answer has the same identifier as the drive's other answers, and repeats the request.
 
 use crate::frame::{DecodeError, Frame, Id, exactly, finite};
 
@@ -16,7 +16,7 @@ const TIMEOUT_NS: u64 = 50_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Register {
-    /// Current at which the drive disables itself, as a share of its full current.
+    /// Current at which the drive disables itself, as a fraction of its full current.
     OverCurrent = 3,
     /// Time without a command after which the drive disables itself, in units of 50 us; 0 for never.
     Timeout = 9,
@@ -31,7 +31,7 @@ pub enum Register {
 }
 
 impl Register {
-    /// Registers read before a drive is enabled, in this order.
+    /// Registers read before a drive is enabled, in the given order.
     pub const CHECKED: [Self; 5] =
         [Self::Timeout, Self::ControlMode, Self::PositionMax, Self::VelocityMax, Self::TorqueMax];
     /// Value of [`ControlMode`](Self::ControlMode) with which a drive follows MIT commands.
@@ -63,7 +63,7 @@ pub enum Value {
     Watchdog(Option<u64>),
     /// Control mode.
     Mode(u32),
-    /// End of a range, or a share.
+    /// Limit of a range, or a fraction.
     Number(f64),
 }
 
@@ -172,8 +172,7 @@ impl Request {
 
     /// Decodes the number that the drive confirms after a write.
     ///
-    /// # Errors
-    /// The same as for [`value`](Self::value).
+    /// # Errors Returns an error in the same cases as [`value`](Self::value).
     pub fn changed_value(&self, frame: &Frame, master: Id) -> Result<Value, DecodeError> {
         self.value_of(WRITE, frame, master)
     }

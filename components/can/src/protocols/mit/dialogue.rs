@@ -1,4 +1,4 @@
-//! Dialogue with drives of the MIT family: one frame to the drive, one back.
+//! Dialogue with drives of the MIT family: one frame in each direction per cycle.
 
 use super::codec::{Drive, Instruction, Reply};
 use super::damiao::{Register, Request, Value};
@@ -15,7 +15,8 @@ const CHECKED: u8 = Register::CHECKED.len() as u8;
 pub(crate) struct Mit {
     codec: Drive,
     watchdog_ns: u64,
-    /// Share of its full current at which a Damiao drive disables itself; `None` keeps the drive's setting.
+    /// Fraction of its full current at which a Damiao drive disables itself; `None` keeps the drive's
+    /// setting.
     share: Option<f64>,
     /// Newest state; `None` before the first answer.
     motion: Option<Motion>,
@@ -32,7 +33,7 @@ impl Mit {
         Request { node: self.codec.node, register }
     }
 
-    /// Checks an answer about a setting.
+    /// Checks the answer to a settings request.
     fn check(&self, setting: u8, frame: &Frame) -> Result<Option<WrongSetting>, DecodeError> {
         let request = self.request(setting);
         if setting == CHECKED {

@@ -3,22 +3,23 @@
 use super::codec::Drive;
 use crate::drive::Command;
 
-/// Rounding of one drive's commands, compensated by the torque field.
+/// Rounding of one drive's commands, with compensation by the torque field.
 ///
-/// The fields of a command have 12 and 16 bits, and no integer represents a velocity or torque of exactly
-/// zero. Rounding each field separately would deflect a joint by half a torque step over its stiffness, and
-/// hold it there. Instead, the torque field absorbs the rounding of positions, velocities and gains at the
+/// The fields of a command have 12 or 16 bits, and no integer represents a velocity or torque of exactly
+/// zero. Rounding each field separately would permanently deflect a joint by half a torque step over its
+/// stiffness. Instead, the torque field compensates the rounding of positions, velocities and gains at the
 /// newest state of the drive. The rounding error of the torque is added to the torque of the next cycle
-/// (error diffusion). So the mean torque is exact, and each single torque is off by at most one step.
+/// (error diffusion). The mean torque is therefore exact, and each individual torque is off by at most one
+/// step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Rounding {
-    /// Torque that has not been sent so far, N m.
+    /// Accumulated torque that has not been sent, N m.
     rest: f64,
 }
 
 impl Rounding {
-    /// Command to send at this position \[rad\] and velocity \[rad/s\] of the drive; without a state, the
-    /// command is not compensated. Values beyond a range are clamped without compensation.
+    /// Returns the command to send at this position \[rad\] and velocity \[rad/s\] of the drive. Without a
+    /// state, the command is not compensated. Values beyond a range are clamped without compensation.
     pub(super) fn command(&mut self, wanted: &Command, drive: &Drive, state: Option<(f64, f64)>) -> Command {
         let Some((position, velocity)) = state else { return *wanted };
         let (ranges, fields) = (drive.ranges(), drive.fields());
@@ -73,19 +74,19 @@ mod tests {
     }
 
     #[test]
-    fn rounded_field_by_field_the_torque_is_off_for_ever() {
+    fn separate_rounding_leaves_a_permanent_torque_error() {
         let (goal, rounded) = (wanted().torque_at(STATE.0, STATE.1), drive().fields().rounded(&wanted()));
         assert!((rounded.torque_at(STATE.0, STATE.1) - goal).abs() > 0.2 * ranges().torque.resolution(12));
     }
 
     #[test]
-    fn what_a_range_cuts_off_is_not_made_up_for() {
+    fn clamped_torque_is_not_compensated_later() {
         let strong = Command { torque: 14.0, ..Command::default() };
         assert!(torques(strong).take(100).all(|torque| (torque - 10.0).abs() < 0.02));
         let stiff = Command { kp: 900.0, ..wanted() };
         let goal = Command { kp: 500.0, ..wanted() }.torque_at(STATE.0, STATE.1);
         assert!(torques(stiff).take(100).all(|torque| torque <= goal.min(20.0) + 0.02));
-        // after the clamping ends, no error is left over
+        // no error remains after the clamping ends
         let mut rounding = Rounding::default();
         for _ in 0..100 {
             rounding.command(&strong, &drive(), Some(STATE));
@@ -94,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn before_the_state_is_known_a_command_is_sent_as_it_is() {
+    fn without_a_state_commands_are_not_compensated() {
         assert_eq!(Rounding::default().command(&wanted(), &drive(), None), wanted());
     }
 }

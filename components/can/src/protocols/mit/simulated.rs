@@ -6,12 +6,12 @@ use crate::drive::{Command, Fault, Feedback, State};
 use crate::frame::{Frame, Id};
 use crate::protocols::simulation::{Motor, Simulated};
 
-/// Default share of its full current at which a drive disables itself.
+/// Default fraction of its full current at which a drive disables itself.
 const OVER_CURRENT: f64 = 0.95;
 
 /// MIT drive as seen from the bus and from its shaft.
 ///
-/// It answers each command with its state at the arrival of the command, like the published firmware. Its
+/// Like the published firmware, it answers each command with its state at the arrival of the command. Its
 /// inner loop computes
 ///
 /// ```text
@@ -67,7 +67,7 @@ impl SimulatedDrive {
         }
     }
 
-    /// Sets the torque at full current \[N m\]; the drive disables itself at a share of it.
+    /// Sets the torque at full current \[N m\]; the drive disables itself at a fraction of it.
     #[must_use]
     pub fn with_full_torque(self, torque: f64) -> Self {
         Self { full_torque: Some(torque), ..self }
@@ -99,7 +99,7 @@ impl SimulatedDrive {
         self.motor.temperature
     }
 
-    /// Cuts the power: the drive is disabled when it returns.
+    /// Cuts the power. The drive is disabled when power returns.
     pub fn cut_power(&mut self) {
         (self.state, self.command) = (State::Disabled, Command::default());
         self.over_current = OVER_CURRENT;
@@ -126,11 +126,11 @@ impl SimulatedDrive {
                 (self.state, self.command) = (State::Enabled, Command::default());
             }
             Instruction::Enable | Instruction::SetZero => {}
-            // which also clears a fault
+            // disabling also clears a fault
             Instruction::Disable => (self.state, self.command) = (State::Disabled, Command::default()),
         }
         self.commanded_ns = now_ns;
-        // a change of the state is reported in the answer to the same frame
+        // a state change is reported in the answer to the same frame
         match instruction {
             Instruction::Command(_) | Instruction::SetZero => Some(answer),
             Instruction::Enable | Instruction::Disable => Some(self.codec.answer(&self.feedback())),

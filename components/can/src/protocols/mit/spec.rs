@@ -1,4 +1,4 @@
-//! Facts and rules of the MIT family.
+//! Specification of the MIT family.
 
 use super::codec::{Drive, Reply};
 use super::damiao::{EVERYBODY, Register, Request, Value};
@@ -16,7 +16,7 @@ use crate::protocols::spec::{
 };
 use crate::range::Range;
 
-/// Protocol of the MIT family: its drives differ in their answers.
+/// Protocol of the MIT family, whose drives differ in the format of their answers.
 #[derive(Debug)]
 pub(crate) struct Mit {
     spec: Spec,
@@ -35,7 +35,7 @@ pub(crate) static DAMIAO: Mit = Mit {
         watchdog: Watchdog::Units {
             unit_ns: 50_000,
             most: u32::MAX as u64,
-            advice: "write a multiple of 50 us: register 9 has them",
+            advice: "write a multiple of 50 us, the unit of register 9",
         },
         current_limit: CurrentLimit::Settable {
             keys: &[
@@ -52,7 +52,7 @@ pub(crate) static DAMIAO: Mit = Mit {
 };
 
 impl Mit {
-    /// Facts of drives without readable settings.
+    /// Specification of drives without readable settings.
     const SPEC: Spec = Spec {
         bus: BusKind::Can,
         frames: Frames::Classic,
@@ -62,7 +62,7 @@ impl Mit {
         keys: &["master"],
         watchdog: Watchdog::Any,
         current_limit: CurrentLimit::Unsupported {
-            advice: "leave it out, and set the limit in the drive with its maker's tool: the frames of this protocol have none",
+            advice: "leave it out, and set the limit in the drive with the manufacturer's tool: this protocol cannot transmit it",
         },
         gains: Gains::Commanded,
         has_velocity_mode: false,
@@ -78,7 +78,7 @@ impl Mit {
         let entry = setup.entry;
         let usual = if self.reply == Reply::Damiao { 0x10 | u16::from(entry.node) } else { 0 };
         let reply_id = Id::Standard(entry.master.unwrap_or(usual));
-        // its fields have these ranges, whatever its limits are
+        // the fields have these ranges, regardless of the limits of the drive
         let mut drive = Drive::new(entry.node, reply_id, self.reply, entry.ranges.ranges());
         drive.form = setup.form;
         drive
@@ -102,7 +102,7 @@ impl DriveProtocol for Mit {
         let has_gains = entry.ranges.kp.is_some() || entry.ranges.kd.is_some();
         if has_gains && self.reply == Reply::Damiao {
             let advice = "leave `kp` and `kd` out, and let `ratio` scale them";
-            return Err(("the gains of a Damiao drive end at 500 and 5".into(), advice));
+            return Err(("the gains of a Damiao drive are limited to 500 and 5".into(), advice));
         }
         Ok(())
     }
@@ -120,7 +120,7 @@ impl DriveProtocol for Mit {
     fn check_homing(&self, entry: &DriveEntry, _homing: &HomingEntry) -> Result<(), Refusal> {
         Err((
             format!("a homing by the drive, which {:?} does not have", entry.protocol),
-            "write `by = \"stop\"`; its command \"set zero\" is not sent, for many such drives keep the zero for ever",
+            "write `by = \"stop\"`; its command \"set zero\" is not used, because many of these drives store the zero permanently",
         ))
     }
 
@@ -163,7 +163,7 @@ impl DriveProtocol for Mit {
             (Register::PositionMax, Value::Number(max)) => ranges[0] = Some(max),
             (Register::VelocityMax, Value::Number(max)) => ranges[1] = Some(max),
             (_, Value::Number(max)) => ranges[2] = Some(max),
-            // a drive in another mode is still on the bus; enabling refuses it
+            // a drive in another mode is still found on the bus; enabling refuses it
             (_, Value::Mode(_)) => {}
         }
         Some(Device { node: *node, kind: DeviceKind::Damiao { master, watchdog_ns, ranges } })

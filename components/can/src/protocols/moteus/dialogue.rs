@@ -1,7 +1,7 @@
-//! Dialogue with moteus drives: one frame of registers to the drive, one back.
+//! Dialogue with moteus drives: one frame of registers in each direction per cycle.
 //!
-//! Gains of commands are shares of the gains stored in the drive, and every command carries the watchdog.
-//! Before it is enabled, the drive reports its position reference.
+//! Gains of commands are fractions of the gains stored in the drive, and every command contains the watchdog
+//! time. The drive reports its position reference before it is enabled.
 
 use super::codec::{self, Home, Instruction, Mode, Node, Resolution};
 use crate::drive::{Fault, Feedback, Ranges, State};
@@ -19,11 +19,11 @@ pub(crate) struct Moteus {
     node: Node,
     gains: LoopEntry,
     ranges: Ranges,
-    /// s; NaN for never.
+    /// Watchdog time, s; NaN for never.
     watchdog: f64,
     /// Minimum position reference required.
     reference: Home,
-    /// Remaining cycles of a fault reset.
+    /// Remaining cycles of the fault reset.
     clears: u8,
 }
 
@@ -71,7 +71,7 @@ impl Dialogue for Moteus {
         };
         let instruction = match order {
             Order::Rest => Instruction::Query,
-            // which also clears a fault
+            // stopping also clears a fault
             Order::Check(_) | Order::Disable | Order::Home => Instruction::Stop,
             Order::Enable => Instruction::Position(codec::Command { kp_scale: 0.0, ..limits }),
             Order::Follow(command) => Instruction::Position(codec::Command {
@@ -106,7 +106,7 @@ impl Dialogue for Moteus {
             position: reported.position,
             velocity: reported.velocity,
             torque: reported.torque,
-            // the hotter of the two
+            // the higher of board and motor temperature
             temperature: Some(
                 reported
                     .motor_temperature

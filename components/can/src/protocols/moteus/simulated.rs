@@ -14,13 +14,13 @@ const OVER_TEMPERATURE: u8 = 38;
 pub(crate) struct Moteus {
     node: Node,
     gains: LoopEntry,
-    /// Default watchdog of the drive, for commands without one.
+    /// Default watchdog time of the drive, for commands without one.
     own_watchdog_ns: Option<u64>,
     watchdog: Watchdog,
     mode: Mode,
     fault: u8,
     command: Command,
-    /// Position held while commands specify none.
+    /// Position held while commands do not specify one.
     held: Option<f64>,
     motor: Motor,
     watchdog_trips: u64,

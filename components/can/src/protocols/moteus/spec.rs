@@ -1,4 +1,4 @@
-//! Facts and rules of moteus drives.
+//! Specification of moteus drives.
 
 use core::f64::consts::TAU;
 
@@ -33,7 +33,7 @@ pub(crate) static MOTEUS: Moteus = Moteus {
         watchdog: Watchdog::Units {
             unit_ns: 1_000_000,
             most: 32_767,
-            advice: "write whole milliseconds, up to 32767: its commands have them",
+            advice: "write whole milliseconds, up to 32767, the unit of its commands",
         },
         current_limit: CurrentLimit::Unsupported {
             advice: "leave it out: moteus gets `ranges.torque` with each command",
@@ -60,7 +60,7 @@ impl DriveProtocol for Moteus {
         &self.spec
     }
 
-    /// Refuses ranges beyond the registers, where all larger values would be clamped.
+    /// Refuses ranges beyond the registers, which would clamp larger values.
     fn check_frames(&self, entry: &DriveEntry, bus: &BusEntry) -> Result<(), Refusal> {
         if bus.data_bitrate.is_none() {
             let message = format!("moteus on the classic bus `{}`", bus.name);
@@ -72,7 +72,7 @@ impl DriveProtocol for Moteus {
         let beyond = ranges.into_iter().zip(MOST).zip(names).find(|((value, most), _)| value > most);
         beyond.map_or(Ok(()), |((value, most), (name, unit))| {
             let message =
-                format!("a {name} of {value} {unit}, and the registers of a moteus end at {most:.2}");
+                format!("a {name} of {value} {unit}, but the registers of a moteus are limited to {most:.2}");
             Err((message, "reduce it; `ratio` is the ratio of the joint to the output of the drive"))
         })
     }
@@ -80,12 +80,12 @@ impl DriveProtocol for Moteus {
     fn check_homing(&self, _entry: &DriveEntry, _homing: &HomingEntry) -> Result<(), Refusal> {
         Err((
             "a homing by the drive, which moteus does not have".into(),
-            "with an encoder at its output it needs none: leave `homing` out; else write `by = \"stop\"`",
+            "with an output encoder it needs none: leave `homing` out; otherwise write `by = \"stop\"`",
         ))
     }
 
     fn limited(&self, entry: &DriveEntry, ranges: Ranges) -> Ranges {
-        // its commands hold shares of the gains stored in it, at most one
+        // its commands contain fractions, at most 1, of the gains stored in the drive
         let gains = entry.loop_gains();
         ranges.with_gains(ranges.kp.max.min(gains.kp), ranges.kd.max.min(gains.kd))
     }
@@ -116,7 +116,7 @@ impl DriveProtocol for Moteus {
             Id::Standard(id) => u32::from(id),
             Id::Extended(id) => id,
         };
-        // only complete answers in CAN FD frames count: no other drive sends those
+        // only complete answers in CAN FD frames count, because no other drive sends them
         let node =
             u8::try_from(number >> 8).ok().filter(|_| number & 0xff == 0 && frame.form != Form::Classic)?;
         let State { mode, home, fault, .. } = Node::new(node)?.reply(frame).ok()?;

@@ -1,8 +1,8 @@
 //! CANSimple, the protocol of ODrive drives.
 //!
-//! The identifier of 11 bits is `node << 5 | command`. Numbers are little-endian, and positions are in turns
-//! of the motor. Heartbeats and encoder estimates are sent unsolicited, at rates configured in the drive. The
-//! messages follow the published database `odrive-cansimple.dbc` of firmware 0.5.6.
+//! The 11-bit identifier is `node << 5 | command`. Numbers are little-endian, and positions are in turns of
+//! the motor. The drive sends heartbeats and encoder estimates unsolicited, at configured rates. The messages
+//! follow the published database `odrive-cansimple.dbc` of firmware 0.5.6.
 
 use core::f64::consts::TAU;
 
@@ -94,7 +94,7 @@ pub enum InputMode {
 /// Message to a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Instruction {
-    /// Disables the drive immediately; it reports an error.
+    /// Disables the drive immediately, which then reports an error.
     EmergencyStop,
     /// Requests a state.
     SetState(AxisState),
@@ -163,14 +163,14 @@ pub enum Report {
         /// Motor.
         motor: f64,
     },
-    /// Motor currents: setpoint and measurement, A.
+    /// Motor currents, A: setpoint and measurement.
     Currents {
         /// Setpoint.
         target: f64,
         /// Measurement.
         measured: f64,
     },
-    /// Torques with newer firmware: setpoint and estimate, N m.
+    /// Torques (newer firmware only), N m: setpoint and estimate.
     Torques {
         /// Setpoint.
         target: f64,
@@ -217,7 +217,7 @@ impl Node {
         (node < 64).then_some(Self(node))
     }
 
-    /// Identifier of one of its messages.
+    /// Identifier of one of the drive's messages.
     pub(crate) fn id(self, command: u16) -> Id {
         Id::Standard(u16::from(self.0) << 5 | command)
     }
@@ -251,9 +251,8 @@ impl Node {
 
     /// Drive side: decodes the message in a frame.
     ///
-    /// # Errors
-    /// Returns an error if the frame is for another drive, is not a message to a drive, has another length,
-    /// or holds an invalid number.
+    /// # Errors Returns an error if the frame is for another drive, is not a message to a drive, has another
+    /// length, or contains an invalid number.
     pub fn instruction(self, frame: &Frame) -> Result<Instruction, DecodeError> {
         let command = self.command(frame)?;
         let data = frame.data();
@@ -326,15 +325,14 @@ impl Node {
 
     /// Decodes a report of the drive.
     ///
-    /// # Errors
-    /// Returns an error if the frame comes from another drive, is not a supported report, has another length,
-    /// or holds an invalid number.
+    /// # Errors Returns an error if the frame comes from another drive, is not a supported report, has
+    /// another length, or contains an invalid number.
     pub fn report(self, frame: &Frame) -> Result<Report, DecodeError> {
         let command = self.command(frame)?;
         let (first, second) = halves(frame.data())?;
         Ok(match command {
-            // the last two bytes are encoder and controller flags; newer firmware also reports the end of a
-            // trajectory there
+            // the last two bytes contain encoder and controller flags; newer firmware also reports the end of
+            // a trajectory there
             HEARTBEAT => Report::Heartbeat {
                 error: u32::from_le_bytes(first),
                 state: AxisState::from_code(second[0].into())?,
@@ -364,7 +362,7 @@ impl Node {
         })
     }
 
-    /// Command in the identifier of a frame of this drive.
+    /// Command code in the identifier of a frame of this drive.
     fn command(self, frame: &Frame) -> Result<u16, DecodeError> {
         match frame.id {
             Id::Standard(id) if id >> 5 == u16::from(self.0) => Ok(id & 0x1f),
@@ -373,12 +371,12 @@ impl Node {
     }
 }
 
-/// Data of exactly `N` bytes.
+/// Returns data of exactly `N` bytes.
 fn length<const N: usize>(data: &[u8]) -> Result<&[u8; N], DecodeError> {
     data.try_into().map_err(|_| DecodeError::Length { found: data.len(), expected: N })
 }
 
-/// Two words of four bytes.
+/// Splits data into two words of four bytes.
 fn halves(data: &[u8]) -> Result<([u8; 4], [u8; 4]), DecodeError> {
     let [a, b, c, d, e, f, g, h] = *length::<8>(data)?;
     Ok(([a, b, c, d], [e, f, g, h]))

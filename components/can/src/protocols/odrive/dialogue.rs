@@ -1,8 +1,8 @@
-//! Dialogue with ODrives: the adapter sends commands at its rate, the drive sends encoder estimates and
-//! heartbeats at its own.
+//! Dialogue with ODrives: the adapter sends commands at its rate, and the drive sends encoder estimates and
+//! heartbeats at its own rates.
 //!
-//! Only the heartbeat carries state and errors, so a drive counts as enabled up to a tenth of a second after
-//! it has been enabled. Errors are cleared only when the adapter is resumed.
+//! Only the heartbeat contains state and errors, so a drive counts as enabled only up to 0.1 s after it has
+//! been enabled. Errors are cleared only when the adapter is resumed.
 
 use super::codec::{AxisState, ControlMode as Quantity, InputMode, Instruction, Node, Report};
 use crate::drive::{Command, Fault, Feedback, Ranges, State};
@@ -12,20 +12,20 @@ use crate::protocols::entries::{ControlMode, HomingProcedure};
 use crate::protocols::homing_fault::HomingFault;
 use crate::protocols::spec::DriveSetup;
 
-/// Cycles after which the request is repeated if the drive has not followed.
+/// Number of cycles after which a request is repeated if the drive has not complied.
 const REQUEST_AGAIN_AFTER: u16 = 1000;
-/// Cycles before the drive is enabled, while its modes, limits and first setpoint are sent.
+/// Number of cycles for sending modes, limits and the first setpoint before the drive is enabled.
 const ENABLED_IN: u16 = 3;
-/// Duration of clearing the errors, cycles.
+/// Duration of an error reset, cycles.
 const CLEARS: u8 = 4;
-/// Cycles before homing is requested, while the limits are sent.
+/// Number of cycles for sending the limits before homing is requested.
 const HOMES_IN: u16 = 2;
-/// Heartbeats after which a procedure that was never seen running counts as not begun.
+/// Number of heartbeats after which a procedure that was never observed running counts as not started.
 const SEEN_WITHIN: u8 = 5;
-/// Position reports after the end of a homing until one is relative to the mark; the first may have been
-/// queued before the end.
+/// Number of position reports after a homing until one is relative to the mark. The first report may have
+/// been queued before the end of the homing.
 const FROM_ITS_MARK: u8 = 2;
-/// Longest time between two heartbeats, ns: three periods at 10 Hz, and half a period for bus delays.
+/// Maximum time between two heartbeats, ns: three periods at 10 Hz, plus half a period for bus delays.
 const HEARTBEAT_WITHIN_NS: u64 = 350_000_000;
 /// Axis error: the watchdog was not fed.
 const WATCHDOG_EXPIRED: u32 = 0x800;
@@ -36,18 +36,18 @@ pub(crate) struct Odrive {
     mode: ControlMode,
     every_ns: u64,
     ranges: Ranges,
-    /// A; `None` keeps the limits stored in the drive.
+    /// Current limit, A; `None` keeps the limits stored in the drive.
     current_limit: Option<f64>,
-    /// Cycles since the drive was ordered to follow.
+    /// Number of cycles since the drive was ordered to enable.
     begun: u16,
-    /// Remaining cycles of clearing the errors.
+    /// Remaining cycles of the error reset.
     clears: u8,
     state: State,
     motion: Motion,
     /// Reported torque, or the commanded one until a report arrives.
     torque: f64,
     reports_torque: bool,
-    /// Temperature of the hotter part, degrees Celsius, if the drive is configured to report it.
+    /// Higher of the reported temperatures, degrees Celsius, if the drive is configured to report them.
     temperature: Option<f64>,
     /// Axis state used for homing.
     homes: AxisState,
@@ -61,9 +61,9 @@ enum Homing {
     None,
     /// The limits have been sent for this number of cycles.
     Preparing(u16),
-    /// Homing was requested `heartbeats` ago; `was_seen` once it was reported running.
+    /// Homing was requested `heartbeats` heartbeats ago; `was_seen` once it was reported running.
     Asked { heartbeats: u8, was_seen: bool },
-    /// Homing has ended; `reports` counts the position reports since.
+    /// Homing has ended; `reports` counts the position reports since then.
     Ended { result: Result<(), HomingFault>, reports: u8 },
     /// Homing has ended, and the reported positions are relative to the mark.
     Over(Result<(), HomingFault>),
@@ -93,8 +93,8 @@ impl Odrive {
         }
     }
 
-    /// Message of a homing cycle. The limits are sent throughout: they feed the watchdog and have no other
-    /// effect.
+    /// Message of a homing cycle. The limits are sent throughout: repeating them feeds the watchdog and has
+    /// no other effect.
     fn home(&mut self) -> Instruction {
         let limits = Instruction::Limits {
             velocity: self.ranges.velocity.max,
@@ -202,7 +202,8 @@ impl Dialogue for Odrive {
                 Some(current) => Instruction::Limits { velocity, current },
                 None => self.follow(&Command::default()),
             },
-            // before the drive follows, its watchdog is fed and its setpoint is the present position
+            // before the drive is enabled, the current position is sent as setpoint, which also feeds the
+            // watchdog
             (Order::Enable, ENABLED_IN) => {
                 // reports from before the request do not count
                 self.state = State::Disabled;
@@ -240,7 +241,7 @@ impl Dialogue for Odrive {
                 self.state = match (error, state) {
                     (0, AxisState::ClosedLoop) => State::Enabled,
                     (0, _) => State::Disabled,
-                    // reported before the errors were cleared
+                    // this state was reported before the errors were cleared
                     _ if self.clears > 0 => State::Disabled,
                     (error, _) if error & WATCHDOG_EXPIRED != 0 => State::Fault(Fault::CommunicationLost),
                     (error, _) => State::Fault(Fault::Other(error)),

@@ -1,5 +1,5 @@
-//! Simulated ODrive: encoder estimates and torques at the configured rate, and a heartbeat each tenth of a
-//! second.
+//! Simulated ODrive, which sends encoder estimates and torques at the configured rate, and a heartbeat every
+//! 0.1 s.
 
 use super::codec::{AxisState, ControlMode, Instruction, Node, Report};
 use crate::frame::{Frame, Id};
@@ -17,8 +17,8 @@ const WATCHDOG_EXPIRED: u32 = 0x800;
 const ENDSTOP_PRESSED: u32 = 0x1000;
 const MOTOR_TOO_HOT: u32 = 0x4_0000;
 
-/// Drive that applies `kp (position - q) + kd (velocity - v) + torque`. `kp` is the gain of the position loop
-/// times the gain of the velocity loop; `kd` is the gain of the velocity loop.
+/// Drive that applies `kp (position - q) + kd (velocity - v) + torque`. `kp` is the product of position gain
+/// and velocity gain; `kd` is the velocity gain.
 #[derive(Clone, Debug)]
 pub(crate) struct Odrive {
     node: Node,
@@ -42,7 +42,7 @@ pub(crate) struct Odrive {
 impl Odrive {
     pub(crate) fn new(setup: &DriveSetup<'_>, watchdog_ns: Option<u64>) -> Self {
         let entry = setup.entry;
-        // nodes report at different times
+        // nodes report with different phases
         let phase_ns = 37_000 * (1 + u64::from(entry.node));
         Self {
             node: Node::new(entry.node).unwrap_or(Node::FIRST),
@@ -96,7 +96,7 @@ impl Simulated for Odrive {
             Instruction::SetModes(control, _) => self.control = control,
             Instruction::SetState(AxisState::ClosedLoop) if self.error == 0 => {
                 if !self.is_enabled {
-                    // holds the present position
+                    // hold the current position
                     self.setpoint = [self.motor.position, 0.0, 0.0];
                 }
                 self.is_enabled = true;

@@ -1,4 +1,4 @@
-//! Facts and rules of ODrives.
+//! Specification of ODrives.
 
 use core::f64::consts::TAU;
 
@@ -69,7 +69,8 @@ impl DriveProtocol for Odrive {
 
     fn heartbeat(&self, frame: &Frame) -> Option<Device> {
         let (Id::Standard(id), [.., result, encoder, flags]) = (frame.id, frame.data()) else { return None };
-        // the last bytes are the result of a procedure, or flags of motor, encoder, controller and trajectory
+        // the last bytes contain the result of a procedure, or flags of motor, encoder, controller and
+        // trajectory
         if id & 0x1f != 1 || *result >= 0x10 || *encoder >= 2 || flags & 0x7e != 0 {
             return None;
         }
@@ -81,7 +82,8 @@ impl DriveProtocol for Odrive {
     }
 
     fn refutes(&self, device: &Device, frame: &Frame) -> bool {
-        // other programs' commands occasionally look like heartbeats; an ODrive's always are
+        // commands of other programs occasionally look like heartbeats; frames of an ODrive with this
+        // identifier always are heartbeats
         matches!(device.kind, DeviceKind::Odrive { .. })
             && frame.id == Id::Standard(u16::from(device.node) << 5 | 1)
     }

@@ -1,5 +1,5 @@
 //! Dialogue with servos on a serial line. One packet writes the goals of all servos on a line, one packet
-//! queries all of them, and they answer one after the other.
+//! queries all servos, and they answer one after the other.
 
 use super::codec::{dynamixel, feetech};
 use super::maker::{Maker, Setting};
@@ -17,7 +17,7 @@ pub(crate) struct Servo {
     /// Watchdog time, ns; 0 for off.
     watchdog_ns: u64,
     ranges: Ranges,
-    /// Full torque, of which loads are shares, N m.
+    /// Full torque, N m, the base of loads.
     torque: f64,
     /// Required homing offset, steps.
     homing_offset: Option<i32>,
@@ -48,7 +48,7 @@ impl Servo {
         }
     }
 
-    /// Indices of the blocks to read among the manufacturer's registers: the settings, and the state last.
+    /// Indices of the blocks to read among the manufacturer's registers: first the settings, then the state.
     fn blocks(&self) -> impl Iterator<Item = usize> {
         let is_asked = |block: &usize| match self.maker.setting(*block) {
             Some(Setting::HomingOffset) => self.homing_offset.is_some(),
@@ -100,12 +100,13 @@ impl Servo {
             }
         };
         let needed = self.ranges.position.max.min(self.maker.highest());
-        // within one step: the upper end of a turn is one step short
+        // tolerance of one step, because the upper end of a turn is one step short
         let covers = ends[0] <= 2e-3 - needed && ends[1] >= needed - 2e-3;
         Ok((!covers).then_some(WrongSetting::Goals { found: ends, expected: self.ranges.position.max }))
     }
 
-    /// Operating mode in which the servo does not follow positions, or does not apply its current limit.
+    /// Returns the mismatch if the servo does not follow positions in this operating mode, or does not apply
+    /// its current limit.
     fn wrong_mode(&self, found: u8) -> Option<WrongSetting> {
         let expected = match (self.maker, self.current_limit) {
             (Maker::Feetech, _) => feetech::POSITIONS,
@@ -192,13 +193,13 @@ impl Member for Servo {
             Order::Enable => self.motion.position,
             Order::Follow(command) => self.motion.target(command),
         };
-        // goal and torque together, so that the servo does not run to an old goal
+        // goal and torque are written together: otherwise the servo would move to an old goal
         let is_begin = *order == Order::Enable;
         match self.maker {
             Maker::Feetech => {
                 let [low, high] = feetech::step(goal).to_le_bytes();
                 match is_begin {
-                    // immediate motion: acceleration, time and speed are zero
+                    // acceleration, time and speed are zero for immediate motion
                     true => put(1, &[1, 0, low, high, 0, 0, 0, 0]),
                     false => put(2, &[low, high]),
                 }

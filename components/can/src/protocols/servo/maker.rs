@@ -21,7 +21,7 @@ pub(crate) enum Setting {
 }
 
 impl Maker {
-    /// Registers of its servos.
+    /// Registers of the manufacturer's servos.
     pub(crate) fn layout(self) -> &'static Layout {
         match self {
             Self::Feetech => &feetech::LAYOUT,
@@ -29,7 +29,7 @@ impl Maker {
         }
     }
 
-    /// Setting in the read block with this index; `None` for the state.
+    /// Setting in the block with this index; `None` for the state.
     pub(crate) fn setting(self, block: usize) -> Option<Setting> {
         let settings: &[Setting] = match self {
             Self::Feetech => &[Setting::Mode, Setting::Goals, Setting::HomingOffset, Setting::CurrentLimit],

@@ -1,4 +1,4 @@
-//! Simulated servo of Feetech or Dynamixel: a table of registers, and a position loop.
+//! Simulated Feetech or Dynamixel servo: a register table and a position loop.
 
 use super::codec::dynamixel;
 use super::codec::feetech::{self, OVERHEATED, STATE_BYTES};
@@ -23,14 +23,14 @@ pub(crate) struct Servo {
     protocol: servo::Protocol,
     gains: LoopEntry,
     registers: [u8; REGISTERS],
-    /// Error flags, which a Feetech reports in its state and a Dynamixel in the header of each answer.
+    /// Error flags. A Feetech reports them in its state, a Dynamixel in the header of each answer.
     status: u8,
     watchdog: Watchdog,
     /// Watchdog time that cannot be changed, ns.
     fixed_watchdog_ns: Option<u64>,
-    /// Position at which the watchdog stopped the servo, until the watchdog is set again.
+    /// Position at which the watchdog has stopped the servo, until the watchdog is set again.
     stopped: Option<f64>,
-    /// Turn of the servo in the common packet of a fast read, until it has answered.
+    /// Turn of the servo in the common packet of a fast read, pending until it has answered.
     turn: Option<Turn>,
     /// Torque per unit of the current register, N m; `None` for a servo that reports its load.
     torque_per_unit: Option<f64>,
@@ -38,7 +38,7 @@ pub(crate) struct Servo {
     watchdog_trips: u64,
 }
 
-/// Turn of a servo that waits for others.
+/// Turn of a servo that waits for the answers of others.
 #[derive(Clone, Copy, Debug)]
 struct Turn {
     /// Number of servos that answer before it.
@@ -144,7 +144,7 @@ impl Servo {
         if protocol != self.protocol {
             return None;
         }
-        // a packet to any servo feeds the watchdog, and ends a pending turn in a common packet
+        // a packet to any servo feeds the watchdog and cancels a pending turn in a common packet
         self.watchdog.fed_ns = now_ns;
         self.turn = None;
         let is_meant = servo == self.number;
@@ -181,7 +181,8 @@ impl Servo {
         }
     }
 
-    /// Observes the answer of another servo, and adds its own share to a common packet in turn.
+    /// Observes the answer of another servo, and adds the servo's own share to a common packet when its turn
+    /// comes.
     fn take_turn(&mut self, frame: &Frame) -> Option<Frame> {
         if frame.form != Form::Packet || frame.id != Id::Standard(EVERYBODY.into()) {
             return None;
@@ -209,7 +210,7 @@ impl Servo {
             if self.stopped.is_some() && written.contains(&dynamixel::GOAL_POSITION.into()) {
                 return;
             }
-            // at most the limit stored in the servo
+            // clamped to the limit stored in the servo
             let goal_current = usize::from(dynamixel::GOAL_CURRENT);
             let highest = self.word(dynamixel::CURRENT_LIMIT.into());
             if register == goal_current && data.len() == 2 && u16::from_le_bytes([data[0], data[1]]) > highest
@@ -231,7 +232,7 @@ impl Servo {
         } else {
             self.put(register, data);
         }
-        // switching torque on again clears the error that switched it off
+        // switching torque on again clears the error that had switched it off
         if written.contains(&self.switch()) && !self.is_switched_on() {
             self.status = 0;
         }
@@ -243,7 +244,7 @@ impl Servo {
         Frame::packet(number, &packet[..length])
     }
 
-    /// Bytes of registers, including the present state.
+    /// Returns register bytes, including the current state.
     fn read(&mut self, register: u16, count: u8) -> Option<&[u8]> {
         let motor = &self.motor;
         let (position, velocity, temperature) = (motor.position, motor.velocity, motor.temperature);

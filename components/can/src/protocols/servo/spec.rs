@@ -1,4 +1,4 @@
-//! Facts and rules of servos on serial lines.
+//! Specification of servos on serial lines.
 
 use super::codec::{dynamixel, feetech};
 use super::dialogue::Servo as ServoDialogue;
@@ -21,7 +21,7 @@ pub(crate) struct Servo {
     maker: Maker,
 }
 
-/// Largest number in a Dynamixel's current register.
+/// Largest value of a Dynamixel's current register.
 const MOST_UNITS: f64 = 2047.0;
 
 const SPEC: Spec = Spec {
@@ -64,7 +64,7 @@ pub(crate) static DYNAMIXEL: Servo = Servo {
         watchdog: Watchdog::Units {
             unit_ns: dynamixel::WATCHDOG_UNIT_NS,
             most: dynamixel::LONGEST_WATCHDOG,
-            advice: "write a multiple of 20 ms, up to 2540 ms: register 98 has them",
+            advice: "write a multiple of 20 ms, up to 2540 ms, the unit of register 98",
         },
         current_limit: CurrentLimit::Settable {
             keys: &[
@@ -87,8 +87,8 @@ impl Servo {
         ServoDialogue::new(setup, self.maker, limit)
     }
 
-    /// Current limit in units of its register, never more than the table's limit: thousandths of the stall
-    /// current for a Feetech, units for a Dynamixel.
+    /// Current limit in units of its register, rounded down: thousandths of the stall current for a Feetech,
+    /// current units for a Dynamixel.
     fn current_register(&self, entry: &DriveEntry) -> Option<f64> {
         let limit = entry.current_limit?;
         let units = match self.maker {
@@ -140,15 +140,14 @@ impl DriveProtocol for Servo {
     fn torque_of_current(&self, entry: &DriveEntry) -> Option<f64> {
         let limit = entry.current_limit?;
         Some(match self.maker {
-            // at standstill, the torque's share of the stall torque equals the current's share of the stall
-            // current
+            // at standstill, torque over stall torque equals current over stall current
             Maker::Feetech => (limit / entry.full_current?).min(1.0) * entry.ranges.torque,
             Maker::Dynamixel => limit * entry.torque_constant?,
         })
     }
 
     fn exchange(&self, setup: &DriveSetup<'_>) -> (Shape, Shape) {
-        // number and goal in the packet with all goals, and the number again in the query
+        // number and goal in the packet with all goals, plus the number in the query
         match (self.maker, self.spec.fast_answer) {
             (Maker::Feetech, _) => (setup.shape(4), setup.shape(6 + usize::from(feetech::STATE_BYTES))),
             (Maker::Dynamixel, Some(answer)) if setup.fast_read => (setup.shape(6), setup.shape(answer)),

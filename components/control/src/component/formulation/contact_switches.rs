@@ -27,7 +27,7 @@ pub(super) struct ContactSwitches {
     ramp: f64,
     /// Ground normal from the last schedule.
     normal: Vector3<f64>,
-    /// Number of steps with a stale or mismatched schedule, in which all feet stood.
+    /// Number of steps in which all feet stood because the schedule was stale or did not match the profile.
     without_schedule: u64,
 }
 
@@ -47,12 +47,11 @@ struct Switch {
 impl ContactSwitches {
     pub(super) fn declare(contacts: &[Contact], parts: &ControllerSetup, declare: &mut Declare) {
         for contact in contacts {
-            let doc = "share of its load that the contact may carry: 0 lifts it, ramped";
+            let doc = "fraction of its load that the contact may carry, ramped; 0 lifts it";
             declare.float(&format!("{}_contact", contact.name), 1.0, 0.0..=1.0, "", doc);
         }
         if feet(parts).count() > 0 {
-            let doc =
-                "share of its load that each foot of the profile may carry; without a fresh one all stand";
+            let doc = "load fraction of each foot of the profile; without a fresh schedule all feet stand";
             declare.optional_input::<ContactSchedule>(INPUT, doc);
         }
     }

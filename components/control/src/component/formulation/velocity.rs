@@ -75,7 +75,7 @@ impl Formulation for Velocity {
             remembered.iter().zip(q).all(|(setpoint, q)| (setpoint - q).abs() <= self.max_lead)
         };
         setpoint.reset(self.remembered.as_ref().filter(near).map_or(q, Vec::as_slice));
-        // it becomes stale now; emptied in place, because memory must not be freed within a step
+        // it becomes stale now; cleared in place, because a step must not free memory
         if let Some(remembered) = &mut self.remembered {
             remembered.fill(f64::NAN);
         }

@@ -89,12 +89,12 @@ impl WithSimd for Slopes<'_> {
 }
 
 impl Function {
-    /// Replaces each number by the value at it.
+    /// Replaces each number `x` by the value at `x`.
     pub(crate) fn apply(self, numbers: &mut [f32]) {
         Arch::new().dispatch(Values(self, numbers));
     }
 
-    /// Multiplies each gradient by the derivative where the value is the number in `values`.
+    /// Multiplies each gradient by the derivative at the corresponding value in `values`.
     pub(crate) fn scale_by_slopes(self, gradients: &mut [f32], values: &[f32]) {
         Arch::new().dispatch(Slopes(self, gradients, values));
     }
@@ -126,12 +126,12 @@ impl Function {
         }
     }
 
-    /// Returns the derivative where the value is `y`, which determines it.
+    /// Returns the derivative at the value `y`, which determines it.
     #[inline(always)]
     pub(crate) fn slope_at_value<T: Real>(self, y: T) -> T {
         let one = T::from_f64(1.0);
         match self {
-            // the slope depends on the value, or on the sign of `x`, which the value has
+            // the slope depends on the value, or on the sign of `x`, which equals the value's sign
             Self::Relu | Self::Elu(_) | Self::LeakyRelu(_) | Self::Tanh | Self::Sigmoid => self.slope(y, y),
             Self::Softplus => one - (-y).exp(),
             Self::Softsign => {
@@ -178,7 +178,7 @@ impl Function {
     }
 }
 
-/// A function of each number of rows of `width`.
+/// Applies a function to each number of rows of `width`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Activation {
     /// Numbers in a row.
@@ -217,7 +217,7 @@ mod tests {
     use super::Function;
 
     #[test]
-    fn loops_have_the_bits_of_single_numbers() {
+    fn vector_loops_match_single_numbers_bit_for_bit() {
         use Function::{Elu, LeakyRelu, Relu, Sigmoid, Softplus, Softsign, Tanh};
         let numbers: Vec<f32> = (-200..=200).map(|k| 0.03 * k as f32).collect();
         for function in [Relu, Elu(0.7), LeakyRelu(0.1), Tanh, Sigmoid, Softplus, Softsign] {

@@ -17,12 +17,12 @@ pub struct Convolution {
     pub kernel: [usize; 2],
     /// Step of the kernel \[px\], at least 1.
     pub stride: usize,
-    /// Zeros around the image \[px\].
+    /// Width of the zero padding around the image \[px\].
     pub padding: usize,
 }
 
 impl Convolution {
-    /// Height and width of the output \[px\].
+    /// Returns the height and width of the output \[px\].
     pub fn output_size(&self) -> [usize; 2] {
         [0, 1].map(|axis| (self.size[axis] + 2 * self.padding - self.kernel[axis]) / self.stride + 1)
     }

@@ -1,8 +1,8 @@
 //! Layers with backward passes, generic over the scalar type: `f32` for training, `f64` to check gradients.
 //!
-//! A layer contains only sizes. Its parameters are one slice, which an optimiser can update, a file can store
-//! and a message can carry. The caller provides all buffers; only recurrent backward passes allocate (a row
-//! of gates). Sums have a fixed order, so training is reproducible to the bit.
+//! A layer contains only sizes. Its parameters are one slice, which can be updated by an optimiser, stored in
+//! a file and sent in a message. The caller provides all buffers; only recurrent backward passes allocate (a
+//! row of gates). Sums have a fixed order, so training is reproducible bit for bit.
 //!
 //! ```
 //! use motorium_models::networks::differentiable::{Backward, Forward, Layer, Linear};
@@ -49,7 +49,7 @@ pub struct Forward<'a, T> {
     pub input: &'a [T],
     /// Rows of outputs; written.
     pub output: &'a mut [T],
-    /// Numbers kept for the backward pass: [`Layer::trace`] for each row.
+    /// Numbers stored for the backward pass: [`Layer::trace`] for each row.
     pub trace: &'a mut [T],
 }
 
@@ -64,23 +64,23 @@ pub struct Backward<'a, T> {
     pub output: &'a [T],
     /// Trace of the forward pass.
     pub trace: &'a [T],
-    /// Gradient of the loss by the outputs.
+    /// Gradient of the loss with respect to the outputs.
     pub gradient: &'a [T],
-    /// Gradient by the inputs; written.
+    /// Gradient with respect to the inputs; written.
     pub input_gradient: &'a mut [T],
-    /// Gradient by the parameters; accumulated.
+    /// Gradient with respect to the parameters; accumulated.
     pub parameter_gradient: &'a mut [T],
 }
 
 /// A differentiable function of rows.
 pub trait Layer {
-    /// Numbers in a row of inputs.
+    /// Returns the number of values in a row of inputs.
     fn inputs(&self) -> usize;
-    /// Numbers in a row of outputs.
+    /// Returns the number of values in a row of outputs.
     fn outputs(&self) -> usize;
-    /// Number of parameters.
+    /// Returns the number of parameters.
     fn parameters(&self) -> usize;
-    /// Numbers kept for the backward pass of each row.
+    /// Returns the number of values stored for the backward pass of each row.
     fn trace(&self) -> usize {
         0
     }
@@ -98,7 +98,7 @@ fn affine<T: Real>(weights: &[T], bias: &[T], input: &[T], output: &mut [T]) {
     }
 }
 
-/// Adds the gradients of one row of [`affine`] by weights, bias and input.
+/// Adds the gradients of one row of [`affine`] with respect to weights, bias and input.
 fn affine_backward<T: Real>(
     weights: &[T],
     (input, gradient): (&[T], &[T]),

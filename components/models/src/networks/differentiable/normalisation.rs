@@ -32,8 +32,8 @@ fn statistics<T: Real>(numbers: impl Iterator<Item = T> + Clone, count: usize, e
     (mean, T::from_f64(1.0) / (square / count + T::from_f64(epsilon)).sqrt())
 }
 
-/// Computes the gradients by numbers that were normalised together, from the gradients by the normalised
-/// numbers.
+/// Computes the gradients with respect to numbers that were normalised together, from the gradients with
+/// respect to the normalised numbers.
 fn backward<T: Real>(
     (input, gradient): (impl Iterator<Item = T> + Clone, impl Iterator<Item = T> + Clone),
     (mean, factor): (T, T),

@@ -62,7 +62,7 @@ impl Layer for Gru {
         3 * self.hidden * (self.inputs + self.hidden + 2)
     }
 
-    /// The gates from inputs and from the state, for each step.
+    /// For each step, the gates from the inputs and from the state.
     fn trace(&self) -> usize {
         6 * self.hidden * self.steps
     }
@@ -152,7 +152,7 @@ impl Layer for Lstm {
         4 * self.hidden * (self.inputs + self.hidden + 2)
     }
 
-    /// The gates from inputs and from the state, and the cell state, for each step.
+    /// For each step, the gates from the inputs and from the state, and the cell state.
     fn trace(&self) -> usize {
         9 * self.hidden * self.steps
     }

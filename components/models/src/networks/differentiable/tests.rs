@@ -1,4 +1,4 @@
-//! Backward passes against finite differences in double precision.
+//! Backward passes compared with finite differences in double precision.
 
 use super::{Activation, BatchNorm, Convolution, Function, Gru, Layer, LayerNorm, Linear, Lstm};
 use super::{Backward, Forward};
@@ -13,7 +13,7 @@ fn cast<T: Real>(values: &[f64]) -> Vec<T> {
     values.iter().map(|value| T::from_f64(*value)).collect()
 }
 
-/// The loss (a weighted sum of the outputs), and its gradients by inputs and by parameters.
+/// Returns the loss (a weighted sum of the outputs), and its gradients with respect to inputs and parameters.
 fn gradients<T: Real>(layer: &impl Layer, parameters: &[f64], input: &[f64]) -> (f64, [Vec<f64>; 2]) {
     let rows = input.len() / layer.inputs();
     let (parameters, input): (Vec<T>, Vec<T>) = (cast(parameters), cast(input));

@@ -1,4 +1,4 @@
-//! Errors and names that all imports share.
+//! Errors and names shared by all imports.
 
 use super::super::{NetworkMismatch, PolicyError, Term};
 use crate::onnx::OnnxError;
@@ -31,14 +31,14 @@ pub enum ImportError {
     #[error("no `{0}` in the metadata of the file; help: export it with mjlab, which adds it")]
     Missing(&'static str),
     /// An entry of the metadata is not a list of numbers.
-    #[error("`{key}` has \"{found}\", expected numbers with commas between them")]
+    #[error("`{key}` has \"{found}\", expected numbers separated by commas")]
     Number {
         /// The entry.
         key: &'static str,
         /// The text found.
         found: String,
     },
-    /// An entry of the metadata has a different length from the action.
+    /// The length of an entry of the metadata differs from the action's.
     #[error("`{key}` has {found} entries, expected {expected}, one for each output of the network")]
     Count {
         /// The entry.
@@ -48,7 +48,7 @@ pub enum ImportError {
         /// Number of outputs of the network.
         expected: usize,
     },
-    /// A list of the metadata has a different length from the observation.
+    /// The length of a list of the metadata differs from the observation's.
     #[error("`{key}` has {found} entries, expected {expected}, one for each observation")]
     Terms {
         /// The list.
@@ -70,18 +70,18 @@ pub enum ImportError {
     },
     /// The grid of the height scan is unknown, or has another number of points.
     #[error(
-        "the height scan has {rays} points, expected {}; help: give the points along x and y by `--height-points`",
+        "the height scan has {rays} points, expected {}; help: pass the points along x and y with `--height-points`",
         points.map_or_else(|| "a grid".to_owned(), |[x, y]| format!("{x} x {y}"))
     )]
     HeightPoints {
-        /// Numbers that the network reads.
+        /// Number of points read by the network.
         rays: usize,
         /// Points along x and y.
         points: Option<[usize; 2]>,
     },
     /// The factor of the height scan is unknown.
     #[error(
-        "the file has no scale of the height scan; help: give it by `--height-scale`: 1 / `max_distance` of the sensor in the tasks of mjlab"
+        "the file has no scale of the height scan; help: pass it with `--height-scale`: 1 / `max_distance` of the sensor in the tasks of mjlab"
     )]
     HeightScale,
     /// Settings of a height scan are given for a network without one.
@@ -97,7 +97,7 @@ pub enum ImportError {
     },
     /// The size of the observation terms differs from the network's input.
     #[error(
-        "the observation terms have {expected} numbers, the network reads {found}; help: a history of several steps is given by `--history`"
+        "the observation terms have {expected} numbers, the network reads {found}; help: pass a history of several steps with `--history`"
     )]
     Width {
         /// Size of the network's input.
@@ -140,7 +140,7 @@ pub enum ImportError {
     Environment(Box<ImportError>),
     /// The gains of a joint are unknown.
     #[error(
-        "the {gain} of joint \"{joint}\" is unknown; help: give the `env.yaml` of the training run, which has the gains of its actuators"
+        "the {gain} of joint \"{joint}\" is unknown; help: pass the `env.yaml` of the training run, which has the gains of its actuators"
     )]
     Gains {
         /// The gain, `stiffness` or `damping`.
@@ -209,14 +209,14 @@ fn known() -> String {
     TERMS.map(|(name, _)| name).join(", ")
 }
 
-/// Settings that are missing in the metadata of an ONNX file.
+/// Settings missing in the metadata of an ONNX file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportOptions {
     /// Rate of the policy \[Hz\].
     pub rate: f64,
     /// Steps of history of each term; `None`: as in the file, or 1.
     pub history: Option<usize>,
-    /// Robot the policy was trained for.
+    /// Robot for which the policy was trained.
     pub robot: Option<String>,
     /// Points of the height scan along x and y; `None`: 17 x 11 for 187 points, the grid of mjlab's velocity
     /// tasks.

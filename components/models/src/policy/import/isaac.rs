@@ -1,8 +1,9 @@
 //! Import of policies of Isaac Lab 2: an ONNX file with the descriptions of its inputs and outputs.
 //!
-//! `IO_descriptors.yaml` (`--export_io_descriptors` of Isaac Lab 2.2 and 2.3, `isaaclab/envs/utils/
-//! io_descriptors.py`) lists action and observation terms in order. Its stiffness and damping are 0 for
-//! actuators that Isaac Lab computes itself; `params/env.yaml` of the training run has them.
+//! `IO_descriptors.yaml` (`--export_io_descriptors` of Isaac Lab 2.2 and 2.3,
+//! `isaaclab/envs/utils/io_descriptors.py`) lists action and observation terms in order. Its stiffness and
+//! damping are 0 for actuators computed by Isaac Lab itself; `params/env.yaml` of the training run contains
+//! them.
 
 use super::names::Pattern;
 use super::served::{self, Served};
@@ -30,10 +31,10 @@ const ACTIONS: [(&str, ActionKind); 3] = [
     ("JointEffortAction", ActionKind::Effort),
 ];
 
-/// Group of the observations that the actor reads.
+/// Group of the observations read by the actor.
 const GROUP: &str = "policy";
 
-/// Difference of numbers that are meant to be equal.
+/// Maximum difference of numbers that should be equal.
 const TOLERANCE: f64 = 1e-5;
 
 /// The content of an `IO_descriptors.yaml`.
@@ -83,15 +84,15 @@ pub struct ObservationDescriptor {
     pub width: usize,
     /// Joint of each value, for terms of joints.
     pub joints: Option<Vec<String>>,
-    /// Positions that are subtracted \[rad or m\].
+    /// Subtracted positions \[rad or m\].
     pub position_offsets: Option<Vec<f64>>,
-    /// Velocities that are subtracted \[rad/s or m/s\].
+    /// Subtracted velocities \[rad/s or m/s\].
     pub velocity_offsets: Option<Vec<f64>>,
     /// Bounds before the factor.
     pub clip: Option<[f64; 2]>,
     /// Factor. Default: 1.
     pub scale: Option<Numbers>,
-    /// Number of steps; 0 and 1 are the newest only.
+    /// Number of steps; 0 and 1 select only the newest.
     pub history: usize,
     /// `true` if the steps are in a row, `false` if they are an axis.
     pub is_flat: bool,
@@ -108,13 +109,13 @@ pub struct Articulation {
     pub joints: Vec<String>,
     /// Default position of each joint \[rad or m\].
     pub positions: Vec<f64>,
-    /// Stiffness of each joint \[Nm/rad or N/m\]; 0 if it is unknown.
+    /// Stiffness of each joint \[Nm/rad or N/m\]; 0 if unknown.
     pub stiffness: Vec<f64>,
-    /// Damping of each joint \[Nms/rad or Ns/m\]; 0 if it is unknown.
+    /// Damping of each joint \[Nms/rad or Ns/m\]; 0 if unknown.
     pub damping: Vec<f64>,
 }
 
-/// The parts of an `env.yaml` that describe the robot and the rate.
+/// Parts of an `env.yaml` that describe the robot and the rate.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Environment {
     /// Position of `decimation`.
@@ -157,8 +158,7 @@ pub enum Gain {
     Each(Vec<(String, f64)>),
 }
 
-/// Returns a number that was stored in single precision with its shortest decimals: 0.4 for
-/// 0.4000000059604645.
+/// Returns the shortest decimal of a number stored in single precision: 0.4 for 0.4000000059604645.
 pub(super) fn shortest(number: f64) -> f64 {
     let single = number as f32;
     if f64::from(single) == number { single.to_string().parse().unwrap_or(number) } else { number }
@@ -200,7 +200,7 @@ fn parse(mark: Mark, pattern: &str) -> Result<Pattern, ImportError> {
     })
 }
 
-/// The error of an entry of the `env.yaml`.
+/// Marks an error as an error of the `env.yaml`.
 fn in_environment(error: ImportError) -> ImportError {
     ImportError::Environment(Box::new(error))
 }
@@ -249,7 +249,7 @@ impl Environment {
     }
 }
 
-/// Stiffness and damping of each joint, from the actuators or from the articulation.
+/// Returns the stiffness and damping of each joint, from the actuators or from the articulation.
 pub(super) fn gains(
     joints: &[String],
     articulation: &Articulation,
@@ -262,7 +262,7 @@ pub(super) fn gains(
     let mut all = [Vec::new(), Vec::new()];
     for joint in joints {
         let file = [given(&articulation.stiffness, joint), given(&articulation.damping, joint)];
-        // both are 0 for a drive that Isaac Lab computes itself
+        // both are 0 for a drive computed by Isaac Lab itself
         let is_known = file.iter().flatten().any(|gain| *gain > 0.0);
         let drives = match environment {
             Some(environment) => {
@@ -280,7 +280,7 @@ pub(super) fn gains(
     Ok(all)
 }
 
-/// Bounds of the outputs of all joints from bounds of their targets.
+/// Returns the common bounds of the outputs of all joints, from the bounds of their targets.
 fn clip(term: &ActionDescriptor) -> Result<Option<[f64; 2]>, ImportError> {
     let Some(bounds) = &term.clip else { return Ok(None) };
     let wrong = |message: String| Err(term.mark.entry("clip", message));
@@ -311,7 +311,7 @@ fn clip(term: &ActionDescriptor) -> Result<Option<[f64; 2]>, ImportError> {
     Ok(common)
 }
 
-/// The action of all terms together.
+/// Combines the action terms into one action.
 fn action(descriptors: &Descriptors, environment: Option<&Environment>) -> Result<Action, ImportError> {
     let (mut joints, mut scales, mut offsets) = (Vec::new(), Vec::new(), Vec::new());
     let mut common = None;
@@ -394,7 +394,7 @@ fn action(descriptors: &Descriptors, environment: Option<&Environment>) -> Resul
     Ok(Action { joints, kind, scale, offset, default_pose, clip, kp, kd })
 }
 
-/// One number if all are equal.
+/// Returns one number if all numbers are equal, otherwise the list.
 pub(super) fn common_number(numbers: Vec<f64>) -> Numbers {
     match numbers.split_first() {
         Some((first, rest)) if rest.iter().all(|number| number == first) => Numbers::All(*first),
@@ -423,7 +423,7 @@ fn height_scan(
     let wrong = |entry: &str, message: String| Err(term.mark.entry(&format!("height_scan.{entry}"), message));
     let Some(grid) = environment.and_then(|environment| environment.height_grid.as_ref()) else {
         let message =
-            "the grid is unknown; help: give the env.yaml of the training run, with `scene.height_scanner`";
+            "the grid is unknown; help: pass the env.yaml of the training run, with `scene.height_scanner`";
         return wrong("sensor_cfg", message.to_owned());
     };
     if grid.count() != term.width {
@@ -495,7 +495,7 @@ fn observation(
             );
         }
     }
-    // factors follow the order of the policy, as the values do
+    // factors are in the order of the policy, like the values
     let scale = match &term.scale {
         None => Numbers::All(1.0),
         Some(Numbers::All(scale)) => Numbers::All(shortest(*scale)),
@@ -513,9 +513,9 @@ fn observation(
     Ok(Served { observation, order, add: 0.0 })
 }
 
-/// Creates a policy and its network from an ONNX file of Isaac Lab 2 and its descriptions. Joints are found
-/// by name: where an observation lists them in another order than the action, the network is rewritten to
-/// read them in the order of the action.
+/// Creates a policy and its network from an ONNX file of Isaac Lab 2 and its descriptions. Joints are matched
+/// by name: if an observation lists them in another order than the action, the network is rewritten to read
+/// them in the order of the action.
 ///
 /// # Errors
 ///
@@ -598,7 +598,7 @@ mod tests {
         names.iter().map(|name| (*name).to_owned()).collect()
     }
 
-    /// The action has the joints in another order than the articulation and the positions.
+    /// The action lists the joints in another order than the articulation and the positions.
     fn descriptors() -> Descriptors {
         let positions = ObservationDescriptor {
             joints: Some(names(&["hip", "knee"])),
@@ -666,7 +666,7 @@ mod tests {
     }
 
     #[test]
-    fn descriptors_make_a_policy() {
+    fn descriptors_become_a_policy() {
         let (policy, bytes) =
             import_isaac(&network(9), &descriptors(), Some(&environment())).expect("a policy");
         let action = &policy.action;

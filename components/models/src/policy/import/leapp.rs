@@ -1,14 +1,14 @@
 //! Import of LEAPP bundles, as Isaac Lab 3 exports them.
 //!
 //! A bundle is a YAML file, the ONNX file of one network, and the initial values of its recurrent states in
-//! safetensors. The network reads measured quantities and writes joint targets: it scales, offsets and keeps
-//! the last action itself. The import rewrites it to read one observation and to write targets relative to
-//! the default pose.
+//! safetensors. The network reads measured quantities and writes joint targets: it applies scales and offsets
+//! and stores the last action itself. The import rewrites it to read one observation and to write targets
+//! relative to the default pose.
 //!
 //! Sources: LEAPP 0.7.2 (`leapp.compile_graph`, kinds of `leapp/utils/enums.py`);
 //! `isaaclab/utils/leapp/{export_annotator, utils}.py` of Isaac Lab 3.0 (`isaaclab_connection`), and
 //! `isaaclab/sensors/ray_caster/base_ray_caster_data.py` for height scans: a network reads the position of
-//! the sensor and of each hit in the world, and takes their difference itself.
+//! the sensor and of each hit in the world, and computes their difference itself.
 
 use super::isaac::{common_number, gains, shortest};
 use super::{Articulation, Environment, ImportError, Mark, NETWORK};
@@ -18,7 +18,7 @@ use crate::policy::{Action, ActionKind, Numbers, Observation, Policy, PolicyNetw
 use crate::safetensors::Tensors;
 use crate::sha256::sha256_hex;
 
-/// Properties of a robot that an input may be, by the last part of `isaaclab_connection`, or by name.
+/// Robot properties supported as inputs, identified by the last part of `isaaclab_connection` or by name.
 const PROPERTIES: [(&str, Term); 9] = [
     ("joint_pos", Term::JointPositions),
     ("joint_vel", Term::JointVelocities),
@@ -35,10 +35,10 @@ const PROPERTIES: [(&str, Term); 9] = [
 const HITS: &str = "ray_hits_w";
 /// Position of a height scanner in the world.
 const PLACE: &str = "pos_w";
-/// The height scanner whose grid an `env.yaml` has.
+/// Name of the height scanner whose grid is in an `env.yaml`.
 const SCANNER: &str = "height_scanner";
 
-/// Kinds of outputs that command joints.
+/// Kinds of outputs that are joint commands.
 const TARGETS: [(&str, ActionKind); 4] = [
     ("target/joint/position", ActionKind::Position),
     ("target/joint/velocity", ActionKind::Velocity),
@@ -46,9 +46,9 @@ const TARGETS: [(&str, ActionKind); 4] = [
     ("target/joint/torques", ActionKind::Effort),
 ];
 
-/// Runs that show whether the actions depend on an unmeasured quantity.
+/// Number of runs used to detect a dependence of the actions on an unmeasured quantity.
 const RUNS: usize = 16;
-/// Relative difference of outputs that counts as a dependence.
+/// Relative difference of outputs above which they count as dependent.
 const TOLERANCE: f32 = 1e-3;
 
 /// The content of the YAML file of a bundle.
@@ -58,7 +58,7 @@ pub struct Bundle {
     pub models: Vec<BundleModel>,
     /// Position of `pipeline`.
     pub pipeline: Mark,
-    /// Outputs, as `model/output`, with the inputs that read them in the next run.
+    /// Outputs, as `model/output`, with the inputs to which they are fed back in the next run.
     pub feedback: Vec<(String, Vec<String>)>,
     /// File of the initial values of these inputs.
     pub initial_values: Option<String>,
@@ -73,9 +73,9 @@ pub struct BundleModel {
     pub mark: Mark,
     /// Name of the network.
     pub name: String,
-    /// Format of its file: `onnx`, `jit` or `pt2`.
+    /// Format of the file: `onnx`, `jit` or `pt2`.
     pub backend: String,
-    /// Its file.
+    /// Path of the file.
     pub path: String,
     /// SHA-256 of the file as hexadecimal digits.
     pub sha256: Option<String>,
@@ -92,7 +92,7 @@ pub struct BundlePort {
     pub mark: Mark,
     /// Name of the tensor.
     pub name: String,
-    /// Type of its numbers.
+    /// Element type.
     pub dtype: String,
     /// Length along each axis.
     pub shape: Vec<usize>,
@@ -102,7 +102,7 @@ pub struct BundlePort {
     pub connection: Option<String>,
     /// Names along the last axis.
     pub elements: Option<Vec<String>>,
-    /// `true` if an axis is the time.
+    /// `true` if one axis is time.
     pub is_temporal: bool,
 }
 
@@ -115,7 +115,7 @@ impl BundlePort {
         self.mark.entry(&self.name, message)
     }
 
-    /// Returns the sensor in the scene and its property, if the input is one of a sensor.
+    /// Returns the sensor in the scene and its property, if the input is from a sensor.
     fn sensor(&self) -> Option<(&str, &str)> {
         let mut parts = self.connection.as_deref()?.split(':');
         match (parts.next(), parts.next(), parts.next(), parts.next()) {
@@ -124,7 +124,7 @@ impl BundlePort {
         }
     }
 
-    /// Returns the joint of each number.
+    /// Returns the joint of each value.
     fn joints(&self) -> Result<&[String], ImportError> {
         let found = self.elements.as_deref().unwrap_or(&[]);
         if found.len() != self.count() {
@@ -140,7 +140,7 @@ impl Bundle {
     ///
     /// # Errors
     ///
-    /// [`ImportError::Entry`] if there are several, or it is not an ONNX file.
+    /// [`ImportError::Entry`] if there are several networks, or the network is not an ONNX file.
     pub fn model(&self) -> Result<&BundleModel, ImportError> {
         let [model] = &self.models[..] else {
             let names: Vec<&str> = self.models.iter().map(|model| &model.name[..]).collect();
@@ -157,7 +157,7 @@ impl Bundle {
         Ok(model)
     }
 
-    /// Returns the joints that the network commands, in the order of its action.
+    /// Returns the joints commanded by the network, in the order of its action.
     ///
     /// # Errors
     ///
@@ -166,7 +166,7 @@ impl Bundle {
         self.target().and_then(|(port, _)| port.joints())
     }
 
-    /// The output that is the action.
+    /// Returns the output that is the action, and its kind.
     fn target(&self) -> Result<(&BundlePort, ActionKind), ImportError> {
         let model = self.model()?;
         let mut found = None;
@@ -192,7 +192,7 @@ impl Bundle {
         self.feedback.iter().any(|(source, _)| source.split_once('/') == Some((&model.name, output)))
     }
 
-    /// Each recurrent state of the network: its input and its output.
+    /// Returns the input and the output of each recurrent state of the network.
     fn states(&self, model: &BundleModel) -> Result<Vec<(String, String)>, ImportError> {
         let mut states = Vec::new();
         for (source, targets) in &self.feedback {
@@ -215,8 +215,8 @@ impl Bundle {
     }
 }
 
-/// The source of an input: its term, the index of each number in the term, factors, the numbers added, and
-/// the order of a quaternion.
+/// Source of an input: term, index of each value in the term, factors, offsets, and the order of a
+/// quaternion.
 struct Source {
     term: Observation,
     width: usize,
@@ -239,7 +239,7 @@ impl Source {
     }
 }
 
-/// The heights of a scan as positions of hits. Their horizontal positions are 0, as the sensor's is: the
+/// Converts the heights of a scan to positions of hits. Horizontal positions are 0, like the sensor's: the
 /// network does not depend on them.
 fn hits(port: &BundlePort, environment: Option<&Environment>) -> Result<Source, ImportError> {
     if port.sensor().is_some_and(|(sensor, _)| sensor != SCANNER) {
@@ -248,7 +248,7 @@ fn hits(port: &BundlePort, environment: Option<&Environment>) -> Result<Source, 
     }
     let Some(grid) = environment.and_then(|environment| environment.height_grid.as_ref()) else {
         let message =
-            "the grid is unknown; help: give the env.yaml of the training run, with `scene.height_scanner`";
+            "the grid is unknown; help: pass the env.yaml of the training run, with `scene.height_scanner`";
         return Err(port.wrong(message));
     };
     let rays = grid.count();
@@ -328,14 +328,14 @@ fn source(
     }
 }
 
-/// Pseudo-random numbers from -1 to 1.
+/// Returns the next pseudo-random number, from -1 to 1.
 fn random(state: &mut u64) -> f64 {
     *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     (*state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
 }
 
-/// Returns `true` if the outputs of two runs differ. `change` gives the inputs of each run that are not
-/// random: their index and their numbers.
+/// Returns `true` if the outputs of two runs differ. `change` returns the indices and values of the inputs
+/// that are not random, for each run.
 fn outputs_differ(
     program: &Program,
     mut change: impl FnMut(&mut u64) -> [Vec<(usize, Vec<f32>)>; 2],
@@ -360,7 +360,7 @@ fn outputs_differ(
     })
 }
 
-/// Returns `true` if the outputs change with a turn of the base about the vertical.
+/// Returns `true` if the outputs change when the base rotates about the vertical.
 fn depends_on_heading(program: &Program, input: usize, order: [usize; 4]) -> bool {
     use nalgebra::{Quaternion, UnitQuaternion, Vector3};
     outputs_differ(program, |state| {
@@ -387,7 +387,7 @@ fn depends_on_place(program: &Program, hits: usize, place: Option<usize>) -> boo
     })
 }
 
-/// The constant output of this kind, in the order of the joints; `None` without one.
+/// Returns the constant output of this kind, in the order of the joints; `None` if there is none.
 fn constant(
     model: &BundleModel,
     program: &Program,
@@ -411,7 +411,7 @@ fn constant(
     joints.iter().map(value).collect::<Result<_, _>>().map(Some)
 }
 
-/// Creates a policy and its network from a LEAPP bundle. `default_pose` has a position for each of
+/// Creates a policy and its network from a LEAPP bundle. `default_pose` contains a position for each of
 /// [`Bundle::joints`]; `rate` \[Hz\] is used if the bundle has no `frequency`.
 ///
 /// # Errors
@@ -420,7 +420,7 @@ fn constant(
 ///
 /// # Panics
 ///
-/// If `default_pose` has another length than the joints.
+/// If the length of `default_pose` is not the number of joints.
 pub fn import_leapp(
     bytes: &[u8],
     bundle: &Bundle,
@@ -434,7 +434,7 @@ pub fn import_leapp(
     let joints = target.joints()?.to_vec();
     assert_eq!(default_pose.len(), joints.len(), "a position for each joint");
     let Some(rate) = bundle.frequency.or(rate) else {
-        let message = "no `frequency`, expected the rate of the policy in Hz; help: give it with `--rate`";
+        let message = "no `frequency`, expected the rate of the policy in Hz; help: pass it with `--rate`";
         return Err(bundle.pipeline.entry("configs", message));
     };
     if let Some(expected) = &model.sha256 {
@@ -459,7 +459,7 @@ pub fn import_leapp(
             continue;
         }
         let input = |port: &BundlePort| program.inputs().iter().position(|input| input.name == port.name);
-        // the position of a height scanner, whose hits are relative to it
+        // position of a height scanner, relative to which its hits are measured
         if let Some((scanner, PLACE)) = port.sensor()
             && model.inputs.iter().any(|other| other.sensor() == Some((scanner, HITS)))
         {
@@ -495,7 +495,7 @@ pub fn import_leapp(
         ..Articulation::default()
     };
     let is_given = environment.is_some() || kp.is_some() || kd.is_some();
-    // early versions export zeros for drives that Isaac Lab computes itself
+    // early versions export zeros for drives computed by Isaac Lab itself
     let has_gain = |index: usize| [&kp, &kd].into_iter().flatten().any(|gains| gains[index] > 0.0);
     let environment = environment.filter(|_| !(0..joints.len()).all(has_gain));
     let (kp, kd) = match kind {
@@ -536,7 +536,7 @@ pub fn import_leapp(
     Ok((policy, bytes))
 }
 
-/// The initial values of the recurrent states; empty if all are zeros.
+/// Returns the initial values of the recurrent states; empty if all are zero.
 fn initial_states(
     bundle: &Bundle,
     model: &BundleModel,
@@ -585,7 +585,7 @@ mod tests {
         }
     }
 
-    /// A bundle whose network has one input: a test of the parts that need no further one.
+    /// Returns a bundle whose network has one input, for tests of the parts that need no other input.
     fn bundle(input: BundlePort) -> Bundle {
         let target = BundlePort {
             kind: Some("target/joint/position".to_owned()),
@@ -639,7 +639,7 @@ mod tests {
     }
 
     #[test]
-    fn networks_that_read_the_heading_are_refused() {
+    fn networks_that_read_the_heading_are_rejected() {
         let bundle = bundle(state(12, "root_quat_w", &["qx", "qy", "qz", "qw"]));
         assert_eq!(import(&bundle, 4), Err(ImportError::Heading { input: "obs".to_owned() }));
         let blind = write_mlp(4, &[(vec![0.0; 8], vec![0.5, 0.5])], Unary::Relu, &[]);
@@ -647,7 +647,7 @@ mod tests {
         assert_eq!(policy.observations[0].term, Term::ProjectedGravity);
     }
 
-    /// A bundle of a height scanner and its network on 3 x 2 points. Output `k` is the sum of
+    /// Returns a bundle with a height scanner of 3 x 2 points and its network. Output `k` is the sum of
     /// `0.5 (sensor - hit - 0.5)` over rays `3 k` to `3 k + 2`; `sideways` is a factor of the y of each hit.
     fn scanner(sideways: f32, with_place: bool) -> (Vec<u8>, Bundle) {
         let rows = |index: usize| {
@@ -713,7 +713,7 @@ mod tests {
     }
 
     #[test]
-    fn networks_that_read_the_place_of_a_scanner_are_refused() {
+    fn networks_that_read_the_scanner_position_are_rejected() {
         for (sideways, with_place) in [(0.25, true), (0.0, false)] {
             let (bytes, bundle) = scanner(sideways, with_place);
             let found = import_leapp(&bytes, &bundle, None, &POSE, Some(&environment()), None);
@@ -722,7 +722,7 @@ mod tests {
     }
 
     #[test]
-    fn networks_whose_file_has_changed_are_refused() {
+    fn changed_network_files_are_rejected() {
         let mut bundle = bundle(state(10, "joint_pos", &["hip", "knee"]));
         bundle.models[0].sha256 = Some(sha256_hex(&network(2)).to_uppercase());
         assert!(import(&bundle, 2).is_ok());

@@ -12,9 +12,9 @@ use crate::policy::{Action, ActionKind, Numbers, Observation, Policy, Term};
 const SCALE: &str = "observation_terms_scale";
 /// Bounds of the terms before the factors.
 const CLIP: &str = "observation_terms_clip";
-/// Steps of the terms; 0 and 1 are the newest only.
+/// Steps of the terms; 0 and 1 select only the newest.
 const HISTORY: &str = "observation_terms_history_length";
-/// 1 for terms whose steps are in a row.
+/// 1 for terms with flattened steps.
 const FLAT: &str = "observation_terms_flatten_history_dim";
 
 /// Points of the height scan of mjlab's velocity tasks: 1.6 m x 1 m, every 0.1 m.
@@ -34,20 +34,20 @@ fn entries(text: &str) -> Vec<&str> {
     text.split(comma).map(str::trim).collect()
 }
 
-/// The numbers of an entry: one, or several in brackets or with semicolons between them.
+/// Parses the numbers of an entry: one number, or several in brackets or separated by semicolons.
 fn numbers(entry: &str) -> Option<Vec<f64>> {
     let inner = entry.trim_matches(['[', ']', '(', ')', ' ']);
     inner.split([',', ';']).map(|number| number.trim().parse().ok()).collect()
 }
 
-/// The settings of the observation terms in the metadata.
+/// Settings of the observation terms in the metadata.
 struct Settings<'a> {
     names: Vec<&'a str>,
     metadata: &'a BTreeMap<&'a str, &'a str>,
 }
 
 impl Settings<'_> {
-    /// Returns the numbers of each term in a list; `None` without the list.
+    /// Returns the numbers of each term in a list; `None` if the list is missing.
     fn list(&self, key: &'static str) -> Result<Option<Vec<Vec<f64>>>, ImportError> {
         let Some(text) = self.metadata.get(key) else { return Ok(None) };
         let parse = |entry: &&str| {
@@ -107,7 +107,7 @@ impl Settings<'_> {
 }
 
 /// Creates a policy and its network from an ONNX file with the metadata of mjlab. The network is unchanged
-/// but for the order and the offset of a height scan.
+/// except for the order and the offset of a height scan.
 ///
 /// # Errors
 ///
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn metadata_of_mjlab_makes_a_policy() {
+    fn mjlab_metadata_becomes_a_policy() {
         let (policy, _) = import_mjlab(&network(15 + 7, &METADATA), options()).expect("a policy");
         assert_eq!(policy.action.joints, ["knee", "hip"]);
         assert_eq!(policy.action.scale, Numbers::All(0.25));
@@ -284,7 +284,8 @@ mod tests {
         assert_eq!((policy.inputs(), written == bytes), (Ok(45), true), "the network is unchanged");
     }
 
-    /// The metadata of later versions, with an observation of six numbers and a height scan of 3 x 2 points.
+    /// Returns the metadata of later versions, with an observation of six numbers and a height scan of 3 x 2
+    /// points.
     fn with_settings<'a>(settings: &[(&'a str, &'a str)]) -> Vec<(&'a str, &'a str)> {
         let mut metadata: Vec<(&str, &str)> = METADATA[..6].to_vec();
         metadata.push(("observation_names", "command,height_scan,projected_gravity"));
@@ -389,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn metadata_that_does_not_fit_is_named() {
+    fn mismatched_metadata_is_reported() {
         let error = |inputs: usize, key: &str, value: Option<&str>| {
             let entries: Vec<(&str, &str)> = METADATA
                 .into_iter()

@@ -3,7 +3,7 @@
 //! - [`import_mjlab`]: an ONNX file with the metadata of mjlab (`mjlab/rl/exporter_utils.py`: `joint_names`,
 //!   `default_joint_pos`, `joint_stiffness`, `joint_damping`, `action_scale`, `observation_names`, and in
 //!   later versions `observation_terms_scale`, `_clip`, `_history_length` and `_flatten_history_dim`).
-//!   Numbers have three decimals there.
+//!   Numbers in the metadata have three decimals.
 //! - [`import_isaac`]: the ONNX file of Isaac Lab 2 with its `IO_descriptors.yaml` and `env.yaml`.
 //! - [`import_leapp`]: a LEAPP bundle of Isaac Lab 3.
 //! - [`import_weights`]: the safetensors of rsl_rl, Stable-Baselines3 or CleanRL, with a handwritten table.

@@ -1,7 +1,7 @@
 //! Joint names as regular expressions, as in the configurations of Isaac Lab.
 //!
-//! A pattern matches a whole name, as `re.fullmatch` of Python does. Supported: literals, `.`, classes such
-//! as `[a-z_]` and `\d`, groups, `|`, and the quantifiers `*`, `+`, `?` and `{n,m}`.
+//! A pattern matches a whole name, like Python's `re.fullmatch`. Supported: literals, `.`, classes such as
+//! `[a-z_]` and `\d`, groups, `|`, and the quantifiers `*`, `+`, `?` and `{n,m}`.
 
 use std::collections::BTreeSet;
 
@@ -27,13 +27,13 @@ enum Atom {
     Group(Pattern),
 }
 
-/// Largest number of repetitions that is written as a number.
+/// Maximum number of repetitions written as a number.
 const MOST_REPEATS: usize = 64;
-/// Largest depth of groups.
+/// Maximum depth of groups.
 const MOST_GROUPS: usize = 16;
 
 impl Pattern {
-    /// Parses a pattern. The error is the defect.
+    /// Parses a pattern. The error describes the defect.
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         let mut rest: Vec<char> = text.chars().rev().collect();
         let pattern = choices(&mut rest, 0)?;
@@ -49,7 +49,7 @@ impl Pattern {
         self.ends(&name, &BTreeSet::from([0])).contains(&name.len())
     }
 
-    /// Positions that follow a match that begins at one of `starts`.
+    /// Returns the positions after a match that starts at one of `starts`.
     fn ends(&self, name: &[char], starts: &BTreeSet<usize>) -> BTreeSet<usize> {
         let follow = |pieces: &Vec<Piece>| {
             pieces.iter().fold(starts.clone(), |starts, piece| piece.ends(name, &starts))
@@ -68,7 +68,7 @@ impl Piece {
             if count >= self.least {
                 all.extend(&current);
             }
-            // no new position: further repetitions add none
+            // no new position: further repetitions have no effect
             if current.is_empty() || (count > self.least && all.len() == before) {
                 break;
             }
@@ -105,7 +105,7 @@ fn choices(rest: &mut Vec<char>, depth: usize) -> Result<Pattern, String> {
                 choices.push(Vec::new());
                 continue;
             }
-            // a whole name is matched: anchors change nothing at its ends
+            // a whole name is matched: anchors at its ends have no effect
             '^' if choices.last().is_some_and(Vec::is_empty) => continue,
             '$' if matches!(rest.last(), None | Some('|' | ')')) => continue,
             '.' => Atom::Any,
@@ -180,7 +180,7 @@ fn escape(rest: &mut Vec<char>) -> Result<Vec<(char, char)>, String> {
     }
 }
 
-/// Smallest and largest number of repetitions.
+/// Parses the smallest and largest number of repetitions.
 fn quantifier(rest: &mut Vec<char>) -> Result<(usize, usize), String> {
     let range = match rest.last() {
         Some('*') => (0, usize::MAX),

@@ -1,4 +1,4 @@
-//! Observation terms whose values have another order or zero in the network than in motorium.
+//! Observation terms whose order or zero in the network differs from motorium's.
 
 use super::error::ImportError;
 use crate::onnx::{Adapter, Model, Part};
@@ -40,7 +40,7 @@ pub(super) fn adapt(model: &Model, bytes: &[u8], terms: &[Served]) -> Result<Vec
     }
 }
 
-/// Checks a policy with its network, and returns both, the network in the order of motorium.
+/// Checks a policy with its network, and returns both; the network reads the terms in the order of motorium.
 pub(super) fn finish(
     policy: Policy,
     model: &Model,
@@ -55,9 +55,9 @@ pub(super) fn finish(
 
 /// The grid of a height scanner of Isaac Lab or mjlab, and the offset of its observation.
 ///
-/// Both observe the height of the sensor above the surface less an offset (`height_scan` in
-/// `isaaclab/envs/mdp/observations.py` and `mjlab/envs/mdp/observations.py`), motorium the height of the
-/// surface above the sensor.
+/// Both observe the height of the sensor above the surface minus an offset (`height_scan` in
+/// `isaaclab/envs/mdp/observations.py` and `mjlab/envs/mdp/observations.py`), whereas motorium observes the
+/// height of the surface above the sensor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeightGrid {
     /// Number of points along x and along y.
@@ -69,25 +69,26 @@ pub struct HeightGrid {
 }
 
 impl HeightGrid {
-    /// Creates a grid from its lengths along x and y and the distance of its points \[m\], as `grid_pattern`
-    /// of Isaac Lab does. `is_along_x` is `true` for the ordering `xy`.
+    /// Creates a grid from its lengths along x and y and the distance between points \[m\], like
+    /// `grid_pattern` of Isaac Lab. `is_along_x` is `true` for the ordering `xy`.
     pub fn new(size: [f64; 2], resolution: f64, is_along_x: bool, offset: f64) -> Self {
         let points = size.map(|length| (length / resolution + 1e-6).clamp(0.0, 999.0) as usize + 1);
         Self { points, is_along_x, offset }
     }
 
-    /// Creates a grid from its numbers of points along x and y, in the order of mjlab's `GridPatternCfg`,
-    /// which is the ordering `xy`.
+    /// Creates a grid from the numbers of points along x and y, in the order of mjlab's `GridPatternCfg`, the
+    /// ordering `xy`.
     pub fn from_points(points: [usize; 2], offset: f64) -> Self {
         Self { points, is_along_x: true, offset }
     }
 
-    /// Number of points.
+    /// Returns the number of points.
     pub(super) fn count(&self) -> usize {
         self.points[0].saturating_mul(self.points[1])
     }
 
-    /// The index of each value in a height scan of motorium: from the back, each row from right to left.
+    /// Returns the index of each value in a height scan of motorium: rows from back to front, each from right
+    /// to left.
     pub(super) fn order(&self) -> Vec<usize> {
         let [along_x, along_y] = self.points;
         if !self.is_along_x {
@@ -96,7 +97,7 @@ impl HeightGrid {
         (0..along_y).flat_map(|y| (0..along_x).map(move |x| x * along_y + y)).collect()
     }
 
-    /// The term of a height scan with this factor and these bounds before it.
+    /// Returns the term of a height scan with this factor and these bounds, which apply before the factor.
     pub(super) fn served(&self, scale: f64, clip: Option<[f64; 2]>, history: usize) -> Served {
         let order = self.order();
         let observation = Observation {

@@ -59,7 +59,7 @@ pub fn import_weights(file: &Tensors, table: &str) -> Result<(Policy, Vec<u8>), 
     let weights = table.remove("weights").ok_or_else(missing)?;
     let Weights { layers: names, activation, normaliser } = weights.try_into().map_err(wrong)?;
     if table.insert("network".to_owned(), NETWORK.into()).is_some() {
-        return Err(unusable("network", "expected to be left out: the import writes it"));
+        return Err(unusable("network", "expected to be missing: the import writes it"));
     }
     let policy: Policy = table.try_into().map_err(wrong)?;
     policy.check()?;
@@ -177,7 +177,7 @@ normaliser = { mean = "norm.mean", variance = "norm.var", epsilon = 0.25 }
     }
 
     #[test]
-    fn weights_that_do_not_fit_are_named() {
+    fn mismatched_weights_are_reported() {
         let mut file = weights();
         file.tensors.remove("actor.2.weight");
         let tensor = |file: &Tensors, table: &str| match import_weights(file, table) {

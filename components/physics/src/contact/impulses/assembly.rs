@@ -46,8 +46,8 @@ impl Impulses {
         }
     }
 
-    /// Solves an island over the velocities of its bodies. With `few`, at most [a
-    /// few](super::super::sweeps::FEW) sweeps run. Returns whether the sweeps settled.
+    /// Solves an island over the velocities of its bodies. With `few`, at most
+    /// [`FEW`](super::super::sweeps::FEW) sweeps run. Returns `true` if the sweeps settled.
     pub(super) fn solve_sparse(&mut self, places: Range<usize>, few: bool) -> bool {
         self.sum.fill(0.0);
         for place in places.clone() {
@@ -60,7 +60,7 @@ impl Impulses {
             } else {
                 PointAnswer::new(&own, site.soft)
             };
-            // The objects' fall is part of their velocities.
+            // The velocities of the objects include their fall.
             for (free, falling) in site.free.iter_mut().zip(site.falling) {
                 *free -= falling;
             }
@@ -85,8 +85,8 @@ impl Impulses {
         settled
     }
 
-    /// Adapts the target of a contact point to its mobility along the normal \[1/kg\], the first of the
-    /// three.
+    /// Adapts the target of a contact point to its mobilities along the three axes \[1/kg\], the normal
+    /// first.
     fn aim(&mut self, index: usize, [mobility, one, other]: [f64; 3]) {
         let site = &mut self.sites[index];
         // Only the two bodies in contact count; other bodies in the world do not affect it.

@@ -16,11 +16,11 @@ use super::super::site::{Side, Site};
 use super::Impulses;
 use super::rebound::Rebound;
 
-/// Differences of a bound below this share of its energies are rounding.
+/// Differences of a bound below this fraction of its energies count as rounding.
 const ROUNDING: f64 = 1e-6;
 
 impl Impulses {
-    /// Returns `true` if an island has an impact whose energy friction may raise.
+    /// Returns `true` if an island has an impact in which friction may raise the energy.
     pub(super) fn bounces(&self, places: Range<usize>) -> bool {
         let mut sites = places.map(|place| &self.sites[self.islands.point(place)]);
         sites.any(|site| site.bounce > 0.0 && site.friction > 0.0)

@@ -35,7 +35,7 @@ const RECOVERY_RATE: f64 = 50.0;
 const FASTEST_RECOVERY: f64 = 0.5;
 
 /// Smallest mobility of a contact point (its diagonal entry of W) relative to the mobility of free bodies
-/// with the masses of both parties. Below this value the joints hold the point, which needs no impulse.
+/// with the masses of both parties. Below this value the joints block the point, which needs no impulse.
 const IMMOVABLE: f64 = 1e-9;
 
 /// Contact impulses of one step over the Delassus matrix `W = J A^-1 J'`.
@@ -50,9 +50,9 @@ const IMMOVABLE: f64 = 1e-9;
 ///
 /// Signorini's condition and Coulomb's law on velocities (Moreau 1988), with the exact cone instead of a
 /// pyramid. Penetration decays at a fixed rate (Baumgarte 1972). No target exceeds 0.5 m/s or demands more
-/// kinetic energy than the two parties have at that speed: if joints hardly let a point move, recovery is
-/// slower. The impulses of the last step are the warm start. Surfaces that resist rolling or spinning add
-/// [torques](couples), each with a separate bound that grows with `lambda_n`.
+/// kinetic energy than the two parties have at that speed: recovery is slower at a point that joints hardly
+/// allow to move. The impulses of the last step are the warm start. Surfaces that resist rolling or spinning
+/// add [torques](couples), each with a separate bound that grows with `lambda_n`.
 ///
 /// Surfaces with restitution rebound by [Newton's law](impact), bounded by the energy.
 ///
@@ -205,10 +205,10 @@ impl Impulses {
         (0..3).map(|part| axes[part] * self.lambda[3 * index + part]).sum()
     }
 
-    /// Sets up the contact points of a step. `slopes(owner, point, axes, sign, columns)` adds to `columns`
-    /// (nv of an articulation) `sign` times the Jacobian of the owner's velocities at the point along the
-    /// three axes. `v` (nv) are the current velocities of the articulations. `before` and `falling` are the
-    /// objects' velocities now and after free fall during the step.
+    /// Sets up the contact points of a step. `slopes(owner, point, axes, sign, columns)` adds `sign` times
+    /// the Jacobian of the owner's velocities at the point, along the three axes, to `columns` (nv of an
+    /// articulation). `v` (nv) are the current velocities of the articulations. `before` and `falling` are
+    /// the objects' velocities now and after free fall during the step.
     pub(crate) fn prepare(
         &mut self,
         points: &[ContactPoint],

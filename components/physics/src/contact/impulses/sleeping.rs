@@ -18,7 +18,7 @@ impl Impulses {
     }
 
     /// Finds the bodies of islands in which a robot is closer than `least` \[m\] to something that it may
-    /// hold, for the points that were sorted last.
+    /// hold. Uses the points that were sorted last.
     pub(crate) fn find_near(&mut self, points: &[ContactPoint], least: f64, near: &mut [bool]) {
         self.pending.clear();
         self.pending.resize(self.islands.count(), false);
@@ -110,8 +110,8 @@ impl Impulses {
     }
 }
 
-/// Objects slower than this may come to rest \[m/s, rad/s\]; the residual of the sweeps would move them
-/// otherwise.
+/// Objects slower than this may come to rest \[m/s, rad/s\]; otherwise the residual of the sweeps would keep
+/// them moving.
 const SLOW: [f64; 2] = [0.05, 0.5];
 
 /// Returns the one or two moving bodies at a contact point, with articulations numbered before objects.

@@ -32,8 +32,8 @@ impl Impulses {
         }
     }
 
-    /// Returns the force of the last step at the contact point with this key as an impulse over `h` \[s\],
-    /// and the index of the point, which is likely the `expected` one.
+    /// Returns the force of the last step at the contact point with this key, as an impulse over `h` \[s\].
+    /// Also returns the index of the point, which is likely the `expected` one.
     pub(super) fn of_last(&self, key: u64, h: f64, expected: usize) -> ([f64; 3], Option<usize>) {
         let (ahead, behind) = self.last.split_at(expected);
         let found = behind.iter().chain(ahead).position(|known| known.key == key);

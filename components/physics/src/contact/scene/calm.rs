@@ -5,8 +5,8 @@ use crate::contact::parties::Least;
 use crate::robot::Robot;
 
 impl ContactScene {
-    /// Begins a step of `dt` \[s\] as a single integration step if robots without movable objects cannot
-    /// touch anything in it. Otherwise returns `false`, and nothing has begun.
+    /// Begins a step of `dt` \[s\] as a single integration step if the scene [is simple](Self::is_simple) and
+    /// no robot can touch anything during the step. Otherwise returns `false` and begins nothing.
     pub(crate) fn begin_calm(&mut self, robot: &Robot, dt: f64, [far, _]: [usize; 2]) -> bool {
         let calm = far == 1 && self.is_simple() && self.detector.is_calm(robot, dt);
         if calm {
@@ -23,7 +23,7 @@ impl ContactScene {
         }
     }
 
-    /// Returns `true` if only robots move, independently of each other.
+    /// Returns `true` if only robots move, independently of each other, and there is no terrain.
     fn is_simple(&self) -> bool {
         self.objects.now.is_empty() && self.connections.most() == 0 && self.colliders.terrain.is_none()
     }

@@ -34,7 +34,7 @@ impl ContactScene {
     /// Removes the connections between two parts. Returns `false` if they have none.
     pub(crate) fn disconnect(&mut self, members: [Member; 2]) -> bool {
         self.objects.wake();
-        // The parts may be near each other, and were not checked.
+        // The parts may be near each other, and their distance has not been checked.
         self.detector.forget();
         self.connections.remove(members)
     }
@@ -46,8 +46,8 @@ impl ContactScene {
         self.impulses.make_room(contacts + held);
     }
 
-    /// Returns the end of a connection that holds an object of the world, and the pose of the object in the
-    /// frame of its owner.
+    /// Returns the member of a connection that carries an object of the world, and the pose of the object in
+    /// the frame of its owner.
     pub(crate) fn member_of_object(&self, index: usize) -> (Member, Isometry3<f64>) {
         match self.objects.movable[index] {
             Some(movable) => {

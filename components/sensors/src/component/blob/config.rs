@@ -27,7 +27,7 @@ pub struct BlobConfig {
     /// Largest angle between the levels of a pixel and the colour, both taken as vectors (rad). Default 0.15.
     #[serde(default = "tolerance")]
     pub tolerance: f64,
-    /// Least level, 0 to 255, of the brightest channel of a pixel that counts. Default 30.
+    /// Minimum level, 0 to 255, of the brightest channel of a matching pixel. Default 30.
     #[serde(default = "least_level")]
     pub least_level: f64,
     /// Minimum number of pixels of an object. Default 8.
@@ -37,7 +37,7 @@ pub struct BlobConfig {
     /// object is at `distance`.
     #[serde(default)]
     pub radius: Option<f64>,
-    /// Distance of a thing of unknown size (m). Default 1.
+    /// Distance of an object of unknown size (m). Default 1.
     #[serde(default = "distance")]
     pub distance: f64,
     /// Smoothing of position and velocity, from 0 (none) to below 1. Default 0.5.
@@ -46,7 +46,7 @@ pub struct BlobConfig {
     /// Time without a detection after which nothing is published. Default 500 ms.
     #[serde(default = "lost_after")]
     pub lost_after: TimeSpan,
-    /// Time for which poses of the camera are kept: the greatest age of a picture. Default 200 ms.
+    /// Time for which camera poses are kept, which is the maximum age of an image. Default 200 ms.
     #[serde(default = "history")]
     pub history: TimeSpan,
     /// Time after the first detection before errors are scored. Default 1 s.

@@ -20,8 +20,8 @@ const PICTURES: usize = 2;
 
 /// A component that finds the object in each image and publishes its position in the world at its own rate.
 ///
-/// Images arrive with a delay. The camera pose is therefore looked up at the time of exposure, and the
-/// published position is predicted to the time of the step from its velocity.
+/// Images arrive with a delay. The camera pose is therefore looked up at the time of exposure. The published
+/// position is predicted to the time of the step from its velocity.
 pub struct BlobEstimator {
     motion: TrueMotion,
     history: PoseHistory,
@@ -62,7 +62,7 @@ impl Component for BlobEstimator {
     fn declare(config: &BlobConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         config.check()?;
         TrueMotion::declare(&config.camera, Needs::Measured, declare)?;
-        let doc = "pictures: red, green and blue, a byte each";
+        let doc = "images: red, green and blue, one byte each";
         declare.slice_input::<u8>("image", PICTURES, doc);
         declare.input::<ImageInfo>("info", "format of the images");
         declare.output::<PoseTarget>("target", "position and velocity of the object in the world");
@@ -98,7 +98,7 @@ impl Component for BlobEstimator {
             let Some(info) = info.latest() else { continue };
             if info.encoding != ImageInfo::RGB_8 || info.focal_length.iter().any(|length| *length <= 0.0) {
                 return Err(StepError::failed(
-                    "the pictures are not of red, green and blue with a known focal length",
+                    "the images are not red, green and blue with a known focal length",
                 ));
             }
             counts.pictures += 1;

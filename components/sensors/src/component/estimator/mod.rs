@@ -352,8 +352,8 @@ impl Legs {
         self.kinematics.update_with_velocity(&self.model, &self.q, &self.v);
     }
 
-    /// Velocity of the centre of a round foot that rolls on level ground, in base axes \[m/s\]; `up` is the
-    /// vertical in these axes.
+    /// Returns the velocity of the centre of a round foot that rolls on level ground, in base axes \[m/s\];
+    /// `up` is the vertical in these axes.
     fn roll(&self, foot: usize, up: &Vector3<f64>) -> Vector3<f64> {
         let Foot { frame, radius, .. } = self.feet[foot];
         self.kinematics.velocity(&self.model, frame).angular.cross(up) * radius

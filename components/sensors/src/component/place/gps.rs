@@ -58,7 +58,7 @@ pub struct GpsConfig {
 
 sensor_config!(impl GpsConfig);
 
-/// A place on the earth, WGS 84.
+/// A position on the earth, WGS 84.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Origin {
@@ -85,7 +85,7 @@ impl PlaceSensor for Gps {
     const KIND: &'static str = "sensor.gps";
     const SUMMARY: &'static str =
         "satellite navigation: latitude, longitude, altitude, velocity, with errors";
-    const PORT: (&'static str, &'static str) = ("fix", "place on the earth and velocity");
+    const PORT: (&'static str, &'static str) = ("fix", "position on the earth and velocity");
     const WIDTH: usize = 6;
     type Config = GpsConfig;
     type Message = GeoFix;

@@ -173,7 +173,7 @@ impl RangeSensor for Camera {
     }
 
     fn declare(&self, declare: &mut Declare) {
-        let doc = "the picture: red, green and blue, a byte each, row by row from the top left corner";
+        let doc = "image: red, green and blue, one byte each, row by row from the top left corner";
         declare.slice_output::<u8>("image", self.picture.len() * PIXEL_BYTES, PICTURES, doc);
         declare.output::<ImageInfo>("info", "format of the images");
     }

@@ -136,13 +136,13 @@ impl RangeSensor for DepthCamera {
 
     fn declare(&self, declare: &mut Declare) {
         let pixels = self.directions.len();
-        let doc = "depth along the optical axis, `f32` a pixel, m; 0 without one";
+        let doc = "depth along the optical axis, one `f32` per pixel, m; 0 without a depth";
         declare.slice_output::<u8>("depth", pixels * DEPTH_BYTES, PICTURES, doc);
         declare.slice_output::<u8>(
             "grey",
             pixels,
             PICTURES,
-            "brightness under a lamp at the camera, a byte a pixel",
+            "brightness under a lamp at the camera, one byte per pixel",
         );
         declare.output::<ImageInfo>("info", "format of the depth images");
     }

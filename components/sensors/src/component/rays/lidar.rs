@@ -83,12 +83,12 @@ impl Fan {
         Ok(Self { directions, rays, hits: vec![None; count], settings: *settings, model })
     }
 
-    /// Number of rays.
+    /// Returns the number of rays.
     pub(super) fn count(&self) -> usize {
         self.directions.len()
     }
 
-    /// Number of values in a reading with angles of incidence.
+    /// Returns the number of values in a reading with angles of incidence.
     fn width(&self) -> usize {
         2 * self.count()
     }

@@ -52,7 +52,7 @@ pub trait RangeSensor: Sized + 'static {
     /// # Errors
     /// A number is out of range.
     fn new(config: &Self::Config, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError>;
-    /// Number of values in a reading.
+    /// Returns the number of values in a reading.
     fn width(&self) -> usize;
     /// Declares the outputs.
     fn declare(&self, declare: &mut Declare);

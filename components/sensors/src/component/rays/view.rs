@@ -139,7 +139,7 @@ impl View {
         Ok(view)
     }
 
-    /// Appearance of the scene, for sensors that see colours.
+    /// Returns the appearance of the scene, for sensors that see colours.
     pub(super) fn looks(&self) -> Option<&Looks> {
         self.looks.as_ref()
     }

@@ -39,7 +39,7 @@ impl Blocks {
         }
     }
 
-    /// Gives block `to` the covariances of block `from`, including its own covariance.
+    /// Copies the covariances of block `from` to block `to`, including its own covariance.
     pub(super) fn copy_block(&mut self, from: usize, to: usize) {
         for other in 0..self.n {
             if other != to {
@@ -50,8 +50,8 @@ impl Blocks {
         *self.get_mut(to, to) = *self.get(from, from);
     }
 
-    /// Adds `factor` times row `from` to row `to`, then the same for the columns: `E P E'` with `E = 1 +
-    /// factor` at `(to, from)`. `from` and `to` differ.
+    /// Adds `factor` times row `from` to row `to`, then the same for the columns: `E P E'` with
+    /// `E = 1 + factor` at `(to, from)`. `from` and `to` differ.
     pub(super) fn add_multiple(&mut self, to: usize, from: usize, factor: &Matrix3<f64>) {
         for other in 0..self.n {
             let part = factor * self.get(from, other);

@@ -63,10 +63,10 @@ impl Default for FilterState {
 /// dR/dt = R (omega - b_g - w_g)^      dv/dt = R (f - b_a - w_a) + g      dp/dt = v      dd/dt = R w_d
 /// ```
 ///
-/// integrated exactly for readings that are constant over a step. The error is right-invariant, `X_est X^-1 =
-/// exp(xi)`, in world axes. Its linear dynamics do not depend on the state, except for the biases. A foot on
-/// the ground measures `R' (d - p)`, the forward kinematics `h` of its joints; the innovation `R h - (d - p)`
-/// is linear in `xi` with a constant matrix. The linearisation therefore adds no spurious information:
+/// integrated exactly for readings that are constant over a step. The error is right-invariant,
+/// `X_est X^-1 = exp(xi)`, in world axes. Its linear dynamics do not depend on the state, except for the
+/// biases. A foot on the ground measures `R' (d - p)`, the forward kinematics `h` of its joints; the
+/// innovation `R h - (d - p)` is linear in `xi` with a constant matrix. The linearisation therefore adds no spurious information:
 /// position and yaw, which contacts cannot observe, stay uncertain.
 ///
 /// A foot is added at `p + R h` at touchdown and removed at lift-off. For rolling round feet,
@@ -313,24 +313,24 @@ impl InvariantFilter {
         &self.state
     }
 
-    /// Position in the world \[m\] of a foot on the ground; `None` in the air.
+    /// Returns the position in the world \[m\] of a foot on the ground; `None` in the air.
     pub fn foot(&self, foot: usize) -> Option<Vector3<f64>> {
         self.feet[foot]
     }
 
-    /// Number of feet on the ground.
+    /// Returns the number of feet on the ground.
     pub fn contacts(&self) -> usize {
         self.feet.iter().flatten().count()
     }
 
-    /// Covariance of the invariant error of rotation, velocity and position (`xi` of `exp(xi)`, world axes)
-    /// and of the gyroscope and accelerometer biases.
+    /// Returns the covariance of the invariant error of rotation, velocity and position (`xi` of `exp(xi)`,
+    /// world axes) and of the gyroscope and accelerometer biases.
     pub fn invariant_covariance(&self) -> SMatrix<f64, 15, 15> {
         SMatrix::from_fn(|row, column| self.covariance.get(row / 3, column / 3)[(row % 3, column % 3)])
     }
 
-    /// Covariance of the errors of rotation (a rotation vector in world axes), velocity and position. It
-    /// follows from `v_est - v = xi_v - [v] xi_R`, and likewise for the position.
+    /// Returns the covariance of the errors of rotation (a rotation vector in world axes), velocity and
+    /// position. It follows from `v_est - v = xi_v - [v] xi_R`, and likewise for the position.
     pub fn covariance(&self) -> SMatrix<f64, 9, 9> {
         let invariant = self.invariant_covariance().fixed_view::<9, 9>(0, 0).into_owned();
         let mut map = SMatrix::<f64, 9, 9>::identity();

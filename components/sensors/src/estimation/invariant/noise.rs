@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 /// Noise of the inertial measurement unit and of the contacts, as densities: standard deviations after one
-/// second, or per square root of hertz. A reading of deviation `s` at a rate `f` has the density `s /
-/// sqrt(f)`.
+/// second, or per square root of hertz. A reading of deviation `s` at a rate `f` has the density
+/// `s / sqrt(f)`.
 ///
 /// ```toml
 /// gyroscope     = 1e-4

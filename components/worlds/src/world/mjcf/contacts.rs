@@ -1,12 +1,12 @@
-//! Contacts of the geoms of a world: surfaces with their `condim`, and the pairs that `contype` and
-//! `conaffinity` keep from touching.
+//! Contacts of the geoms of a world: surfaces with their `condim`, and the pairs that cannot collide by
+//! `contype` and `conaffinity`.
 
 use motorium_robots::mjcf::{Attributes, Element, MjcfError, MjcfProblem, named};
 use roxmltree::Node;
 
 use crate::{Object, World};
 
-/// The friction of a geom.
+/// Friction of a geom.
 #[derive(Clone, Debug)]
 pub(super) struct Surface {
     /// An object with the coefficients of the geom.
@@ -28,15 +28,15 @@ impl Surface {
     }
 }
 
-/// Returns the friction of a geom. Warns of parameters of contacts that no object has.
+/// Returns the friction of a geom. Warns about contact parameters that objects do not have.
 pub(super) fn surface(geom: &Element<'_, '_, '_>) -> Result<Surface, MjcfError> {
     let [friction, torsional, rolling] = geom.first_numbers("friction", [1.0, 0.005, 0.0001])?;
     let directions = geom.number("condim", 3.0)?;
     for (name, reason) in [
         ("margin", "objects touch at their surfaces"),
         ("gap", "objects touch at their surfaces"),
-        ("solref", "contacts are rigid here; `soft` of an object makes them give way"),
-        ("solimp", "contacts are rigid here; `soft` of an object makes them give way"),
+        ("solref", "contacts are rigid here; set `soft` of the object for compliance"),
+        ("solimp", "contacts are rigid here; set `soft` of the object for compliance"),
         ("priority", "friction comes from both surfaces"),
     ] {
         if geom.get(name).is_some_and(|value| value.split_whitespace().any(|part| part.parse() != Ok(0.0))) {
@@ -48,7 +48,7 @@ pub(super) fn surface(geom: &Element<'_, '_, '_>) -> Result<Surface, MjcfError> 
     Ok(Surface { object, directions })
 }
 
-/// A surface of a world, until the directions of all are known.
+/// A surface of a world, before the directions of all surfaces are known.
 struct Rubbing<'a, 'i> {
     geom: Node<'a, 'i>,
     directions: f64,
@@ -103,13 +103,13 @@ impl<'a, 'i> Surfaces<'a, 'i> {
     }
 }
 
-/// The largest `condim` of contacts without friction against sliding, spinning and rolling.
+/// Largest `condim` of contacts without friction against sliding, spinning and rolling.
 const LARGEST_WITHOUT: [f64; 3] = [1.0, 3.0, 4.0];
 
-/// The reason for the warning of a direction that cannot be dropped.
+/// Reason in the warning about a direction that cannot be dropped.
 const FRICTION_STAYS: &str = "its contacts with another geom of a small condim have friction here";
 
-/// The coefficients of friction of the ground, then of the objects.
+/// Iterates over the coefficients of friction of the ground, then of the objects.
 fn coefficients(world: &mut World) -> impl Iterator<Item = [&mut f64; 3]> {
     let ground = world
         .ground
@@ -140,7 +140,8 @@ impl<'a, 'i> Contacts<'a, 'i> {
     ///
     /// # Errors
     ///
-    /// An earlier geom that may move relative to it never touches it; in a world all objects touch.
+    /// The geom cannot collide with an earlier geom that may move relative to it; in a world, all objects
+    /// collide.
     pub(super) fn add(
         &mut self,
         attributes: &Attributes<'a, 'i>,
@@ -157,7 +158,7 @@ impl<'a, 'i> Contacts<'a, 'i> {
         };
         if let Some(other) = self.geoms.iter().find(passes) {
             let problem = format!(
-                "contype and conaffinity keep it from touching <{}>, and all objects of a world touch: leave one of them out, or \
+                "contype and conaffinity keep it from touching <{}>, but all objects of a world touch: remove one of them, or \
                  give both a common bit",
                 named(other.geom)
             );

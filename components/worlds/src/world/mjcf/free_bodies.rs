@@ -1,4 +1,4 @@
-//! Bodies with a free joint: objects of one shape or of several.
+//! Bodies with a free joint: objects with one or more shapes.
 
 use motorium_robots::mjcf::{Attributes, Element, MjcfError, MjcfProblem, WATER, body_name};
 use motorium_robots::{BasePose, Geometry, Inertia};
@@ -9,7 +9,7 @@ use super::super::reading::unique;
 use super::contacts::Surface;
 use crate::{CompoundPart, Object, ObjectShape, World};
 
-/// A geom of a body that moves.
+/// A geom of a moving body.
 pub(super) struct FreeGeom<'a, 'i> {
     pub(super) node: Node<'a, 'i>,
     /// Its pose in the world.
@@ -46,7 +46,7 @@ impl Weight {
     }
 }
 
-/// Returns the object of a body with the pose `within` in the world, which is the pose of the object.
+/// Returns the object of a body; both have the pose `within` in the world.
 pub(super) fn object<'a, 'i>(
     world: &World,
     attributes: &Attributes<'a, 'i>,
@@ -61,29 +61,28 @@ pub(super) fn object<'a, 'i>(
             match weight {
                 Weight::Mass(mass) if mass > 0.0 => (shape, Some(mass), None, surface),
                 Weight::Density(density) if density > 0.0 => (shape, None, Some(density), surface),
-                _ => return other(node, "a body that moves has a geom without a mass"),
+                _ => return other(node, "a moving body has a geom without a mass"),
             }
         }
         Err(geoms) => {
             let Some(surface) = geoms.first().map(|geom| geom.surface.clone()) else {
-                return other(
-                    body,
-                    "a body that moves has no geom that touches anything: an object needs one",
-                );
+                return other(body, "a moving body has no colliding geom: an object needs one");
             };
             let mut parts = Vec::with_capacity(geoms.len());
             for FreeGeom { node, pose, shape, weight, surface: own } in geoms {
                 if !own.rubs_like(&surface) {
                     return other(
                         node,
-                        "its friction differs from the first geom of its body: an object has one surface",
+                        "its friction differs from the first geom's: an object has one surface",
                     );
                 }
                 let mass = match weight {
                     Weight::Mass(mass) => Some(mass),
                     Weight::Density(density) => shape.volume().map(|volume| density * volume),
                 };
-                let Some(mass) = mass else { return other(node, "its mesh has no volume, and so no mass") };
+                let Some(mass) = mass else {
+                    return other(node, "its mesh has no volume, and therefore no mass");
+                };
                 let BasePose { position, rpy } = BasePose::from_isometry(&within.inv_mul(&pose));
                 parts.push(CompoundPart { shape, position, rpy, mass: Some(mass) });
             }

@@ -10,13 +10,13 @@ use roxmltree::Node;
 
 use crate::terrain::Picture;
 
-/// Heights of one field, at most.
+/// Maximum number of heights of a field.
 const MOST: usize = 250_000;
 
-/// The solids below the height fields of a file, by their names.
+/// Reads the solids below the height fields of a file, by name.
 ///
-/// Heights are scaled so that the lowest is 0 and the highest the third number of `size`, as in MuJoCo; the
-/// cell of four heights is cut along the same diagonal.
+/// As in MuJoCo, heights are scaled to range from 0 to the third number of `size`, and cells are split along
+/// the same diagonal.
 pub(super) fn read<'a, 'i>(
     root: Node<'a, 'i>,
     attributes: &Attributes<'a, 'i>,
@@ -49,7 +49,7 @@ fn number(asset: &Element<'_, '_, '_>, attribute: &str, expected: &str) -> MjcfE
     asset.error(MjcfProblem::Number { element: named(asset.node), attribute, value, expected })
 }
 
-/// Rows and columns, and the heights from 0 to 1, the row of the least y first.
+/// Returns the number of rows and columns, and the heights from 0 to 1, starting with the row of smallest y.
 fn heights(
     asset: &Element<'_, '_, '_>,
     compiler: &Compiler,
@@ -81,7 +81,7 @@ fn heights(
                     .parse(asset.node, "elevation", text, all..=all)
                     .map_err(|_| number(asset, "elevation", &format!("{all} numbers, nrow times ncol")))?,
             };
-            // Written like a map: the row of the largest y comes first.
+            // Written like a map: the row of the largest y is first.
             ([rows, columns], heights.chunks(columns).rev().flatten().copied().collect())
         }
     };
@@ -98,7 +98,7 @@ fn heights(
 fn within_most(asset: &Element<'_, '_, '_>, [rows, columns]: [usize; 2]) -> Result<usize, MjcfError> {
     rows.checked_mul(columns).filter(|all| *all <= MOST).ok_or_else(|| {
         asset.fault(format!(
-            "a height field of {rows} x {columns} heights, expected at most {MOST}; a `terrain` of the world holds more"
+            "a height field of {rows} x {columns} heights, expected at most {MOST}; use a `terrain` of the world for more"
         ))
     })
 }
@@ -130,7 +130,7 @@ fn of_file(path: &Path) -> Result<([usize; 2], Vec<f64>), String> {
     Ok(([rows, columns], heights))
 }
 
-/// The solid between the heights and the base below.
+/// Returns the solid between the heights and the base below.
 fn solid([rows, columns]: [usize; 2], heights: &[f64], [x, y, top, base]: [f64; 4]) -> TriangleMesh {
     let at = |row: usize, column: usize| (row * columns + column) as u32;
     let place = |row: usize, column: usize, z: f64| {

@@ -19,13 +19,13 @@ pub(super) struct Held {
 }
 
 impl Held {
-    /// The world itself.
+    /// Returns the placement of an immovable body.
     pub(super) fn world(frame: Isometry3<f64>) -> Self {
         Self { object: "world".to_owned(), frame }
     }
 }
 
-/// The connections of a section `<equality>`.
+/// Returns the connections of a section `<equality>`.
 pub(super) fn connections<'a, 'i>(
     section: Node<'a, 'i>,
     attributes: &Attributes<'a, 'i>,
@@ -37,7 +37,7 @@ pub(super) fn connections<'a, 'i>(
             "connect" => ConnectionKind::Ball,
             "weld" => ConnectionKind::Fixed,
             "joint" | "tendon" => {
-                let problem = "it couples joints, which are parts of robots: a world holds none";
+                let problem = "it couples joints, which belong to robots: a world has none";
                 return Err(attributes.error(node, MjcfProblem::Other(problem.to_owned())));
             }
             name => {
@@ -63,7 +63,7 @@ pub(super) fn connections<'a, 'i>(
         let second = body("body2")?.unwrap_or_else(|| Held::world(Isometry3::identity()));
         if first.object == second.object {
             return Err(
-                rule.fault("the two bodies do not move relative to one another: there is nothing to hold")
+                rule.fault("the two bodies do not move relative to one another: there is nothing to connect")
             );
         }
         let anchor = rule.numbers::<3>("anchor")?;

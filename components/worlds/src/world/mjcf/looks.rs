@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use motorium_robots::Colour;
 use roxmltree::{Node, NodeId};
 
-/// The colours that the geoms of a world state.
+/// Colours specified by the geoms of a world.
 #[derive(Default)]
 pub(super) struct Looks(Vec<Stated>);
 
@@ -15,9 +15,9 @@ struct Stated {
     body: Option<NodeId>,
     /// Object of the geom; `None` for a non-colliding geom, which is not a shape of a world.
     object: Option<String>,
-    /// The colour, if the geom or its material states one.
+    /// Colour specified by the geom or its material, if any.
     colour: Option<Colour>,
-    /// True if MuJoCo's viewer shows the geom unasked.
+    /// `true` if MuJoCo's viewer shows the geom by default.
     is_seen: bool,
 }
 
@@ -46,8 +46,9 @@ impl Looks {
         }
     }
 
-    /// Returns the colours of objects: of the first visible shape, else of the first visible non-colliding
-    /// geom of the same bodies, else of a hidden shape. Objects without a stated colour have none.
+    /// Returns the colours of objects: of the first visible shape, otherwise of the first visible
+    /// non-colliding geom of the same bodies, otherwise of a hidden shape. Objects without a specified colour
+    /// are omitted.
     pub(super) fn colours<'n>(&self, objects: impl Iterator<Item = &'n str>) -> BTreeMap<String, Colour> {
         let of = |name: &str| {
             let own = || self.0.iter().filter(|stated| stated.object.as_deref() == Some(name));

@@ -28,12 +28,12 @@ use super::reading::unique;
 use super::{Ground, MeshCollision, MeshShape, Object, ObjectShape, World};
 use crate::FrictionCombine;
 
-/// An MJCF text turned into a world.
+/// A world read from an MJCF text.
 #[derive(Clone, Debug)]
 pub struct MjcfWorld {
     /// The world.
     pub world: World,
-    /// True where the file states gravity.
+    /// `true` if the file specifies gravity.
     pub states_gravity: bool,
     /// Warnings of skipped elements, each with its position in the text.
     pub warnings: Vec<ModelWarning>,
@@ -46,20 +46,20 @@ const SKIPPED: [&str; 5] = ["size", "visual", "statistic", "custom", "sensor"];
 const FLAGS: [(&str, &str, &str); 4] = [
     ("contact", "disable", "the objects of a world touch"),
     ("constraint", "disable", "the objects of a world touch"),
-    ("equality", "disable", "leave the section <equality> out"),
-    ("override", "enable", "write friction and stiffness into the geoms"),
+    ("equality", "disable", "remove the section <equality>"),
+    ("override", "enable", "set friction and stiffness of the geoms"),
 ];
 
-/// The name of the ground among the colours of a world.
+/// Name of the ground among the colours of a world.
 const GROUND: &str = "ground";
 
-/// Attributes of a free joint that no object has.
+/// Attributes of a free joint that objects do not have.
 const ON_FREE_JOINTS: [(&str, &str); 5] = [
     ("damping", "an object moves freely; `drag` slows it down"),
     ("frictionloss", "an object moves freely"),
     ("armature", "an object has the inertia of its shape"),
-    ("stiffness", "no spring holds an object"),
-    ("springdamper", "no spring holds an object"),
+    ("stiffness", "objects have no springs"),
+    ("springdamper", "objects have no springs"),
 ];
 
 /// Sections of robots.
@@ -67,12 +67,12 @@ const OF_ROBOTS: [&str; 3] = ["tendon", "actuator", "keyframe"];
 
 /// Reads MJCF `text` as a world. `file` is its path, for messages and to find meshes next to it.
 ///
-/// Geoms of immovable bodies, including height fields, become fixed objects, and a level plane the
+/// Geoms of immovable bodies, including height fields, become fixed objects, and a level plane becomes the
 /// ground. A body with a free joint becomes a moving object of one or more shapes, with the masses of its
-/// geoms. Meshes touch by their convex hull, as in MuJoCo, height fields by their triangles. Objects have the
-/// colours of their geoms. `<connect>` and `<weld>` become connections of objects. Bodies with other joints,
-/// and other elements that a world cannot contain, are rejected with their position. Non-colliding geoms
-/// without mass are skipped with a warning.
+/// geoms. Meshes collide with their convex hull, as in MuJoCo, and height fields with their triangles.
+/// Objects have the colours of their geoms. `<connect>` and `<weld>` become connections of objects. Bodies
+/// with other joints, and other elements that a world cannot contain, are rejected with their position.
+/// Non-colliding geoms without mass are skipped with a warning.
 ///
 /// # Errors
 ///
@@ -110,7 +110,7 @@ fn read(text: &str, file: Option<&Path>) -> Result<MjcfWorld, MjcfError> {
     if compiler.total_mass.is_some() {
         let node = root.children().find(|node| node.has_attribute("settotalmass")).unwrap_or(root);
         let value = node.attribute("settotalmass").unwrap_or_default();
-        let reason = "it changes masses; write the changed ones out";
+        let reason = "it changes masses; write the resulting masses to the file";
         return Err(attributes.refused(node, "settotalmass", value, reason));
     }
     let mut geoms = Geoms::new(&attributes, &compiler, ShapeSource::Collision);
@@ -144,7 +144,7 @@ fn read(text: &str, file: Option<&Path>) -> Result<MjcfWorld, MjcfError> {
             name if SKIPPED.contains(&name) => {}
             name if OF_ROBOTS.contains(&name) => {
                 let problem = format!(
-                    "<{name}> describes a robot, which a world cannot contain; load the robot by a `[robot.NAME]` table"
+                    "<{name}> describes a robot, which a world cannot contain; load the robot with a `[robot.NAME]` table"
                 );
                 return Err(attributes.error(section, MjcfProblem::Other(problem)));
             }
@@ -172,11 +172,11 @@ fn read(text: &str, file: Option<&Path>) -> Result<MjcfWorld, MjcfError> {
 /// The context of an element.
 #[derive(Clone, Copy)]
 struct Place<'a> {
-    /// The frame of the element around, in the world.
+    /// Frame of the enclosing element in the world.
     within: Isometry3<f64>,
-    /// The default class.
+    /// Default class.
     class: &'a str,
-    /// The body around has a free joint, or is fixed to one that has.
+    /// `true` if the enclosing body has a free joint, or is fixed to a body with one.
     frees: bool,
 }
 
@@ -185,9 +185,9 @@ struct Reader<'b, 'a, 'i> {
     /// The solids of height fields.
     fields: HashMap<String, TriangleMesh>,
     world: World,
-    /// The places of bodies by their names.
+    /// Placements of bodies by name.
     bodies: HashMap<String, Held>,
-    /// The geoms of the free body that is being read.
+    /// Geoms of the current free body.
     free: Vec<FreeGeom<'a, 'i>>,
     /// Its bodies with their poses in the world.
     within: Vec<(String, Isometry3<f64>)>,
@@ -208,7 +208,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
     fn contents(&mut self, node: Node<'a, 'i>, place: &Place<'a>) -> Result<(), MjcfError> {
         let attributes = self.geoms.attributes;
         if node.ancestors().nth(DEEPEST).is_some() {
-            let problem = format!("more than {DEEPEST} bodies and frames in one another are not read");
+            let problem = format!("more than {DEEPEST} nested bodies and frames are not supported");
             return Err(self.other(node, &problem));
         }
         for element in node.children().filter(Node::is_element) {
@@ -262,12 +262,12 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             if !free {
                 return Err(self.other(
                     joint,
-                    "a body on a joint is part of a robot: a world holds fixed bodies and free ones; load the robot by a `[robot.NAME]` table",
+                    "a body on a joint is part of a robot: a world has only fixed and free bodies; load the robot with a `[robot.NAME]` table",
                 ));
             }
             if around.frees {
                 return Err(
-                    self.other(joint, "a free joint in a body that moves; it belongs to a body of the world")
+                    self.other(joint, "a free joint inside a moving body; it belongs to a body of the world")
                 );
             }
             frees = true;
@@ -311,12 +311,16 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         if !kept && place.frees && !inertia.as_ref().is_ok_and(|inertia| inertia.mass == 0.0) {
             return Err(self.other(
                 node,
-                "a geom that touches nothing has a mass, but only geoms with contacts have mass in an object: give it mass=\"0\"",
+                "a non-colliding geom has a mass, but only colliding geoms contribute to the mass of an object: set mass=\"0\"",
             ));
         }
         if !kept {
             self.looks.add(node, None, colour, is_seen);
-            attributes.ignored(node, "geom".to_owned(), "it touches nothing, and a world holds what touches");
+            attributes.ignored(
+                node,
+                "geom".to_owned(),
+                "it touches nothing, and a world contains only colliding geoms",
+            );
             return Ok(());
         }
         self.contacts.add(attributes, node, masks)?;
@@ -327,7 +331,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             }
             let weight = Weight::from_element(&geometry, inertia, &read)?;
             let shape = shape(&geometry, &read)?;
-            // The name of its object follows when all of its geoms are read.
+            // The name of its object is set after all of its geoms have been read.
             self.looks.add(node, Some(""), colour, is_seen);
             self.free.push(FreeGeom { node, pose, shape, weight, surface });
             return Ok(());
@@ -339,14 +343,11 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             if self.world.ground.is_some() {
                 return Err(self.other(
                     node,
-                    "a second level plane: planes have no ends, and a world has one ground; write a box",
+                    "a second level plane: planes are infinite, and a world has one ground; use a box",
                 ));
             }
             if has_ends {
-                read.ignore(
-                    "size",
-                    "a level plane has no ends here, and rays and cameras meet it everywhere",
-                );
+                read.ignore("size", "a level plane is infinite, also for rays and cameras");
             }
             // The plane is the top of the box that represents it.
             let Geometry::Box { size } = geometry else { return Ok(()) };
@@ -361,7 +362,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         if is_plane && has_ends {
             read.ignore(
                 "size",
-                "a plane on a slope is a box of this size; in MuJoCo nothing falls off its ends",
+                "a sloped plane becomes a box of this size; in MuJoCo it is infinite for contacts",
             );
         }
         let shape = shape(&geometry, &read)?;
@@ -369,7 +370,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         Ok(())
     }
 
-    /// Adds a height field: a fixed object that touches by its triangles.
+    /// Adds a height field: a fixed object that collides with its triangles.
     fn field(
         &mut self,
         read: &Element<'_, 'a, 'i>,
@@ -387,7 +388,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         };
         let masks = [read.number("contype", 1.0)?, read.number("conaffinity", 1.0)?];
         if masks == [0.0; 2] {
-            let reason = "it touches nothing, and a world holds what touches";
+            let reason = "it touches nothing, and a world contains only colliding geoms";
             self.geoms.attributes.ignored(read.node, "geom".to_owned(), reason);
             return Ok(());
         }
@@ -399,7 +400,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         Ok(())
     }
 
-    /// Adds a fixed object, named after the geom, else its body.
+    /// Adds a fixed object, named after the geom, otherwise after its body.
     fn fixed(
         &mut self,
         node: Node<'a, 'i>,
@@ -433,7 +434,7 @@ fn shape(geometry: &Geometry, read: &Element<'_, '_, '_>) -> Result<ObjectShape,
             ObjectShape::Mesh(MeshShape { scale: (*scale).into(), ..shape })
         }
         Geometry::Mesh { uri, .. } => {
-            return Err(read.fault(format!("its mesh \"{uri}\" was not found beside the file")));
+            return Err(read.fault(format!("its mesh \"{uri}\" was not found next to the file")));
         }
     })
 }

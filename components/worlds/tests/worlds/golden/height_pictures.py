@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes two greyscale pictures with every filter of PNG, and their pixels: heights_8.png, heights_16.png and heights.json beside this script.
+"""Writes two greyscale images with every PNG filter, and their pixels: heights_8.png, heights_16.png and heights.json next to this script.
 
     python3 components/worlds/tests/worlds/golden/height_pictures.py
 """
@@ -38,7 +38,7 @@ def picture(pixels, depth):
         above = row
     header = struct.pack(">IIBBBBB", WIDTH, HEIGHT, depth, 0, 0, 0, 0)
     packed = zlib.compress(rows, 9)
-    # the pixels in two chunks, and one that nobody has to understand
+    # the pixels in two chunks, and an optional chunk that readers may ignore
     data = chunk(b"tEXt", b"Comment\0heights") + chunk(b"IDAT", packed[:20]) + chunk(b"IDAT", packed[20:])
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + data + chunk(b"IEND", b"")
 

@@ -1,4 +1,4 @@
-"""What MuJoCo makes of world.xml, a world of a height field, a body of several geoms, and bodies that are held: writes world.json.
+"""Writes MuJoCo's values for world.xml to world.json: a height field, a body with several geoms, and connected bodies.
 
 pip install mujoco; python world.py
 """
@@ -29,7 +29,7 @@ for _ in range(60):
     places.append([x, y])
     heights.append(5.0 - distance)
 
-# Inertia of the body of several geoms about its origin, in its axes: the angular block of the mass matrix of its free joint.
+# Inertia of the body with several geoms about its origin, in its axes: the angular block of the mass matrix of its free joint.
 mass = np.zeros((model.nv, model.nv))
 for column in range(model.nv):
     mujoco.mj_mulM(model, data, mass[column], np.eye(model.nv)[column])

@@ -1,4 +1,4 @@
-//! Frames, volumes and inertias by closed forms that share no code with the reader.
+//! Closed forms of frames, volumes and inertias that share no code with the reader.
 
 use core::f64::consts::PI;
 
@@ -16,7 +16,7 @@ impl Frame {
         Self { turn: Matrix3::identity(), origin: Vector3::zeros() }
     }
 
-    /// By roll, pitch and yaw about fixed axes \[rad\].
+    /// Creates a frame from a position and roll, pitch and yaw about fixed axes \[rad\].
     pub(crate) fn from_rpy([x, y, z, roll, pitch, yaw]: [f64; 6]) -> Self {
         let ((sr, cr), (sp, cp), (sy, cy)) = (roll.sin_cos(), pitch.sin_cos(), yaw.sin_cos());
         let about_x = Matrix3::new(1.0, 0.0, 0.0, 0.0, cr, -sr, 0.0, sr, cr);
@@ -25,7 +25,7 @@ impl Frame {
         Self { turn: about_z * about_y * about_x, origin: Vector3::new(x, y, z) }
     }
 
-    /// By a quaternion x, y, z, w of any length.
+    /// Creates a frame from a position and a quaternion x, y, z, w of any length.
     pub(crate) fn from_quaternion([x, y, z]: [f64; 3], quaternion: [f64; 4]) -> Self {
         let length = quaternion.iter().map(|part| part * part).sum::<f64>().sqrt();
         let [i, j, k, w] = quaternion.map(|part| part / length);
@@ -43,7 +43,7 @@ impl Frame {
         Self { turn, origin: Vector3::new(x, y, z) }
     }
 
-    /// The frame in which `self` is, of a frame in `self`.
+    /// Converts a frame relative to `self` to the frame in which `self` is expressed.
     pub(crate) fn then(&self, inner: &Self) -> Self {
         Self { turn: self.turn * inner.turn, origin: self.origin + self.turn * inner.origin }
     }
@@ -74,7 +74,7 @@ pub(crate) struct Cloud {
 }
 
 impl Cloud {
-    /// The clouds together.
+    /// Combines the clouds.
     pub(crate) fn sum(clouds: &[Self]) -> Self {
         let mass = clouds.iter().map(|cloud| cloud.mass).sum();
         let centre = clouds.iter().map(|cloud| cloud.centre * cloud.mass).sum::<Vector3<f64>>() / mass;
@@ -85,12 +85,12 @@ impl Cloud {
         Self { mass, centre, moments: moments.sum() }
     }
 
-    /// The cloud with another mass \[kg\].
+    /// Returns the cloud with another mass \[kg\].
     pub(crate) fn with_mass(&self, mass: f64) -> Self {
         Self { mass, moments: self.moments * (mass / self.mass), ..*self }
     }
 
-    /// The cloud in the frame around `frame`.
+    /// Returns the cloud in the parent of `frame`.
     pub(crate) fn moved(&self, frame: &Frame) -> Self {
         Self {
             mass: self.mass,
@@ -99,7 +99,7 @@ impl Cloud {
         }
     }
 
-    /// Its inertia about its centre.
+    /// Returns the inertia about its centre.
     pub(crate) fn inertia(&self) -> Matrix3<f64> {
         Matrix3::from_diagonal_element(self.moments.trace()) - self.moments
     }
@@ -117,7 +117,7 @@ impl Solid {
         }
     }
 
-    /// A mass \[kg\] spread evenly over the solid, in its frame.
+    /// Returns a mass \[kg\] distributed evenly over the solid, in its frame.
     pub(crate) fn cloud(&self, mass: f64) -> Cloud {
         let round =
             |r: f64, along: f64| Matrix3::from_diagonal(&Vector3::new(0.25 * r * r, 0.25 * r * r, along));

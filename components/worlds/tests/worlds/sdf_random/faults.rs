@@ -5,9 +5,9 @@ use super::generator::Writer;
 /// An element that a world cannot contain.
 #[derive(Default)]
 pub(crate) struct Fault {
-    /// In the world.
+    /// Text inside the world.
     pub(crate) text: String,
-    /// After the world.
+    /// Text after the world.
     pub(crate) after: String,
     /// The version of the file, if that is the fault.
     pub(crate) version: Option<&'static str>,
@@ -18,12 +18,12 @@ pub(crate) struct Fault {
 const BALL: &str =
     "<collision name=\"c\"><geometry><sphere><radius>0.1</radius></sphere></geometry></collision>";
 
-/// A model that moves, with these elements in its link and beside it.
+/// Returns a moving model with these elements inside and next to its link.
 fn free(attributes: &str, link: &str, beside: &str) -> String {
     format!("<model name=\"fault\" {attributes}>{beside}<link name=\"l\">{link}</link></model>\n")
 }
 
-/// A collision of this shape and surface.
+/// Returns a collision with this shape and surface.
 fn collision(geometry: &str, surface: &str) -> String {
     format!("<collision name=\"d\"><geometry>{geometry}</geometry><surface>{surface}</surface></collision>")
 }

@@ -1,4 +1,4 @@
-//! Writes random worlds in SDF, together with their frames, masses and surfaces by closed forms.
+//! Writes random worlds in SDF, with closed forms of their frames, masses and surfaces.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -9,7 +9,7 @@ use super::closed_forms::{Cloud, Frame, Solid};
 use super::faults;
 use crate::random::Random;
 
-/// The tetrahedron with the corners of the closed forms.
+/// OBJ text of the tetrahedron of the closed forms.
 pub(crate) const TETRAHEDRON: &str =
     "v 0 0 0\nv 0.25 0 0\nv 0 0.5 0\nv 0 0 0.125\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
 
@@ -61,12 +61,12 @@ pub(crate) struct Writer {
     /// SDF 1.`minor`.
     pub(crate) minor: u32,
     models: usize,
-    /// Writes only what objects have, so that nothing is named.
+    /// Writes only properties that objects have, which cause no warnings.
     plain: bool,
     file: File,
 }
 
-/// The file of a seed.
+/// Returns the file of a seed.
 pub(crate) fn file(seed: u64) -> File {
     let mut random = Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15));
     (0..8).for_each(|_| _ = random.next());
@@ -99,7 +99,7 @@ impl Writer {
         low + (high - low) * (self.random.next() + 1.0) * 0.5
     }
 
-    /// A number of two digits behind the point.
+    /// Returns a random number, rounded to two decimals.
     fn short(&mut self, low: f64, high: f64) -> f64 {
         (self.range(low, high) * 100.0).round() / 100.0
     }
@@ -114,7 +114,7 @@ impl Writer {
         parts.join(between)
     }
 
-    /// A pose with a random rotation, and its frame.
+    /// Returns a pose with a random rotation, and its frame.
     fn pose_at(&mut self, origin: [f64; 3], scope: Option<&str>) -> (String, Frame) {
         let attribute = match (scope, self.minor) {
             (Some(scope), 7..) if self.chance(0.2) => format!(" relative_to=\"{scope}\""),
@@ -148,7 +148,7 @@ impl Writer {
         (format!("<pose{attribute}{attributes}>{numbers}</pose>"), frame)
     }
 
-    /// A random pose, sometimes none.
+    /// Returns a random pose, or sometimes no pose.
     fn pose(&mut self, scope: &str) -> (String, Frame) {
         match self.below(8) {
             0 => (String::new(), Frame::identity()),
@@ -245,7 +245,7 @@ impl Writer {
         }
     }
 
-    /// A collision, with its solid in the frame of its link.
+    /// Returns a collision, and its solid with its frame in the link.
     fn collision(&mut self, link: &str, surface: &str, more: &str) -> (String, Solid, Frame) {
         let (pose, frame) = self.pose(link);
         let (geometry, solid) = self.solid();
@@ -258,7 +258,7 @@ impl Writer {
         (text, solid, frame)
     }
 
-    /// Visuals, with the colours of this number of collisions.
+    /// Returns visuals with the colours of this number of collisions.
     fn visuals(&mut self, collisions: usize) -> (String, Vec<Option<[f64; 3]>>) {
         let (mut text, mut colours) = (String::new(), Vec::new());
         for index in 0..self.below(3) {
@@ -277,7 +277,7 @@ impl Writer {
         format!("model{}x", self.models)
     }
 
-    /// A static model in a frame, with models in it.
+    /// Writes a static model in a frame, with nested models.
     fn fixed(&mut self, around: &Frame, scope: &str, depth: usize) {
         let name = self.name();
         let (pose, frame) = self.pose(scope);
@@ -327,7 +327,7 @@ impl Writer {
         self.file.text += "</model>\n";
     }
 
-    /// A model of one link that moves freely.
+    /// Writes a freely moving model with one link.
     fn free(&mut self) {
         let name = self.name();
         let (pose, model) = self.pose("world");
@@ -393,7 +393,8 @@ impl Writer {
         self.file.objects.push(Expected { name, body: Some(body), solids, friction, restitution, colour });
     }
 
-    /// An inertial of a link whose solids have one density, which are `whole` in the link: equal, or named.
+    /// Returns the inertial of a link with solids of one density and the total mass properties `whole`: equal
+    /// values, or values that cause a warning.
     fn inertial(&mut self, whole: &Cloud, mass: &str) -> String {
         match self.below(if self.plain { 2 } else { 4 }) {
             0 | 1 => {
@@ -430,7 +431,7 @@ impl Writer {
         }
     }
 
-    /// A level plane: the ground.
+    /// Writes a level plane: the ground.
     fn ground(&mut self) {
         let [height, link, yaw] = [self.range(-1.0, 1.0), self.range(-1.0, 1.0), self.range(-3.0, 3.0)];
         let normal = ["<normal>0 0 1</normal>", "<normal>0 0 2.5</normal>", ""][self.below(3)];
@@ -444,7 +445,7 @@ impl Writer {
         self.file.ground = Some(Plane { height: height + link, friction, restitution });
     }
 
-    /// A plane that is not level.
+    /// Writes a sloped plane.
     fn slope(&mut self) {
         let name = self.name();
         let (pose, model) = self.pose("world");

@@ -1,4 +1,4 @@
-//! The table `[component.X.safety]`: the safety of one actuator.
+//! The table `[component.X.safety]` with the safety settings of one actuator.
 
 use super::super::draft::Draft;
 use super::super::timing::Timing;
@@ -12,12 +12,13 @@ use crate::plan::{ActuatorSafety, GateRules, SafetyPlan};
 use crate::state::{JointCommand, StateBuffer as _};
 use crate::units::TimeSpan;
 
-/// The `stale_after` of a component, where it overrides the graph's.
+/// Returns the `stale_after` of a component if it overrides the graph's.
 pub(super) fn stale_after<'d>(draft: &'d Draft<'_, '_>) -> Option<&'d At<TimeSpan>> {
     good(&draft.table.safety).and_then(|table| table.stale_after.as_ref())
 }
 
-/// The slowest source of the commands of an actuator: the place of its wire, its index and its period, ns.
+/// Returns the slowest source of an actuator's commands: the position of its wire, its index and its period,
+/// ns.
 pub(super) fn slowest_source(
     component: usize,
     drafts: &[Draft<'_, '_>],
@@ -34,7 +35,7 @@ pub(super) fn slowest_source(
     sources.max_by_key(|(.., period_ns)| *period_ns)
 }
 
-/// Resolves and checks the safety of each component; `None` where the graph's holds.
+/// Resolves and checks the safety settings of each component; `None` if the graph's apply.
 pub(in super::super) fn resolve(
     graph: &SafetyPlan,
     drafts: &[Draft<'_, '_>],
@@ -55,7 +56,7 @@ pub(in super::super) fn resolve(
         bounds::not_zero(
             "stale_after",
             table.stale_after.as_ref(),
-            "every command would be stale at once",
+            "every command would be stale immediately",
             report,
         );
         bounds::check_age("stale_after", table.stale_after.as_ref(), 0, report);

@@ -8,13 +8,13 @@ use crate::units::TimeSpan;
 const MILLISECOND: u64 = 1_000_000;
 const SECOND: u64 = 1_000 * MILLISECOND;
 
-/// The longest `stale_after` that is accepted.
+/// Longest accepted `stale_after`.
 const LONGEST: TimeSpan = TimeSpan { ns: 10 * SECOND };
-/// A `stale_after` from which a robot moves far on a dead controller's last command.
+/// A `stale_after` above which a robot moves far on a dead controller's last command.
 const LONG: TimeSpan = TimeSpan { ns: 200 * MILLISECOND };
 /// A `settle` time too short for an arm to come to rest.
 const SHORT_SETTLE: TimeSpan = TimeSpan { ns: 20 * MILLISECOND };
-/// The longest `settle` that is accepted.
+/// Longest accepted `settle`.
 const LONGEST_SETTLE: TimeSpan = TimeSpan { ns: 60 * SECOND };
 
 /// Rejects a time of zero.
@@ -24,7 +24,7 @@ pub(super) fn not_zero(key: &str, at: Option<&At<TimeSpan>>, why: &str, report: 
     }
 }
 
-/// Rejects meaningless times and warns of doubtful ones.
+/// Rejects invalid times and warns about doubtful ones.
 pub(super) fn check(table: &SafetyTable, stale_after: TimeSpan, chains_ns: u64, report: &mut Report) {
     check_age("stale_after", table.stale_after.as_ref(), 0, report);
     check_age("source_stale_after", table.source_stale_after.as_ref(), chains_ns, report);
@@ -41,8 +41,8 @@ pub(super) fn check(table: &SafetyTable, stale_after: TimeSpan, chains_ns: u64, 
     check_settle(table.settle.as_ref(), report);
 }
 
-/// Checks the longest age of a command, or of a measurement that becomes one through components with these
-/// periods, ns.
+/// Checks the maximum age of a command, or of a measurement that leads to a command through components with
+/// these periods, ns.
 pub(super) fn check_age(key: &str, at: Option<&At<TimeSpan>>, chains_ns: u64, report: &mut Report) {
     let Some((at, age)) = at.and_then(|at| Some((at, *at.get()?))) else { return };
     let allowed = LONG.ns.max(4 * chains_ns);
@@ -59,7 +59,7 @@ pub(super) fn check_age(key: &str, at: Option<&At<TimeSpan>>, chains_ns: u64, re
     }
 }
 
-/// Checks the time for which actuators stay in the safe state.
+/// Checks the time that actuators stay in the safe state.
 pub(super) fn check_settle(at: Option<&At<TimeSpan>>, report: &mut Report) {
     let Some((at, settle)) = at.and_then(|at| Some((at, *at.get()?))) else { return };
     if settle > LONGEST_SETTLE {

@@ -1,4 +1,4 @@
-//! The emergency-stop topic of `[safety]`: the input of each actuator, and the age of its values.
+//! The emergency-stop topic of `[safety]`: the inputs of actuators, and the age of its values.
 
 use crate::declare::{Direction, PortDeclaration, TopicPattern};
 use crate::graph::defaults;
@@ -12,7 +12,7 @@ use crate::plan::EMERGENCY_STOP_PORT;
 use crate::state::{EmergencyStop, StateBuffer as _};
 use crate::units::TimeSpan;
 
-/// The longest `emergency_stop_max_age` that is accepted.
+/// Longest accepted `emergency_stop_max_age`.
 const LONGEST: TimeSpan = TimeSpan { ns: 10_000_000_000 };
 
 /// Adds the emergency-stop topic as an input of each actuator, read by its gate.
@@ -34,9 +34,9 @@ pub(in crate::graph::resolve) fn emergency_stop(graph: &GraphTable<'_>, drafts: 
     }
 }
 
-/// Longest age of the newest value on the topic; 0 for a graph without one.
+/// Returns the maximum age of the newest value on the topic; 0 for a graph without an emergency stop.
 ///
-/// An age that a healthy feeder exceeds would stop the robot between two of its values.
+/// Rejects an age that a working publisher exceeds, which would stop the robot between two values.
 pub(super) fn max_age(
     table: Option<&SafetyTable>,
     drafts: &[Draft<'_, '_>],

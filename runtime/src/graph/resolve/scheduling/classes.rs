@@ -11,21 +11,22 @@ use crate::plan::SchedulingClass;
 use crate::schedule::{Overheads, assign};
 use crate::units::TimeSpan;
 
-/// Highest priority of a component: 99 is left to the kernel's own threads.
+/// Highest priority of a component; 99 is reserved for the kernel's threads.
 pub(super) const HIGHEST_PRIORITY: u8 = 98;
 /// Periods that Linux allows for `SCHED_DEADLINE` by default, ns.
 const DEADLINE_PERIODS_NS: std::ops::RangeInclusive<u64> = 100_000..=4_194_304_000;
-/// Time in each period in addition to the budget, ns, for the worker itself, with margin. Without it a step
-/// that exhausts its budget would be throttled before its accounting.
+/// Time for the worker in each period in addition to the budget, with margin, ns. Without it, a step that
+/// uses up its budget would be throttled before its accounting.
 const DEADLINE_ROOM_NS: u64 = 120_000;
 const _: () = assert!(DEADLINE_ROOM_NS >= Overheads::CAUTIOUS.worker_ns + Overheads::CAUTIOUS.timer_ns);
 
-/// Component whose core and priority are inherited: the real-time head of its trigger chain, else itself.
+/// Returns the component whose core and priority a component inherits: the real-time head of its trigger
+/// chain, or else itself.
 pub(super) fn leader(component: usize, schedules: &[Schedule], timing: &Timing) -> usize {
     timing.head[component].filter(|head| schedules[*head] == Schedule::Fifo).unwrap_or(component)
 }
 
-/// Class and priority of each component: from the file, else by its rate.
+/// Returns the class and priority of each component: from the file, or else by its rate.
 pub(super) fn classes(
     drafts: &[Draft<'_, '_>],
     schedules: &[Schedule],
@@ -42,7 +43,7 @@ pub(super) fn classes(
                     "component `{}` is real-time, but waits for `{}`, which is not",
                     draft.name, drafts[head].name
                 ))
-                .label(&draft.place, "its trigger chain can be held up by any other program")
+                .label(&draft.place, "any other program can delay its trigger chain")
                 .and(&drafts[head].place, "scheduled as `normal`")
                 .advise("schedule both in the same way");
         }
@@ -70,7 +71,8 @@ pub(super) fn classes(
         .collect()
 }
 
-/// A class by deadline: the kernel promises the budget in every period, so both must be known.
+/// Returns the class of a component scheduled by deadline. The kernel guarantees the budget in every period,
+/// so both must be known.
 fn deadline(draft: &Draft<'_, '_>, period_ns: Option<u64>, report: &mut Report) -> SchedulingClass {
     let table = draft.table;
     let name = draft.name;
@@ -79,7 +81,7 @@ fn deadline(draft: &Draft<'_, '_>, period_ns: Option<u64>, report: &mut Report) 
     if table.budget.is_none() {
         report
             .error(format!("component `{name}` is scheduled by its deadline but has no budget"))
-            .label(place, "the kernel wants to know how much time it needs in every period")
+            .label(place, "the kernel must know the time it needs in every period")
             .advise("add `budget = \"200 us\"`, or what `motorium calibrate` proposes");
     }
     if let Some((trigger, _, label)) = activate::not_by_the_clock(draft) {

@@ -35,7 +35,7 @@ pub(super) fn cores(graph: &GraphTable<'_>, machine: &Machine, report: &mut Repo
             if cores.contains(number) {
                 report
                     .error(format!("core {number} is listed twice"))
-                    .label(&core.span, "once is enough")
+                    .label(&core.span, "already listed")
                     .advise("leave one of them out");
             } else if exists(*number, machine, core, report) {
                 cores.push(*number);
@@ -48,7 +48,7 @@ pub(super) fn cores(graph: &GraphTable<'_>, machine: &Machine, report: &mut Repo
     let all = machine.cores();
     let without = |taken: &[usize]| -> Vec<usize> {
         let rest: Vec<usize> = all.iter().copied().filter(|core| !taken.contains(core)).collect();
-        // on a machine with too few cores the same ones serve both
+        // on a machine with too few cores, real-time and shared cores are the same
         if rest.is_empty() { all.to_vec() } else { rest }
     };
     let realtime = realtime.unwrap_or_else(|| {
@@ -59,7 +59,7 @@ pub(super) fn cores(graph: &GraphTable<'_>, machine: &Machine, report: &mut Repo
     Cores { realtime, shared }
 }
 
-/// True if a core exists; reports an error if not.
+/// Returns `true` if a core exists; otherwise reports an error.
 fn exists(core: usize, machine: &Machine, at: &At<usize>, report: &mut Report) -> bool {
     let there = machine.cores().contains(&core);
     if !there {
@@ -75,8 +75,8 @@ fn names(cores: &[usize]) -> String {
     cores.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")
 }
 
-/// Core of each component: from the file; else, for a real-time one, the core of its trigger chain, which is
-/// assigned to the least loaded real-time core.
+/// Returns the core of each component: from the file, or else, for a real-time component, the core of its
+/// trigger chain, which is assigned to the least loaded real-time core.
 pub(super) fn pin(
     drafts: &[Draft<'_, '_>],
     schedules: &[Schedule],
@@ -134,7 +134,7 @@ fn given(
     if schedule == Schedule::Deadline {
         report
             .error(format!("component `{}` is scheduled by its deadline and cannot have a core", draft.name))
-            .label(&at.key, "`SCHED_DEADLINE` runs a component on whatever core is free")
+            .label(&at.key, "`SCHED_DEADLINE` runs a component on any free core")
             .advise("leave `core` out, or schedule the component as `fifo`");
         return None;
     }
@@ -154,7 +154,7 @@ fn given(
     Some(core)
 }
 
-/// Warns of an unused real-time core.
+/// Warns about an unused real-time core.
 pub(super) fn unused_core(
     graph: &GraphTable<'_>,
     cores: &Cores,

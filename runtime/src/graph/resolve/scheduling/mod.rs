@@ -23,7 +23,7 @@ pub(super) struct Scheduling {
     pub plan: SchedulingPlan,
     /// By component.
     pub classes: Vec<SchedulingClass>,
-    /// Per component: difference of its priority to the head of its chain.
+    /// Per component: increment of its priority over the head of its chain.
     pub rises: Vec<u8>,
     /// Per component; `None` for any of the shared cores.
     pub cores: Vec<Option<usize>>,
@@ -31,7 +31,7 @@ pub(super) struct Scheduling {
     pub spins: Vec<Spin>,
 }
 
-/// Finds cores, classes, priorities and spins.
+/// Resolves cores, classes, priorities and spin times.
 pub(super) fn resolve(
     graph: &GraphTable<'_>,
     drafts: &[Draft<'_, '_>],

@@ -7,8 +7,8 @@ use crate::graph::diagnostic::Report;
 use crate::graph::values::Schedule;
 use crate::nearest::list;
 
-/// Warns of components that cannot keep deadlines, with their reasons and the real-time components that
-/// depend on them. A graph that writes `schedule = "normal"` has accepted it.
+/// Warns about components that cannot keep deadlines, with their reasons and the real-time components that
+/// depend on them. A graph accepts this with `schedule = "normal"`.
 pub(super) fn warn(drafts: &[Draft<'_, '_>], schedules: &[Schedule], wiring: &Wiring, report: &mut Report) {
     for (component, draft) in drafts.iter().enumerate() {
         let declared = draft.declaration.as_ref().and_then(|declared| declared.not_real_time.as_ref());
@@ -24,7 +24,7 @@ pub(super) fn warn(drafts: &[Draft<'_, '_>], schedules: &[Schedule], wiring: &Wi
             None => (
                 &draft.place,
                 "scheduled as `normal`",
-                "write `schedule = \"normal\"` if the graph can bear it",
+                "write `schedule = \"normal\"` if the graph tolerates that",
             ),
         };
         let diagnostic = report
@@ -40,7 +40,7 @@ pub(super) fn warn(drafts: &[Draft<'_, '_>], schedules: &[Schedule], wiring: &Wi
     }
 }
 
-/// The components that read topics of a component, directly or through others, in the order of the file.
+/// Returns the components that read topics of a component, directly or through others, in file order.
 fn dependants(component: usize, count: usize, wiring: &Wiring) -> Vec<usize> {
     let (mut is_found, mut open) = (vec![false; count], vec![component]);
     while let Some(writer) = open.pop() {

@@ -4,11 +4,11 @@ use super::classes::HIGHEST_PRIORITY;
 use crate::plan::SchedulingClass;
 
 /// Raises every component above its trigger on the same core, as far as there is space below the next used
-/// priority, and returns each increment.
+/// priority. Returns the increments.
 ///
-/// A publishing component then yields the core immediately, and does its accounting and goes to sleep after
-/// everything it triggered has finished, so neither adds to the latency of a chain. Explicit priorities are
-/// kept.
+/// A publishing component then yields the core immediately. It does its accounting and goes to sleep after
+/// all components that it triggered have finished, so neither adds to the latency of a chain. Explicit
+/// priorities are not changed.
 pub(super) fn rise(
     classes: &[SchedulingClass],
     given: &[bool],
@@ -23,8 +23,7 @@ pub(super) fn rise(
         let others = (0..classes.len()).filter_map(base).filter(|other| *other > priority);
         others.min().map_or(HIGHEST_PRIORITY, |next| next - 1).saturating_sub(priority)
     };
-    // A component that wakes others on another core does so when it publishes, which would split its step
-    // there.
+    // A component that also wakes another core does so when it publishes, which would split its step.
     let hands_over_here = |writer: usize| {
         let triggered = (0..classes.len()).filter(|reader| triggered_by[*reader] == Some(writer));
         cores[writer].is_some() && triggered.clone().all(|reader| cores[reader] == cores[writer])
@@ -61,7 +60,7 @@ mod tests {
         priorities.iter().map(|priority| SchedulingClass::Fifo(*priority)).collect()
     }
 
-    /// A chain of components on core 1.
+    /// Returns the priorities of a chain of components on core 1.
     fn chain(priorities: &[u8]) -> Vec<u8> {
         let triggered_by: Vec<Option<usize>> =
             (0..priorities.len()).map(|index| index.checked_sub(1)).collect();
@@ -86,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn the_highest_priorities_are_left_to_the_kernel() {
+    fn highest_priorities_are_reserved_for_the_kernel() {
         assert_eq!(chain(&[97, 97, 97]), [0, 1, 1]);
         assert_eq!(chain(&[98, 98]), [0, 0]);
     }
@@ -99,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn on_another_core_a_chain_begins_anew() {
+    fn chain_on_another_core_starts_without_a_rise() {
         let cores = [Some(1), Some(0), Some(0)];
         assert_eq!(rise(&fifo(&[80; 3]), &[false; 3], &cores, &[None, Some(0), Some(1)]).1, [0, 0, 1]);
         let anywhere = [None; 3];

@@ -1,4 +1,4 @@
-//! The spin times of the components.
+//! Spin times of the components.
 
 use super::super::activate;
 use super::super::draft::Draft;
@@ -12,8 +12,8 @@ use crate::graph::values::{Schedule, SpinChoice};
 use crate::plan::Spin;
 use crate::units::TimeSpan;
 
-/// Spin of each component: its own, else the graph's; none if it does not wait for its own release time, or
-/// if spinning is not worth a core.
+/// Returns the spin time of each component: its own, or else the graph's. Components that do not wait for a
+/// release time, or are not worth the core time, do not spin.
 pub(super) fn spins(
     realtime: Option<&RealtimeTable>,
     drafts: &[Draft<'_, '_>],
@@ -58,7 +58,7 @@ pub(super) fn spins(
     spins.collect()
 }
 
-/// Checks an explicit spin of a component that does not wait for its own release time.
+/// Checks an explicit spin time of a component that does not wait for a release time.
 fn has_a_use(draft: &Draft<'_, '_>, own: &At<SpinChoice>, schedule: Schedule, report: &mut Report) {
     let nothing = matches!(own.get(), Some(SpinChoice::Fixed(TimeSpan { ns: 0 })));
     if let Some((place, why, label)) = activate::not_by_the_clock(draft) {

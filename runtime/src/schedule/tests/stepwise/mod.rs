@@ -1,5 +1,5 @@
-//! A machine simulated in unit steps of time, with steps, wake-ups and publications that vary at random
-//! within what the graph and the overheads allow.
+//! A machine simulated in unit steps of time, with steps, wake-ups and publications that vary randomly within
+//! the limits of the graph and the overheads.
 
 mod properties;
 
@@ -9,26 +9,25 @@ use super::graphs::{Node, When};
 use crate::plan::{OnOverrun, SchedulingClass};
 use crate::schedule::Overheads;
 
-/// The times that vary at random.
+/// Times that vary randomly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Chance {
-    /// Every step takes its budget and publishes at its end; no wake-up is late.
+    /// Every step uses its budget and publishes at its end; no wake-up is late.
     None,
-    /// Steps take up to their budgets and publish at their ends; wake-ups take up to their limits.
+    /// Steps use up to their budgets and publish at their ends; wake-ups are late up to their limits.
     Times,
-    /// As `Times`, and steps publish at any time before their ends.
+    /// Like `Times`, and steps publish at any time before their ends.
     TimesAndPublications,
 }
 
-/// The longest times seen, by component.
+/// Longest observed times, by component.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Seen {
     /// From the release of its task.
     pub response: Vec<i64>,
     /// From the release at the head of its chain.
     pub chain: Vec<i64>,
-    /// From the source time of its data to its publication, by the component at which the data came into
-    /// being.
+    /// From the source time of its data to its publication, by the component at which the data originated.
     pub latency: HashMap<(usize, usize), i64>,
     /// Share of time in which the core was busy, by core.
     pub busy: HashMap<usize, f64>,
@@ -48,10 +47,10 @@ struct Token {
 #[derive(Debug, Clone)]
 struct Running {
     order: u64,
-    /// The deadline, of a `SCHED_DEADLINE` component.
+    /// Deadline of a `SCHED_DEADLINE` component.
     deadline: i64,
     token: Token,
-    /// Units spun until.
+    /// End of spinning.
     spin_until: i64,
     started: bool,
     left: i64,
@@ -60,7 +59,7 @@ struct Running {
     /// Work of the worker after the step.
     tail: i64,
     ended: bool,
-    /// Waits for the clock, and has not let others have their turn yet.
+    /// True if it waits for the clock and has not yielded to others yet.
     to_yield: bool,
 }
 
@@ -68,21 +67,21 @@ struct Running {
 struct Thread {
     job: Option<Running>,
     again: Option<Token>,
-    /// Time-triggered: the next release, and when it joins the queue.
+    /// Time-triggered: the next release, and the time at which it joins the queue.
     next: Option<(i64, i64)>,
-    /// Triggers under way: time of arrival.
+    /// Triggers in transit, with their times of arrival.
     coming: Vec<(i64, Token)>,
     newest: Option<(i64, usize)>,
-    /// A wake-up that waits for the end of the step that triggers it.
+    /// A wake-up that waits for the end of the triggering step.
     owed: Option<Token>,
 }
 
-/// The machine.
+/// The simulated machine.
 pub(super) struct Machine<'g> {
     nodes: &'g [Node],
     overheads: Overheads,
     spin: i64,
-    /// Spins for less than that where wake-ups allow.
+    /// True if it spins for less time when wake-ups allow it.
     tuned: bool,
     chance: Chance,
     random: u64,
@@ -115,13 +114,13 @@ impl<'g> Machine<'g> {
         }
     }
 
-    /// With margins that tune themselves.
+    /// Enables self-tuning margins.
     pub(super) fn tuned(mut self, tuned: bool) -> Self {
         self.tuned = tuned;
         self
     }
 
-    /// From 0 to `most`, often one of the two ends.
+    /// Returns a random number from 0 to `most`, often one of the ends.
     fn up_to(&mut self, most: i64) -> i64 {
         if self.chance == Chance::None || most <= 0 {
             return 0;
@@ -136,7 +135,8 @@ impl<'g> Machine<'g> {
         }
     }
 
-    /// The `SCHED_DEADLINE` component on each core: the earliest deadlines have one core each, anywhere.
+    /// Returns the `SCHED_DEADLINE` component on each core. The earliest deadlines get one core each, in any
+    /// order.
     fn earliest(&mut self, cores: &[usize]) -> HashMap<usize, usize> {
         let mut waiting: Vec<(i64, usize)> = (0..self.nodes.len())
             .filter(|index| self.by_deadline(*index))
@@ -162,7 +162,7 @@ impl<'g> Machine<'g> {
                 self.await_event(index, 0, interval);
             }
         }
-        // the shared core of the graphs made here, and those of its components
+        // the shared core of these graphs, and the cores of their components
         let mut cores: Vec<usize> = self.nodes.iter().filter_map(|node| node.core).chain([0]).collect();
         cores.sort_unstable();
         cores.dedup();
@@ -187,7 +187,7 @@ impl<'g> Machine<'g> {
             margin -= self.up_to(margin - margin.min(self.overheads.wake_ns as i64));
         }
         let asleep_until = release - margin;
-        // who is behind its time goes to the end of the queue at once
+        // a component behind schedule goes to the end of the queue immediately
         let joins = if self.now < asleep_until {
             asleep_until + self.up_to(self.overheads.wake_ns as i64)
         } else {
@@ -196,7 +196,7 @@ impl<'g> Machine<'g> {
         self.threads[index].next = Some((release, joins));
     }
 
-    /// An event comes at `earliest` or up to an interval later.
+    /// Schedules an event at `earliest` or up to an interval later.
     fn await_event(&mut self, index: usize, earliest: i64, interval: u64) {
         let release = earliest + self.up_to(interval as i64);
         let late = self.up_to(self.overheads.wake_ns as i64);
@@ -256,7 +256,7 @@ impl<'g> Machine<'g> {
         });
     }
 
-    /// The first component in the queue of a core.
+    /// Returns the first component in the queue of a core.
     fn first(&mut self, core: usize) -> Option<usize> {
         loop {
             let ready = (0..self.nodes.len()).filter(|index| self.nodes[*index].core == Some(core));
@@ -276,7 +276,8 @@ impl<'g> Machine<'g> {
         }
     }
 
-    /// One unit of time on a core, which somebody may have taken for his deadline; whether it was used.
+    /// Simulates one unit of time on a core, which a deadline component may have taken. Returns `true` if it
+    /// was used.
     fn unit(&mut self, core: usize, taken: Option<usize>) -> bool {
         let Some(index) = taken.or_else(|| self.first(core)) else { return false };
         let reads = match self.nodes[index].when {
@@ -344,7 +345,7 @@ impl<'g> Machine<'g> {
         }
     }
 
-    /// At the end of a step, the components it has triggered on its own core wake up.
+    /// Wakes the components on the same core that a finished step has triggered.
     fn wake_here(&mut self, index: usize) {
         for reader in 0..self.nodes.len() {
             if matches!(self.nodes[reader].when, When::After(writer) if writer == index)

@@ -1,4 +1,4 @@
-//! The properties of the components as the graph states them.
+//! Properties of the components in the graph.
 
 use super::super::graphs::When;
 use super::Machine;
@@ -6,7 +6,7 @@ use crate::plan::SchedulingClass;
 use crate::schedule::Overheads;
 
 impl Machine<'_> {
-    /// The longest step, with the way into it.
+    /// Returns the duration of the longest step, including its entry.
     pub(super) fn body(&self, index: usize) -> i64 {
         let mut cost = self.nodes[index].budget_ns.unwrap();
         if let When::After(writer) = self.nodes[index].when
@@ -17,7 +17,7 @@ impl Machine<'_> {
         cost as i64
     }
 
-    /// Longest work of the worker after the step.
+    /// Returns the longest work of the worker after the step.
     pub(super) fn tail(&self, index: usize) -> i64 {
         let Overheads { worker_ns, timer_ns, look_ns, .. } = self.overheads;
         let waiting = match self.nodes[index].when {
@@ -40,7 +40,7 @@ impl Machine<'_> {
         matches!(self.nodes[index].class, SchedulingClass::Deadline { .. })
     }
 
-    /// True if the analysis puts a component and the one it triggers into one task.
+    /// Returns `true` if a component and the component it triggers are one task in the analysis.
     pub(super) fn one_task(&self, writer: usize, reader: usize) -> bool {
         let base = |index: usize| self.priority(index) - self.nodes[index].rise;
         self.nodes[writer].core == self.nodes[reader].core && base(writer) == base(reader)
@@ -51,7 +51,7 @@ impl Machine<'_> {
         if self.by_deadline(index) || !waits_for_the_clock { 0 } else { self.spin }
     }
 
-    /// True if all components that this one triggers are on its core.
+    /// Returns `true` if all components that a component triggers are on its core.
     pub(super) fn stays(&self, index: usize) -> bool {
         self.nodes.iter().all(|reader| match reader.when {
             When::After(writer) if writer == index => reader.core == self.nodes[index].core,

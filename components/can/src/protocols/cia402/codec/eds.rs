@@ -1,8 +1,8 @@
-//! Electronic data sheets of CANopen devices (CiA 306): EDS files, and DCF files, which hold the values of
-//! one device.
+//! Electronic data sheets of CANopen devices (CiA 306): EDS files, and DCF files, which contain the values of
+//! a specific device.
 //!
-//! A data sheet is a text of sections, such as `[6076]` or `[1A00sub1]`. Each section describes one object of
-//! the dictionary with its name, type, access, limits and value.
+//! A data sheet is a text with sections such as `[6076]` or `[1A00sub1]`. Each section describes one object
+//! of the dictionary: its name, type, access, limits and value.
 
 use std::collections::BTreeMap;
 
@@ -39,7 +39,7 @@ pub struct Entry {
     high: Option<Number>,
 }
 
-/// Number in a data sheet, which may be relative to the node ID.
+/// Number in a data sheet, optionally relative to the node ID.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Number {
     adds_node: bool,
@@ -65,7 +65,7 @@ impl Number {
     fn parse(text: &str) -> Option<Self> {
         let upper = text.trim().to_ascii_uppercase();
         let Some(rest) = upper.strip_prefix("$NODEID") else {
-            // some tools write the node ID at the end
+            // some tools write the node ID last
             return match upper.split_once('+') {
                 Some((number, node)) if node.trim() == "$NODEID" => {
                     Some(Self { adds_node: true, number: integer(number)? })
@@ -81,8 +81,7 @@ impl Number {
         Some(Self { adds_node: true, number })
     }
 
-    /// Returns the number with which an object of a signed type is meant: tools write -1 of 16 bits as
-    /// `0xFFFF`.
+    /// Interprets the number as a signed integer: tools write a 16-bit -1 as `0xFFFF`.
     fn as_signed(self, bits: u32) -> Self {
         let is_pattern = bits < 64 && !self.adds_node && (1 << (bits - 1)..1 << bits).contains(&self.number);
         Self { number: if is_pattern { self.number - (1 << bits) } else { self.number }, ..self }
@@ -109,7 +108,7 @@ fn integer(text: &str) -> Option<i64> {
     number.ok().map(|number| if negative { -number } else { number })
 }
 
-/// Object of a section, if the section describes one.
+/// Parses the name of a section. Returns its object, if the section describes one.
 fn object_of(section: &str) -> Option<(u16, u8)> {
     let lower = section.to_ascii_lowercase();
     let (index, subindex) = lower.split_once("sub").unwrap_or((&lower, "0"));
@@ -144,7 +143,7 @@ impl Eds {
                 continue;
             }
             let Some((key, value)) = text.split_once('=') else {
-                // vendor comments may be plain text
+                // vendor sections may contain free text
                 if object.is_none() {
                     continue;
                 }
@@ -204,7 +203,7 @@ impl Entry {
             }
             "accesstype" => self.access = value.to_ascii_lowercase(),
             "defaultvalue" if self.value.is_none() => self.value = number(),
-            // the value of this device takes precedence over the default
+            // the value of the specific device takes precedence over the default
             "parametervalue" => self.value = number().or(self.value),
             "lowlimit" => self.low = number(),
             "highlimit" => self.high = number(),
@@ -212,7 +211,7 @@ impl Entry {
         }
     }
 
-    /// Applies the sign of the data type, which may follow the numbers.
+    /// Applies the sign of the data type, which may be listed after the numbers.
     fn apply_sign(&mut self) {
         let Some(bits) = self.signed_bits else { return };
         for number in [&mut self.value, &mut self.low, &mut self.high] {
@@ -225,7 +224,7 @@ impl Entry {
         &self.name
     }
 
-    /// Line of its section.
+    /// Line of the object's section.
     pub fn line(&self) -> usize {
         self.line
     }
@@ -235,7 +234,7 @@ impl Entry {
         matches!(self.access.as_str(), "rw" | "rww" | "rwr" | "wo")
     }
 
-    /// Returns the value for this node: the device's, or else the default.
+    /// Returns the value for this node: the value of the device, or else the default.
     pub fn value(&self, node: u8) -> Option<i64> {
         self.value.map(|value| value.for_node(node))
     }

@@ -1,8 +1,8 @@
-//! CANopen, as far as drives with the CiA 402 profile require it: network management, heartbeat,
-//! synchronisation, expedited service data, and process data in the cyclic modes.
+//! Subset of CANopen for drives with the CiA 402 profile: network management, heartbeat, synchronisation,
+//! expedited service data, and process data in the cyclic modes.
 //!
 //! The controlword 0x6040 drives the state machine of a drive, and the statusword 0x6041 reports its state.
-//! Setpoints are sent once per synchronisation and take effect with it.
+//! Setpoints are sent once per synchronisation, and take effect with it.
 
 pub mod eds;
 mod service;
@@ -121,7 +121,7 @@ impl DriveState {
             Self::SwitchedOn | Self::Enabled => Some(0x0f),
             // to *switch on disabled*
             Self::QuickStop => Some(0x00),
-            // an operator decides about the reset of a fault
+            // the operator decides when to reset a fault
             Self::NotReady | Self::FaultReaction | Self::Fault => None,
         }
     }
@@ -171,8 +171,8 @@ impl HomingStatus {
 pub struct Setpoint {
     /// Controlword.
     pub controlword: u16,
-    /// Setpoint of the mode in units of the drive: increments, increments per second, or thousandths of the
-    /// rated torque, which have 16 bits.
+    /// Setpoint of the mode in units of the drive: increments, increments per second, or (16 bits)
+    /// thousandths of the rated torque.
     pub target: i32,
 }
 
@@ -201,7 +201,7 @@ pub fn sync() -> Frame {
     Frame::classic(Id::Standard(0x080), &[])
 }
 
-/// Heartbeat frame of the adapter, node 127. Drives disable themselves when it is missing.
+/// Heartbeat frame of the adapter, node 127. Drives disable themselves in its absence.
 pub fn adapter_heartbeat() -> Frame {
     Frame::classic(Id::Standard(0x700 | u16::from(ADAPTER)), &[NetworkState::Operational as u8])
 }
@@ -227,7 +227,7 @@ impl Node {
         (1..128).contains(&node).then_some(Self(node))
     }
 
-    /// Identifier of one of its messages.
+    /// Identifier of one of the node's messages.
     pub(crate) fn id(self, base: u16) -> Id {
         Id::Standard(base | u16::from(self.0))
     }
@@ -305,8 +305,8 @@ impl Node {
 
     /// Node side: decodes the setpoints in a frame.
     ///
-    /// # Errors
-    /// Returns an error if the frame does not hold setpoints for this node, or belongs to another mode.
+    /// # Errors Returns an error if the frame does not contain setpoints for this node, or belongs to another
+    /// mode.
     pub fn setpoint_of(self, mode: Mode, frame: &Frame) -> Result<Setpoint, DecodeError> {
         let word = |low, high| u16::from_le_bytes([low, high]);
         if mode == Mode::Torque {

@@ -1,4 +1,4 @@
-//! Expedited service data: objects of up to four bytes, read and written with one frame in each direction.
+//! Expedited service data: reads and writes of objects of up to four bytes, with one frame in each direction.
 
 use super::{Mode, Node};
 use crate::frame::{DecodeError, Frame, exactly};
@@ -45,7 +45,7 @@ impl Object {
     pub const INTERPOLATION_UNITS: Self = Self { index: 0x60c2, subindex: 1 };
     /// Time between two setpoints: power of ten of the unit in seconds.
     pub const INTERPOLATION_EXPONENT: Self = Self { index: 0x60c2, subindex: 2 };
-    /// Supported cyclic modes, one bit each.
+    /// Supported modes of operation, one bit each.
     pub const SUPPORTED_MODES: Self = Self { index: 0x6502, subindex: 0 };
 
     /// Returns `true` for an object that defines the content of a process data frame.
@@ -54,7 +54,7 @@ impl Object {
     }
 }
 
-/// Configurable frame of process data: its parameters and the objects mapped into it.
+/// Configurable process data frame: its parameters, and the objects mapped into it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mapping {
     /// Controlword and setpoint, received by the node.
@@ -68,11 +68,11 @@ pub enum Mapping {
 impl Mapping {
     /// All mappings.
     pub const ALL: [Self; 3] = [Self::Setpoint, Self::Position, Self::Motion];
-    /// Number of services that configure one mapping.
+    /// Number of services to configure one mapping.
     pub const STEPS: u8 = 7;
 
-    /// Indices of its parameters and its mapping, the identifier of node 0, and the mapped objects with their
-    /// bits in the lowest byte.
+    /// Index of the parameters, index of the mapping, identifier for node 0, and mapped objects with their
+    /// number of bits in the lowest byte.
     fn objects(self, mode: Mode) -> (u16, u16, u32, [u32; 2]) {
         let target = match mode {
             Mode::Position => 0x607a_0020,
@@ -86,8 +86,8 @@ impl Mapping {
         }
     }
 
-    /// Service of step `step` in configuring this mapping: the frame is switched off, its objects are mapped,
-    /// it is made synchronous, and switched on.
+    /// Returns the service for step `step` of configuring this mapping. The steps switch the frame off, map
+    /// its objects, make it synchronous, and switch it on.
     pub fn step(self, node: Node, mode: Mode, step: u8) -> Service {
         const OFF: u32 = 1 << 31;
         let (parameters, objects, id, mapped) = self.objects(mode);
@@ -99,7 +99,7 @@ impl Mapping {
             2 => Service::Write(at(objects, 1), Value::long(mapped[0])),
             3 => Service::Write(at(objects, 2), Value::long(mapped[1])),
             4 => Service::Write(at(objects, 0), Value::byte(2)),
-            // with each synchronisation
+            // transmission with each synchronisation
             5 => Service::Write(at(parameters, 2), Value::byte(1)),
             _ => Service::Write(at(parameters, 1), Value::long(id)),
         }
@@ -185,7 +185,7 @@ impl Node {
         }
     }
 
-    /// Node side: frame that answers a service with this value (of a read), or with an abort code.
+    /// Node side: frame that answers a service with the value of a read, or with an abort code.
     pub fn service_answer(self, service: &Service, answer: Result<Value, u32>) -> Frame {
         let (of, answer) = match (*service, answer) {
             (Service::Read(of) | Service::Write(of, _), Err(code)) => (of, (0x80, code.to_le_bytes())),

@@ -4,7 +4,7 @@ use crate::drive::Fault;
 use crate::protocols::cia402::codec::Emergency;
 use crate::protocols::dialogue::Response;
 
-/// Content of an emergency message: an error, or the end of one, with a code of 0x00xx.
+/// Content of an emergency message: an error, or the end of an error with a code of 0x00xx.
 pub(super) fn response(emergency: Emergency) -> Response {
     match emergency.code >> 8 {
         0 => Response::Other,

@@ -1,9 +1,9 @@
 //! Homing of a CiA 402 drive in mode 6.
 //!
-//! The homing objects are written while the drive is checked. While the drive is disabled, service data sent
-//! alongside the process data change the mode, and the mode display is read back. Then the state machine is
-//! brought to *operation enabled*, and bit 4 of the controlword starts the homing. The statusword reports its
-//! progress.
+//! The homing objects are written while the drive is being checked. While the drive is disabled, service data
+//! sent alongside the process data change the mode, and the mode display is read back. Then the state machine
+//! is advanced to *operation enabled*, and bit 4 of the controlword starts the homing. The statusword reports
+//! the progress.
 
 use super::Cia402;
 use super::stage::Stage;
@@ -13,14 +13,14 @@ use crate::protocols::cia402::codec::{
 };
 use crate::protocols::homing_fault::HomingFault;
 
-/// Cycles after which an unanswered service is requested again.
+/// Number of cycles after which an unanswered service is requested again.
 const ASK_AGAIN: u16 = 20;
-/// Cycles from the start to the first statusword that counts; earlier ones may still show the previous
+/// Number of cycles from the start to the first relevant statusword; earlier ones may still show the previous
 /// homing.
 const SETTLES: u16 = 8;
 
 impl Cia402 {
-    /// Service that the stage requires.
+    /// Service required by the current stage.
     fn homing_service(&self) -> Option<Service> {
         match self.homing {
             Stage::Mode { mode, is_written: false, .. } => {
@@ -36,7 +36,7 @@ impl Cia402 {
         if let Some(service) = self.homing_service()
             && let Stage::Mode { asked, .. } = &mut self.homing
         {
-            // two requests at once could be answered in any order
+            // two simultaneous requests could be answered in any order
             if *asked == 0 {
                 frames.push(self.node.service(&service));
             }
@@ -44,7 +44,7 @@ impl Cia402 {
         }
         match (self.homing, self.state) {
             (Stage::Enabling, DriveState::Enabled) => {
-                // a method that uses the present position as the mark finishes immediately
+                // a method that uses the current position as the mark finishes immediately
                 let is_here = self.homes.is_some_and(|homes| matches!(homes.method, 35 | 37));
                 self.homing = Stage::Running { cycles: 0, was_seen: is_here };
                 0x0f | HOMING_START
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
     use crate::table::Table;
 
-    /// Statusword of an enabled drive, and the same with the mark attained.
+    /// Statusword of an enabled drive, and of one that has found its mark.
     const UNDER_WAY: u16 = 0x0237;
     const ATTAINED: u16 = 0x1637;
 
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn homing_in_place_may_end_at_once() {
+    fn homing_in_place_may_end_immediately() {
         for method in [35, 37] {
             let mut drive = drive(method);
             drive.homing = Stage::Enabling;

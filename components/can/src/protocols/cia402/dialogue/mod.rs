@@ -1,8 +1,8 @@
-//! Dialogue with CiA 402 drives: service data first, one object per cycle, then process data with each
+//! Dialogue with CiA 402 drives: first service data, one object per cycle, then process data with each
 //! synchronisation.
 //!
 //! The set-up stops process data, maps them, configures the adapter's heartbeat as the drive's watchdog, and
-//! compares the rated torque with the table. Then it starts the node and uses the controlword to bring the
+//! compares the rated torque with the table. Then it starts the node, and uses the controlword to advance the
 //! state machine to *operation enabled*.
 
 mod emergency;
@@ -41,13 +41,13 @@ pub(crate) struct Cia402 {
     homing: Stage,
     ranges: Ranges,
     gains: LoopEntry,
-    /// Process data whose mapping is only compared, not written.
+    /// Process data with a read-only mapping, which is only compared.
     fixed: Vec<Mapping>,
     /// Time between two synchronisations, ns.
     cycle_ns: u64,
     /// Process data have been started.
     is_started: bool,
-    /// Remaining cycles of a fault reset.
+    /// Remaining cycles of the fault reset.
     clears: u8,
     state: DriveState,
     motion: Motion,
@@ -55,17 +55,17 @@ pub(crate) struct Cia402 {
     has_position: bool,
     /// Position of this cycle, rad.
     read_position: f64,
-    /// Consecutive reads of the mode display that returned another mode.
+    /// Number of consecutive reads of the mode display that returned another mode.
     mode_reads: u8,
     /// Code of the last emergency message.
     emergency: u16,
-    /// The drive's heartbeat has arrived since its settings were written; from then on it is monitored.
+    /// A heartbeat has arrived since the settings were written. From then on, the heartbeat is monitored.
     is_beating: bool,
 }
 
 /// Duration of a fault reset, cycles.
 const CLEARS: u8 = 4;
-/// First setting after the mappings.
+/// Index of the first setting after the mappings.
 const WATCHDOG: u8 = Mapping::ALL.len() as u8 * Mapping::STEPS;
 const READ_WATCHDOG: u8 = WATCHDOG + 1;
 const MODE: u8 = WATCHDOG + 2;
@@ -75,16 +75,16 @@ const INTERPOLATION_EXPONENT: u8 = WATCHDOG + 5;
 const RATED_TORQUE: u8 = WATCHDOG + 6;
 const HEARTBEAT: u8 = WATCHDOG + 7;
 const SETTINGS: u8 = WATCHDOG + 8;
-/// Heartbeat period of a drive, ms. It is long enough not to displace process data, whose loss is noticed
+/// Heartbeat period of a drive, ms. It is long enough not to delay process data, whose loss is detected
 /// within three cycles.
 const HEARTBEAT_MS: u16 = 1000;
-/// Longest time between two heartbeats, ns: two periods, and half a period for bus delays.
+/// Maximum time between two heartbeats, ns: two periods, plus half a period for bus delays.
 const HEARTBEAT_WITHIN_NS: u64 = 2_500_000 * HEARTBEAT_MS as u64;
-/// Reads of the mode display after which a written mode counts as refused.
+/// Number of reads of the mode display after which a written mode counts as refused.
 const MODE_READS: u8 = 100;
 /// Settings of a drive with a current limit.
 const LIMITED: [Extra; 2] = [Extra::RatedCurrent, Extra::MaxCurrent];
-/// Settings of a drive that homes with its own procedure.
+/// Settings of a drive with its own homing procedure.
 const HOMED: [Extra; 5] = [
     Extra::Homing(Object::HOMING_METHOD),
     Extra::Homing(Object::HOMING_VELOCITY),
@@ -93,7 +93,7 @@ const HOMED: [Extra; 5] = [
     Extra::Homing(Object::HOME_OFFSET),
 ];
 
-/// Setting that not every drive has.
+/// Optional setting of a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Extra {
     RatedCurrent,
@@ -129,7 +129,7 @@ impl Cia402 {
         }
     }
 
-    /// Returns the settings that this drive has in addition to the common ones.
+    /// Optional settings of this drive, in addition to the common ones.
     fn extras(&self) -> impl Iterator<Item = Extra> {
         let limited = LIMITED.into_iter().filter(|_| self.currents.is_some());
         limited.chain(HOMED.into_iter().filter(|_| self.homes.is_some()))
@@ -150,7 +150,7 @@ impl Cia402 {
     /// Service that checks or writes a setting.
     fn setting(&self, setting: u8) -> Service {
         let tenths = self.cycle_ns / 100_000;
-        // tenths of a millisecond if the period is a whole number of them that fits, otherwise milliseconds
+        // tenths of a millisecond if the period is a whole number of them and fits, otherwise milliseconds
         let (units, exponent) = match tenths {
             1..=255 if self.cycle_ns.is_multiple_of(100_000) => (tenths, -4_i8),
             _ => ((self.cycle_ns / 1_000_000).clamp(1, 255), -3_i8),
@@ -183,7 +183,7 @@ impl Cia402 {
         }
     }
 
-    /// Service that writes a setting that not every drive has.
+    /// Service that checks or writes an optional setting.
     fn extra_setting(&self, setting: u8) -> Service {
         let HomingObjects { method, velocities, acceleration } = self.homes.unwrap_or_default();
         let write = |object, number| Service::Write(object, Value::long(number));
@@ -198,17 +198,17 @@ impl Cia402 {
             Some(Extra::Homing(object @ Object::HOMING_VELOCITY)) => write(object, velocities[0]),
             Some(Extra::Homing(object @ Object::HOMING_CREEP_VELOCITY)) => write(object, velocities[1]),
             Some(Extra::Homing(object @ Object::HOMING_ACCELERATION)) => write(object, acceleration),
-            // the drive reads zero at its mark; the table holds the mark's joint position
+            // the drive reads zero at its mark; the table contains the joint position of the mark
             Some(Extra::Homing(object)) => write(object, 0),
             Some(Extra::RatedCurrent) | None => Service::Read(Object::RATED_CURRENT),
         }
     }
 
-    /// Index of the object whose mapping is compared with this setting, and its required value.
+    /// Index of the mapping object that is compared for this setting, and its required value.
     fn fixed_mapping(&self, setting: u8) -> Option<(u16, u32)> {
         let mapping = Mapping::ALL.get(usize::from(setting / Mapping::STEPS))?;
         match mapping.step(self.node, self.cyclic(), setting % Mapping::STEPS) {
-            // a count of 0 only marks a mapping that is being changed
+            // a count of 0 only marks a mapping that is about to change
             Service::Write(_, value) if value.number() == 0 => None,
             Service::Write(object, value) if object.is_mapping() && self.fixed.contains(mapping) => {
                 Some((object.index, value.number()))
@@ -217,7 +217,7 @@ impl Cia402 {
         }
     }
 
-    /// Checks a setting. A drive may display its new mode some time after it was written.
+    /// Checks a setting. A drive may display its new mode only some time after it was written.
     fn check_setting(&mut self, setting: u8, frame: &Frame) -> Result<Response, DecodeError> {
         let wrong = self.check(setting, frame)?;
         let is_mode = matches!(wrong, Some(WrongSetting::ControlMode { .. }));
@@ -230,7 +230,7 @@ impl Cia402 {
 
     fn check(&self, setting: u8, frame: &Frame) -> Result<Option<WrongSetting>, DecodeError> {
         let value = match self.node.service_result(&self.setting(setting), frame) {
-            // A drive without a heartbeat is monitored by its process data alone.
+            // A drive without a heartbeat is only monitored by its process data.
             Err(DecodeError::Refused { .. }) if setting == HEARTBEAT => return Ok(None),
             Err(DecodeError::Refused { code }) => {
                 let (Service::Read(object) | Service::Write(object, _)) = self.setting(setting);
@@ -342,8 +342,8 @@ impl Dialogue for Cia402 {
     fn write(&mut self, order: &Order, frames: &mut Vec<Frame>) {
         if let Order::Check(setting) = order {
             if *setting == 0 {
-                // many drives refuse other mappings while process data flow, as they do after a previous
-                // adapter or a trip
+                // many drives refuse new mappings while process data are active, as after a previous adapter
+                // or a trip
                 frames.push(self.node.network(NetworkCommand::PreOperational));
             }
             frames.push(self.node.service(&self.setting(*setting)));

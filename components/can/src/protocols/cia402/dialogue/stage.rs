@@ -9,11 +9,11 @@ pub(super) enum Stage {
     /// No homing is running.
     #[default]
     None,
-    /// This mode is written and read back; then homing begins, or is finished.
+    /// This mode is written and read back; then homing starts, or is finished.
     Mode { mode: u8, is_written: bool, asked: u16 },
     /// The drive is being enabled.
     Enabling,
-    /// The drive has been searching for its mark for `cycles`; `was_seen` once it reported the search.
+    /// The drive has been searching for its mark for `cycles`; `was_seen` once it has reported the search.
     Running { cycles: u16, was_seen: bool },
     /// The homing is finished.
     Over(Result<(), HomingFault>),

@@ -1,8 +1,8 @@
 //! moteus: registers over CAN FD.
 //!
-//! A frame holds subframes. Each one writes or queries consecutive registers in one of four resolutions.
-//! Positions are in turns of the output. The drive disables itself, and stays disabled, when no command
-//! arrives within the time specified in the last command.
+//! A frame consists of subframes. Each subframe writes or queries consecutive registers in one of four
+//! resolutions. Positions are in turns of the output. If no command arrives within the time specified in the
+//! last command, the drive disables itself and stays disabled.
 
 mod registers;
 
@@ -46,7 +46,7 @@ pub enum Mode {
     Timeout = 11,
     /// The drive holds the velocity at zero.
     ZeroVelocity = 12,
-    /// The drive stays within bounds.
+    /// The drive stays within position bounds.
     StayWithin = 13,
     /// The drive measures its inductance.
     MeasureInductance = 14,
@@ -110,7 +110,7 @@ impl Default for Command {
     }
 }
 
-/// Number of registers from the temperature of the motor to the fault.
+/// Number of registers from the motor temperature to the fault.
 const TOLD: usize = (FAULT - MOTOR_TEMPERATURE + 1) as usize;
 
 /// Message to a drive.
@@ -176,13 +176,13 @@ impl Node {
         Id::Extended(0x8000 | u32::from(self.0))
     }
 
-    /// Identifier of its answers, with 11 bits if the number fits.
+    /// Identifier of its answers: 11 bits if the number fits, otherwise 29.
     pub fn reply_id(self) -> Id {
         let id = u16::from(self.0) << 8;
         Id::standard(id).unwrap_or(Id::Extended(id.into()))
     }
 
-    /// Frame of a message. It queries the state in the same resolution; temperatures, position reference,
+    /// Frame of a message. It queries the state in the same resolution, but temperatures, position reference,
     /// voltage and fault in 8 bits.
     pub fn frame(self, instruction: &Instruction, resolution: Resolution) -> Frame {
         let mut out = Writer::default();
@@ -261,7 +261,7 @@ impl Node {
             .for_each(|(value, register)| out.value(value, register, resolution));
         out.head(REPLY, Resolution::Int8, MOTOR_TEMPERATURE, TOLD);
         out.value(state.motor_temperature.unwrap_or(0.0), MOTOR_TEMPERATURE, Resolution::Int8);
-        // no trajectories are limited here, so each one is complete
+        // trajectories are not limited here, so each one is complete
         out.put(&[1, state.home.unwrap_or(Home::Relative) as u8]);
         out.value(state.voltage, VOLTAGE, Resolution::Int8);
         out.value(state.temperature, TEMPERATURE, Resolution::Int8);
@@ -269,7 +269,7 @@ impl Node {
         out.frame(self.reply_id())
     }
 
-    /// Decodes an answer of any resolutions; registers that were not queried are skipped.
+    /// Decodes an answer in any combination of resolutions. Registers that were not queried are skipped.
     ///
     /// # Errors
     /// Returns an error if the frame comes from another drive, is truncated, is a refusal, lacks a value, or
@@ -300,7 +300,7 @@ impl Node {
             let home = [Home::Relative, Home::Rotor, Home::Output]
                 .into_iter()
                 .find(|home| f64::from(*home as u8) == code);
-            home.ok_or(DecodeError::Field { field: "the place of home", found: code as i32 as u32 })
+            home.ok_or(DecodeError::Field { field: "the position reference", found: code as i32 as u32 })
         });
         Ok(State {
             mode: mode.ok_or(DecodeError::Field { field: "the mode", found: code as i32 as u32 })?,

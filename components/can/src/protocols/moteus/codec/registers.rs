@@ -137,7 +137,7 @@ impl Writer {
 
     pub(super) fn value(&mut self, value: f64, register: u32, resolution: Resolution) {
         let step = Quantity::from_register(register).unwrap_or(Quantity::Number).step(resolution);
-        // the smallest number represents a missing value
+        // the smallest integer represents a missing value
         let whole = |most: f64| if value.is_nan() { -most - 1.0 } else { (value / step).clamp(-most, most) };
         match resolution {
             Resolution::Int8 => self.put(&(whole(127.0) as i8).to_le_bytes()),
@@ -158,7 +158,7 @@ impl Writer {
 /// Register in a frame: operation, register number, and value if present.
 pub(super) type Register = (u8, u32, f64);
 
-/// Passes each register of a frame to `take`, in their order.
+/// Passes each register of a frame to `take`, in order.
 pub(super) fn registers(
     data: &[u8],
     mut take: impl FnMut(Register) -> Result<(), DecodeError>,
@@ -195,7 +195,7 @@ pub(super) fn registers(
         let first = u32::from(next(1)?[0]);
         read += 1;
         if first >= 0x80 || count == 0 {
-            // multi-byte register numbers are not used here
+            // multi-byte register numbers are not supported
             return Err(DecodeError::Field { field: "the register", found: first });
         }
         for register in (first..).take(count.into()) {

@@ -1,9 +1,9 @@
 //! Registers of the Dynamixel X series, such as the XL330, XL430 and XM540: position servos with protocol
 //! 2.0.
 //!
-//! A servo follows its goal position with an internal loop. Positions are steps of a turn of 4096, with 2048
-//! in the middle. Numbers are little-endian and in two's complement. The bus watchdog stops the servo when no
-//! packet has arrived for its time; then goals are refused until the watchdog is set again.
+//! A servo follows its goal position with an internal loop. A turn has 4096 steps, and the middle position is
+//! step 2048. Numbers are little-endian and in two's complement. The bus watchdog stops the servo if no
+//! packet arrives within its time; goals are then refused until the watchdog is set again.
 
 use core::f64::consts::TAU;
 
@@ -23,29 +23,30 @@ pub const POSITIONS_BY_CURRENT: u8 = 5;
 pub const HOMING_OFFSET: u16 = 20;
 /// Register of the largest current that [`GOAL_CURRENT`] accepts, two bytes.
 pub const CURRENT_LIMIT: u16 = 38;
-/// Register of the largest current of a servo in the mode [`POSITIONS_BY_CURRENT`], two bytes; lost at
+/// Register of the largest current in the mode [`POSITIONS_BY_CURRENT`], two bytes; its value is lost at
 /// power-off.
 pub const GOAL_CURRENT: u16 = 102;
-/// First register of the highest and the lowest goal, four bytes each.
+/// First register of the goal limits, four bytes each: the highest goal, then the lowest.
 pub const POSITION_LIMITS: u16 = 48;
 /// Register that switches torque on.
 pub const TORQUE_ENABLE: u16 = 64;
-/// Register of the bus watchdog, in units of [`WATCHDOG_UNIT_NS`]; 0 is off, and [`WATCHDOG_EXPIRED`] means
-/// that it has stopped the servo.
+/// Register of the bus watchdog, in units of [`WATCHDOG_UNIT_NS`]. 0 is off, and [`WATCHDOG_EXPIRED`] means
+/// that the watchdog has stopped the servo.
 pub const BUS_WATCHDOG: u16 = 98;
 /// Unit of the bus watchdog, ns.
 pub const WATCHDOG_UNIT_NS: u64 = 20_000_000;
-/// Longest time of the bus watchdog, units.
+/// Maximum time of the bus watchdog, units.
 pub const LONGEST_WATCHDOG: u64 = 127;
 /// Value of the bus watchdog after it has stopped the servo: -1.
 pub const WATCHDOG_EXPIRED: u8 = 0xff;
 /// Register of the goal position, four bytes.
 pub const GOAL_POSITION: u16 = 116;
-/// First register of the state: the current or the load.
+/// First register of the state, which contains the current or the load.
 pub const STATE: u16 = 126;
-/// Bytes of a state: load, velocity, position, trajectories of both, voltage, temperature.
+/// Number of bytes in a state: load, velocity, position, velocity and position trajectory, voltage,
+/// temperature.
 pub const STATE_BYTES: u8 = 21;
-/// Flag in each answer: the servo has a hardware error, and has disabled itself.
+/// Flag in each answer: the servo has a hardware error and has disabled itself.
 pub const ALERT: u8 = 0x80;
 
 /// Unit of velocities, 0.229 turns per minute, in rad/s.
@@ -86,7 +87,7 @@ pub struct State {
     pub position: f64,
     /// Velocity, rad/s.
     pub velocity: f64,
-    /// Register of the current or the load: units of about a milliampere, or thousandths of full effort.
+    /// Raw current or load: units of about 1 mA, or thousandths of full effort.
     pub load: i16,
     /// Supply voltage, V.
     pub voltage: f64,
@@ -94,7 +95,7 @@ pub struct State {
     pub temperature: f64,
 }
 
-/// Nearest step for a position of the shaft \[rad\], 0 to 4095.
+/// Nearest step to a shaft position \[rad\], 0 to 4095.
 ///
 /// ```
 /// use motorium_can::dynamixel::{position, step};
@@ -106,7 +107,7 @@ pub fn step(position: f64) -> i32 {
     steps::nearest(position).into()
 }
 
-/// Position of a step, rad. A shaft turned by hand may be beyond a turn.
+/// Position of a step, rad. A shaft turned by hand may be beyond one turn.
 pub fn position(step: i32) -> f64 {
     steps::position(step)
 }
@@ -114,8 +115,7 @@ pub fn position(step: i32) -> f64 {
 impl State {
     /// Decodes the state in the registers from [`STATE`] on.
     ///
-    /// # Errors
-    /// Returns an error if the number of registers is wrong, or if the position is more than 256 turns away.
+    /// # Errors Returns an error if the number of registers is wrong, or if the position is beyond 256 turns.
     pub fn decode(data: &[u8]) -> Result<Self, DecodeError> {
         let (found, expected) = (data.len(), usize::from(STATE_BYTES));
         if found != expected {

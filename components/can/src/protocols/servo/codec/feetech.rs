@@ -1,9 +1,9 @@
-//! Registers of Feetech STS servos, such as the STS3215: position servos that use the packets of
+//! Registers of Feetech STS servos, such as the STS3215: position servos with the packets of
 //! [`servo`](crate::servo).
 //!
-//! A servo follows its goal position with an internal loop, whose gains are stored in the servo. Positions
-//! are steps of a turn of 4096, with 2048 in the middle. Words are little-endian with a sign bit. Such a
-//! servo has no watchdog: without commands it continues to hold its last goal.
+//! A servo follows its goal position with an internal loop, whose gains are stored in the servo. A turn has
+//! 4096 steps, and the middle position is step 2048. Words are little-endian with a sign bit. These servos
+//! have no watchdog: without commands, a servo continues to hold its last goal.
 
 use core::f64::consts::TAU;
 
@@ -14,7 +14,7 @@ use crate::frame::DecodeError;
 use crate::protocols::dialogue::Layout;
 use crate::servo::Protocol;
 
-/// First register of the lowest and the highest goal, two words.
+/// First register of the goal limits, two words: the lowest goal, then the highest.
 pub const ANGLE_LIMITS: u8 = 9;
 /// Register of the homing offset, a word of 11 bits with a sign bit, steps.
 pub const HOMING_OFFSET: u8 = 31;
@@ -26,11 +26,12 @@ pub const POSITIONS: u8 = 0;
 pub const TORQUE_ENABLE: u8 = 40;
 /// Register of the goal position, a word.
 pub const GOAL_POSITION: u8 = 42;
-/// Register of the largest torque, a word, thousandths of the stall torque; its value is lost at power-off.
+/// Register of the largest torque, a word in thousandths of the stall torque; its value is lost at power-off.
 pub const TORQUE_LIMIT: u8 = 48;
-/// Bytes of a state, from [`TORQUE_ENABLE`] on.
+/// Number of bytes in a state, starting at [`TORQUE_ENABLE`].
 pub const STATE_BYTES: u8 = 26;
-/// Bytes from [`TORQUE_ENABLE`] to the end of the goal: torque, acceleration, position, time, speed.
+/// Number of bytes from [`TORQUE_ENABLE`] to the end of the goal registers: torque, acceleration, position,
+/// time, speed.
 pub const ENABLE_BYTES: u8 = 8;
 
 /// Registers written and read in a cycle.
@@ -68,7 +69,7 @@ pub struct State {
     pub position: f64,
     /// Velocity, rad/s.
     pub velocity: f64,
-    /// Share of its full effort, -1 to 1.
+    /// Fraction of full effort, -1 to 1.
     pub load: f64,
     /// Supply voltage, V.
     pub voltage: f64,
@@ -78,7 +79,7 @@ pub struct State {
     pub status: u8,
 }
 
-/// Nearest step for a position of the shaft \[rad\], 0 to 4095.
+/// Nearest step to a shaft position \[rad\], 0 to 4095.
 ///
 /// ```
 /// use motorium_can::feetech::{position, step};
@@ -115,9 +116,8 @@ fn with_sign(number: f64, sign: u32) -> u16 {
 impl State {
     /// Decodes the state in the registers from [`TORQUE_ENABLE`] on.
     ///
-    /// # Errors
-    /// Returns an error if the number of registers is wrong, if torque is neither on nor off, or if the
-    /// position is not a step of a turn.
+    /// # Errors Returns an error if the number of registers is wrong, if torque is neither on nor off, or if
+    /// the position is beyond one turn.
     pub fn decode(data: &[u8]) -> Result<Self, DecodeError> {
         let (found, expected) = (data.len(), usize::from(STATE_BYTES));
         if found != expected {
@@ -159,7 +159,7 @@ impl State {
         data[STATUS] = self.status;
     }
 
-    /// Fault for the error flags, most serious first.
+    /// Most serious fault among the error flags.
     pub fn fault(&self) -> Option<Fault> {
         let has = |flag: u8| self.status & flag != 0;
         match () {
@@ -182,7 +182,7 @@ pub const SENSOR: u8 = 0x02;
 pub const OVERHEATED: u8 = 0x04;
 /// Error flag: over-current.
 pub const OVERCURRENT: u8 = 0x08;
-/// Error flag: overload, full effort for too long.
+/// Error flag: overload, that is, full effort for too long.
 pub const OVERLOAD: u8 = 0x20;
 
 #[cfg(test)]
