@@ -118,7 +118,7 @@ fn unflyable_robots_are_rejected_with_a_reason() {
     for (robot, config, words) in [
         ("panda", "{}", "has no rotors"),
         ("quadrotor", "{ attitude_frequency = 5.0 }", "at least three times `position_frequency`"),
-        ("quadrotor", "{ max_thrust_share = 0.4 }", "pull with 0.240 N at most"),
+        ("quadrotor", "{ max_thrust_share = 0.4 }", "produce at most 0.240 N"),
         ("quadrotor", "{ integral_rate = 9.0 }", "expected from 0 to 4"),
     ] {
         let error = graph(robot, plant(None, 1.0), controller(config)).check().expect_err("it is rejected");
