@@ -50,7 +50,7 @@ fn many(worlds: usize, threads: usize) -> VectorEnvironment<motorium_physics::Ar
     VectorEnvironment::new(&task, (worlds, threads), 7, simulation).expect("environments")
 }
 
-/// An action that differs by world and step; worlds with odd numbers push until they fail.
+/// An action that depends on world and step. Odd worlds push until they fail.
 fn action(world: usize, step: usize) -> [f32; 2] {
     if world.is_multiple_of(2) { [((world + step) as f32).sin() * 0.05, 0.3] } else { [0.9, 0.0] }
 }
@@ -171,7 +171,7 @@ fn terms_that_need_other_components_are_refused() {
     assert!(error.starts_with("`observations[2].term`: found base_angular_velocity, expected"), "{error}");
 }
 
-/// A quadruped with a new command after every fifth step.
+/// A quadruped with a new command every five steps.
 fn quadruped(seed: u64) -> Environment<motorium_physics::Articulated> {
     let text = include_str!("../../../../tasks/quadruped-velocity.toml");
     assert!(text.contains("interval = 5.0") && text.contains("standing = 0.1"));
@@ -200,7 +200,7 @@ fn a_standing_quadruped_is_observed_and_commanded() {
         assert_eq!(is_new, step % 5 == 0, "step {step}");
         commands.push(command);
     }
-    // another episode has other commands, an equal environment the same
+    // another episode has other commands; an equal environment has the same ones
     world.reset().expect("an episode");
     assert_ne!(world.command(), commands[0]);
     let mut equal = quadruped(1);
@@ -212,7 +212,7 @@ fn a_standing_quadruped_is_observed_and_commanded() {
 fn a_quadruped_that_falls_ends_its_episode() {
     let mut world = quadruped(2);
     world.reset().expect("an episode");
-    // both left legs are drawn up
+    // both left legs are lifted
     let action: Vec<f32> = (0..12).map(|joint| if matches!(joint / 3, 0 | 2) { 4.0 } else { 0.0 }).collect();
     let end = (0..200).find_map(|_| world.step(&action).end);
     assert_eq!(end, Some(End::Failure));

@@ -11,7 +11,7 @@ use crate::environment::{End, Environment, Scene};
 
 const TASK: &str = include_str!("../../../../tasks/cart-pole.toml");
 
-/// A controller that balances: position, angle, and their rates; the force is ten times its output.
+/// A balancing controller with inputs position, angle and their rates. The force is ten times its output.
 fn expert(task: &Task) -> PolicyNetwork {
     let weights = vec![0.1, 3.0, 0.2, 0.6, 0.0, 0.0, 0.0, 0.0];
     let bytes = onnx::write_mlp(4, &[(weights, vec![0.0; 2])], Unary::Tanh, &[]);
@@ -36,7 +36,7 @@ fn run(seed: u64, threads: usize, settings: ImitationSettings) -> Imitation<Arti
     Imitation::new(&task, settings, &expert(&task), (seed, threads), || scene.simulation()).expect("a run")
 }
 
-/// Mean length of five episodes.
+/// Returns the mean length of five episodes.
 fn length(mut act: impl FnMut(&[f32]) -> Vec<f32>) -> f64 {
     let task = Task::parse(TASK).expect("a task");
     let scene = Scene::load(&task, Path::new(".")).expect("a robot");
@@ -105,7 +105,7 @@ fn the_network_balances_as_its_expert_does() {
     assert!(found > 0.9 * expected, "{found} steps, the expert {expected}; losses {losses:?}");
 }
 
-/// Observations of the expert's episodes, and its actions.
+/// Returns observations and actions of the expert.
 fn demonstration(steps: usize) -> Recorded {
     let task = Task::parse(TASK).expect("a task");
     let scene = Scene::load(&task, Path::new(".")).expect("a robot");

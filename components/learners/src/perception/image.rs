@@ -122,7 +122,7 @@ impl Grey {
         if darkest < 1e-3 {
             return None;
         }
-        // The edge of the ink is at half of the darkest grey.
+        // The edge of the ink is at half the darkest grey.
         let inked = |row: usize, column: usize| ink[row * width + column] > 0.5 * darkest;
         let (mut rows, mut columns) = ((usize::MAX, 0), (usize::MAX, 0));
         for row in 0..height {
@@ -135,7 +135,7 @@ impl Grey {
         let side = (rows.1 - rows.0).max(columns.1 - columns.0) as f64 + 1.0;
         let step = side / (EXTENT + 2.0 * EDGE * LINE);
         let middle = [rows, columns].map(|(low, high)| 0.5 * (low + high) as f64);
-        // Each pixel is the mean over its area of the file, or interpolated if the file's pixels are larger.
+        // Each pixel is the mean over its area in the file, or interpolated if the file's pixels are larger.
         let fine = (step.ceil() as usize).clamp(1, 32);
         let mut pixels = Vec::with_capacity(PIXELS * PIXELS);
         for row in 0..PIXELS {

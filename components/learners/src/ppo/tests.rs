@@ -68,7 +68,7 @@ fn a_resumed_run_has_the_weights_of_a_straight_one() {
 
 #[test]
 fn a_quadruped_learns_equal_weights_on_any_threads() {
-    // contacts, commands, their curriculum and falls are among the steps
+    // the steps include contacts, commands, their curriculum and falls
     let text = include_str!("../../../../tasks/quadruped-velocity.toml");
     assert!(text.contains("steps = 5_000_000"));
     let text = text.replace("steps = 5_000_000", "steps = 400");
@@ -151,7 +151,7 @@ fn settings_out_of_range_are_refused() {
     }
 }
 
-/// Sequences of 8 steps, in which episodes end.
+/// Settings with sequences of 8 steps, within which episodes end.
 fn recurrent() -> PpoSettings {
     PpoSettings { recurrent: 6, sequence: 8, ..settings() }
 }
@@ -211,7 +211,7 @@ fn a_mirrored_pendulum_has_an_almost_symmetric_policy() {
     let text = format!("{text}\n[symmetry]\nreversed = [\"hinge\"]\n");
     let observations: Vec<[f32; 2]> =
         (0..40).map(|k| [(0.7 * k as f32).sin(), (1.3 * k as f32).cos()]).collect();
-    // the policy of a symmetric task changes its sign with the observation's
+    // the policy of a symmetric task changes its sign with the observation
     let asymmetry = |mirror: bool| {
         let settings = PpoSettings { steps: 4096, worlds: 8, horizon: 64, mirror, ..settings() };
         let mut ppo = run_task(&text, 1, 2, settings);

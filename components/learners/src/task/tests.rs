@@ -132,7 +132,7 @@ fn a_termination_needs_all_of_its_conditions() {
 
 const QUADRUPED: &str = include_str!("../../../../tasks/quadruped-velocity.toml");
 
-/// The reward of a step of the quadruped task with one term, bounded by 100, in a state.
+/// Returns the reward of a state in the quadruped task with one term, bounded by 100.
 fn reward(term: &str, state: &RobotState<'_>) -> f64 {
     let mut table: toml::Table = QUADRUPED.parse().expect("a table");
     let rewards = format!("rewards = [{{ {term}, clip = [-100.0, 100.0] }}]");
