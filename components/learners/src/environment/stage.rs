@@ -200,7 +200,7 @@ impl Stage {
     ) -> bool {
         let targets = self.terms.targets();
         (0..self.decimation).all(|physics_step| {
-            // setpoints within limits move in every physics step: during the delay towards the previous action
+            // setpoints within limits move in every physics step, during the delay to the previous action
             if physics_step == delay || (physics_step > delay && self.limits.is_some()) {
                 self.command(simulation, action, drives);
             } else if self.limits.is_some() && counter.step > 0 {
