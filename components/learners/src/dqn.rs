@@ -1,9 +1,9 @@
 //! Deep Q-network (DQN).
 //!
-//! A network estimates the value `Q(o, c)` of each discrete choice `c`. The actions of a task are continuous,
-//! so DQN acts on a grid: each moving joint has `bins` values, evenly spaced between the bounds of the
-//! action, and the choices are all combinations. With a target network `Q'` and samples `(o, c, r, o')` from
-//! the replay buffer, each gradient step minimises
+//! A network estimates the value `Q(o, c)` of each of a few choices. The actions of a task are continuous;
+//! DQN acts on a grid: `bins` values, evenly spaced between the bounds of the action, for each moving joint,
+//! and all their combinations are the choices. With targets `Q'` and samples `(o, c, r, o')` of the replay
+//! buffer, a gradient minimises
 //!
 //! ```text
 //! y = r + discount Q'(o', argmax_k Q(o', k))       double DQN; else r + discount max_k Q'(o', k)
@@ -34,7 +34,7 @@ use crate::replay::{
 };
 use crate::task::{Task, TaskError, Terms};
 
-/// Maximum number of choices.
+/// Largest number of choices.
 const MOST_CHOICES: usize = 256;
 
 /// Settings of DQN: the table `[algorithms.dqn]` of a task.
@@ -48,7 +48,7 @@ pub struct DqnSettings {
     /// targets that move by 0.005 after each gradient step instead of periodic copies.
     #[serde(flatten)]
     pub replay: ReplaySettings,
-    /// Number of values per moving joint, from 2. Default 3. There are at most 256 choices.
+    /// Values of each moving joint, from 2. Default 3. There are at most 256 choices.
     pub bins: usize,
     /// Double DQN: the network chooses, the target evaluates. Default true.
     pub double: bool,
@@ -98,7 +98,7 @@ impl DqnSettings {
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError`], also if the action has no bounds or there are more than 256 choices.
+    /// [`EnvironmentError`]; the task has bounds of its action, and at most 256 choices.
     pub fn learner<E: Engine + Send>(
         self,
         task: &Task,
@@ -111,8 +111,8 @@ impl DqnSettings {
     }
 }
 
-/// Returns the actions of all choices, one per row: every combination of `bins` values between -1 and 1 for
-/// each moving joint. The last joint varies fastest. Returns `None` if there are more than [`MOST_CHOICES`].
+/// Actions of all choices, one row each: every combination of `bins` values between -1 and 1 for each moving
+/// joint, the last joint fastest. `None` if there are more than [`MOST_CHOICES`].
 fn grid(active: &[bool], bins: usize) -> Option<Vec<f32>> {
     let moving = active.iter().filter(|active| **active).count();
     let choices = bins.checked_pow(u32::try_from(moving).ok()?).filter(|count| *count <= MOST_CHOICES)?;
@@ -127,7 +127,7 @@ fn grid(active: &[bool], bins: usize) -> Option<Vec<f32>> {
     Some(table)
 }
 
-/// Returns the index of the largest value, the first of equal values.
+/// Number of the first largest value.
 fn best(values: impl IntoIterator<Item = f32>) -> usize {
     let first = (0, f32::NEG_INFINITY);
     values.into_iter().enumerate().fold(first, |best, (k, q)| if q > best.1 { (k, q) } else { best }).0
@@ -139,7 +139,7 @@ pub(crate) const MEASURES: [&str; 2] = ["critic_loss", "value"];
 /// The learning part of DQN.
 #[derive(Clone, Debug)]
 pub struct Dqn {
-    /// Actions of the task, one row per choice.
+    /// Actions of the task, one row for each choice.
     table: Vec<f32>,
     choices: usize,
     actions: usize,

@@ -10,7 +10,7 @@ use crate::task::{NETWORK, Task, TaskError};
 
 /// File of the task in the folder of a run.
 pub(crate) const TASK: &str = "task.toml";
-/// File with the description of a run.
+/// File that describes a run.
 pub(crate) const RUN: &str = "run.json";
 /// File from which a run continues.
 pub(crate) const CHECKPOINT: &str = "checkpoint.safetensors";
@@ -63,7 +63,7 @@ pub(crate) fn read_task(file: &Path) -> Result<(Task, String), FolderError> {
     Ok((task, text))
 }
 
-/// Checks that a folder contains no run.
+/// Checks that a folder holds no run.
 pub(crate) fn check_empty(folder: &Path) -> Result<(), FolderError> {
     if folder.join(RUN).exists() {
         let has_checkpoint = folder.join(CHECKPOINT).exists();

@@ -58,7 +58,7 @@ fn rest(task: &Task, seed: u64) -> EpisodeSummary {
     }
 }
 
-/// The tasks, with the end and the minimum number of steps of an episode of zero actions.
+/// The tasks, and the end and the least number of steps of an episode of zero actions.
 const TASKS: [(&str, End, usize); 10] = [
     ("acrobot", End::Truncated, 200),
     ("ball-in-cup", End::Truncated, 200),

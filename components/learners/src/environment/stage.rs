@@ -53,7 +53,7 @@ impl SetpointLimits {
     }
 }
 
-/// Buffers for the measurements of a state besides its joints.
+/// Memory for the measurements of a state around its joints.
 #[derive(Clone, Debug)]
 pub(super) struct Surroundings {
     /// Force on each link whose contacts are measured.
@@ -188,10 +188,10 @@ impl Stage {
         Ok(())
     }
 
-    /// Applies an action within its bounds for one policy step, through the pattern generator if the task has
-    /// one. Returns `false` if the pattern generator rejects the action or physics fails. The action takes
-    /// effect after `delay` physics steps. The counter has the index of the step in the episode; `drives` are
-    /// the gain and strength factors of each drive.
+    /// Applies an action within its bounds, after the one before, for a step of the policy, by the pattern
+    /// generator where the task has one; false where physics could not make it. The step of the counter is
+    /// its number in the episode. The action takes effect after `delay` physics steps; `drives` are the
+    /// factors of the gain and of the strength of each drive.
     pub(super) fn advance<E: Engine>(
         &self,
         simulation: &mut Simulation<E>,

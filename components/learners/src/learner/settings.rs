@@ -52,7 +52,7 @@ impl Check {
         }
     }
 
-    /// Checks that counts are at least 1.
+    /// Checks counts, which are at least 1.
     pub(crate) fn counts<const N: usize>(self, counts: [(&str, u64); N]) -> Result<(), TaskError> {
         let zero = counts.into_iter().find(|(_, count)| *count == 0);
         zero.map_or(Ok(()), |(key, _)| Err(self.error(key, 0.0, "at least 1")))

@@ -28,7 +28,7 @@ struct Tile<'a> {
     states: [&'a mut [f32]; 2],
 }
 
-/// The networks and the distribution of actions around the policy's outputs.
+/// The networks, and the spread of actions around the policy's outputs.
 struct Actor<'a> {
     policy: &'a Network,
     value: &'a Network,

@@ -1,8 +1,7 @@
 //! Proximal policy optimisation.
 //!
-//! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` and a value function `V(o)` learn from batches of steps.
-//! With the probability ratio `r = pi(a | o) / pi_old(a | o)`, advantages `A` and returns `R`, an update
-//! minimises
+//! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` and a value `V(o)` learn from batches of steps. With the
+//! probability ratio `r = pi(a | o) / pi_old(a | o)`, advantages `A` and returns `R`, an update minimises
 //!
 //! ```text
 //! L   = -E[min(r A, clip(r, 1 - c, 1 + c) A)] + value / 2 E[(V - R)^2] - entropy H
@@ -100,7 +99,7 @@ pub struct Ppo<E> {
     value: Network,
     /// Recurrent states of policy and value, world after world; empty without a memory.
     memories: [Vec<f32>; 2],
-    /// Logarithms of the action's standard deviations.
+    /// Logarithms of the standard deviations of the action.
     deviations: Vec<f32>,
     /// Actions that move a joint.
     active: Vec<bool>,
@@ -199,7 +198,7 @@ impl<E: Engine + Send> Ppo<E> {
         self.state.observations = observations.clone();
     }
 
-    /// Returns the settings.
+    /// The settings.
     pub fn settings(&self) -> &PpoSettings {
         &self.settings
     }

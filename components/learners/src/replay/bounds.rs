@@ -16,7 +16,7 @@ pub(crate) struct Bounds {
 }
 
 impl Bounds {
-    /// Creates the map for a task.
+    /// The bounds of a task.
     pub(crate) fn new(terms: &Terms) -> Result<Self, TaskError> {
         let Some([low, high]) = terms.policy().action.clip else {
             return Err(TaskError::Value {

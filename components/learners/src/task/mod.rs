@@ -278,7 +278,7 @@ impl Task {
         Ok(Policy::parse(&self.policy_text(None)?)?)
     }
 
-    /// Returns the lowest and highest reward of a step.
+    /// Lowest and highest reward of a step.
     ///
     /// # Errors
     ///

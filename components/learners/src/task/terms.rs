@@ -209,8 +209,8 @@ impl Terms {
         self.policy.outputs()
     }
 
-    /// Returns, for each number of an action, `true` if it moves a joint: its scale is not 0, or it commands
-    /// the pattern.
+    /// For each number of an action, true if it moves a joint: its scale is not 0, or it commands the
+    /// pattern.
     pub fn active_actions(&self) -> Vec<bool> {
         let joints = self.targets.targets();
         (0..self.actions()).map(|index| joints.get(index).is_none_or(|joint| joint.scale != 0.0)).collect()

@@ -139,7 +139,7 @@ struct Description {
 struct Checkpoint {
     evaluations: u64,
     outcomes: BTreeMap<Outcome, u64>,
-    /// State of the search; `None` before the first evaluation.
+    /// State of the search; none before the first evaluation.
     search: Option<String>,
 }
 
