@@ -1,8 +1,8 @@
 //! Advantage actor-critic (A2C).
 //!
 //! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` and a value function `V(o)` learn from short rollouts in
-//! all worlds. With advantages `A` and returns `R`, an update takes one gradient step over all its samples on
-//! the loss
+//! all worlds. With advantages `A` and returns `R`, an update takes one gradient step over all its samples to
+//! minimise
 //!
 //! ```text
 //! L   = -E[A ln pi(a | o)] + value / 2 E[(V - R)^2] - entropy H

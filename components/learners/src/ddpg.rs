@@ -13,7 +13,7 @@
 //! [TD3](crate::td3) with one critic.
 //!
 //! Source: Lillicrap, Hunt, Pritzel and others, *Continuous control with deep reinforcement learning*, ICLR
-//! 2016. Defaults: see [`DdpgSettings`].
+//! 2016; for defaults, see [`DdpgSettings`].
 
 use motorium_physics::{BuildError, Engine, Simulation};
 use serde::{Deserialize, Serialize};

@@ -15,7 +15,7 @@
 //!
 //! Sources: Mnih, Kavukcuoglu, Silver and others, *Human-level control through deep reinforcement learning*,
 //! Nature 518, 2015; van Hasselt, Guez, Silver, *Deep reinforcement learning with double Q-learning*, AAAI
-//! 2016. Defaults: see [`DqnSettings`].
+//! 2016; for defaults, see [`DqnSettings`].
 
 use motorium_models::networks::Perceptron;
 use motorium_physics::{BuildError, Engine, Simulation};

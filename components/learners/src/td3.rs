@@ -15,7 +15,7 @@
 //! no delay.
 //!
 //! Source: Fujimoto, van Hoof, Meger, *Addressing function approximation error in actor-critic methods*, ICML
-//! 2018. Defaults: see [`Td3Settings`].
+//! 2018; for defaults, see [`Td3Settings`].
 
 use motorium_models::networks::Perceptron;
 use motorium_physics::{BuildError, Engine, Simulation};

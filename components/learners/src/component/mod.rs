@@ -138,8 +138,7 @@ fn load(
     .map_err(|error| ConfigError::new(error.to_string()))?;
     let terms = Terms::new(&task, &loaded.model).map_err(invalid)?;
     if let Some(object) = terms.objects().first() {
-        let message =
-            format!("\"{object}\" is not a link, and rewards read positions of objects in training only");
+        let message = format!("\"{object}\" is an object, and rewards can use objects only in training");
         return Err(
             ConfigError::key("task", message).advise("evaluate the policy with `motorium learn evaluate`")
         );
@@ -148,7 +147,7 @@ fn load(
         [("observation", terms.inputs(), MAX_OBSERVATION), ("action", terms.actions(), MAX_ACTION)]
     {
         if found > most {
-            let message = format!("{found} numbers in an {what}, but the message holds {most}");
+            let message = format!("the {what} has {found} numbers, expected at most {most}");
             return Err(ConfigError::key("task", message));
         }
     }
@@ -189,7 +188,7 @@ impl Component for LearnerTask {
         world.locate(declare.folder()).map_err(|error| ConfigError::key("world", error.to_string()))?;
         if let Some(missing) = missing(&task_world, &world) {
             declare
-                .warn(format!("the task's world has {missing}, the graph's does not"))
+                .warn(format!("the task's world has {missing}, but the graph's world does not"))
                 .key("task")
                 .advise("add it to the `[world]` of the graph, unless the robot is real");
         }

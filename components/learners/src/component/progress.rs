@@ -118,7 +118,7 @@ impl Component for ProgressWriter {
     }
 
     fn step(&mut self, _: &Tick) -> Result<(), StepError> {
-        Err(StepError::failed("the training program publishes the progress, and this is another program"))
+        Err(StepError::failed("only the training program can publish the progress"))
     }
 }
 

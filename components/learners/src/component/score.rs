@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn statistics_cover_the_episodes_that_ended() {
+    fn statistics_cover_finished_episodes() {
         let mut score = Score::default();
         assert_eq!(score.report()["mean_return"], Value::Null);
         score.add(-2.0, 10, End::Failure);

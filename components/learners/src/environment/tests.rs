@@ -56,7 +56,7 @@ fn action(world: usize, step: usize) -> [f32; 2] {
 }
 
 #[test]
-fn worlds_equal_single_environments_on_any_number_of_threads() {
+fn worlds_match_single_environments_on_any_threads() {
     let run = |threads| {
         let mut worlds = many(5, threads);
         let mut seen = vec![worlds.observations().to_vec()];
@@ -182,7 +182,7 @@ fn quadruped(seed: u64) -> Environment<motorium_physics::Articulated> {
 }
 
 #[test]
-fn a_standing_quadruped_is_observed_and_commanded() {
+fn standing_quadruped_is_observed_and_commanded() {
     let mut world = quadruped(1);
     assert_eq!(world.reset().expect("an episode").len(), 48);
     let mut commands = vec![world.command()];
@@ -209,7 +209,7 @@ fn a_standing_quadruped_is_observed_and_commanded() {
 }
 
 #[test]
-fn a_quadruped_that_falls_ends_its_episode() {
+fn falling_quadruped_ends_its_episode() {
     let mut world = quadruped(2);
     world.reset().expect("an episode");
     // both left legs are lifted
@@ -234,7 +234,7 @@ fn free_steps_precede_the_first_observation() {
 }
 
 #[test]
-fn noise_changes_observations_and_not_states() {
+fn noise_changes_observations_but_not_states() {
     let exact = TEXT
         .replace(", history = 2", "")
         .replace(", scale = 0.5, clip = [-1.0, 1.0]", "")
@@ -354,7 +354,7 @@ fn fallen(lines: &str) -> [f64; 3] {
 }
 
 #[test]
-fn a_push_moves_the_base_sideways() {
+fn push_moves_the_base_sideways() {
     let [x, y, _] = fallen("");
     assert!(x.hypot(y) < 1e-9, "{x} {y}");
     let pushes = "pushes = { force = 20.0, interval = 2.5 }";

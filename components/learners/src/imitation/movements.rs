@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn models_adapt_to_a_start_that_was_not_shown() {
+    fn models_adapt_to_an_unseen_start() {
         let shown: Vec<DMatrix<f64>> = [-0.1, 0.05, 0.1, 0.0, -0.05].map(stroke).to_vec();
         let movements = Movements::fit(&["x".to_owned()], 2.0, &shown).expect("a fit");
         let expected = Trajectory { id: String::new(), label: None, duration: 2.0, positions: stroke(0.07) }

@@ -38,7 +38,7 @@ pub enum RecordedError {
         actions: usize,
     },
     /// A number is not finite.
-    #[error("a recorded {part} has the number {found}, expected a finite one")]
+    #[error("a recorded {part} contains {found}, expected finite numbers")]
     NotFinite {
         /// `observation` or `action`.
         part: &'static str,

@@ -58,7 +58,7 @@ fn length(mut act: impl FnMut(&[f32]) -> Vec<f32>) -> f64 {
 }
 
 #[test]
-fn weights_of_imitation_repeat_on_any_threads() {
+fn imitation_weights_do_not_depend_on_threads() {
     let finish = |mut run: Imitation<Articulated>| {
         while !run.is_finished() {
             run.advance().expect("an iteration");
@@ -71,7 +71,7 @@ fn weights_of_imitation_repeat_on_any_threads() {
 }
 
 #[test]
-fn the_expert_acts_with_the_scheduled_probability() {
+fn expert_acts_with_the_scheduled_probability() {
     let mut imitation = run(1, 1, settings());
     let betas: Vec<f64> = (0..3).map(|_| imitation.advance().expect("an iteration").beta).collect();
     assert_eq!(betas, [1.0, 0.5, 0.25]);
@@ -80,7 +80,7 @@ fn the_expert_acts_with_the_scheduled_probability() {
 }
 
 #[test]
-fn the_network_balances_as_its_expert_does() {
+fn network_balances_like_its_expert() {
     let task = Task::parse(TASK).expect("a task");
     let mut teacher = expert(&task);
     let expected = length(|observation| {

@@ -31,7 +31,7 @@ pub enum ImageError {
         problem: String,
     },
     /// The picture has a single grey level.
-    #[error("{}: it shows nothing: all pixels are alike", path.display())]
+    #[error("{}: the picture is blank: all pixels are equal", path.display())]
     Blank {
         /// Path of the file.
         path: PathBuf,
@@ -43,7 +43,7 @@ impl Picture {
     /// everything that differs from the corners: dark on light or light on dark.
     ///
     /// # Errors
-    /// The file cannot be read, is not a grey map, or shows nothing.
+    /// The file cannot be read, is not a grey map, or is blank.
     pub fn read(path: &Path) -> Result<Self, ImageError> {
         let bytes = motorium_recordings::read_bounded(path, super::LONGEST)
             .map_err(|source| ImageError::Io { path: path.to_path_buf(), source })?;

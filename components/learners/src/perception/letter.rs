@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn the_distance_is_the_mean_of_both_ways() {
+    fn distance_is_the_mean_of_both_directions() {
         let point = DMatrix::from_row_slice(1, 2, &[0.0, 0.0]);
         let pair = DMatrix::from_row_slice(2, 2, &[0.0, 0.0, 1.0, 0.0]);
         assert!(

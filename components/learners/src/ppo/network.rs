@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn pieces_equal_single_steps_that_reset_at_episode_ends() {
+    fn pieces_match_single_steps_with_resets_at_episode_ends() {
         let network = Network::random((2, 3, 1), &[4], 1.0, &mut Pcg64::seed_from_u64(2));
         let input = DMatrix::from_fn(2, 5, |i, k| (1.7 * (i + 2 * k) as f32).cos());
         let whole = network

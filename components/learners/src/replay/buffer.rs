@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_ring_replaces_its_oldest_row() {
+    fn full_ring_replaces_its_oldest_row() {
         let buffer = filled(3, 5, |_| None);
         assert_eq!(buffer.samples(), 6);
         // the rows contain the steps 3, 4, 2, counted from 0

@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_number_is_not_the_smaller() {
+    fn smaller_value_propagates_nan() {
         assert_eq!((smaller(1.0, 2.0), smaller(3.0, 2.0)), (1.0, 2.0));
         assert!(smaller(f32::NAN, 1.0).is_nan() && smaller(1.0, f32::NAN).is_nan());
     }

@@ -429,7 +429,7 @@ mod tests {
     }
 
     #[test]
-    fn an_ellipsoid_of_condition_1e6_is_descended() {
+    fn ellipsoid_with_condition_1e6_is_descended() {
         let n = 10;
         let value = |x: &[f64]| {
             let terms = x.iter().enumerate();

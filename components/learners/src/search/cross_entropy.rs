@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn it_finds_the_optimum_of_a_function_with_ridges() {
+    fn optimum_of_a_function_with_ridges_is_found() {
         let value = |x: &[f64]| -(1.0 - x[0]).powi(2) - 5.0 * (x[1] - x[0] * x[0]).powi(2) - x[2].abs();
         let mut search = search(7, 40);
         rollouts(&mut search, 60 * 40, value);

@@ -229,7 +229,7 @@ mod tests {
     use rand::SeedableRng as _;
 
     #[test]
-    fn utilities_add_up_to_zero_and_fall_with_rank() {
+    fn utilities_sum_to_zero_and_decrease_with_rank() {
         let found = utilities(10);
         assert!(found.iter().sum::<f64>().abs() < 1e-15);
         assert!(found.is_sorted_by(|a, b| a >= b));

@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn threads_change_no_bit() {
+    fn threads_do_not_change_results() {
         for ((mut one, ahead), (mut two, _)) in searches().into_iter().zip(searches()) {
             let workers = Workers { threads: 1, ahead, evaluations: 75 };
             let (expected, result) = run(one.as_mut(), workers, usize::MAX);

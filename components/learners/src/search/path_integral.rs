@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sphere_is_descended() {
+    fn sphere_is_descended() {
         let start = Start::new(vec![1.0, -1.0], vec![0.5; 2], 2);
         let mut search = PathIntegral::new(start, PathIntegralSettings::default()).expect("a search");
         rollouts(&mut search, 1000, |x| -x[0] * x[0] - x[1] * x[1]);

@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_quadratic_valley_is_descended_and_a_seed_repeats_it() {
+    fn quadratic_valley_is_descended_reproducibly() {
         let goal = [1.0, -2.0, 0.5];
         let reward = |theta: &[f64]| {
             (-0.5 * theta.iter().zip(&goal).map(|(a, b)| (a - b) * (a - b)).sum::<f64>()).exp()

@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rotated_quadratic_is_descended() {
+    fn rotated_quadratic_is_descended() {
         let value =
             |x: &[f64]| -(x[0] + x[1] - 1.0).powi(2) - 20.0 * (x[0] - x[1] + 2.0).powi(2) - x[2] * x[2];
         let start = Start::new(vec![0.0, 0.0, 1.0], vec![1.0; 3], 1);

@@ -105,7 +105,7 @@ impl Start {
                 return Err(value("the mean", mean, "a finite number"));
             }
             if !(deviation >= 0.0 && deviation.is_finite()) {
-                return Err(value("the deviation", deviation, "a finite number from 0"));
+                return Err(value("the deviation", deviation, "a finite number of at least 0"));
             }
             if let Some([low, high]) = bounds.map(|bounds| bounds[index]) {
                 if low.is_nan() || high.is_nan() || low >= high {
@@ -178,7 +178,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_beyond_bounds_are_mirrored() {
+    fn points_beyond_bounds_are_reflected() {
         let pairs = [(0.5, 0.5), (1.25, 0.75), (-0.25, 0.25), (2.25, 0.25), (-1.25, 0.75), (7.0, 1.0)];
         for (x, expected) in pairs {
             assert!((reflect(x, [0.0, 1.0]) - expected).abs() < 1e-15, "{x}");
@@ -199,7 +199,7 @@ mod tests {
             ),
             (
                 Start { deviation: vec![1.0, -1.0], ..start.clone() },
-                "the deviation of parameter 1 is -1, expected a finite number from 0",
+                "the deviation of parameter 1 is -1, expected a finite number of at least 0",
             ),
             (
                 start.clone().within(vec![[-1.0, 1.0], [2.0, 3.0]]),

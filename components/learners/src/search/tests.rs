@@ -65,7 +65,7 @@ fn run(search: &mut dyn Search, rounds: u64, shuffle: bool) -> Vec<(u64, u64, Ve
 }
 
 #[test]
-fn the_order_of_rewards_changes_no_bit() {
+fn order_of_rewards_does_not_change_results() {
     for (kind, (mut ordered, mut shuffled)) in all(3).into_iter().zip(all(3)).enumerate() {
         let expected = run(ordered.as_mut(), 14, false);
         assert_eq!(run(shuffled.as_mut(), 14, true), expected, "search {kind}");
@@ -75,7 +75,7 @@ fn the_order_of_rewards_changes_no_bit() {
 }
 
 #[test]
-fn a_restored_search_continues_bit_for_bit() {
+fn restored_search_continues_bit_for_bit() {
     for (kind, mut straight) in all(5).into_iter().enumerate() {
         run(straight.as_mut(), 9, false);
         // in the middle of a generation
