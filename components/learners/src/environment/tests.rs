@@ -50,7 +50,7 @@ fn many(worlds: usize, threads: usize) -> VectorEnvironment<motorium_physics::Ar
     VectorEnvironment::new(&task, (worlds, threads), 7, simulation).expect("environments")
 }
 
-/// An action that depends on world and step. Odd worlds push until they fail.
+/// Returns an action that depends on world and step. Odd worlds push until they fail.
 fn action(world: usize, step: usize) -> [f32; 2] {
     if world.is_multiple_of(2) { [((world + step) as f32).sin() * 0.05, 0.3] } else { [0.9, 0.0] }
 }
@@ -171,7 +171,7 @@ fn terms_that_need_other_components_are_refused() {
     assert!(error.starts_with("`observations[2].term`: found base_angular_velocity, expected"), "{error}");
 }
 
-/// A quadruped with a new command every five steps.
+/// Creates a quadruped with a new command every five steps.
 fn quadruped(seed: u64) -> Environment<motorium_physics::Articulated> {
     let text = include_str!("../../../../tasks/quadruped-velocity.toml");
     assert!(text.contains("interval = 5.0") && text.contains("standing = 0.1"));
@@ -284,8 +284,8 @@ fn delayed_actions_take_effect_within_their_step() {
     ));
 }
 
-/// Largest speed of a joint of the Panda whose position action jumps by 0.8 rad, and its distance from the
-/// target after a second.
+/// Returns the maximum speed of a Panda joint after a step of 0.8 rad in its position action, and its
+/// distance from the target after a second.
 fn jump(lines: &str) -> [f64; 2] {
     let text = format!(
         r#"
@@ -327,7 +327,7 @@ fn drives_follow_actions_within_their_limits() {
     ));
 }
 
-/// Motion of the base of a falling quadruped after three seconds, in a task with these lines.
+/// Returns the motion of the base of a falling quadruped after three seconds, in a task with these lines.
 fn fallen(lines: &str) -> [f64; 3] {
     let text = format!(
         r#"

@@ -56,7 +56,7 @@ impl Weights {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Library, Self::Kernels, Self::FittedKernels];
 
-    /// Name in figures.
+    /// Returns the name in figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::Library => "library",

@@ -50,7 +50,7 @@ impl Method {
     /// All methods.
     pub const ALL: [Self; 2] = [Self::Power, Self::Ppo];
 
-    /// Name in figures.
+    /// Returns the name in figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::Power => "PoWER",
@@ -73,7 +73,7 @@ impl Beginning {
     /// All beginnings.
     pub const ALL: [Self; 2] = [Self::Imitation, Self::Scratch];
 
-    /// Name in figures.
+    /// Returns the name in figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::Imitation => "after imitation",

@@ -84,7 +84,7 @@ impl Searcher {
     /// All methods.
     pub const ALL: [Self; 3] = [Self::BayesianRbf, Self::BayesianMatern, Self::Random];
 
-    /// Name in figures.
+    /// Returns the name in figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::BayesianRbf => "Bayesian optimisation; RBF",
@@ -312,7 +312,7 @@ mod tests {
         }
     }
 
-    /// A smooth speed that is largest in a corner region, with falls at high frequencies.
+    /// Returns a smooth speed that is largest in a corner region, with falls at high frequencies.
     fn walk(gait: &[f64; DIMENSIONS], seed: u64) -> Evaluation {
         if gait[0] > 3.7 {
             return Evaluation::failed(Outcome::Unmet, "fell");

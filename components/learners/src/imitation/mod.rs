@@ -48,7 +48,7 @@ impl Algorithm {
     /// All algorithms.
     pub const ALL: [Self; 2] = [Self::Clone, Self::Dagger];
 
-    /// Name on the command line and in policies.
+    /// Returns the name on the command line and in policies.
     pub fn name(self) -> &'static str {
         match self {
             Self::Clone => "clone",

@@ -42,7 +42,7 @@ impl Model {
     /// All models; the last is the baseline.
     pub const ALL: [Self; 4] = [Self::Dmp, Self::ProMp, Self::Library, Self::Replay];
 
-    /// Name in figures.
+    /// Returns the name in figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::Dmp => "DMP",
@@ -209,7 +209,7 @@ pub fn distances(path: &DMatrix<f64>, other: &DMatrix<f64>) -> [f64; 2] {
 mod tests {
     use super::*;
 
-    /// A curved stroke from a start to a fixed goal; the effect of the start fades.
+    /// Returns a curved stroke from a start to a fixed goal. The effect of the start fades.
     fn stroke(start: f64) -> DMatrix<f64> {
         DMatrix::from_fn(200, 1, |k, _| {
             let p = k as f64 / 199.0;

@@ -11,7 +11,8 @@ use crate::environment::{End, Environment, Scene};
 
 const TASK: &str = include_str!("../../../../tasks/cart-pole.toml");
 
-/// A balancing controller with inputs position, angle and their rates. The force is ten times its output.
+/// Returns a balancing controller with inputs position, angle and their rates. The force is ten times its
+/// output.
 fn expert(task: &Task) -> PolicyNetwork {
     let weights = vec![0.1, 3.0, 0.2, 0.6, 0.0, 0.0, 0.0, 0.0];
     let bytes = onnx::write_mlp(4, &[(weights, vec![0.0; 2])], Unary::Tanh, &[]);

@@ -37,7 +37,7 @@ impl Algorithm {
     pub const ALL: [Self; 7] =
         [Self::Ppo, Self::A2c, Self::Reinforce, Self::Sac, Self::Td3, Self::Ddpg, Self::Dqn];
 
-    /// Name of the algorithm, and of its table in a task.
+    /// Returns the name of the algorithm, and of its table in a task.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ppo => "ppo",

@@ -24,7 +24,7 @@ impl Phase {
     pub const ALL: [Self; 6] =
         [Self::Environment, Self::Policy, Self::Statistics, Self::Gradient, Self::Optimiser, Self::Files];
 
-    /// Name of the phase, in lower case.
+    /// Returns the name of the phase, in lower case.
     pub fn name(self) -> &'static str {
         match self {
             Self::Environment => "environment",

@@ -40,7 +40,7 @@ impl Trained {
         Self { network, adam }
     }
 
-    /// A step of Adam.
+    /// Performs a step of Adam.
     pub(crate) fn step(&mut self, gradient: &[f32], rate: f64) {
         let mut parameters = self.network.to_vec();
         self.adam.step([&mut parameters[..]], [gradient], rate as f32, 0.0);
@@ -157,7 +157,7 @@ impl Critics {
         (smallest.into_iter().map(|(q, _)| q).collect(), gradient)
     }
 
-    /// A step of Adam by the sum of the parts of a batch.
+    /// Performs a step of Adam with the sum of the parts of a batch.
     pub(crate) fn step(&mut self, parts: &[CriticPart], rate: f64) {
         for (k, critic) in self.critics.iter_mut().enumerate() {
             critic.step(&sum(parts.iter().map(|part| part.gradients[k].clone())), rate);

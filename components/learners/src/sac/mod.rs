@@ -164,7 +164,7 @@ impl Sac {
         (actions, logarithms)
     }
 
-    /// Gradient of the policy for some samples of a batch.
+    /// Returns the gradient of the policy for some samples of a batch.
     fn policy_part(&self, observations: &DMatrix<f32>, noise: &DMatrix<f32>, count: usize) -> PolicyPart {
         let (width, share) = (self.bounds.width(), 1.0 / count as f32);
         let temperature = self.log_temperature.exp();

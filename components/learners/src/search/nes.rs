@@ -87,7 +87,7 @@ fn utilities(population: usize) -> Vec<f64> {
 }
 
 impl SeparableNes {
-    /// A search from `start`.
+    /// Creates a search from `start`.
     ///
     /// # Errors
     ///
@@ -105,7 +105,7 @@ impl SeparableNes {
 }
 
 impl ExponentialNes {
-    /// A search from `start`.
+    /// Creates a search from `start`.
     ///
     /// # Errors
     ///

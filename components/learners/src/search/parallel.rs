@@ -28,7 +28,7 @@ impl Outcome {
     /// All outcomes.
     pub const ALL: [Self; 5] = [Self::Finished, Self::Unmet, Self::Stopped, Self::Refused, Self::NoValue];
 
-    /// Name in tables and in JSON.
+    /// Returns the name in tables and in JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::Finished => "finished",

@@ -17,7 +17,7 @@ pub(super) fn rollouts(search: &mut impl Search, count: usize, reward: impl Fn(&
     }
 }
 
-/// One search of each kind.
+/// Returns one search of each kind.
 fn all(seed: u64) -> Vec<Box<dyn Search>> {
     let start = || Start::new(vec![0.5; 3], vec![1.0; 3], seed).within(vec![[-4.0, 4.0]; 3]);
     let bayesian = BayesianSettings { points: 100, ..BayesianSettings::default() };

@@ -273,7 +273,7 @@ impl Quantity {
 }
 
 impl Reward {
-    /// The quantity and its parts.
+    /// Returns the quantity and its parts.
     pub(super) fn subject(&self) -> Subject<'_> {
         let Self { term, joint, joints, links, points, .. } = self;
         let (joint, joints, links) = (joint.as_ref(), joints.as_ref(), links.as_ref());
@@ -360,7 +360,7 @@ impl Reward {
 }
 
 impl Termination {
-    /// The quantity and its parts.
+    /// Returns the quantity and its parts.
     pub(super) fn subject(&self) -> Subject<'_> {
         let Self { term, joint, joints, links, points, .. } = self;
         let (joint, joints, links) = (joint.as_ref(), joints.as_ref(), links.as_ref());

@@ -144,7 +144,7 @@ fn sac_learns_to_swing_a_pendulum() {
     assert!(random < 6.0 && trained > 3.0 * random, "{random} of random actions, {trained}");
 }
 
-/// Tiny runs of all algorithms.
+/// Returns the settings of a tiny run of an algorithm.
 fn tiny(algorithm: Algorithm) -> String {
     let name = algorithm.name();
     match algorithm {

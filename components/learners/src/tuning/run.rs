@@ -45,7 +45,7 @@ pub trait Subject: Sync {
         seed: u64,
     ) -> Result<Evaluation, Self::Error>;
 
-    /// Content of `best.toml` for values of the parameters and their reward.
+    /// Returns the content of `best.toml` for values of the parameters and their reward.
     ///
     /// # Errors
     ///

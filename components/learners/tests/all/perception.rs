@@ -52,7 +52,7 @@ fn coupling() -> Coupling {
     Coupling::train(&letters(1, Variation::default(), 1), spring, &training, |_, _| {}).unwrap()
 }
 
-/// A separate file for each test.
+/// Returns a separate file for each test.
 fn file(name: &str) -> std::path::PathBuf {
     std::env::temp_dir().join(format!("motorium-{}-{name}", std::process::id()))
 }

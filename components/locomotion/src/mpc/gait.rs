@@ -60,7 +60,7 @@ impl Gait {
         self.duty * self.period
     }
 
-    /// Number of feet.
+    /// Returns the number of feet.
     pub fn feet(&self) -> usize {
         self.offsets.len()
     }

@@ -116,7 +116,7 @@ impl Reference {
         )
     }
 
-    /// Heading \[rad\].
+    /// Returns the heading \[rad\].
     pub fn heading(&self) -> f64 {
         self.heading
     }
@@ -143,7 +143,7 @@ impl Reference {
         Vector3::new(x, y, self.ground.slope().dot(&Vector2::new(x, y)))
     }
 
-    /// Height of the centre of mass above the ground \[m\].
+    /// Returns the height of the centre of mass above the ground \[m\].
     pub fn height(&self) -> f64 {
         self.height
     }
@@ -153,7 +153,7 @@ impl Reference {
         &self.ground
     }
 
-    /// Current velocity.
+    /// Returns the current velocity.
     pub fn velocity(&self) -> &PlanarVelocity {
         &self.velocity
     }

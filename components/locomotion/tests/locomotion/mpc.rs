@@ -152,7 +152,7 @@ fn rolled_out(mpc: &mut CentroidalMpc, state: &CentroidalState, heading: f64, fo
     cost
 }
 
-/// A horizon with lift-offs and touchdowns while the reference moves and turns.
+/// Fills a horizon with lift-offs and touchdowns while the reference moves and turns.
 fn trotting(mpc: &mut CentroidalMpc) {
     standing(mpc);
     for (index, step) in mpc.horizon_mut().iter_mut().enumerate() {

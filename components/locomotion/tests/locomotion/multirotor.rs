@@ -9,7 +9,7 @@ use motorium_locomotion::MultirotorController;
 use motorium_robots::Spin;
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// The quadrotor of the profile and the model, with mass `mass`; `None` keeps its own mass.
+/// Creates the catalogue's quadrotor with mass `mass`; `None` keeps the mass of the model.
 fn plant(mass: Option<f64>, height: f64) -> Function {
     let robot = motorium_robots::load("quadrotor", Path::new(".")).unwrap();
     let inertia = robot.model.base().inertia;
@@ -64,7 +64,7 @@ fn graph(robot: &str, plant: Function, controller: Instance) -> Graph {
     Graph::new("flight-test").robot("quadrotor", robot).with(plant).with(controller)
 }
 
-/// A target that moves half a metre up and sideways in 2 s with minimum jerk and then rests.
+/// Creates a target that moves half a metre up and sideways in 2 s with minimum jerk and then rests.
 fn climb() -> Source {
     Source::new("targets", "target", |tick| {
         let s = (0.5 * tick.time()).min(1.0);

@@ -26,7 +26,7 @@ fn quadruped() -> Loaded {
     load("quadruped", Path::new(".")).unwrap()
 }
 
-/// A quadruped standing in its home pose that reports this base velocity.
+/// Creates a graph with a quadruped standing in its home pose, which reports this base velocity.
 fn standing(velocity: [f64; 3]) -> Graph {
     let robot = quadruped();
     let home = robot.profile.unwrap().configuration(&robot.model, "standing").unwrap();
