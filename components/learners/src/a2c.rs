@@ -1,7 +1,8 @@
 //! Advantage actor-critic (A2C).
 //!
-//! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` and a value `V(o)` learn from short pieces of all
-//! worlds. With advantages `A` and returns `R` an update minimises, in one gradient over all its steps,
+//! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` and a value function `V(o)` learn from short rollouts in
+//! all worlds. With advantages `A` and returns `R`, an update takes one gradient step over all its samples to
+//! minimise
 //!
 //! ```text
 //! L   = -E[A ln pi(a | o)] + value / 2 E[(V - R)^2] - entropy H
@@ -9,13 +10,13 @@
 //! d_t = reward_t + discount V(o_(t+1)) - V(o_t)
 //! ```
 //!
-//! With `lambda = 1` returns are the rewards to the end of the piece and the value that follows. The code is
-//! [PPO](crate::ppo)'s with one pass, no clip and advantages as they are, whose gradient is the same (Huang,
-//! Kanervisto, Raffin and others, *A2C is a special case of PPO*, arXiv:2205.09123, 2022). Observations and
-//! rewards are normalised as there.
+//! With `lambda = 1`, a return sums the rewards to the end of the rollout and the value of the final state.
+//! The implementation is [PPO](crate::ppo) with one pass, no clipping and unnormalised advantages, which has
+//! the same gradient (Huang, Kanervisto, Raffin and others, *A2C is a special case of PPO*, arXiv:2205.09123,
+//! 2022). Observations and rewards are normalised as in PPO.
 //!
-//! Sources: Mnih, Badia, Mirza and others, *Asynchronous methods for deep reinforcement learning*, ICML 2016,
-//! in its synchronous form; defaults: [`A2cSettings`].
+//! Source: Mnih, Badia, Mirza and others, *Asynchronous methods for deep reinforcement learning*, ICML 2016,
+//! in its synchronous form. Defaults: see [`A2cSettings`].
 
 use motorium_physics::{BuildError, Engine, Simulation};
 use serde::{Deserialize, Serialize};
@@ -27,31 +28,32 @@ use crate::task::{Task, TaskError};
 
 /// Settings of A2C: the table `[algorithms.a2c]` of a task.
 ///
-/// Defaults follow Stable-Baselines3's `A2C` (pieces of 5 steps, rate 7e-4, discount 0.99, lambda 1, value
-/// 0.5, entropy 0, gradient 0.5), unless stated; the optimiser is Adam in place of RMSProp.
+/// Unless stated otherwise, defaults follow Stable-Baselines3's `A2C` (rollouts of 5 steps, learning rate
+/// 7e-4, discount 0.99, lambda 1, value 0.5, entropy 0, gradient 0.5). The optimiser is Adam instead of
+/// RMSProp.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct A2cSettings {
-    /// Steps of all worlds together, from 1. Default 200,000, as PPO's.
+    /// Total steps of all worlds, from 1. Default 200,000, as for PPO.
     pub steps: u64,
-    /// Worlds, from 1. Default 16, as PPO's.
+    /// Number of worlds, from 1. Default 16, as for PPO.
     pub worlds: usize,
     /// Steps of each world between two updates, from 1. Default 5.
     pub horizon: usize,
     /// Learning rate of Adam, above 0. Default 7e-4.
     pub rate: f64,
-    /// True to lower the learning rate linearly to 0 over the steps. Default false.
+    /// Lowers the learning rate linearly to 0 over the run. Default false.
     pub anneal: bool,
     /// Discount of a step, above 0, below 1. Default 0.99.
     pub discount: f64,
-    /// Decay of the advantage estimate, 0 to 1. Default 1.
+    /// Decay factor of the advantage estimate, 0 to 1. Default 1.
     pub lambda: f64,
-    /// Weight of the entropy, which is maximised, from 0. Default 0.
+    /// Weight of the entropy bonus, from 0. Default 0.
     pub entropy: f64,
-    /// Weight of the squared error of the value, above 0. Default 0.5.
+    /// Weight of the squared value error, above 0. Default 0.5.
     pub value: f64,
-    /// Largest norm of a gradient, above 0. Default 0.5.
+    /// Maximum norm of a gradient, above 0. Default 0.5.
     pub gradient: f64,
-    /// Hidden units of each layer of policy and value. Default 64 and 64.
+    /// Hidden units per layer of the policy and value networks. Default 64 and 64.
     pub hidden: Vec<usize>,
     /// Initial standard deviation of the action, above 0. Default 1.
     pub deviation: f64,
@@ -104,7 +106,7 @@ impl A2cSettings {
         check.network(self.discount, &self.hidden)
     }
 
-    /// A run before its first step; `build` makes the simulation of a world.
+    /// Creates a run before its first step. `build` creates the simulation of each world.
     ///
     /// # Errors
     ///

@@ -1,7 +1,7 @@
 //! Deep deterministic policy gradient (DDPG).
 //!
-//! A deterministic policy `mu(o)` between -1 and 1 follows the slope of a critic. With targets `mu'` and
-//! `Q'`, and samples `(o, a, r, o')` of the replay buffer, a gradient minimises
+//! A deterministic policy `mu(o)` between -1 and 1 ascends the gradient of a critic. With target networks
+//! `mu'` and `Q'`, and samples `(o, a, r, o')` from the replay buffer, each gradient step minimises
 //!
 //! ```text
 //! y   = r + discount Q'(o', mu'(o'))
@@ -9,11 +9,11 @@
 //! L   = -E[Q(o, mu(o))]
 //! ```
 //!
-//! and moves the targets by `polyak`. Exploration adds `N(0, noise^2)` to the actions. The code is
-//! [TD3](crate::td3)'s with one critic.
+//! and moves the targets by `polyak`. Exploration adds `N(0, noise^2)` to the actions. The implementation is
+//! [TD3](crate::td3) with one critic.
 //!
-//! Sources: Lillicrap, Hunt, Pritzel and others, *Continuous control with deep reinforcement learning*, ICLR
-//! 2016; defaults: [`DdpgSettings`].
+//! Source: Lillicrap, Hunt, Pritzel and others, *Continuous control with deep reinforcement learning*, ICLR
+//! 2016; for defaults, see [`DdpgSettings`].
 
 use motorium_physics::{BuildError, Engine, Simulation};
 use serde::{Deserialize, Serialize};
@@ -26,14 +26,15 @@ use crate::td3::{Deterministic, Td3Settings};
 
 /// Settings of DDPG: the table `[algorithms.ddpg]` of a task.
 ///
-/// Defaults follow CleanRL's `ddpg_continuous_action` (rate 3e-4, 256 steps in a gradient, polyak 0.005,
-/// discount 0.99, Gaussian noise of 0.1 in place of the paper's correlated noise), unless stated.
+/// Unless stated otherwise, defaults follow CleanRL's `ddpg_continuous_action` (learning rate 3e-4, minibatch
+/// of 256, polyak 0.005, discount 0.99, Gaussian noise of 0.1 instead of the paper's correlated noise).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DdpgSettings {
-    /// Steps, replay and networks. Own defaults: as [`SacSettings`](crate::sac::SacSettings)'s.
+    /// Steps, replay and networks. Defaults differ from the source: see
+    /// [`SacSettings`](crate::sac::SacSettings).
     #[serde(flatten)]
     pub replay: ReplaySettings,
-    /// Standard deviation of the exploration, from 0. Default 0.1.
+    /// Standard deviation of the exploration noise, from 0. Default 0.1.
     pub noise: f64,
 }
 
@@ -44,7 +45,7 @@ impl Default for DdpgSettings {
 }
 
 impl DdpgSettings {
-    /// The settings of TD3 that make it DDPG.
+    /// Returns the TD3 settings that make it DDPG.
     fn to_td3(&self) -> Td3Settings {
         let Self { replay, noise } = self.clone();
         Td3Settings { replay, noise, target_noise: 0.0, target_clip: 0.0, delay: 1 }
@@ -59,7 +60,7 @@ impl DdpgSettings {
         self.to_td3().check_for(Check(Algorithm::Ddpg))
     }
 
-    /// A run before its first step; `build` makes the simulation of a world.
+    /// Creates a run before its first step. `build` creates the simulation of each world.
     ///
     /// # Errors
     ///

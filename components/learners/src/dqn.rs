@@ -10,12 +10,12 @@
 //! L = E[huber(Q(o, c) - y)],    huber(e) = e^2 / 2 where |e| < 1, else |e| - 1/2
 //! ```
 //!
-//! and moves the targets by `polyak`. A choice is random with the probability `epsilon`, which falls
-//! linearly. The policy without exploration takes the best choice.
+//! and moves the target by `polyak`. A choice is random with probability `epsilon`, which decreases linearly.
+//! The policy without exploration is greedy.
 //!
 //! Sources: Mnih, Kavukcuoglu, Silver and others, *Human-level control through deep reinforcement learning*,
 //! Nature 518, 2015; van Hasselt, Guez, Silver, *Deep reinforcement learning with double Q-learning*, AAAI
-//! 2016; defaults: [`DqnSettings`].
+//! 2016; for defaults, see [`DqnSettings`].
 
 use motorium_models::networks::Perceptron;
 use motorium_physics::{BuildError, Engine, Simulation};
@@ -39,24 +39,24 @@ const MOST_CHOICES: usize = 256;
 
 /// Settings of DQN: the table `[algorithms.dqn]` of a task.
 ///
-/// Defaults follow CleanRL's `dqn` (rate 2.5e-4, 128 steps in a gradient, exploration from 1 to 0.05 in the
-/// first half of all steps, discount 0.99), unless stated.
+/// Unless stated otherwise, defaults follow CleanRL's `dqn` (learning rate 2.5e-4, minibatch of 128,
+/// exploration from 1 to 0.05 over the first half of all steps, discount 0.99).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DqnSettings {
-    /// Steps, replay and networks. Own defaults: 100,000 steps of 4 worlds with 4 gradients after each step
-    /// of all, 1000 random steps, `tanh` layers of 64 and 64 units, targets that move by 0.005 after each
-    /// gradient in place of copies.
+    /// Steps, replay and networks. Defaults that differ from the source: 100,000 steps in 4 worlds with 4
+    /// gradient steps after each step of all worlds, 1000 random steps, `tanh` layers of 64 and 64 units, and
+    /// targets that move by 0.005 after each gradient step instead of periodic copies.
     #[serde(flatten)]
     pub replay: ReplaySettings,
     /// Values of each moving joint, from 2. Default 3. There are at most 256 choices.
     pub bins: usize,
-    /// True to choose by the network and value by the target (double DQN). Default true.
+    /// Double DQN: the network chooses, the target evaluates. Default true.
     pub double: bool,
     /// Probability of a random choice after the warm-up, 0 to 1. Default 1.
     pub epsilon: f64,
-    /// Probability at the end, 0 to 1. Default 0.05.
+    /// Final probability of a random choice, 0 to 1. Default 0.05.
     pub final_epsilon: f64,
-    /// Share of all steps in which the probability falls, above 0, at most 1. Default 0.5.
+    /// Fraction of all steps over which the probability decreases, above 0, at most 1. Default 0.5.
     pub exploration: f64,
 }
 
@@ -94,7 +94,7 @@ impl DqnSettings {
         ])
     }
 
-    /// A run before its first step; `build` makes the simulation of a world.
+    /// Creates a run before its first step. `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
@@ -133,7 +133,7 @@ fn best(values: impl IntoIterator<Item = f32>) -> usize {
     values.into_iter().enumerate().fold(first, |best, (k, q)| if q > best.1 { (k, q) } else { best }).0
 }
 
-/// Values of a gradient.
+/// Values measured in a gradient step.
 pub(crate) const MEASURES: [&str; 2] = ["critic_loss", "value"];
 
 /// The learning part of DQN.
@@ -176,7 +176,7 @@ impl Dqn {
         })
     }
 
-    /// Gradient and loss of some samples of a batch of `count`.
+    /// Returns the gradient and loss of some samples of a batch.
     fn part(&self, batch: &Batch, range: &core::ops::Range<usize>) -> CriticPart {
         let share = 1.0 / batch.count() as f32;
         let next = columns(&batch.next, range);

@@ -16,7 +16,7 @@ use crate::trained::{self, TrainedPolicyError};
 /// Number of resamples of a bootstrap interval.
 const RESAMPLES: usize = 2000;
 
-/// Returns of a policy over episodes.
+/// Returns of a policy over several episodes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evaluation {
     /// Number of episodes.
@@ -25,24 +25,24 @@ pub struct Evaluation {
     pub mean: f64,
     /// Median return.
     pub median: f64,
-    /// Interquartile mean of the return: the mean of the middle half.
+    /// Interquartile mean of the return: the mean of its middle half.
     pub iqm: f64,
     /// 95 % bootstrap interval of the interquartile mean.
     pub iqm_interval: [f64; 2],
-    /// Mean length \[steps\].
+    /// Mean length of an episode \[steps\].
     pub mean_length: f64,
-    /// Episodes that ended by a termination with the verdict failure.
+    /// Number of episodes that ended with the verdict failure.
     pub failures: usize,
-    /// Episodes that ended by a termination with the verdict success.
+    /// Number of episodes that ended with the verdict success.
     pub successes: usize,
     /// Return of each episode.
     pub returns: Vec<f64>,
-    /// Warnings of elements of the world's file that are left out.
+    /// Warnings about ignored elements of the world's file.
     #[serde(skip)]
     pub warnings: Vec<ModelWarning>,
 }
 
-/// The errors of an evaluation.
+/// Errors of an evaluation.
 #[derive(Debug, thiserror::Error)]
 pub enum EvaluationError {
     /// A file cannot be read.
@@ -59,7 +59,7 @@ pub enum EvaluationError {
         /// The reason.
         source: TaskError,
     },
-    /// The policy does not run on the task.
+    /// The policy does not fit the task.
     #[error(transparent)]
     Policy(#[from] TrainedPolicyError),
     /// The robot cannot be loaded.
@@ -70,7 +70,7 @@ pub enum EvaluationError {
     Environment(#[from] EnvironmentError),
 }
 
-/// Runs the policy in a folder for some episodes of the task in a file, without exploration.
+/// Runs the policy in a folder on the task in a file, without exploration.
 ///
 /// # Errors
 ///
@@ -115,19 +115,19 @@ pub fn evaluate(
     })
 }
 
-/// A policy beside a baseline on equal episodes.
+/// A policy compared with a baseline on the same episodes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Comparison {
-    /// Mean of the return minus the baseline's in the same episode.
+    /// Mean difference between the return and the baseline's return in the same episode.
     pub difference: f64,
-    /// Bootstrap interval of the difference, 95 %.
+    /// 95 % bootstrap interval of the difference.
     pub difference_interval: [f64; 2],
-    /// Fraction of the episodes with a larger return than the baseline's; equal returns count half.
+    /// Fraction of the episodes with a larger return than the baseline; equal returns count half.
     pub improved: f64,
 }
 
-/// Compares the returns of a policy with a baseline's, episode by episode: both were evaluated on the same
-/// task, with the same seed. Returns `None` where the numbers of episodes differ or are 0.
+/// Compares the returns of a policy with a baseline, episode by episode. Both must have been evaluated on the
+/// same task with the same seed. Returns `None` if the numbers of episodes differ or are 0.
 pub fn compare(baseline: &Evaluation, other: &Evaluation, seed: u64) -> Option<Comparison> {
     if baseline.returns.len() != other.returns.len() || baseline.returns.is_empty() {
         return None;
@@ -157,8 +157,8 @@ fn sorted(values: &[f64]) -> Vec<f64> {
     sorted
 }
 
-/// Returns a quantile, interpolated between the two nearest values. `share` is from 0 to 1; NaN without
-/// values.
+/// Returns a quantile, interpolated between the two nearest values, or NaN without values. `share` is from 0
+/// to 1.
 pub fn quantile(values: &[f64], share: f64) -> f64 {
     let sorted = sorted(values);
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
@@ -175,7 +175,7 @@ fn interquartile_mean(values: &[f64]) -> f64 {
     middle.iter().sum::<f64>() / middle.len() as f64
 }
 
-/// Returns the interval that contains 95 % of a statistic of resamples.
+/// Returns the interval that contains 95 % of the values of a statistic over resamples.
 fn bootstrap(values: &[f64], seed: u64, statistic: impl Fn(&[f64]) -> f64) -> [f64; 2] {
     let mut random = Counter { seed, ..Counter::default() }.stream(Purpose::Resample);
     let mut found = Vec::with_capacity(RESAMPLES);

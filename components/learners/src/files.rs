@@ -1,4 +1,4 @@
-//! Files that are complete or absent.
+//! Atomic file operations: a file is written completely or not at all.
 
 use std::io;
 use std::path::{Path, PathBuf};

@@ -14,9 +14,9 @@ pub(crate) const TASK: &str = "task.toml";
 pub(crate) const POLICY: &str = "policy.toml";
 /// File that describes a run.
 pub(crate) const RUN: &str = "run.json";
-/// File from which a run is continued.
+/// File from which a run continues.
 pub(crate) const CHECKPOINT: &str = "checkpoint.safetensors";
-/// File with a line for each update or iteration.
+/// File with one line per update or iteration.
 pub(crate) const PROGRESS: &str = "progress.csv";
 
 /// A task or a policy that cannot be read or written.
@@ -30,10 +30,10 @@ pub enum FolderError {
     Task {
         /// File of the task.
         file: PathBuf,
-        /// Defect.
+        /// Reason.
         source: TaskError,
     },
-    /// The folder holds a run already.
+    /// The folder already contains a run.
     #[error(
         "{} holds a training run, expected a folder without one\n\
          help: {}choose another folder",
@@ -75,7 +75,7 @@ pub enum FolderError {
     },
 }
 
-/// Reads a task file; returns its text, too.
+/// Reads a task file. Returns the task and its text.
 pub(crate) fn read_task(file: &Path) -> Result<(Task, String), FolderError> {
     let text = files::read_text(file)?;
     let task = Task::parse(&text).map_err(|source| FolderError::Task { file: file.to_path_buf(), source })?;
@@ -117,8 +117,8 @@ pub(crate) fn check_empty(folder: &Path) -> Result<(), FolderError> {
     Ok(())
 }
 
-/// The folder to which the robot of a task in a file is relative: the file's, or for the copy in the folder
-/// of a run the first file's.
+/// Returns the folder to which a task's robot is relative: the folder of the task file. For the copy in a run
+/// folder it is the folder of the original file.
 pub(crate) fn base(file: &Path) -> PathBuf {
     #[derive(serde::Deserialize)]
     struct Description {
@@ -132,7 +132,7 @@ pub(crate) fn base(file: &Path) -> PathBuf {
     std::path::absolute(base).unwrap_or_else(|_| base.to_path_buf())
 }
 
-/// [`base`] for the description of a run, which holds text.
+/// Returns [`base`] as text, for the description of a run.
 pub(crate) fn described_base(file: &Path) -> Result<PathBuf, FolderError> {
     let folder = base(file);
     if folder.to_str().is_none() {
@@ -141,7 +141,7 @@ pub(crate) fn described_base(file: &Path) -> Result<PathBuf, FolderError> {
     Ok(folder)
 }
 
-/// Writes the policy of a run on a task, whose robot has a digest.
+/// Writes the policy of a run on a task, with the digest of its robot.
 pub(crate) fn write_policy(
     folder: &Path,
     (task, robot): (&Task, Option<RobotDigest>),

@@ -1,18 +1,18 @@
 //! Learners of movement weights and policies. Only [`component`] needs the runtime.
 //!
 //! - [`task`], [`environment`]: definitions of tasks, and worlds in which to learn them.
-//! - [`component`]: the same task in a graph, `learner.task`; progress of a training run on a topic.
-//! - [`learner`]: the trait and the checkpoints of all gradient learners, and their names.
-//! - [`training`]: runs of any of them in a folder.
-//! - [`ppo`], [`a2c`], [`reinforce`]: learners from the steps of the newest policy.
-//! - [`sac`], [`td3`], [`ddpg`], [`dqn`]: learners from a [`replay`] buffer.
+//! - [`component`]: the task in a graph, `learner.task`; progress of a training run on a topic.
+//! - [`learner`]: trait, names and checkpoints of all gradient-based learners.
+//! - [`training`]: training runs in a folder, with any of these learners.
+//! - [`ppo`], [`a2c`], [`reinforce`]: on-policy learners.
+//! - [`sac`], [`td3`], [`ddpg`], [`dqn`]: off-policy learners, with a [`replay`] buffer.
 //! - [`imitation`]: behaviour cloning and DAgger.
 //! - [`evaluation`]: returns of a trained policy.
-//! - [`search`]: black-box search, from policy search by weighted exploration to Bayesian optimisation.
-//! - [`tuning`]: a search in a folder: checkpoints, a table of evaluations, several threads.
-//! - [`random`]: counter-based random numbers, so that a training run repeats to the bit.
+//! - [`search`]: black-box search, from reward-weighted policy search to Bayesian optimisation.
+//! - [`tuning`]: searches in a folder, with checkpoints, a table of evaluations, and several threads.
+//! - [`random`]: counter-based random numbers, which make training runs reproducible bit for bit.
 //! - [`perception`]: maps the picture of a letter to the movement that writes it.
-//! - [`experiments`]: experiments of a thesis, reproduced as numbers.
+//! - [`experiments`]: reproduced experiments of a thesis.
 
 pub mod a2c;
 pub mod component;

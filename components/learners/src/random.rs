@@ -1,4 +1,4 @@
-//! Counter-based random numbers: the counter alone determines them, not the order of the draws.
+//! Counter-based random numbers: only the counter determines them, not the order of the draws.
 //!
 //! ```
 //! use motorium_learners::random::{Counter, Purpose};
@@ -18,7 +18,7 @@ use rand::SeedableRng as _;
 use rand_pcg::Pcg64;
 use twox_hash::XxHash3_64;
 
-/// The purpose of random numbers. Numbers of different purposes are independent.
+/// Purpose of random numbers. Streams of different purposes are independent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// Candidates of a search.
@@ -74,7 +74,7 @@ impl Counter {
         Pcg64::seed_from_u64(self.number(purpose))
     }
 
-    /// Returns a number that is uniformly distributed over the counters, such as the seed of an episode.
+    /// Returns a number that is uniformly distributed over the counters, for example to seed an episode.
     pub fn number(self, purpose: Purpose) -> u64 {
         let mut digest = XxHash3_64::default();
         for part in [self.seed, self.world, self.episode, self.step, purpose as u64] {

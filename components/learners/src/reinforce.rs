@@ -1,8 +1,8 @@
 //! REINFORCE with a baseline.
 //!
-//! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` learns from whole episodes, one of each world in an
-//! update. With the returns `G` of an episode and a value `V(o)` as the baseline, one gradient over all steps
-//! minimises
+//! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` learns from whole episodes, one per world and update.
+//! With the returns `G` of an episode and a value function `V(o)` as the baseline, one gradient step over all
+//! samples minimises
 //!
 //! ```text
 //! L   = -E[A ln pi(a | o)] + value / 2 E[(V - G)^2] - entropy H
@@ -10,9 +10,9 @@
 //! A_t = G_t - V(o_t), with mean 0 and deviation 1 in an update
 //! ```
 //!
-//! Returns end with the episode, truncated or not: the value is a baseline alone. A world whose episode ends
-//! before the others' waits for them. The code is [PPO](crate::ppo)'s with one pass and no clip; observations
-//! and rewards are normalised as there.
+//! Returns end with the episode, even if it is truncated: the value is only a baseline. A world whose episode
+//! has ended waits for the others. The implementation is [PPO](crate::ppo) with one pass and no clipping;
+//! observations and rewards are normalised as in PPO.
 //!
 //! Sources: Williams, *Simple statistical gradient-following algorithms for connectionist reinforcement
 //! learning*, Machine Learning 8, 1992; Sutton, Barto, *Reinforcement learning*, 2nd edition, 2018, section
@@ -28,26 +28,26 @@ use crate::task::{Task, TaskError};
 
 /// Settings of REINFORCE: the table `[algorithms.reinforce]` of a task.
 ///
-/// The rate is PyRoboLearn's; the other defaults are PPO's, so that both compare.
+/// The default learning rate is PyRoboLearn's. The other defaults are PPO's, so that both can be compared.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReinforceSettings {
-    /// Steps of all worlds together, from 1; the last update may exceed them. Default 200,000.
+    /// Total steps of all worlds, from 1; the last update may exceed them. Default 200,000.
     pub steps: u64,
-    /// Worlds, and episodes in an update, from 1. Default 16.
+    /// Number of worlds, and of episodes per update, from 1. Default 16.
     pub worlds: usize,
     /// Learning rate of Adam, above 0. Default 1e-3.
     pub rate: f64,
-    /// True to lower the learning rate linearly to 0 over the steps. Default false.
+    /// Lowers the learning rate linearly to 0 over the run. Default false.
     pub anneal: bool,
     /// Discount of a step, above 0, below 1. Default 0.99.
     pub discount: f64,
-    /// Weight of the entropy, which is maximised, from 0. Default 0.
+    /// Weight of the entropy bonus, from 0. Default 0.
     pub entropy: f64,
-    /// Weight of the squared error of the baseline, above 0. Default 0.5.
+    /// Weight of the squared baseline error, above 0. Default 0.5.
     pub value: f64,
-    /// Largest norm of a gradient, above 0. Default 0.5.
+    /// Maximum norm of a gradient, above 0. Default 0.5.
     pub gradient: f64,
-    /// Hidden units of each layer of policy and baseline. Default 64 and 64.
+    /// Hidden units per layer of the policy and baseline networks. Default 64 and 64.
     pub hidden: Vec<usize>,
     /// Initial standard deviation of the action, above 0. Default 1.
     pub deviation: f64,
@@ -96,7 +96,7 @@ impl ReinforceSettings {
         check.network(self.discount, &self.hidden)
     }
 
-    /// A run before its first step; `build` makes the simulation of a world.
+    /// Creates a run before its first step. `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
@@ -112,7 +112,7 @@ impl ReinforceSettings {
         let settings = PpoSettings {
             steps: self.steps,
             worlds: self.worlds,
-            // the longest episode of the task
+            // replaced by the longest episode of the task
             horizon: 1,
             epochs: 1,
             minibatch: usize::MAX,

@@ -1,7 +1,8 @@
 //! Twin delayed deep deterministic policy gradient (TD3).
 //!
-//! A deterministic policy `mu(o)` between -1 and 1 follows the slope of the first of two critics. With
-//! targets `mu'` and `Q'`, and samples `(o, a, r, o')` of the replay buffer, a gradient minimises
+//! A deterministic policy `mu(o)` between -1 and 1 ascends the gradient of the first of two critics. With
+//! target networks `mu'` and `Q'`, and samples `(o, a, r, o')` from the replay buffer, each gradient step
+//! minimises
 //!
 //! ```text
 //! a'  = clip(mu'(o') + clip(N(0, target_noise^2), -target_clip, target_clip), -1, 1)
@@ -10,11 +11,11 @@
 //! L   = -E[Q_1(o, mu(o))]            every `delay` gradients; then the targets move by `polyak`
 //! ```
 //!
-//! Exploration adds `N(0, noise^2)` to the actions. [DDPG](crate::ddpg) has one critic, no noise in its
-//! targets and no delay.
+//! Exploration adds `N(0, noise^2)` to the actions. [DDPG](crate::ddpg) has one critic, no target noise and
+//! no delay.
 //!
-//! Sources: Fujimoto, van Hoof, Meger, *Addressing function approximation error in actor-critic methods*,
-//! ICML 2018; defaults: [`Td3Settings`].
+//! Source: Fujimoto, van Hoof, Meger, *Addressing function approximation error in actor-critic methods*, ICML
+//! 2018; for defaults, see [`Td3Settings`].
 
 use motorium_models::networks::Perceptron;
 use motorium_physics::{BuildError, Engine, Simulation};
@@ -35,21 +36,22 @@ use crate::task::{Task, TaskError, Terms};
 
 /// Settings of TD3: the table `[algorithms.td3]` of a task.
 ///
-/// Defaults follow the authors' code (github.com/sfujim/TD3: rate 3e-4, 256 steps in a gradient, one gradient
-/// for each step, buffer of 10^6 steps, polyak 0.005, discount 0.99, noises and delay of the paper), unless
-/// stated.
+/// Unless stated otherwise, defaults follow the authors' code (github.com/sfujim/TD3: learning rate 3e-4,
+/// minibatch of 256, one gradient step per step, buffer of 10^6 steps, polyak 0.005, discount 0.99, noise
+/// levels and delay of the paper).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Td3Settings {
-    /// Steps, replay and networks. Own defaults: as [`SacSettings`](crate::sac::SacSettings)'s.
+    /// Steps, replay and networks. Defaults differ from the source: see
+    /// [`SacSettings`](crate::sac::SacSettings).
     #[serde(flatten)]
     pub replay: ReplaySettings,
-    /// Standard deviation of the exploration, from 0. Default 0.1.
+    /// Standard deviation of the exploration noise, from 0. Default 0.1.
     pub noise: f64,
     /// Standard deviation of the noise in target actions, from 0. Default 0.2.
     pub target_noise: f64,
-    /// Bound of that noise, from 0. Default 0.5.
+    /// Limit of the noise in target actions, from 0. Default 0.5.
     pub target_clip: f64,
-    /// Gradients of the critics for each of the policy, from 1. Default 2.
+    /// Gradient steps of the critics per gradient step of the policy, from 1. Default 2.
     pub delay: u64,
 }
 
@@ -80,7 +82,7 @@ impl Td3Settings {
         ])
     }
 
-    /// A run before its first step; `build` makes the simulation of a world.
+    /// Creates a run before its first step. `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
@@ -97,7 +99,7 @@ impl Td3Settings {
     }
 }
 
-/// Values of a gradient.
+/// Values measured in a gradient step.
 pub(crate) const MEASURES: [&str; 2] = ["critic_loss", "value"];
 
 /// The learning part of TD3 and DDPG.
@@ -115,7 +117,7 @@ pub struct Deterministic {
 }
 
 impl Deterministic {
-    /// The learning part of an algorithm with a number of critics.
+    /// Creates the learning part of an algorithm with a number of critics.
     pub(crate) fn new(
         terms: &Terms,
         settings: &Td3Settings,
@@ -138,7 +140,7 @@ impl Deterministic {
         })
     }
 
-    /// Squashes the outputs of the actor; numbers that move no joint are 0.
+    /// Squashes the outputs of the actor. Numbers that move no joint are 0.
     fn squash(&self, output: &DMatrix<f32>) -> DMatrix<f32> {
         let mut actions = output.map(f32::tanh);
         for (mut row, active) in actions.row_iter_mut().zip(&self.bounds.active) {
@@ -159,7 +161,7 @@ impl Deterministic {
         }
     }
 
-    /// Gradient of the policy for some samples of a batch, and their share of its loss.
+    /// Returns the gradient of the policy for some samples of a batch, and their share of the loss.
     fn policy_part(&self, observations: &DMatrix<f32>, count: usize) -> (Vec<f32>, f64) {
         let share = 1.0 / count as f32;
         let trace = self.actor.network.forward(observations.clone());

@@ -6,7 +6,7 @@ use motorium_models::policy::{PolicyFolder, PolicyFolderError, PolicyNetwork};
 
 use crate::task::{Task, TaskError};
 
-/// A policy that does not run on a task.
+/// A policy does not fit a task.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainedPolicyError {
     /// The folder cannot be read.
@@ -26,7 +26,7 @@ pub enum TrainedPolicyError {
     Task(#[from] TaskError),
 }
 
-/// The network of the policy in a folder, checked for a task.
+/// Loads the network of the policy in a folder and checks it for a task.
 ///
 /// # Errors
 ///

@@ -20,7 +20,7 @@ pub struct LearnerTaskConfig {
     /// graph.
     #[serde(default)]
     pub world: World,
-    /// Age from which a measurement is too old to be judged, at least 1 ms. Default "100 ms".
+    /// Maximum age of a measurement, at least 1 ms. Default "100 ms".
     #[serde(default = "hundred_ms")]
     pub state_timeout: TimeSpan,
 }

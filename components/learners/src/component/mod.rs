@@ -27,17 +27,17 @@ use crate::files;
 use crate::random::Counter;
 use crate::task::{RobotState, Task, TaskError, Terms, Trial};
 
-/// Values that a reader of the streams may be behind.
+/// Maximum number of unread values in a stream.
 const CAPACITY: usize = 16;
 
-/// Judges a policy on a task: publishes the observation and the reward of every step of the policy, and ends
-/// the episode when the task does.
+/// Evaluates a policy on a task: publishes the observation and the reward of every policy step, and can end
+/// the episode when the task ends.
 ///
-/// The component shares the terms of training: a graph and an environment give the same numbers.
-/// The component runs at the rate of the policy. A step is judged by the state at the next step, and by the
-/// action that was published in between. The first observation of an episode waits for the policy: it is
-/// the last one before the first action. With `ends_episode = true` it ends episodes; without, it stays
-/// silent from the end of the task to the next episode.
+/// The component evaluates the same terms as training, so a graph and an environment give the same numbers.
+/// It runs at the rate of the policy. A step is judged by the state at the next step and by the action
+/// published in between. The first observation of an episode is the last one before the first action of the
+/// policy. With `ends_episode = true` the component ends the episode with the task; otherwise it publishes
+/// nothing until the next episode starts.
 pub struct LearnerTask {
     terms: Terms,
     trial: Trial,
@@ -48,14 +48,14 @@ pub struct LearnerTask {
     target: Option<Output<PoseTarget>>,
     episode_end: Option<EpisodeEnd>,
     clock: RunClock,
-    /// Age from which a measurement is too old \[ns\].
+    /// Maximum age of a measurement \[ns\].
     state_timeout: u64,
-    /// Joints of the robot.
+    /// Number of joints of the robot.
     joints: usize,
-    /// Index of each measured link in the robot's model, and memory for the force on it.
+    /// Index of each measured link in the robot's model, and a buffer for the force on it.
     links: Vec<u32>,
     forces: Vec<f64>,
-    /// Memory for an observation.
+    /// Buffer for an observation.
     numbers: Vec<f32>,
     /// The two newest actions, the newest first.
     actions: [Held; 2],
@@ -74,7 +74,7 @@ struct Inputs {
     contacts: Option<Input<Contacts>>,
 }
 
-/// An action and the time of its publication \[ns\]; `None` for none in this episode.
+/// An action and its publication time \[ns\]; `None` before the first action of the episode.
 #[derive(Clone, Debug)]
 struct Held {
     time: Option<u64>,
@@ -84,18 +84,18 @@ struct Held {
 /// Progress of an episode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// No state was measured.
+    /// No state has been measured.
     Before,
-    /// The trial runs since the step that was due at this time \[ns\].
+    /// The trial has been running since the step that was due at this time \[ns\].
     Running { since: u64 },
     /// The task has ended.
     Over,
 }
 
-/// A task checked for a robot.
+/// A task validated for a robot.
 struct Loaded {
     task: Task,
-    /// Its world, with its files read.
+    /// World of the task, with its files loaded.
     world: World,
     terms: Terms,
     joints: usize,
@@ -138,8 +138,7 @@ fn load(
     .map_err(|error| ConfigError::new(error.to_string()))?;
     let terms = Terms::new(&task, &loaded.model).map_err(invalid)?;
     if let Some(object) = terms.objects().first() {
-        let message =
-            format!("\"{object}\" is not a link, and rewards read positions of objects in training only");
+        let message = format!("\"{object}\" is an object, and rewards can use objects only in training");
         return Err(
             ConfigError::key("task", message).advise("evaluate the policy with `motorium learn evaluate`")
         );
@@ -148,7 +147,7 @@ fn load(
         [("observation", terms.inputs(), MAX_OBSERVATION), ("action", terms.actions(), MAX_ACTION)]
     {
         if found > most {
-            let message = format!("{found} numbers in an {what}, but the message holds {most}");
+            let message = format!("the {what} has {found} numbers, expected at most {most}");
             return Err(ConfigError::key("task", message));
         }
     }
@@ -157,7 +156,7 @@ fn load(
     Ok(Loaded { joints: loaded.model.joint_count(), links, task, world, terms })
 }
 
-/// A ground or an object that the world of a task has and another world lacks.
+/// Returns a ground or an object of the task's world that is missing in the graph's world.
 fn missing(task: &World, graph: &World) -> Option<String> {
     let has_ground = |world: &World| world.ground.is_some() || world.terrain.is_some();
     if has_ground(task) && !has_ground(graph) {
@@ -189,7 +188,7 @@ impl Component for LearnerTask {
         world.locate(declare.folder()).map_err(|error| ConfigError::key("world", error.to_string()))?;
         if let Some(missing) = missing(&task_world, &world) {
             declare
-                .warn(format!("the task's world has {missing}, the graph's does not"))
+                .warn(format!("the task's world has {missing}, but the graph's world does not"))
                 .key("task")
                 .advise("add it to the `[world]` of the graph, unless the robot is real");
         }
@@ -341,7 +340,7 @@ impl LearnerTask {
         self.actions.iter_mut().for_each(|held| held.time = None);
     }
 
-    /// Takes over an action that was published since the last step.
+    /// Stores an action published since the last step.
     fn read_action(&mut self) -> Result<(), StepError> {
         let Some(action) = self.inputs.action.next_unread() else { return Ok(()) };
         if action.count() != self.terms.actions() {
@@ -377,13 +376,13 @@ impl LearnerTask {
     }
 }
 
-/// True if an input has a value that is younger than `longest` \[ns\].
+/// Returns `true` if the newest value of an input is at most `longest` old \[ns\].
 fn is_fresh<T: StateBuffer>(input: &mut Input<T>, longest: u64) -> bool {
     input.latest().is_some_and(|reading| reading.age_ns() <= longest)
 }
 
 impl Inputs {
-    /// Reads all measurements. False while one is missing or older than `longest` \[ns\].
+    /// Reads all measurements. Returns `false` if one is missing or older than `longest` \[ns\].
     fn are_fresh(&mut self, longest: u64) -> bool {
         let Self { joints, base, contacts, .. } = self;
         is_fresh(joints, longest)
@@ -391,7 +390,7 @@ impl Inputs {
             && contacts.as_mut().is_none_or(|input| is_fresh(input, longest))
     }
 
-    /// Motion and height \[m\] of the base; zero if no term needs them.
+    /// Returns the motion and height \[m\] of the base; zero if no term needs them.
     fn base(&self) -> Result<(BaseMotion, f64), StepError> {
         let Some(state) = self.base.as_ref().and_then(Input::current) else {
             return Ok((BaseMotion::default(), 0.0));
@@ -403,7 +402,7 @@ impl Inputs {
         Ok((BaseMotion { linear_velocity, angular_velocity, gravity }, state.position[2]))
     }
 
-    /// Adds up the forces of the contacts on each link \[N\].
+    /// Sums the contact forces on each link \[N\].
     fn add_forces(&self, links: &[u32], forces: &mut [f64]) {
         let Some(contacts) = self.contacts.as_ref().and_then(Input::current) else { return };
         forces.fill(0.0);
@@ -416,7 +415,7 @@ impl Inputs {
     }
 }
 
-/// The kinds of this crate, for a program that hosts them.
+/// Returns the component kinds of this crate, for a host program.
 ///
 /// ```
 /// let names: Vec<_> = motorium_learners::kinds().iter().map(|kind| kind.name).collect();

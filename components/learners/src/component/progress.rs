@@ -1,4 +1,4 @@
-//! Curves of a training run on a topic.
+//! Progress of a training run on a topic.
 
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread::JoinHandle;
@@ -19,28 +19,28 @@ use crate::learner;
 pub const PROGRESS_TOPIC: &str = "learn/progress";
 /// Name of the component that the training program replaces.
 const COMPONENT: &str = "learner";
-/// Time between two looks at the run, which a signal or `motorium stop` may end.
+/// Polling interval of the run, which `motorium stop` may end.
 const INTERVAL: Duration = Duration::from_millis(50);
 
 motorium::state_buffer! {
-    /// Progress of a training run after an update. A number that the algorithm does not have, or does not
-    /// have yet, is 0.
+    /// Progress of a training run after an update. Values that the algorithm does not measure, or has not
+    /// measured yet, are 0.
     pub struct LearningProgress as "motorium.LearningProgress" {
-        /// Updates so far.
+        /// Number of updates.
         pub update: u64,
-        /// Steps of all worlds together.
+        /// Total steps of all worlds.
         pub steps: u64,
-        /// Episodes that ended.
+        /// Number of finished episodes.
         pub episodes: u64,
         /// Mean return of the last 100 episodes.
         pub mean_return: f64,
-        /// Mean length of the last 100 episodes, steps.
+        /// Mean length of the last 100 episodes, in steps.
         pub mean_length: f64,
         /// Steps of all worlds per second since the start of the program.
         pub steps_per_second: f64,
         /// Loss of the policy.
         pub policy_loss: f64,
-        /// Squared error of the value.
+        /// Squared error of the value function.
         pub value_loss: f64,
         /// Squared error of the critics.
         pub critic_loss: f64,
@@ -48,7 +48,7 @@ motorium::state_buffer! {
         pub value: f64,
         /// Entropy of the policy.
         pub entropy: f64,
-        /// Divergence between the policies before and after the update.
+        /// Divergence between the policy before and after the update.
         pub divergence: f64,
         /// Learning rate.
         pub rate: f64,
@@ -58,7 +58,7 @@ motorium::state_buffer! {
 }
 
 impl LearningProgress {
-    /// The progress of a learner whose values have the names `measures`.
+    /// Creates a message from the progress of a learner, whose values are named by `measures`.
     pub fn new(progress: &learner::Progress, measures: &[&str], steps_per_second: f64) -> Self {
         let finite = |value: f64| if value.is_finite() { value } else { 0.0 };
         let measured = |name: &str| {
@@ -118,7 +118,7 @@ impl Component for ProgressWriter {
     }
 
     fn step(&mut self, _: &Tick) -> Result<(), StepError> {
-        Err(StepError::failed("the training program publishes the progress, and this is another program"))
+        Err(StepError::failed("only the training program can publish the progress"))
     }
 }
 
@@ -131,7 +131,7 @@ fn kind() -> Kind {
 /// The progress cannot be published.
 #[derive(Debug, thiserror::Error)]
 pub enum FeedError {
-    /// The run did not start, or has ended.
+    /// The run did not start or has ended.
     #[error(transparent)]
     Session(#[from] SessionError),
     /// The thread of the run did not start.
@@ -139,8 +139,8 @@ pub enum FeedError {
     Thread,
 }
 
-/// A run with the topic [`PROGRESS_TOPIC`], on which a training program publishes its progress. Another
-/// thread drives the run; training never waits for it. Dropping the feed ends the run.
+/// A run on whose topic [`PROGRESS_TOPIC`] a training program publishes its progress. A separate thread
+/// drives the run, so training never waits for it. Dropping the feed ends the run.
 #[derive(Debug)]
 pub struct ProgressFeed {
     run: String,
@@ -149,7 +149,7 @@ pub struct ProgressFeed {
 }
 
 impl ProgressFeed {
-    /// Starts the run. It leaves signals to the program.
+    /// Starts the run. Signals are left to the program.
     ///
     /// # Errors
     ///
@@ -165,15 +165,15 @@ impl ProgressFeed {
         Ok(Self { run, sender: Some(sender), thread: Some(thread) })
     }
 
-    /// Name of the run, by which the tools of the command find it.
+    /// Returns the identifier by which the tools find the run.
     pub fn run(&self) -> &str {
         &self.run
     }
 
-    /// Passes progress to the run. Does not wait; without effect once the run has ended.
+    /// Sends progress to the run without waiting. Has no effect once the run has ended.
     pub fn publish(&self, progress: LearningProgress) {
         if let Some(sender) = &self.sender {
-            // the run may have been ended by `motorium stop`: training continues
+            // `motorium stop` may have ended the run; training continues
             let _ = sender.send(progress);
         }
     }
@@ -183,7 +183,7 @@ impl Drop for ProgressFeed {
     fn drop(&mut self) {
         self.sender = None;
         if let Some(thread) = self.thread.take() {
-            // a panic of the thread has been printed
+            // a panic of the thread has already been printed
             let _ = thread.join();
         }
     }

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use crate::task::End;
 
-/// Statistics of the episodes that ended.
+/// Statistics of the finished episodes.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Score {
     episodes: u64,
@@ -33,7 +33,7 @@ impl Score {
         } += 1;
     }
 
-    /// The result of a component.
+    /// Returns the result of the component.
     pub(super) fn report(&self) -> Value {
         let some = |value: f64| (self.episodes > 0).then_some(value);
         json!({
@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn statistics_cover_the_episodes_that_ended() {
+    fn statistics_cover_finished_episodes() {
         let mut score = Score::default();
         assert_eq!(score.report()["mean_return"], Value::Null);
         score.add(-2.0, 10, End::Failure);

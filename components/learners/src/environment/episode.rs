@@ -28,7 +28,7 @@ pub(super) struct Episode {
     drives: Vec<[f64; 2]>,
     /// Physics steps after which an action takes effect.
     delay: usize,
-    /// Memory for the measurements of links and objects.
+    /// Buffers for the measurements of links and objects.
     surroundings: Surroundings,
 }
 
@@ -49,8 +49,9 @@ impl Episode {
         }
     }
 
-    /// Starts episode `number` at a level of the curriculum. `seed` samples its physical properties and its
-    /// start; if not given, it depends on the seed of the run, the world and the number.
+    /// Starts episode `number` at a level of the curriculum. Physical properties and the start state are
+    /// sampled with `seed`; if it is `None`, the seed is derived from the seed of the run, the world and the
+    /// number.
     pub(super) fn begin<E: Engine>(
         &mut self,
         stage: &Stage,
@@ -72,7 +73,7 @@ impl Episode {
         Ok(())
     }
 
-    /// Steps physics with an action for one step of the policy; false where physics could not make it.
+    /// Steps physics with an action for one policy step. Returns `false` if physics failed.
     pub(super) fn drive<E: Engine>(
         &mut self,
         stage: &Stage,
@@ -90,7 +91,7 @@ impl Episode {
         stage.advance(simulation, (counter, actions), (self.delay, &self.drives))
     }
 
-    /// Applies an action for one step of the policy.
+    /// Applies an action for one policy step.
     pub(super) fn advance<E: Engine>(
         &mut self,
         stage: &Stage,
@@ -155,11 +156,11 @@ pub struct Environment<E> {
 }
 
 impl<E: Engine> Environment<E> {
-    /// World `world` of a training run with a seed, before its first episode.
+    /// Creates world `world` of a training run with a seed, before its first episode.
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError`] where the task does not fit the robot.
+    /// [`EnvironmentError`] if the task does not fit the robot.
     pub fn new(
         task: &Task,
         mut simulation: Simulation<E>,
@@ -173,12 +174,12 @@ impl<E: Engine> Environment<E> {
         Ok(made)
     }
 
-    /// The terms of the task.
+    /// Returns the terms of the task.
     pub fn terms(&self) -> &Terms {
         &self.stage.terms
     }
 
-    /// The simulation.
+    /// Returns the simulation.
     pub fn simulation(&self) -> &Simulation<E> {
         &self.simulation
     }
@@ -192,8 +193,8 @@ impl<E: Engine> Environment<E> {
         self.start(None)
     }
 
-    /// Starts the next episode with the physical properties and the start that a physics component of a graph
-    /// samples from this seed, and returns its first observation.
+    /// Starts the next episode with the physical properties and the start state that a physics component of a
+    /// graph samples from this seed. Returns the first observation.
     ///
     /// # Errors
     ///
@@ -232,21 +233,22 @@ impl<E: Engine> Environment<E> {
         }
     }
 
-    /// The observation after the last step or reset.
+    /// Returns the observation after the last step or reset.
     pub fn observation(&self) -> &[f32] {
         &self.episode.observation
     }
 
-    /// The command in force: forward, left \[m/s\], turn \[rad/s\], or the position of the target \[m\].
+    /// Returns the current command: forward, left \[m/s\], turn \[rad/s\], or the position of the target
+    /// \[m\].
     pub fn command(&self) -> [f64; 3] {
         self.episode.trial.command()
     }
 
-    /// Applies an action for one step of the policy. After an end, [`reset`](Self::reset) follows.
+    /// Applies an action for one policy step. After the end of an episode, call [`reset`](Self::reset) first.
     ///
     /// # Panics
     ///
-    /// If the action has another number of entries than the task.
+    /// If the length of the action differs from the task's.
     pub fn step(&mut self, action: &[f32]) -> Step {
         self.episode.advance(&self.stage, &mut self.simulation, action)
     }

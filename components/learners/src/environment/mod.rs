@@ -1,8 +1,8 @@
 //! Environments of a [`Task`](crate::task::Task) over a simulation, without the runtime.
 //!
-//! [`Environment`] is one world, [`VectorEnvironment`] many worlds on several threads. Both run the same code
-//! and give the same numbers bit for bit: the randomness of an episode depends on the seed, the world and the
-//! number of the episode alone.
+//! [`Environment`] is one world, [`VectorEnvironment`] steps many worlds on several threads. Both run the
+//! same code and give bit-for-bit equal results: the randomness of an episode depends only on the seed, the
+//! world and the number of the episode.
 
 mod episode;
 mod scene;
@@ -18,7 +18,7 @@ use motorium_physics::{BuildError, ResetError, StepError};
 use crate::task::TaskError;
 pub use crate::task::{End, Step};
 
-/// The errors of environments.
+/// Errors of environments.
 #[derive(Debug, thiserror::Error)]
 pub enum EnvironmentError {
     /// The task does not fit the robot.
@@ -37,7 +37,7 @@ pub enum EnvironmentError {
         /// Reason.
         source: ResetError,
     },
-    /// Physics cannot make a step before the first observation.
+    /// A physics step failed before the first observation.
     #[error("world {world}, episode {episode}, before the first observation: {source}")]
     FreeStep {
         /// Index of the world.

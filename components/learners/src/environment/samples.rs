@@ -1,4 +1,4 @@
-//! The tasks of the project.
+//! Tests of the tasks in `tasks/`.
 
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ fn text(name: &str) -> String {
     std::fs::read_to_string(folder().join(format!("{name}.toml"))).expect("a task of the project")
 }
 
-/// The task of a text after replacements, each of which must match.
+/// Returns the task in a file after replacements, each of which must match.
 fn changed(name: &str, changes: &[(&str, &str)]) -> Task {
     let mut text = text(name);
     for (from, to) in changes {
@@ -116,7 +116,7 @@ fn equal_seeds_give_equal_bits_in_every_task() {
     }
 }
 
-/// Mean returns of random actions and of a policy trained for some steps.
+/// Returns the mean returns of random actions and of a policy trained for some steps.
 fn returns(name: &str, ppo: &str) -> [f64; 2] {
     let mut task = changed(name, &[]);
     task.algorithms = format!("[ppo]\n{ppo}").parse().expect("settings");
@@ -269,7 +269,7 @@ fn a_ball_that_falls_into_the_cup_is_caught() {
     let changes = [("position = [0.0, 0.0, 0.0, 0.3]", &*above), ("start = [-0.05, 0.05]\n", "")];
     let found = rest(&changed("ball-in-cup", &changes), 1);
     assert_eq!(found.end, End::Success, "{found:?}");
-    // 0.155 m above the place where it counts, it falls for 0.16 s, longer while the cup sags
+    // it starts 0.155 m above the catch height and falls for 0.16 s, longer while the cup sags
     assert!((7..=12).contains(&found.steps), "{found:?}");
     assert!(found.total > 2.0, "{found:?}");
 }

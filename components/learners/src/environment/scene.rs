@@ -9,10 +9,10 @@ use motorium_worlds::{World, WorldError};
 
 use crate::task::{Task, robot_digest};
 
-/// A robot that cannot be loaded.
+/// The robot of a task or its world cannot be loaded.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
-    /// Its file or its profile is invalid.
+    /// The file or the profile of the robot is invalid.
     #[error("`robot`: \"{robot}\": {source}")]
     Load {
         /// The robot of the task.
@@ -20,7 +20,7 @@ pub enum SceneError {
         /// Reason.
         source: Box<LoadError>,
     },
-    /// Its profile names a frame that it does not have.
+    /// The profile names a frame that the robot lacks.
     #[error("`robot`: \"{robot}\": {source}")]
     Frame {
         /// The robot of the task.
@@ -28,7 +28,7 @@ pub enum SceneError {
         /// Reason.
         source: UnknownFrame,
     },
-    /// Its world is invalid.
+    /// The world of the task is invalid.
     #[error("`world`: {0}")]
     World(#[from] WorldError),
 }
@@ -62,12 +62,13 @@ impl Scene {
         Ok(Self { robot: setup, world, warnings, digest, start: task.start.position.clone() })
     }
 
-    /// Warnings of elements of the world's file that are left out.
+    /// Returns warnings about ignored elements of the world's file.
     pub fn warnings(&self) -> &[ModelWarning] {
         &self.warnings
     }
 
-    /// Digest of the robot for the policies of the task; `None` if it lacks a joint of the action.
+    /// Returns the digest of the robot for policies of the task; `None` if the robot lacks a joint of the
+    /// action.
     pub fn robot_digest(&self) -> Option<RobotDigest> {
         self.digest
     }

@@ -1,4 +1,4 @@
-//! A task at the simulation of a robot: its terms, the start of its episodes, and its steps of physics.
+//! A task bound to the simulation of a robot: terms, starts of episodes, and physics steps.
 
 use motorium_drive::{JointSetpoint, within_range, within_rate};
 use motorium_models::policy::{ActionKind, BaseMotion, projected_gravity};
@@ -12,7 +12,7 @@ use super::EnvironmentError;
 use crate::random::{Counter, Purpose};
 use crate::task::{PointMotion, Pushes, Rhythm, RobotState, Task, TaskError, Terms};
 
-/// All that the worlds of a task share.
+/// Data shared by all worlds of a task.
 #[derive(Debug)]
 pub(super) struct Stage {
     pub(super) terms: Terms,
@@ -21,7 +21,7 @@ pub(super) struct Stage {
     draws: Option<Draws>,
     /// Pushes, and the link of the base.
     pushes: Option<(Pushes, FrameId)>,
-    /// Fewest and most physics steps after which an action takes effect.
+    /// Minimum and maximum number of physics steps before an action takes effect.
     delay: [usize; 2],
     /// Range and velocity limit of each joint of the action within which its setpoint moves.
     limits: Option<Vec<SetpointLimits>>,
@@ -29,7 +29,7 @@ pub(super) struct Stage {
     velocity: Vec<f64>,
     velocity_spread: f64,
     free_steps: usize,
-    /// Physics steps in a step of the policy, and their duration \[s\].
+    /// Physics steps per policy step, and their duration \[s\].
     decimation: usize,
     step: f64,
 }
@@ -43,8 +43,8 @@ struct SetpointLimits {
 }
 
 impl SetpointLimits {
-    /// Moves a command from the position setpoint `before` towards its own for `dt` s, and lets the drive
-    /// brake beyond the velocity limit.
+    /// Moves a command from the position setpoint `before` towards its target for `dt` s. The drive brakes
+    /// beyond the velocity limit.
     fn bound(self, command: JointSetpoint, before: f64, dt: f64) -> JointSetpoint {
         let Self { lower, upper, velocity } = self;
         let position = within_range(command.position, lower, upper).unwrap_or(command.position);
@@ -58,7 +58,7 @@ impl SetpointLimits {
 pub(super) struct Surroundings {
     /// Force on each link whose contacts are measured.
     forces: Vec<f64>,
-    /// Motion of each object that is measured.
+    /// Motion of each measured object.
     objects: Vec<PointMotion>,
 }
 
@@ -72,7 +72,7 @@ impl Surroundings {
 }
 
 impl Stage {
-    /// A task at a simulation, which is left at the start of an episode without randomisation.
+    /// Binds a task to a simulation, which is left at the start of an episode without randomisation.
     pub(super) fn new<E: Engine>(task: &Task, simulation: &mut Simulation<E>) -> Result<Self, TaskError> {
         let terms = Terms::new(task, simulation.model())?;
         let objects = terms.objects().iter().map(|name| {
@@ -141,15 +141,15 @@ impl Stage {
         })
     }
 
-    /// Physics steps after which an action takes effect in the episode of the counter.
+    /// Returns the number of physics steps before an action takes effect in the episode of the counter.
     pub(super) fn delay(&self, counter: Counter) -> usize {
         let [fewest, most] = self.delay;
         if fewest == most { fewest } else { counter.stream(Purpose::Delay).random_range(fewest..=most) }
     }
 
-    /// Puts a simulation at the start of an episode. `seed` samples the physical properties and the start, as
-    /// a physics component of a graph does with it. `drives` receives the factors of the gain and of the
-    /// strength of each drive.
+    /// Resets a simulation to the start of an episode. Physical properties and the start state are sampled
+    /// with `seed`, as in a physics component of a graph. `drives` receives the gain and strength factors of
+    /// each drive.
     pub(super) fn begin<E: Engine>(
         &self,
         simulation: &mut Simulation<E>,
@@ -200,7 +200,7 @@ impl Stage {
     ) -> bool {
         let targets = self.terms.targets();
         (0..self.decimation).all(|physics_step| {
-            // setpoints within limits move in every physics step, until the delay towards the action before
+            // setpoints within limits move in every physics step, during the delay to the previous action
             if physics_step == delay || (physics_step > delay && self.limits.is_some()) {
                 self.command(simulation, action, drives);
             } else if self.limits.is_some() && counter.step > 0 {
@@ -255,7 +255,7 @@ impl Stage {
         }
     }
 
-    /// The state of the robot and of objects, with memory for measurements.
+    /// Measures the state of the robot and of objects into the buffers.
     pub(super) fn state<'a, E: Engine>(
         &self,
         simulation: &'a Simulation<E>,

@@ -50,13 +50,13 @@ fn many(worlds: usize, threads: usize) -> VectorEnvironment<motorium_physics::Ar
     VectorEnvironment::new(&task, (worlds, threads), 7, simulation).expect("environments")
 }
 
-/// An action that differs by world and step; worlds with odd numbers push until they fail.
+/// Returns an action that depends on world and step. Odd worlds push until they fail.
 fn action(world: usize, step: usize) -> [f32; 2] {
     if world.is_multiple_of(2) { [((world + step) as f32).sin() * 0.05, 0.3] } else { [0.9, 0.0] }
 }
 
 #[test]
-fn worlds_equal_single_environments_on_any_number_of_threads() {
+fn worlds_match_single_environments_on_any_threads() {
     let run = |threads| {
         let mut worlds = many(5, threads);
         let mut seen = vec![worlds.observations().to_vec()];
@@ -171,7 +171,7 @@ fn terms_that_need_other_components_are_refused() {
     assert!(error.starts_with("`observations[2].term`: found base_angular_velocity, expected"), "{error}");
 }
 
-/// A quadruped with a new command after every fifth step.
+/// Creates a quadruped with a new command every five steps.
 fn quadruped(seed: u64) -> Environment<motorium_physics::Articulated> {
     let text = include_str!("../../../../tasks/quadruped-velocity.toml");
     assert!(text.contains("interval = 5.0") && text.contains("standing = 0.1"));
@@ -182,7 +182,7 @@ fn quadruped(seed: u64) -> Environment<motorium_physics::Articulated> {
 }
 
 #[test]
-fn a_standing_quadruped_is_observed_and_commanded() {
+fn standing_quadruped_is_observed_and_commanded() {
     let mut world = quadruped(1);
     assert_eq!(world.reset().expect("an episode").len(), 48);
     let mut commands = vec![world.command()];
@@ -200,7 +200,7 @@ fn a_standing_quadruped_is_observed_and_commanded() {
         assert_eq!(is_new, step % 5 == 0, "step {step}");
         commands.push(command);
     }
-    // another episode has other commands, an equal environment the same
+    // another episode has other commands; an equal environment has the same ones
     world.reset().expect("an episode");
     assert_ne!(world.command(), commands[0]);
     let mut equal = quadruped(1);
@@ -209,10 +209,10 @@ fn a_standing_quadruped_is_observed_and_commanded() {
 }
 
 #[test]
-fn a_quadruped_that_falls_ends_its_episode() {
+fn falling_quadruped_ends_its_episode() {
     let mut world = quadruped(2);
     world.reset().expect("an episode");
-    // both left legs are drawn up
+    // both left legs are lifted
     let action: Vec<f32> = (0..12).map(|joint| if matches!(joint / 3, 0 | 2) { 4.0 } else { 0.0 }).collect();
     let end = (0..200).find_map(|_| world.step(&action).end);
     assert_eq!(end, Some(End::Failure));
@@ -234,7 +234,7 @@ fn free_steps_precede_the_first_observation() {
 }
 
 #[test]
-fn noise_changes_observations_and_not_states() {
+fn noise_changes_observations_but_not_states() {
     let exact = TEXT
         .replace(", history = 2", "")
         .replace(", scale = 0.5, clip = [-1.0, 1.0]", "")
@@ -284,8 +284,8 @@ fn delayed_actions_take_effect_within_their_step() {
     ));
 }
 
-/// Largest speed of a joint of the Panda whose position action jumps by 0.8 rad, and its distance from the
-/// target after a second.
+/// Returns the maximum speed of a Panda joint after a step of 0.8 rad in its position action, and its
+/// distance from the target after a second.
 fn jump(lines: &str) -> [f64; 2] {
     let text = format!(
         r#"
@@ -327,7 +327,7 @@ fn drives_follow_actions_within_their_limits() {
     ));
 }
 
-/// Motion of the base of a falling quadruped after three seconds, in a task with these lines.
+/// Returns the motion of the base of a falling quadruped after three seconds, in a task with these lines.
 fn fallen(lines: &str) -> [f64; 3] {
     let text = format!(
         r#"
@@ -354,7 +354,7 @@ fn fallen(lines: &str) -> [f64; 3] {
 }
 
 #[test]
-fn a_push_moves_the_base_sideways() {
+fn push_moves_the_base_sideways() {
     let [x, y, _] = fallen("");
     assert!(x.hypot(y) < 1e-9, "{x} {y}");
     let pushes = "pushes = { force = 20.0, interval = 2.5 }";

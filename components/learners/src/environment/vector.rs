@@ -14,7 +14,7 @@ struct Data {
     episode: Episode,
     action: Vec<f32>,
     step: Step,
-    /// Observation at the end of an episode that ended in the last step.
+    /// Final observation of an episode that ended in the last step.
     last: Vec<f32>,
     failure: Option<EnvironmentError>,
 }
@@ -30,8 +30,8 @@ pub struct Progress {
     pub actions: Vec<f32>,
 }
 
-/// Many worlds of a task on several threads. An episode that ends is followed by the next in the same step:
-/// its final observation is kept next to the first of the next.
+/// Many worlds of a task, stepped on several threads. When an episode ends, the next one starts in the same
+/// step; the final observation is kept next to the new first observation.
 pub struct VectorEnvironment<E> {
     batch: Batch<E, Data>,
     stage: Arc<Stage>,
@@ -43,8 +43,8 @@ pub struct VectorEnvironment<E> {
 }
 
 impl<E: Engine + Send> VectorEnvironment<E> {
-    /// `worlds` worlds on `threads` threads, each at the start of its episode 0. `build` makes the simulation
-    /// of a world.
+    /// Creates `worlds` worlds on `threads` threads, each at the start of episode 0. `build` creates the
+    /// simulation of each world.
     ///
     /// # Errors
     ///
@@ -80,50 +80,51 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         Ok(made)
     }
 
-    /// The terms of the task.
+    /// Returns the terms of the task.
     pub fn terms(&self) -> &Terms {
         &self.stage.terms
     }
 
-    /// Number of worlds.
+    /// Returns the number of worlds.
     pub fn worlds(&self) -> usize {
         self.batch.count()
     }
 
-    /// Number of threads that step the worlds, the caller's included.
+    /// Returns the number of threads that step the worlds, including the caller's.
     pub fn threads(&self) -> usize {
         self.batch.threads()
     }
 
-    /// Calls `work` once on each thread with the number of the thread, from 0, and returns when all calls
-    /// have returned.
+    /// Calls `work` once on each thread with the index of the thread, and returns when all calls have
+    /// returned.
     pub fn on_threads(&mut self, work: &(dyn Fn(usize) + Sync)) {
         self.batch.on_threads(work);
     }
 
-    /// Observations of all worlds, one after the other; after an end the first of the next episode.
+    /// Returns the observations of all worlds, one after the other; after the end of an episode, the first
+    /// observation of the next.
     pub fn observations(&self) -> &[f32] {
         &self.observations
     }
 
-    /// The observation at the end of an episode that ended in the last step, or `None` where the episode
+    /// Returns the final observation of an episode that ended in the last step, or `None` if the episode
     /// continues.
     pub fn final_observation(&self, world: usize) -> Option<&[f32]> {
         let inputs = self.terms().inputs();
         self.steps[world].end.map(|_| &self.last[world * inputs..][..inputs])
     }
 
-    /// Results of the last step, one a world.
+    /// Returns the results of the last step, one per world.
     pub fn steps(&self) -> &[Step] {
         &self.steps
     }
 
-    /// Sets the level of the curriculum, 0 to 1, for the episodes that start from now on.
+    /// Sets the level of the curriculum, 0 to 1, for the following episodes.
     pub fn set_level(&mut self, level: f64) {
         self.level = level;
     }
 
-    /// The running episode of each world: all that [`resume`](Self::resume) needs.
+    /// Returns the running episode of each world, for [`resume`](Self::resume).
     pub fn progress(&self) -> Vec<Progress> {
         let episodes = self.batch.data().iter().map(|data| &data.episode);
         let progress = |episode: &Episode| Progress {
@@ -134,8 +135,8 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         episodes.map(progress).collect()
     }
 
-    /// Starts the given episode of each world of a run with a seed and replays its actions: the worlds are
-    /// then as they were to the bit.
+    /// Starts the given episode of each world of a run with a seed and replays its actions. This restores the
+    /// worlds bit for bit.
     ///
     /// # Errors
     ///
@@ -174,11 +175,11 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         self.collect()
     }
 
-    /// Applies one action a world, one after the other.
+    /// Applies one action per world; `actions` contains them one after the other.
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError::Reset`] where the next episode cannot start.
+    /// [`EnvironmentError::Reset`] if the next episode cannot start.
     ///
     /// # Panics
     ///
@@ -201,9 +202,9 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         Ok(&self.steps)
     }
 
-    /// Moves the drives of all worlds by one action each and steps physics as [`step`](Self::step) does,
-    /// without observations, rewards and ends: the part of a step that physics needs. Pushes do not
-    /// change. [`restart`](Self::restart) follows before a step of the task.
+    /// Applies one action per world and steps physics as [`step`](Self::step) does, but without observations,
+    /// rewards and ends of episodes. Pushes do not change. Call [`restart`](Self::restart) before the next
+    /// step of the task.
     ///
     /// # Panics
     ///

@@ -1,14 +1,13 @@
-//! A ball on a string caught in a cup by PoWER: on weights of a motion library, and on weights of radial
-//! kernels.
+//! Catching a ball on a string in a cup by PoWER, on weights of a motion library or of radial kernels.
 //!
-//! A demonstrator attempts the catch: each attempt sways the cup once and jerks it up, by other distances and
-//! at other times; few of them catch the ball. A movement of the cup is the response of a spring to forces.
-//! Its weights belong to the eigenforces of all attempts, or to as many kernels. Each search starts from
-//! the mean attempt in its space, explores as much as the weights of the attempts vary, and learns from one
-//! episode a rollout, whose start and masses differ.
+//! A demonstrator attempts the catch. Each attempt sways the cup once and jerks it up, with different
+//! distances and timing; few attempts succeed. A movement of the cup is the response of a spring to forces,
+//! which are weighted eigenforces of all attempts or the same number of weighted kernels. Each search starts
+//! from the mean attempt and explores with the variance of the attempts' weights. A rollout is one episode,
+//! with a random start and random masses.
 //!
-//! Source: the task and the method of Kober, Peters, *Policy search for motor primitives in robotics*, NIPS
-//! 2008; the library of Delhaisse's thesis, 2019, section 3.4.3. The attempts are an addition.
+//! Sources: task and method from Kober, Peters, *Policy search for motor primitives in robotics*, NIPS 2008;
+//! library from Delhaisse's thesis, 2019, section 3.4.3. The attempts are an addition.
 
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
@@ -32,13 +31,13 @@ use crate::task::{End, Task};
 
 /// Joints that the movement drives: along x and along z.
 const DRIVEN: usize = 2;
-/// Duration of a movement, s. The cup then stays where it started.
+/// Duration of a movement, s. Afterwards the cup stays at its start position.
 const SECONDS: f64 = 1.2;
-/// Attempts of the demonstrator.
+/// Number of attempts of the demonstrator.
 const ATTEMPTS: u64 = 60;
 /// Rollouts between two evaluations of the mean of a search.
 const ROLLOUTS: u64 = 25;
-/// Return by which the reward of PoWER, which is positive, grows by a factor of e.
+/// Increase of the return that multiplies PoWER's positive reward by e.
 const TEMPERATURE: f64 = 3.0;
 
 /// Meaning of the weights of a search.
@@ -47,9 +46,9 @@ const TEMPERATURE: f64 = 3.0;
 pub enum Weights {
     /// Weights of eigenforces.
     Library,
-    /// Weights of kernels; each has the same share of the response of the attempts.
+    /// Weights of kernels with equal shares of the attempts' response.
     Kernels,
-    /// Weights of kernels; each varies as in a fit of the attempts.
+    /// Weights of kernels with the variances of a fit to the attempts.
     FittedKernels,
 }
 
@@ -57,7 +56,7 @@ impl Weights {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Library, Self::Kernels, Self::FittedKernels];
 
-    /// Name in figures.
+    /// Returns the name in figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::Library => "library",
@@ -82,13 +81,13 @@ pub struct StudySettings {
     pub first_seed: u64,
     /// Number of seeds, from 1.
     pub seeds: u64,
-    /// Numbers of weights, each from 2.
+    /// Numbers of weights to compare, each from 2.
     pub weights: Vec<usize>,
-    /// Episodes from which a search learns, from 1.
+    /// Number of episodes of a search, from 1.
     pub rollouts: u64,
 }
 
-/// The errors of a study.
+/// Errors of a study.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
     /// The robot cannot be loaded.
@@ -100,16 +99,16 @@ pub enum StudyError {
     /// The spring is unstable at the rate of the task.
     #[error(transparent)]
     Spring(#[from] SpringError),
-    /// The attempts do not make a library.
+    /// No library can be built from the attempts.
     #[error(transparent)]
     Library(#[from] BuildError),
-    /// PoWER refused its start.
+    /// PoWER rejected its start.
     #[error(transparent)]
     Start(#[from] StartError),
-    /// PoWER refused a reward.
+    /// PoWER rejected a reward.
     #[error(transparent)]
     Tell(#[from] TellError),
-    /// The task drives other joints.
+    /// The task does not drive two joints.
     #[error("the task drives {found} joints, expected 2, along x and z")]
     Task {
         /// Number of driven joints.
@@ -120,7 +119,7 @@ pub enum StudyError {
 /// Result of an evaluation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Point {
-    /// Episodes before; 0 is the start.
+    /// Number of preceding rollouts; 0 at the start.
     pub rollouts: u64,
     /// Mean return of the movement without exploration.
     pub mean_return: f64,
@@ -128,7 +127,7 @@ pub struct Point {
     pub caught: f64,
 }
 
-/// The course of a search.
+/// Learning curve of a search.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Trial {
     /// Meaning of the weights.
@@ -141,18 +140,18 @@ pub struct Trial {
     pub curve: Vec<Point>,
 }
 
-/// Searches in all spaces with several seeds.
+/// Results of searches in all spaces with several seeds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Study {
     /// Fraction of the demonstrator's attempts that catch the ball.
     pub caught_by_attempts: f64,
-    /// Every trial: weights by weights, number by number, seed by seed.
+    /// All trials, ordered by kind of weights, number of weights and seed.
     pub trials: Vec<Trial>,
 }
 
 impl Study {
-    /// Runs a study of the ball-in-cup task, whose robot is relative to `base`, on several threads. `observe`
-    /// is called after each trial. The result does not depend on the number of threads.
+    /// Runs a study of the ball-in-cup task on several threads. The path of its robot is relative to `base`.
+    /// `observe` is called after each trial. The result does not depend on the number of threads.
     ///
     /// # Errors
     ///
@@ -186,12 +185,12 @@ impl Study {
         Ok(Self { caught_by_attempts: cup.attempts()?, trials })
     }
 
-    /// The trials with a number of weights.
+    /// Returns the trials with a kind and number of weights.
     pub fn trials(&self, weights: Weights, count: usize) -> impl Iterator<Item = &Trial> {
         self.trials.iter().filter(move |trial| (trial.weights, trial.count) == (weights, count))
     }
 
-    /// The last evaluations of the trials with a number of weights, one a seed.
+    /// Returns the final evaluations of these trials, one per seed.
     pub fn ends(&self, weights: Weights, count: usize) -> Vec<Point> {
         self.trials(weights, count).filter_map(|trial| trial.curve.last().copied()).collect()
     }
@@ -205,7 +204,7 @@ struct Cup<'a> {
     library: MotionLibrary,
     /// Forces of the mean attempt.
     mean: Vec<f64>,
-    /// Range of each joint's action \[m\]; 0 where it is not driven.
+    /// Range of each joint's action \[m\]; 0 for joints that are not driven.
     scale: Vec<f64>,
 }
 
@@ -230,7 +229,8 @@ impl<'a> Cup<'a> {
         Ok(Self { setting, rollouts: settings.rollouts, spring, library, mean, scale })
     }
 
-    /// The next episode with the movement under some forces: its return, and whether the ball is caught.
+    /// Runs the next episode with the movement under some forces. Returns its return, and `true` if the ball
+    /// is caught.
     fn episode(
         &self,
         environment: &mut Environment<Articulated>,
@@ -249,7 +249,7 @@ impl<'a> Cup<'a> {
         Ok((episode.total, episode.end == End::Success))
     }
 
-    /// Fraction of the attempts that catch the ball.
+    /// Returns the fraction of the attempts that catch the ball.
     fn attempts(&self) -> Result<f64, EnvironmentError> {
         let mut environment = self.setting.environment(0, 0)?;
         let mut caught = 0;
@@ -271,7 +271,7 @@ impl<'a> Cup<'a> {
         Ok(point)
     }
 
-    /// Learns in a space from the mean attempt.
+    /// Runs a search in a space, starting from the mean attempt.
     fn search(&self, space: &SearchSpace, seed: u64) -> Result<Vec<Point>, StudyError> {
         let deviation = space.variance.iter().map(|variance| variance.max(0.0).sqrt()).collect();
         let start = Start::new(space.weights_of(&self.mean, &self.spring), deviation, seed);
@@ -289,13 +289,13 @@ impl<'a> Cup<'a> {
     }
 }
 
-/// A raised cosine: 0 until `begin`, 1 after half of `width`, and 0 again after `width`.
+/// Returns a raised cosine: 0 until `begin`, 1 after half of `width`, and 0 again after `width`.
 fn bump(time: f64, begin: f64, width: f64) -> f64 {
     let part = ((time - begin) / width).clamp(0.0, 1.0);
     0.5 * (1.0 - (TAU * part).cos())
 }
 
-/// The attempts of the demonstrator, from its home and back \[m\].
+/// Returns the attempts of the demonstrator, which start and end at the home position \[m\].
 fn attempts(spring: &SampledSpring) -> Recordings {
     let attempt = |index: u64| {
         let counter = Counter { step: index, ..Counter::default() };
@@ -311,7 +311,7 @@ fn attempts(spring: &SampledSpring) -> Recordings {
     Recordings { names, trajectories: (0..ATTEMPTS).map(attempt).collect() }
 }
 
-/// Positions along x and z: a sway, a dip and a jerk upwards.
+/// Returns positions along x and z: a sway, a dip and an upward jerk.
 fn attempt(samples: usize, random: &mut Pcg64) -> DMatrix<f64> {
     let mut within = |low: f64, high: f64| random.random_range(low..high);
     let (sway, period) = (within(0.08, 0.25), within(0.6, 1.1));
@@ -349,7 +349,7 @@ mod tests {
             for trial in found.trials(weights, 6) {
                 let rollouts: Vec<u64> = trial.curve.iter().map(|point| point.rollouts).collect();
                 assert_eq!(rollouts, [0, 25, 30]);
-                // the mean attempt swings the ball: a return above the hanging ball's, below a catch's
+                // the mean attempt swings the ball: its return is between a hanging and a caught ball's
                 assert!((-30.0..10.0).contains(&trial.curve[0].mean_return), "{trial:?}");
             }
             assert_eq!(found.ends(weights, 6).len(), 2);

@@ -10,16 +10,16 @@ use super::search::Goal;
 
 /// Samples of a window: 2 s at [`RATE`].
 pub const WINDOW: usize = 60;
-/// Samples from the beginning of one window to that of the next.
+/// Samples between the starts of two successive windows.
 const STRIDE: usize = 8;
-/// Largest step of an angle from sample to sample, rad: more is a jump of Euler angles.
+/// Maximum change of an angle between samples, rad; a larger one is a discontinuity of the Euler angles.
 const LEAP: f64 = 0.35;
-/// Standard deviation of the Gaussian that smooths, samples.
+/// Standard deviation of the Gaussian smoothing filter, samples.
 const SMOOTH: f64 = 1.5;
-/// Samples a second.
+/// Sampling rate, Hz.
 pub const RATE: f64 = 30.0;
 
-/// Channels of arms and legs in the recordings, deg; `*` ends the beginning of a name.
+/// Channels of arms and legs in the recordings, deg. `*` at the end of a name matches any suffix.
 pub const CHANNELS: [&str; 12] = [
     "lhumerus*",
     "lradius*",
@@ -39,8 +39,8 @@ const RIGHT_ARM: &str = "rhumerus*,rradius*,rwrist*,rhand_*";
 const LEFT_LEG: &str = "lfemur*,ltibia*";
 const RIGHT_LEG: &str = "rfemur*,rtibia*";
 
-/// Windows of clips with the channels [`CHANNELS`] (in deg), in rad and smoothed: those of the first four
-/// fifths of each clip to learn from, those of the rest to measure on.
+/// Splits clips with the channels [`CHANNELS`] (deg) into smoothed windows in rad. Returns the windows of the
+/// first four fifths of each clip for training, and of the rest for evaluation.
 pub fn windows(mut clips: Recordings) -> (Recordings, Recordings) {
     let mut rest = Recordings { names: clips.names.clone(), trajectories: Vec::new() };
     for clip in &mut clips.trajectories {
@@ -60,32 +60,32 @@ pub fn windows(mut clips: Recordings) -> (Recordings, Recordings) {
     (clips.windows(WINDOW, STRIDE, LEAP), rest.windows(WINDOW, STRIDE, LEAP))
 }
 
-/// Largest difference of singular values of two libraries, over the largest singular value of the second.
+/// Returns the largest difference of the singular values of two libraries, relative to the largest singular
+/// value of the second.
 pub fn difference(a: &MotionLibrary, b: &MotionLibrary) -> f64 {
     let (a, b) = (&a.parts().singular, &b.parts().singular);
     let largest = b.first().copied().unwrap_or(1.0);
     a.iter().zip(b).map(|(a, b)| (a - b).abs() / largest).fold(0.0, f64::max)
 }
 
-/// An error of [`Body::learn`].
+/// Errors of [`Body::learn`].
 #[derive(Debug, thiserror::Error)]
 pub enum BodyError {
     /// No library can be learned from these windows.
     #[error(transparent)]
     Build(#[from] BuildError),
-    /// The recordings have no arms or no legs.
+    /// The recordings lack arms or legs.
     #[error(transparent)]
     Layout(#[from] LayoutError),
     /// The parts cannot be merged.
     #[error(transparent)]
     Merge(#[from] MergeError),
-    /// The spring is unstable with the samples of a window.
+    /// The spring is unstable at the number of samples of a window.
     #[error(transparent)]
     Spring(#[from] SpringError),
 }
 
-/// The library of a full body, those of its parts, and what the parts merge into. All are in the metric of
-/// force.
+/// Libraries of a full body, of its parts, and of the merged parts. All use the force metric.
 #[derive(Clone, Debug)]
 pub struct Body {
     /// All degrees of freedom, learned from recordings.
@@ -98,7 +98,7 @@ pub struct Body {
     pub right_arm: MotionLibrary,
     /// The left leg, split off the whole.
     pub left_leg: MotionLibrary,
-    /// Arms and legs merged as parts that moved together: equal to the whole.
+    /// Arms and legs merged as parts that moved together; equals the whole.
     pub together: MotionLibrary,
     /// Arms and legs merged as parts that move independently.
     pub two_parts: MotionLibrary,
@@ -107,10 +107,10 @@ pub struct Body {
 }
 
 impl Body {
-    /// Learns from windows with the names of [`CHANNELS`].
+    /// Learns the libraries from windows with the names of [`CHANNELS`].
     ///
     /// # Errors
-    /// Windows that no library is learned from, or without arms or legs.
+    /// No library can be learned from the windows, or they lack arms or legs.
     pub fn learn(seen: &Recordings) -> Result<Self, BodyError> {
         let spring = SampledSpring::new(WINDOW, DAMPING)?;
         let whole = MotionLibrary::build(seen, spring, Metric::Force, Truncation::All)?;
@@ -127,7 +127,7 @@ impl Body {
         Ok(Self { whole, arms, legs, right_arm, left_leg, together, two_parts, four_parts })
     }
 
-    /// Goals with the arms of one held-out window and the legs of one of another clip.
+    /// Returns goals that combine the arms of one held-out window with the legs of a window of another clip.
     pub fn composites(&self, held: &Recordings) -> Vec<Goal> {
         let spring = self.whole.spring();
         let arm_names = self.arms.layout().names();
@@ -155,7 +155,8 @@ impl Body {
         goals
     }
 
-    /// The first `n` eigenforces of a library of all degrees of freedom, rows in the order of the whole.
+    /// Returns the first `n` eigenforces of a library of all degrees of freedom, with rows in the order of
+    /// the whole.
     pub fn eigenforces(&self, library: &MotionLibrary, n: usize) -> DMatrix<f64> {
         let basis = Basis::eigenforces(library, n);
         let steps = self.whole.spring().forces();
@@ -168,7 +169,8 @@ impl Body {
         })
     }
 
-    /// Errors of position of goals by the first `n` eigenforces of a library, over their mean spread.
+    /// Returns the position errors of goals reproduced with the first `n` eigenforces of a library, relative
+    /// to their mean spread.
     pub fn errors(&self, library: &MotionLibrary, n: usize, goals: &[Goal]) -> Vec<f64> {
         let data = DMatrix::from_fn(self.whole.rows(), goals.len(), |i, k| goals[k].forces[i]);
         let spread = goals.iter().map(|goal| goal.spread).sum::<f64>() / goals.len().max(1) as f64;
@@ -179,10 +181,10 @@ impl Body {
     }
 }
 
-/// The library of the degrees of freedom of `part`, learned from the recordings of these alone.
+/// Learns a library of the degrees of freedom of `part` from recordings of these alone.
 ///
 /// # Errors
-/// Recordings that no library is learned from.
+/// No library can be learned from the recordings.
 pub fn learned_alone(seen: &Recordings, part: &MotionLibrary) -> Result<MotionLibrary, BuildError> {
     let names = part.layout().names();
     let columns: Vec<usize> =

@@ -1,8 +1,8 @@
-//! A cart-pole balanced by imitation and by reinforcement, each alone and one after the other.
+//! Balancing a cart-pole by imitation, by reinforcement learning, and by both in sequence.
 //!
-//! The demonstrator holds the pole upright, but pushes a little to one side and ignores the cart, which runs
-//! off its track. A policy learns from a short demonstration and then from rewards, or from rewards alone: a
-//! linear policy by [`Power`], a network by [`Ppo`].
+//! The demonstrator keeps the pole upright, but pushes slightly to one side and ignores the cart, which runs
+//! off its track. A policy learns from a short demonstration and then from rewards, or from rewards alone.
+//! [`Power`] trains a linear policy, [`Ppo`] a network.
 //!
 //! Source: Delhaisse's thesis, 2019, section 2.4.4, figure 2.32. The demonstration and the settings are not
 //! stated there.
@@ -23,16 +23,17 @@ use crate::ppo::{Ppo, PpoSettings};
 use crate::search::{Start, StartError, TellError};
 use crate::task::Task;
 
-/// Weights of the demonstrator for the observations of the task: positions of cart and pole relative to the
-/// default pose \[m, rad\], then their velocities; then its bias. The action is a share of the largest force.
+/// Weights of the demonstrator for the observations of the task (positions of cart and pole relative to the
+/// default pose \[m, rad\], then their velocities), followed by its bias. The action is a fraction of the
+/// maximum force.
 pub const DEMONSTRATOR: [f32; 5] = [0.0, 2.0, 0.0, 0.3, 0.03];
 /// Length of an observation.
 const INPUTS: usize = DEMONSTRATOR.len() - 1;
 /// Standard deviation of the exploration of PoWER for these weights and for the bias.
 const EXPLORATION: [f64; 5] = [0.3, 1.0, 0.3, 0.3, 0.02];
-/// Rollouts of PoWER between two evaluations of its mean.
+/// PoWER rollouts between two evaluations of its mean.
 const ROLLOUTS: u64 = 10;
-/// Updates of PPO between two evaluations of its policy.
+/// PPO updates between two evaluations of its policy.
 const UPDATES: u64 = 4;
 
 /// A method that learns from rewards.
@@ -49,7 +50,7 @@ impl Method {
     /// All methods.
     pub const ALL: [Self; 2] = [Self::Power, Self::Ppo];
 
-    /// Name in figures.
+    /// Returns the name in figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::Power => "PoWER",
@@ -64,7 +65,7 @@ impl Method {
 pub enum Beginning {
     /// A clone of the demonstrator.
     Imitation,
-    /// Weights of zero, or random weights of a network.
+    /// Zero weights, or random weights of a network.
     Scratch,
 }
 
@@ -72,7 +73,7 @@ impl Beginning {
     /// All beginnings.
     pub const ALL: [Self; 2] = [Self::Imitation, Self::Scratch];
 
-    /// Name in figures.
+    /// Returns the name in figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::Imitation => "after imitation",
@@ -88,15 +89,15 @@ pub struct StudySettings {
     pub first_seed: u64,
     /// Number of seeds, from 1.
     pub seeds: u64,
-    /// Steps of a demonstration, from 1.
+    /// Number of steps of a demonstration, from 1.
     pub demonstration: u64,
-    /// Episodes from which PoWER learns, from 1.
+    /// Number of episodes of a PoWER run, from 1.
     pub rollouts: u64,
-    /// Steps from which PPO learns, from 1.
+    /// Number of steps of a PPO run, from 1.
     pub steps: u64,
 }
 
-/// The errors of a study.
+/// Errors of a study.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
     /// The robot cannot be loaded.
@@ -111,16 +112,16 @@ pub enum StudyError {
     /// PPO failed.
     #[error(transparent)]
     Learner(#[from] LearnerError),
-    /// PoWER refused its start.
+    /// PoWER rejected its start.
     #[error(transparent)]
     Start(#[from] StartError),
-    /// PoWER refused a reward.
+    /// PoWER rejected a reward.
     #[error(transparent)]
     Tell(#[from] TellError),
     /// A network cannot be evaluated.
     #[error(transparent)]
     Network(#[from] OnnxError),
-    /// The task has other observations or actions than a cart-pole.
+    /// The observations or actions of the task differ from a cart-pole's.
     #[error("the task has {inputs} observations and {actions} actions, expected 4 and 2, as of a cart-pole")]
     Task {
         /// Length of an observation.
@@ -139,7 +140,7 @@ pub struct Point {
     pub mean_return: f64,
 }
 
-/// The course of one method with one seed.
+/// Learning curve of one method with one seed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Trial {
     /// Method.
@@ -148,12 +149,12 @@ pub struct Trial {
     pub beginning: Beginning,
     /// Seed.
     pub seed: u64,
-    /// Mean returns in the order of the experience.
+    /// Mean returns in order of experience.
     pub curve: Vec<Point>,
 }
 
 impl Trial {
-    /// Experience after which the mean return is at least `level`, or `None` where it never is.
+    /// Returns the experience after which the mean return first reaches `level`, or `None` if it never does.
     pub fn experience_to(&self, level: f64) -> Option<u64> {
         self.curve.iter().find(|point| point.mean_return >= level).map(|point| point.experience)
     }
@@ -162,9 +163,9 @@ impl Trial {
 /// Trials of all methods and beginnings with several seeds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Study {
-    /// Mean return of the demonstrator, one a seed.
+    /// Mean return of the demonstrator, one per seed.
     pub demonstrator: Vec<f64>,
-    /// Every trial: method by method, beginning by beginning, seed by seed.
+    /// All trials, ordered by method, beginning and seed.
     pub trials: Vec<Trial>,
 }
 
@@ -181,8 +182,9 @@ enum Done {
 }
 
 impl Study {
-    /// Runs a study of the cart-pole task, whose robot is relative to `base`, on several threads. `observe`
-    /// is called after each trial and each demonstrator. The result does not depend on the number of threads.
+    /// Runs a study of the cart-pole task on several threads. The path of its robot is relative to `base`.
+    /// `observe` is called after each trial and each demonstrator. The result does not depend on the number
+    /// of threads.
     ///
     /// # Errors
     ///
@@ -233,22 +235,23 @@ impl Study {
         Ok(study)
     }
 
-    /// The trials of a method with a beginning.
+    /// Returns the trials of a method with a beginning.
     pub fn trials(&self, method: Method, beginning: Beginning) -> impl Iterator<Item = &Trial> {
         self.trials.iter().filter(move |trial| (trial.method, trial.beginning) == (method, beginning))
     }
 
-    /// Mean returns at the start of the trials, one a seed.
+    /// Returns the mean returns at the start of the trials, one per seed.
     pub fn starts(&self, method: Method, beginning: Beginning) -> Vec<f64> {
         self.trials(method, beginning).filter_map(|trial| Some(trial.curve.first()?.mean_return)).collect()
     }
 
-    /// Mean returns at the end of the trials, one a seed.
+    /// Returns the mean returns at the end of the trials, one per seed.
     pub fn ends(&self, method: Method, beginning: Beginning) -> Vec<f64> {
         self.trials(method, beginning).filter_map(|trial| Some(trial.curve.last()?.mean_return)).collect()
     }
 
-    /// Experience after which each trial has a mean return of `level`; infinite where it never has.
+    /// Returns the experience after which each trial first reaches a mean return of `level`; infinite if it
+    /// never does.
     pub fn experience_to(&self, level: f64, method: Method, beginning: Beginning) -> Vec<f64> {
         let found = |trial: &Trial| trial.experience_to(level).map_or(f64::INFINITY, |found| found as f64);
         self.trials(method, beginning).map(found).collect()
@@ -263,13 +266,14 @@ struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// Lengths of an observation and of an action.
+    /// Returns the lengths of an observation and an action.
     fn size(&self) -> Result<(usize, usize), EnvironmentError> {
         let environment = self.setting.environment(0, 0)?;
         Ok((environment.terms().inputs(), environment.terms().actions()))
     }
 
-    /// Mean return over the episodes of an evaluation, which are the same for all policies of a seed.
+    /// Returns the mean return over the episodes of an evaluation, which are the same for all policies with
+    /// one seed.
     fn mean_return(
         &self,
         seed: u64,
@@ -283,7 +287,7 @@ impl Bench<'_> {
         Ok(total / EPISODES as f64)
     }
 
-    /// Mean return of a linear policy.
+    /// Returns the mean return of a linear policy.
     fn linear_return(&self, weights: &[f64], seed: u64) -> Result<f64, EnvironmentError> {
         self.mean_return(seed, |observation, action| act_linearly(weights, observation, action))
     }
@@ -356,7 +360,7 @@ impl Bench<'_> {
         Ok(curve)
     }
 
-    /// Mean return of the policy of a run without exploration.
+    /// Returns the mean return of a run's policy without exploration.
     fn network_return(&self, ppo: &Ppo<Articulated>, seed: u64) -> Result<f64, StudyError> {
         let mut program = Model::read(&ppo.policy().to_onnx(&[]))?.program(1)?;
         let found = self.mean_return(seed, |observation, action| {
@@ -393,7 +397,7 @@ mod tests {
         assert_eq!(found, study(1, &settings), "threads change no bit");
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let demonstrator = mean(&found.demonstrator);
-        // the cart runs off its track, but not at once
+        // the cart runs off its track, but not immediately
         assert!((60.0..475.0).contains(&demonstrator), "{demonstrator}");
         let cloned = mean(&found.starts(Method::Power, Beginning::Imitation));
         assert!((cloned / demonstrator - 1.0).abs() < 0.25, "{cloned} of {demonstrator}");

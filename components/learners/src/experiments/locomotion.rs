@@ -1,10 +1,11 @@
 //! Bayesian optimisation of the gait of a quadruped, compared with random search and a hand-set gait.
 //!
-//! A pattern generator swings the legs in a trot, open loop. Six numbers of it are searched for the largest
-//! forward speed, with several seeds. The evaluation is the caller's: a graph in a session, say.
+//! A pattern generator swings the legs in an open-loop trot. Six of its parameters are optimised for forward
+//! speed, with several seeds. The caller provides the evaluation, for example a graph in a session.
 //!
 //! Source: Delhaisse's thesis, 2019, section 2.4.3, figures 2.30 and 2.31: a Gaussian process with an RBF
-//! kernel, expected improvement, 5 initial points. Robot, parameters and their ranges are not stated there.
+//! kernel, expected improvement, 5 initial points. The thesis does not state the robot, the parameters or
+//! their ranges.
 
 use std::f64::consts::PI;
 
@@ -19,7 +20,7 @@ use crate::search::{
 /// Number of parameters of a gait.
 pub const DIMENSIONS: usize = 6;
 
-/// A searched number of the gait.
+/// An optimised parameter of the gait.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GaitParameter {
     /// Name with its unit.
@@ -30,8 +31,8 @@ pub struct GaitParameter {
     pub hand_set: f64,
 }
 
-/// The searched numbers. Phases are of the front legs; the hind legs mirror them. The knee is bent by twice
-/// the angle of the hip, so that the foot stays below it.
+/// The optimised parameters. Phases refer to the front legs; the hind legs mirror them. The knee bends by
+/// twice the hip angle, so that the foot stays below the hip.
 pub const PARAMETERS: [GaitParameter; DIMENSIONS] = [
     GaitParameter { name: "frequency, Hz", range: [1.0, 4.0], hand_set: 2.0 },
     GaitParameter { name: "hip amplitude, rad", range: [0.05, 0.4], hand_set: 0.1875 },
@@ -41,12 +42,12 @@ pub const PARAMETERS: [GaitParameter; DIMENSIONS] = [
     GaitParameter { name: "hip angle, rad", range: [0.6, 1.0], hand_set: 0.8 },
 ];
 
-/// The hand-set gait.
+/// Returns the hand-set gait.
 pub fn hand_set() -> [f64; DIMENSIONS] {
     PARAMETERS.map(|parameter| parameter.hand_set)
 }
 
-/// Keys of a component `policy.cpg` named `policy`, with their values for a gait.
+/// Returns the keys of a component `policy.cpg` named `policy`, with their values for a gait.
 pub fn keys(gait: &[f64; DIMENSIONS]) -> Vec<(String, f64)> {
     let [frequency, hip_amplitude, knee_amplitude, hip_phase, knee_phase, hip_angle] = *gait;
     let mut keys = vec![("policy.config.frequency".to_owned(), frequency)];
@@ -83,7 +84,7 @@ impl Searcher {
     /// All methods.
     pub const ALL: [Self; 3] = [Self::BayesianRbf, Self::BayesianMatern, Self::Random];
 
-    /// Name in figures.
+    /// Returns the name in figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::BayesianRbf => "Bayesian optimisation; RBF",
@@ -92,7 +93,7 @@ impl Searcher {
         }
     }
 
-    /// The search with a seed.
+    /// Creates a search with a seed.
     ///
     /// # Errors
     ///
@@ -100,7 +101,7 @@ impl Searcher {
     pub fn search(self, seed: u64) -> Result<Box<dyn Search>, StartError> {
         let bounds = PARAMETERS.map(|parameter| parameter.range).to_vec();
         let bayesian = |smoothness| {
-            // the model of the thesis is fitted after every evaluation
+            // the thesis fits the model after every evaluation
             let settings =
                 BayesianSettings { smoothness, initial: 5, refit: 1, ..BayesianSettings::default() };
             BayesianOptimisation::new(bounds.clone(), settings, seed)
@@ -120,7 +121,7 @@ pub struct StudySettings {
     pub first_seed: u64,
     /// Number of seeds, from 1.
     pub seeds: u64,
-    /// Evaluations of each search, from 1.
+    /// Number of evaluations of each search, from 1.
     pub evaluations: usize,
 }
 
@@ -131,12 +132,12 @@ pub struct Trial {
     pub searcher: Searcher,
     /// Seed of the search and of its evaluations.
     pub seed: u64,
-    /// Gaits in their order, with their speed \[m/s\].
+    /// Gaits in order of evaluation, with their speed \[m/s\].
     pub gaits: Vec<([f64; DIMENSIONS], Evaluation)>,
 }
 
 impl Trial {
-    /// Best speed after each evaluation \[m/s\]; 0 before the first gait that does not fall.
+    /// Returns the best speed after each evaluation \[m/s\]; 0 before the first gait without a fall.
     pub fn best_speeds(&self) -> Vec<f64> {
         let mut best: Option<f64> = None;
         let speed = |(_, found): &(_, Evaluation)| {
@@ -148,7 +149,7 @@ impl Trial {
         self.gaits.iter().map(speed).collect()
     }
 
-    /// Distance of each gait from the one before, in ranges: 1 is from one end of a range to the other.
+    /// Returns the distance of each gait from the previous one, in units of the parameter ranges.
     pub fn distances(&self) -> Vec<f64> {
         let distance = |pair: &[([f64; DIMENSIONS], Evaluation)]| {
             let moved = |k: usize| {
@@ -160,21 +161,21 @@ impl Trial {
         self.gaits.windows(2).map(distance).collect()
     }
 
-    /// The fastest gait and its speed \[m/s\], or `None` if every gait failed.
+    /// Returns the fastest gait and its speed \[m/s\], or `None` if every gait failed.
     pub fn fastest(&self) -> Option<([f64; DIMENSIONS], f64)> {
         let finished = self.gaits.iter().filter(|(_, found)| found.reward.is_finite());
-        // the first of equal speeds
+        // of equal speeds, the first
         let faster = |a: ([f64; DIMENSIONS], f64), b: ([f64; DIMENSIONS], f64)| if b.1 > a.1 { b } else { a };
         finished.map(|(gait, found)| (*gait, found.reward)).reduce(faster)
     }
 }
 
-/// Searches with several methods and seeds.
+/// Results of searches with several methods and seeds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Study {
-    /// Every search: method by method, seed by seed.
+    /// All searches, ordered by method and seed.
     pub trials: Vec<Trial>,
-    /// Speed of the hand-set gait with each seed \[m/s\]; NaN where it fell.
+    /// Speed of the hand-set gait with each seed \[m/s\]; NaN if the robot fell.
     pub hand_set: Vec<f64>,
 }
 
@@ -191,9 +192,10 @@ enum Done {
 }
 
 impl Study {
-    /// Runs all searches on several threads; `build` makes the worker of a thread, `evaluate` the speed of a
-    /// gait \[m/s\] with random numbers of a seed, and `observe` is called after each evaluation. Each search
-    /// evaluates one gait at a time. The result does not depend on the number of threads.
+    /// Runs all searches on several threads. `build` creates the worker of a thread, `evaluate` returns the
+    /// speed of a gait \[m/s\] with the random numbers of a seed, and `observe` is called after each
+    /// evaluation. Each search evaluates one gait at a time. The result does not depend on the number of
+    /// threads.
     ///
     /// # Errors
     ///
@@ -246,34 +248,36 @@ impl Study {
         Ok(Self { trials, hand_set })
     }
 
-    /// The searches of a method.
+    /// Returns the searches of a method.
     pub fn trials(&self, searcher: Searcher) -> impl Iterator<Item = &Trial> {
         self.trials.iter().filter(move |trial| trial.searcher == searcher)
     }
 
-    /// Number of the evaluation, mean over seeds of the best speed so far, and its standard error.
+    /// Returns, for each evaluation, its number, the mean over seeds of the best speed so far, and the
+    /// standard error.
     pub fn speeds(&self, searcher: Searcher) -> Vec<[f64; 3]> {
         over_seeds(&self.trials(searcher).map(Trial::best_speeds).collect::<Vec<_>>(), 1)
     }
 
-    /// Number of the evaluation, mean over seeds of its distance from the gait before, and standard error.
+    /// Returns, for each evaluation, its number, the mean over seeds of its distance from the previous gait,
+    /// and the standard error.
     pub fn distances(&self, searcher: Searcher) -> Vec<[f64; 3]> {
         over_seeds(&self.trials(searcher).map(Trial::distances).collect::<Vec<_>>(), 2)
     }
 
-    /// Final best speed of each seed \[m/s\].
+    /// Returns the final best speed of each seed \[m/s\].
     pub fn finals(&self, searcher: Searcher) -> Vec<f64> {
         self.trials(searcher).map(|trial| trial.best_speeds().last().copied().unwrap_or(0.0)).collect()
     }
 
-    /// Fraction of the gaits that failed.
+    /// Returns the fraction of failed gaits.
     pub fn failures(&self, searcher: Searcher) -> f64 {
         let gaits = || self.trials(searcher).flat_map(|trial| &trial.gaits);
         let failed = gaits().filter(|(_, found)| !found.reward.is_finite()).count();
         failed as f64 / gaits().count().max(1) as f64
     }
 
-    /// The fastest gait of all searches, its speed \[m/s\] and its seed.
+    /// Returns the fastest gait of all searches, its speed \[m/s\] and its seed.
     pub fn fastest(&self) -> Option<([f64; DIMENSIONS], f64, u64)> {
         let fastest = self.trials.iter().filter_map(|trial| {
             let (gait, speed) = trial.fastest()?;
@@ -308,7 +312,7 @@ mod tests {
         }
     }
 
-    /// A smooth speed that is largest in a corner region, with falls at high frequencies.
+    /// Returns a smooth speed that is largest in a corner region, with falls at high frequencies.
     fn walk(gait: &[f64; DIMENSIONS], seed: u64) -> Evaluation {
         if gait[0] > 3.7 {
             return Evaluation::failed(Outcome::Unmet, "fell");

@@ -5,13 +5,13 @@ use nalgebra::DMatrix;
 
 use crate::perception::{Coupling, Picture, Training, begun_at_zero, chamfer, even_speed, unit_extent};
 
-/// Samples of curves that are compared.
+/// Number of samples of each compared curve.
 const COMPARED: usize = 200;
 
-/// Chamfer distances of written curves from those shown, in letter sizes (the larger side), one a letter.
+/// Chamfer distances between written and shown curves, one per letter, in letter sizes (the larger side).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CurveErrors {
-    /// Both curves start at the same point: a picture does not show the place on the paper.
+    /// Both curves start at the same point, because a picture does not show the position on the paper.
     pub begun: Vec<f64>,
     /// Both curves are centred.
     pub centred: Vec<f64>,
@@ -23,7 +23,7 @@ impl CurveErrors {
         self.centred.push(chamfer(&unit_extent(written), shown));
     }
 
-    /// The mean of several, letter by letter.
+    /// Returns the mean of several results for each letter.
     pub fn mean(all: &[Self]) -> Self {
         let mean = |pick: fn(&Self) -> &Vec<f64>| {
             let letters = all.first().map_or(0, |errors| pick(errors).len());
@@ -34,30 +34,30 @@ impl CurveErrors {
     }
 }
 
-/// Letters for training and held-out letters, as curves of unit extent and as pictures.
+/// Training letters and held-out letters, as curves of unit extent and as pictures.
 #[derive(Clone, Debug)]
 pub struct Letters {
     seen: Recordings,
     known: Vec<DMatrix<f64>>,
     known_pictures: Vec<Picture>,
-    /// Curves of the letters held out, samples x 2.
+    /// Curves of the held-out letters, samples x 2.
     pub shown: Vec<DMatrix<f64>>,
     pictures: Vec<Picture>,
 }
 
-/// A network trained on letters, measured on those held out.
+/// A network trained on letters and evaluated on held-out letters.
 #[derive(Clone, Debug)]
 pub struct NetworkResult {
     /// Loss of each epoch: the squared error of position, in letter sizes.
     pub losses: Vec<f64>,
-    /// Curves it writes for the held-out letters, samples x 2.
+    /// Curves written for the held-out letters, samples x 2.
     pub written: Vec<DMatrix<f64>>,
-    /// Distances of these curves from the true ones.
+    /// Distances between the written and the true curves.
     pub errors: CurveErrors,
 }
 
 impl Letters {
-    /// Letters of two degrees of freedom.
+    /// Creates the letters from recordings with two degrees of freedom.
     pub fn new(seen: &Recordings, held: &Recordings) -> Self {
         let curve = |letter: &Trajectory| unit_extent(&letter.resampled(COMPARED));
         let curves = |set: &Recordings| set.trajectories.iter().map(curve).collect::<Vec<_>>();
@@ -67,7 +67,7 @@ impl Letters {
         Self { seen: seen.clone(), known, known_pictures, shown, pictures }
     }
 
-    /// Errors of writing the known letter with the nearest picture.
+    /// Returns the errors of writing the known letter with the nearest picture.
     pub fn nearest_picture(&self) -> CurveErrors {
         let mut errors = CurveErrors::default();
         for (picture, shown) in self.pictures.iter().zip(&self.shown) {
@@ -80,11 +80,11 @@ impl Letters {
         errors
     }
 
-    /// Trains a network on the known letters and writes the held-out ones; `progress` is called after every
-    /// epoch.
+    /// Trains a network on the known letters and writes the held-out letters. `progress` is called after
+    /// every epoch.
     ///
     /// # Errors
-    /// Letters that are not of two degrees of freedom, or none.
+    /// There are no letters, or they do not have two degrees of freedom.
     pub fn network(
         &self,
         spring: SampledSpring,

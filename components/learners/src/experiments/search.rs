@@ -11,10 +11,9 @@ use crate::search::{Power, PowerSettings, Search as _, Start};
 pub const ROLLOUTS: usize = 300;
 /// Rollouts after which the best reward is reported.
 pub const REPORTED: [usize; 7] = [1, 10, 30, 60, 100, 200, 300];
-/// Standard deviation of the first exploration, in those of the weights in the library.
+/// Standard deviation of the initial exploration, in standard deviations of the library's weights.
 const EXPLORATION: f64 = 0.6;
-/// Factors on the exploration of which [`Search::best_scale`] takes the best: every search space is tuned
-/// alike.
+/// Exploration scales tried by [`Search::best_scale`], so that every search space is tuned equally.
 const SCALES: [f64; 5] = [0.05, 0.15, 0.4, 1.0, 2.0];
 /// Searches for each goal, with different seeds.
 const SEEDS: u64 = 3;
@@ -24,47 +23,48 @@ const SEEDS: u64 = 3;
 pub struct Goal {
     /// Forces of the movement, degrees of freedom times forces of the spring.
     pub forces: Vec<f64>,
-    /// Spread of its path, the unit of errors.
+    /// Spread of the path, the unit of errors.
     pub spread: f64,
 }
 
 impl Goal {
-    /// The goal of reproducing a recorded movement.
+    /// Creates the goal of reproducing a recorded movement.
     pub fn new(trajectory: &Trajectory, spring: &SampledSpring) -> Self {
         let spread = Trajectory::spread(&trajectory.sampled(spring));
         Self { forces: Movement::from_trajectory(trajectory, spring).forces, spread }
     }
 }
 
-/// Initial exploration of kernels. The library knows the variance of each of its weights; kernels get a total
-/// of the same size.
+/// Initial exploration of kernels. A library provides the variance of each of its weights; kernels get the
+/// same total.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KernelPrior {
     /// Each kernel has the same share of the squared force of the movements.
     EqualForce,
     /// Each kernel has the same share of the squared response of the movements.
     EqualResponse,
-    /// Each kernel varies as its weight in a ridge fit of the movements known to the library.
+    /// Each kernel has the variance of its weight in a ridge fit of the library's movements.
     Fitted,
 }
 
-/// Basis functions of a search, with the variance of exploration of each weight.
+/// Basis functions of a search, with the exploration variance of each weight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SearchSpace {
     /// Functions, forces x weights.
     pub functions: DMatrix<f64>,
-    /// Variance of the first exploration, one a weight.
+    /// Variance of the initial exploration of each weight.
     pub variance: Vec<f64>,
 }
 
 impl SearchSpace {
-    /// The first `n` eigenforces, explored as much as their weights vary over the movements of the library.
+    /// Returns the first `n` eigenforces, explored with the variance of their weights over the library's
+    /// movements.
     pub fn library(library: &MotionLibrary, n: usize) -> Self {
         Self::library_of(library, n, library.entries().len())
     }
 
-    /// The first `n` eigenforces of a library without weights (one of parts that move independently) that
-    /// stands for `movements` movements.
+    /// Returns the first `n` eigenforces of a library without weights, such as a library of independently
+    /// moving parts, that represents `movements` movements.
     pub fn library_of(library: &MotionLibrary, n: usize, movements: usize) -> Self {
         let n = n.min(library.rank());
         let movements = movements.max(1) as f64;
@@ -75,7 +75,7 @@ impl SearchSpace {
         }
     }
 
-    /// Radial kernels, `n` for all degrees of freedom together.
+    /// Returns `n` radial kernels, shared among all degrees of freedom.
     pub fn kernels(library: &MotionLibrary, n: usize, prior: KernelPrior) -> Self {
         let (dofs, spring) = (library.layout().dofs(), library.spring());
         let (each, steps) = ((n / dofs).max(1), spring.forces());
@@ -86,7 +86,7 @@ impl SearchSpace {
         }
         let movements = library.entries().len().max(1) as f64;
         let data = library.eigenforces() * library.weights();
-        // squared force (or response) of the movements, over that of every function
+        // squared force (or response) of the movements, relative to each function's
         let shared = |data: &DMatrix<f64>, functions: &DMatrix<f64>| -> Vec<f64> {
             let share = data.norm_squared() / movements / functions.ncols() as f64;
             functions.column_iter().map(|f| share / f.norm_squared().max(f64::MIN_POSITIVE)).collect()
@@ -103,21 +103,22 @@ impl SearchSpace {
         Self { variance, functions }
     }
 
-    /// Weights of the movement under some forces, by ridge regression of its path.
+    /// Returns the weights of the movement under some forces, by ridge regression of its path.
     pub fn weights_of(&self, forces: &[f64], spring: &SampledSpring) -> Vec<f64> {
         let forces = DMatrix::from_column_slice(forces.len(), 1, forces);
         fit(&self.functions, &forces, spring).as_slice().to_vec()
     }
 
-    /// The same functions with the standard deviation of exploration times `factor`.
+    /// Scales the standard deviation of the exploration by `factor`.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         let variance = self.variance.iter().map(|variance| factor * factor * variance).collect();
         Self { functions: self.functions.clone(), variance }
     }
 
-    /// Searches for the weights of a goal; returns the best reward after each number of rollouts in
-    /// [`REPORTED`]. The reward is `exp(-3 e^2)`, with `e` the error of position over the spread of the goal.
+    /// Searches for the weights of a goal. Returns the best reward after each number of rollouts in
+    /// [`REPORTED`]. The reward is `exp(-3 e^2)`, where `e` is the position error divided by the spread of
+    /// the goal.
     pub fn search(&self, goal: &Goal, spring: &SampledSpring, seed: u64) -> [f64; REPORTED.len()] {
         let deviation = self.variance.iter().map(|variance| variance.max(0.0).sqrt()).collect();
         let start = Start::new(vec![0.0; self.variance.len()], deviation, seed);
@@ -143,14 +144,14 @@ impl SearchSpace {
     }
 }
 
-/// The paths of columns of forces, without their first samples.
+/// Returns the paths of columns of forces, without their first samples.
 fn respond(forces: &DMatrix<f64>, spring: &SampledSpring) -> DMatrix<f64> {
     let mut paths = forces.clone();
     paths.as_mut_slice().chunks_exact_mut(spring.forces()).for_each(|block| spring.respond(block));
     paths
 }
 
-/// Weights of functions for columns of forces, by ridge regression of the paths.
+/// Returns the weights of functions for columns of forces, by ridge regression of the paths.
 fn fit(functions: &DMatrix<f64>, forces: &DMatrix<f64>, spring: &SampledSpring) -> DMatrix<f64> {
     let responses = respond(functions, spring);
     let mut gram = responses.tr_mul(&responses);
@@ -164,7 +165,7 @@ fn fit(functions: &DMatrix<f64>, forces: &DMatrix<f64>, spring: &SampledSpring) 
 /// Rewards of searches for several goals with several seeds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Search {
-    /// Best rewards, one row a search, one column for each entry of [`REPORTED`].
+    /// Best rewards, one row per search and one column per entry of [`REPORTED`].
     pub rewards: Vec<[f64; REPORTED.len()]>,
 }
 
@@ -178,15 +179,15 @@ impl Search {
         Self { rewards }
     }
 
-    /// The search whose mean final reward is largest among five scales of exploration.
+    /// Searches with five exploration scales and returns the search with the largest mean final reward.
     pub fn best_scale(space: &SearchSpace, goals: &[Goal], spring: &SampledSpring) -> Self {
         let all = SCALES.map(|scale| Self::new(&space.scaled(scale), goals, spring));
         let best = all.into_iter().max_by(|a, b| a.reward().0.total_cmp(&b.reward().0));
         best.unwrap_or_default()
     }
 
-    /// Number of rollouts with the mean of the best reward and its standard error, for each entry of
-    /// [`REPORTED`].
+    /// Returns, for each entry of [`REPORTED`], the number of rollouts, the mean of the best reward and its
+    /// standard error.
     pub fn curve(&self) -> Vec<[f64; 3]> {
         let point = |(k, rollouts): (usize, &usize)| {
             let rewards: Vec<f64> = self.rewards.iter().map(|run| run[k]).collect();
@@ -196,14 +197,14 @@ impl Search {
         REPORTED.iter().enumerate().map(point).collect()
     }
 
-    /// Mean of the final best reward and its standard error.
+    /// Returns the mean of the final best reward and its standard error.
     pub fn reward(&self) -> (f64, f64) {
         let last: Vec<f64> = self.rewards.iter().map(|run| run[REPORTED.len() - 1]).collect();
         mean_and_error(&last)
     }
 }
 
-/// True if the mean `a` is larger than `b` by more than their standard errors together.
+/// Returns `true` if the mean `a` exceeds `b` by more than the standard error of the difference.
 pub fn is_clearly_larger(a: (f64, f64), b: (f64, f64)) -> bool {
     a.0 - b.0 > a.1.hypot(b.1)
 }

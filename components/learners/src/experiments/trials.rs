@@ -11,10 +11,10 @@ use crate::task::Task;
 
 /// Episodes of an evaluation.
 pub(super) const EPISODES: u64 = 10;
-/// World of the evaluations; training uses those from 0.
+/// World of the evaluations; training uses the worlds from 0.
 pub(super) const EVALUATION_WORLD: u64 = 1_000;
 
-/// A task and its scene, of which every trial makes environments.
+/// A task and its scene, from which every trial creates environments.
 #[derive(Clone, Copy)]
 pub(super) struct Setting<'a> {
     pub(super) task: &'a Task,
@@ -31,9 +31,9 @@ impl Setting<'_> {
     }
 }
 
-/// Learns by PoWER from `rollouts` episodes, one at a time, and returns a learning curve. `rollout` returns
-/// the reward of the weights that are tried. `evaluate` makes a point of the mean weights: before the first
-/// rollout, after each `interval` of rollouts and after the last one.
+/// Runs PoWER for `rollouts` episodes, one at a time, and returns a learning curve. `rollout` returns the
+/// reward of the tried weights. `evaluate` returns a point of the curve for the mean weights: before the
+/// first rollout, every `interval` rollouts, and after the last rollout.
 pub(super) fn power_curve<P, E: From<StartError> + From<TellError>>(
     start: Start,
     (rollouts, interval): (u64, u64),
@@ -54,8 +54,8 @@ pub(super) fn power_curve<P, E: From<StartError> + From<TellError>>(
     Ok(curve)
 }
 
-/// Runs jobs on several threads and returns their results in the order of the jobs. `build` makes the worker
-/// of a thread, `work` does a job with it. After a failure no further job starts.
+/// Runs jobs on several threads and returns their results in the order of the jobs. `build` creates the
+/// worker of a thread, `work` runs a job with it. After a failure no further job starts.
 ///
 /// # Errors
 ///
@@ -93,7 +93,8 @@ pub fn run_jobs<J: Sync, W, T: Send, E: Send>(
     Ok(done.into_iter().map(|(_, result)| result).collect())
 }
 
-/// Mean and standard error of every column over rows, one row a seed; columns are counted from `first`.
+/// Returns the number, mean and standard error of every column over rows, one row per seed. Columns are
+/// numbered from `first`.
 pub fn over_seeds(rows: &[Vec<f64>], first: usize) -> Vec<[f64; 3]> {
     let columns = rows.iter().map(Vec::len).min().unwrap_or(0);
     let column = |k: usize| {
@@ -104,7 +105,7 @@ pub fn over_seeds(rows: &[Vec<f64>], first: usize) -> Vec<[f64; 3]> {
     (0..columns).map(column).collect()
 }
 
-/// Median of numbers; NaN of none.
+/// Returns the median, or NaN if there are no numbers.
 pub fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

@@ -2,7 +2,7 @@
 
 use crate::environment::EnvironmentError;
 
-/// The errors of imitation.
+/// Errors of imitation.
 #[derive(Debug, thiserror::Error)]
 pub enum ImitationError {
     /// The environment failed.

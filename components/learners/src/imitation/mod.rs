@@ -1,12 +1,12 @@
-//! Imitation: a network learns the actions of an expert, another policy for the same task.
+//! Imitation learning: a network learns the actions of an expert, which is another policy for the same task.
 //!
-//! An iteration steps all worlds, labels every observation with the action of the expert, and fits the
-//! network to all labels so far by least squares. In iteration `i`, counted from 0, the expert acts with
-//! probability `beta decay^i`, else the network does. One iteration of the expert alone is behaviour cloning;
-//! more are DAgger, whose labels cover the states that the network itself reaches. Recorded observations and
-//! actions replace the first iteration.
+//! An iteration steps all worlds, labels every observation with the expert's action, and fits the network to
+//! all labels so far by least squares. In iteration `i`, counted from 0, the expert acts with probability
+//! `beta decay^i`, otherwise the network acts. One iteration in which only the expert acts is behaviour
+//! cloning. Further iterations make it DAgger, whose labels cover the states that the network reaches.
+//! Recorded observations and actions replace the first iteration.
 //!
-//! Imitation repeats to the bit on any number of threads.
+//! Results are bit-for-bit reproducible on any number of threads.
 //!
 //! Source: Ross, Gordon, Bagnell, *A reduction of imitation learning and structured prediction to no-regret
 //! online learning*, AISTATS 2011.
@@ -35,10 +35,10 @@ use crate::learner::{Normaliser, TrainedNetwork};
 use crate::random::{Counter, Purpose};
 use crate::task::Task;
 
-/// An algorithm of imitation.
+/// An imitation algorithm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Algorithm {
-    /// Behaviour cloning: the expert alone acts.
+    /// Behaviour cloning: only the expert acts.
     Clone,
     /// DAgger.
     Dagger,
@@ -48,7 +48,7 @@ impl Algorithm {
     /// All algorithms.
     pub const ALL: [Self; 2] = [Self::Clone, Self::Dagger];
 
-    /// Name on the command line and in policies.
+    /// Returns the name on the command line and in policies.
     pub fn name(self) -> &'static str {
         match self {
             Self::Clone => "clone",
@@ -60,17 +60,17 @@ impl Algorithm {
 /// Progress after an iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Progress {
-    /// Iterations so far.
+    /// Number of iterations so far.
     pub iteration: u64,
-    /// Labels so far.
+    /// Number of labels so far.
     pub labels: usize,
-    /// Probability that the expert acted; 1 in recordings.
+    /// Probability that the expert acted; 1 for recordings.
     pub beta: f64,
-    /// Episodes that ended in the iteration.
+    /// Number of episodes that ended in the iteration.
     pub episodes: u64,
-    /// Their mean return, or `None` without one.
+    /// Mean return of these episodes, or `None` if no episode ended.
     pub mean_return: Option<f64>,
-    /// Mean squared error of the actions in the last pass over the labels.
+    /// Mean squared action error in the last pass over the labels.
     pub loss: f64,
 }
 
@@ -78,7 +78,7 @@ pub struct Progress {
 pub struct Imitation<E> {
     seed: u64,
     worlds: VectorEnvironment<E>,
-    /// One for each world; none if all labels are recorded.
+    /// One expert per world; empty if all labels are recorded.
     experts: Vec<PolicyNetwork>,
     regression: Regression,
     /// Return of the running episode of each world.
@@ -86,8 +86,8 @@ pub struct Imitation<E> {
 }
 
 impl<E: Engine + Send> Imitation<E> {
-    /// A run before its first step; `build` makes the simulation of a world. The expert is a network for the
-    /// observations and actions of the task.
+    /// Creates a run before its first step. `build` creates the simulation of each world. The expert is a
+    /// network for the observations and actions of the task.
     ///
     /// # Errors
     ///
@@ -103,7 +103,7 @@ impl<E: Engine + Send> Imitation<E> {
         Self::with_experts(task, settings, experts, (seed, threads), build)
     }
 
-    /// Behaviour cloning of recorded actions, in one iteration without an expert.
+    /// Creates a run of behaviour cloning from recorded actions, with one iteration and no expert.
     ///
     /// # Errors
     ///
@@ -140,12 +140,12 @@ impl<E: Engine + Send> Imitation<E> {
         })
     }
 
-    /// Adds recorded observations and actions. Before the first iteration, they replace its steps: the expert
-    /// that would act in it acted in the recording.
+    /// Adds recorded observations and actions. Before the first iteration, they replace its steps: the
+    /// recording contains the expert's actions.
     ///
     /// # Errors
     ///
-    /// [`RecordedError`]: numbers that are not the task's.
+    /// [`RecordedError`] if the recording does not fit the task.
     pub fn add(&mut self, recorded: &[Recorded]) -> Result<(), RecordedError> {
         let terms = self.worlds.terms();
         for recorded in recorded {
@@ -157,17 +157,17 @@ impl<E: Engine + Send> Imitation<E> {
         Ok(())
     }
 
-    /// The settings.
+    /// Returns the settings.
     pub fn settings(&self) -> &ImitationSettings {
         self.regression.settings()
     }
 
-    /// True once all iterations of the settings are made.
+    /// Returns `true` once all iterations are complete.
     pub fn is_finished(&self) -> bool {
         self.regression.fits() >= self.settings().iterations
     }
 
-    /// Makes one iteration.
+    /// Runs one iteration.
     ///
     /// # Errors
     ///
@@ -188,17 +188,17 @@ impl<E: Engine + Send> Imitation<E> {
         Ok(Progress { iteration, labels, beta, episodes, mean_return, loss })
     }
 
-    /// The network on raw observations: the normalisation is part of its first layer.
+    /// Returns the network for raw observations; the normalisation is merged into its first layer.
     pub fn policy(&self) -> TrainedNetwork {
         self.regression.policy()
     }
 
-    /// The network and the normalisation of its observations.
+    /// Returns the network and the normalisation of its observations.
     pub fn network(&self) -> (&Perceptron, &Normaliser) {
         self.regression.network()
     }
 
-    /// SHA-256 of all weights, in hexadecimal.
+    /// Returns the SHA-256 digest of all weights, in hexadecimal.
     pub fn weights_sha256(&self) -> String {
         self.regression.weights_sha256()
     }

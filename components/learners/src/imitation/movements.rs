@@ -1,4 +1,4 @@
-//! Models of a movement that was demonstrated several times, and their movements from another start.
+//! Models of a movement with several demonstrations, and their generalisation to other starts.
 
 use std::path::Path;
 
@@ -15,13 +15,13 @@ use serde::Serialize;
 
 use crate::files::FileError;
 
-/// Kernels of the primitives for each dimension.
+/// Number of kernels of the primitives per dimension.
 const KERNELS: usize = 40;
 /// Overlap of neighbouring kernels of the probabilistic primitive.
 const OVERLAP: f64 = 0.7;
 /// Penalty of the regression of library weights on the start, relative to the variance of the starts.
 const RIDGE: f64 = 1e-3;
-/// Evenly spaced samples of every movement.
+/// Number of evenly spaced samples of every movement.
 const SAMPLES: usize = 301;
 
 /// A model of a movement.
@@ -32,9 +32,9 @@ pub enum Model {
     Dmp,
     /// A probabilistic movement primitive, conditioned on the start.
     ProMp,
-    /// Weights of a motion library, linear in the start, to the mean end.
+    /// A motion library with weights linear in the start, to the mean end.
     Library,
-    /// The first demonstration, whatever the start.
+    /// The first demonstration, regardless of the start.
     Replay,
 }
 
@@ -42,7 +42,7 @@ impl Model {
     /// All models; the last is the baseline.
     pub const ALL: [Self; 4] = [Self::Dmp, Self::ProMp, Self::Library, Self::Replay];
 
-    /// Name in figures.
+    /// Returns the name in figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::Dmp => "DMP",
@@ -53,7 +53,7 @@ impl Model {
     }
 }
 
-/// The errors of a fit or of a movement.
+/// Errors of a fit or a movement.
 #[derive(Debug, thiserror::Error)]
 pub enum MovementError {
     /// A demonstration is too short or not finite.
@@ -92,8 +92,8 @@ pub struct Movements {
 }
 
 impl Movements {
-    /// Fits all models to demonstrations of `duration` seconds: evenly spaced samples x dimensions, at least
-    /// two of them.
+    /// Fits all models to at least two demonstrations of `duration` seconds, each evenly spaced samples x
+    /// dimensions.
     ///
     /// # Errors
     ///
@@ -126,7 +126,7 @@ impl Movements {
         })
     }
 
-    /// The movement of a model from a start: evenly spaced samples x dimensions.
+    /// Returns the movement of a model from a start: evenly spaced samples x dimensions.
     ///
     /// # Errors
     ///
@@ -161,7 +161,8 @@ impl Movements {
         Movement { frame, forces: library.forces(weights.as_slice()) }.path(library.spring())
     }
 
-    /// Weights at a start: their mean, and a ridge regression on the displacement from the mean start.
+    /// Returns the weights for a start: their mean plus a ridge regression on the displacement from the mean
+    /// start.
     fn library_weights(&self, start: &[f64]) -> DVector<f64> {
         let (weights, entries) = (self.library.weights(), self.library.entries());
         let starts = DMatrix::from_fn(start.len(), entries.len(), |d, k| entries[k].frame.start[d]);
@@ -178,7 +179,7 @@ impl Movements {
         let displacement = DVector::from_column_slice(start) - mean_start;
         match gram.cholesky() {
             Some(factor) => mean + changes * (away.transpose() * factor.solve(&displacement)),
-            // all demonstrations have one start
+            // all demonstrations have the same start
             None => mean,
         }
     }
@@ -196,7 +197,8 @@ impl Movements {
     }
 }
 
-/// Root mean square and largest distance of two paths, in their unit: evenly spaced samples x dimensions.
+/// Returns the root mean square and the maximum distance between two paths, in their unit. Paths are evenly
+/// spaced samples x dimensions.
 pub fn distances(path: &DMatrix<f64>, other: &DMatrix<f64>) -> [f64; 2] {
     let squares = path.row_iter().zip(other.row_iter()).map(|(a, b)| (a - b).norm_squared());
     let (sum, largest) = squares.fold((0.0, 0.0_f64), |(sum, largest), x| (sum + x, largest.max(x)));
@@ -207,7 +209,7 @@ pub fn distances(path: &DMatrix<f64>, other: &DMatrix<f64>) -> [f64; 2] {
 mod tests {
     use super::*;
 
-    /// A curved stroke from a start to a fixed goal; the effect of the start fades.
+    /// Returns a curved stroke from a start to a fixed goal. The effect of the start fades.
     fn stroke(start: f64) -> DMatrix<f64> {
         DMatrix::from_fn(200, 1, |k, _| {
             let p = k as f64 / 199.0;
@@ -217,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn models_adapt_to_a_start_that_was_not_shown() {
+    fn models_adapt_to_an_unseen_start() {
         let shown: Vec<DMatrix<f64>> = [-0.1, 0.05, 0.1, 0.0, -0.05].map(stroke).to_vec();
         let movements = Movements::fit(&["x".to_owned()], 2.0, &shown).expect("a fit");
         let expected = Trajectory { id: String::new(), label: None, duration: 2.0, positions: stroke(0.07) }

@@ -2,7 +2,7 @@
 
 use crate::environment::EnvironmentError;
 
-/// Recorded observations of a task, each with the action that answered it.
+/// Recorded observations of a task, each with the action taken for it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recorded {
     /// Lengths of an observation and of an action.
@@ -13,10 +13,10 @@ pub struct Recorded {
     pub actions: Vec<f32>,
 }
 
-/// Recorded numbers that do not fit the task.
+/// The recording does not fit the task.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordedError {
-    /// Observations or actions have another size.
+    /// Observations or actions have the wrong size.
     #[error(
         "a recorded {part} has {found} numbers, expected {expected}\n\
          help: record the task that is learned, with its own policy"
@@ -24,21 +24,21 @@ pub enum RecordedError {
     Width {
         /// `observation` or `action`.
         part: &'static str,
-        /// Numbers found.
+        /// Size found.
         found: usize,
-        /// Lengths that the task expects.
+        /// Size expected by the task.
         expected: usize,
     },
-    /// Observations and actions differ in number, or are not whole rows.
+    /// The numbers of observations and actions differ, or a row is incomplete.
     #[error("{observations} numbers of recorded observations do not match {actions} of actions")]
     Rows {
-        /// Numbers of all observations.
+        /// Count of numbers in all observations.
         observations: usize,
-        /// Numbers of all actions.
+        /// Count of numbers in all actions.
         actions: usize,
     },
     /// A number is not finite.
-    #[error("a recorded {part} has the number {found}, expected a finite one")]
+    #[error("a recorded {part} contains {found}, expected finite numbers")]
     NotFinite {
         /// `observation` or `action`.
         part: &'static str,
@@ -51,7 +51,7 @@ pub enum RecordedError {
 }
 
 impl Recorded {
-    /// Checks all numbers for a task with these numbers in an observation and an action.
+    /// Checks all numbers for a task with these sizes of an observation and an action.
     pub(super) fn check(&self, expected: [usize; 2]) -> Result<(), RecordedError> {
         let parts = [("observation", &self.observations), ("action", &self.actions)];
         for (k, (part, numbers)) in parts.into_iter().enumerate() {

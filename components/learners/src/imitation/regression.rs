@@ -12,8 +12,8 @@ use crate::task::TaskError;
 
 /// A network, the normalisation of its observations, and all labels so far.
 ///
-/// [`Imitation`](super::Imitation) labels the worlds of a task; programs that label observations in other
-/// ways, such as sessions of a graph, use the regression directly.
+/// [`Imitation`](super::Imitation) labels observations in the worlds of a task. Programs with other sources
+/// of labels, such as sessions of a graph, use the regression directly.
 ///
 /// ```
 /// use motorium_learners::imitation::{ImitationSettings, Regression};
@@ -34,19 +34,19 @@ pub struct Regression {
     seed: u64,
     network: Perceptron,
     normaliser: Normaliser,
-    /// Outputs whose labels count.
+    /// Outputs that contribute to the loss.
     active: Vec<bool>,
     inputs: usize,
     observations: Vec<f32>,
     labels: Vec<f32>,
-    /// Numbers of the observations that the normaliser includes.
+    /// Count of observation numbers already included in the normaliser.
     normalised: usize,
     fits: u64,
 }
 
 impl Regression {
-    /// A network with random weights and this number of inputs. Outputs that are not `active` have no
-    /// influence on the loss.
+    /// Creates a network with random weights and `inputs` inputs. Outputs that are not `active` do not affect
+    /// the loss.
     ///
     /// # Errors
     ///
@@ -74,26 +74,26 @@ impl Regression {
         })
     }
 
-    /// The settings.
+    /// Returns the settings.
     pub fn settings(&self) -> &ImitationSettings {
         &self.settings
     }
 
-    /// Number of fits so far.
+    /// Returns the number of fits so far.
     pub fn fits(&self) -> u64 {
         self.fits
     }
 
-    /// Number of labels so far.
+    /// Returns the number of labels so far.
     pub fn labels(&self) -> usize {
         self.labels.len() / self.active.len()
     }
 
-    /// Adds observations, row by row, and the label of each: the outputs that are expected.
+    /// Adds observations, row by row, and their labels, which are the expected outputs.
     ///
     /// # Panics
     ///
-    /// If the numbers are not whole rows, or the numbers of rows differ.
+    /// If a row is incomplete or the numbers of rows differ.
     pub fn push(&mut self, observations: &[f32], labels: &[f32]) {
         let rows = observations.len() / self.inputs;
         assert_eq!((rows * self.inputs, rows * self.active.len()), (observations.len(), labels.len()));
@@ -101,7 +101,7 @@ impl Regression {
         self.labels.extend_from_slice(labels);
     }
 
-    /// Outputs for observations, row by row.
+    /// Returns the outputs for observations, row by row.
     pub fn predict(&self, observations: &[f32]) -> Vec<f32> {
         let mut scaled = vec![0.0; observations.len()];
         self.normaliser.apply(observations, &mut scaled);
@@ -110,7 +110,7 @@ impl Regression {
         trace.output().as_slice().to_vec()
     }
 
-    /// Fits the network to all labels; returns the mean squared error in the last pass.
+    /// Fits the network to all labels. Returns the mean squared error of the last pass.
     ///
     /// # Errors
     ///
@@ -160,18 +160,18 @@ impl Regression {
         Ok(loss)
     }
 
-    /// The network on raw observations: the normalisation is part of its first layer.
+    /// Returns the network for raw observations; the normalisation is merged into its first layer.
     pub fn policy(&self) -> TrainedNetwork {
         let layers = self.network.rows();
         TrainedNetwork { memory: None, layers, head: Head::Linear }.normalised(&self.normaliser)
     }
 
-    /// The network and the normalisation of its observations.
+    /// Returns the network and the normalisation of its observations.
     pub fn network(&self) -> (&Perceptron, &Normaliser) {
         (&self.network, &self.normaliser)
     }
 
-    /// SHA-256 of all weights, in hexadecimal.
+    /// Returns the SHA-256 digest of all weights, in hexadecimal.
     pub fn weights_sha256(&self) -> String {
         let layers = self.policy().layers;
         numbers_sha256(layers.iter().flat_map(|(weights, bias)| [&weights[..], &bias[..]]))

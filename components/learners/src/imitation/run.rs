@@ -15,7 +15,7 @@ use crate::folder::{self, FolderError, PROGRESS, RUN, TASK};
 use crate::task::Task;
 use crate::trained::{self, TrainedPolicyError};
 
-/// The errors of a run.
+/// Errors of a run.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// A file cannot be read or written.
@@ -24,18 +24,18 @@ pub enum RunError {
     /// The folder or the task is invalid.
     #[error(transparent)]
     Folder(#[from] FolderError),
-    /// The expert does not run on the task.
+    /// The expert does not fit the task.
     #[error("the expert: {0}")]
     Expert(#[from] TrainedPolicyError),
-    /// The algorithm does not learn from these sources.
+    /// The algorithm does not support these sources.
     #[error("{} learns from {expected}", algorithm.name())]
     Sources {
         /// The algorithm.
         algorithm: Algorithm,
-        /// Sources that it learns from.
+        /// Supported sources.
         expected: &'static str,
     },
-    /// Recorded numbers do not fit the task.
+    /// A recording does not fit the task.
     #[error(transparent)]
     Recorded(#[from] RecordedError),
     /// The robot cannot be loaded.
@@ -58,7 +58,7 @@ pub struct Summary {
     pub weights_sha256: String,
 }
 
-/// Sources of the actions that a run learns from.
+/// Sources of the actions to imitate.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sources<'a> {
     /// Folder of a policy that acts in simulated worlds.
@@ -80,9 +80,9 @@ pub struct Run {
 }
 
 impl Run {
-    /// Starts a run on the task in a file. Its settings are in `[algorithms.dagger]`. Behaviour cloning makes
-    /// one iteration, of an expert that alone acts or of recorded actions. DAgger needs an expert. `steps`
-    /// counts the steps of all iterations, in place of the task's.
+    /// Starts a run on the task in a file, with the settings in `[algorithms.dagger]`. Behaviour cloning runs
+    /// one iteration, with an acting expert or with recorded actions. DAgger requires an expert. `steps`
+    /// overrides the task's number of steps, for all iterations together.
     ///
     /// # Errors
     ///
@@ -98,7 +98,7 @@ impl Run {
         let invalid = |source| FolderError::Task { file: file.to_path_buf(), source };
         let mut settings = ImitationSettings::from_table(&task.algorithms).map_err(invalid)?;
         if algorithm == Algorithm::Clone {
-            // as many labels as all iterations make
+            // one iteration with the labels of all iterations
             settings.steps = settings.steps.saturating_mul(settings.iterations);
             (settings.iterations, settings.beta) = (1, 1.0);
         }
@@ -136,17 +136,17 @@ impl Run {
         Ok(Self { folder, algorithm, task, robot, warnings, imitation, progress, last: None })
     }
 
-    /// The task.
+    /// Returns the task.
     pub fn task(&self) -> &Task {
         &self.task
     }
 
-    /// Warnings of elements of the world's file that are left out.
+    /// Returns warnings about ignored elements of the world's file.
     pub fn warnings(&self) -> &[ModelWarning] {
         &self.warnings
     }
 
-    /// Makes one iteration and writes the policy. Returns `None` once all iterations are made.
+    /// Runs one iteration and writes the policy. Returns `None` once all iterations are complete.
     ///
     /// # Errors
     ///
@@ -166,7 +166,7 @@ impl Run {
         Ok(self.last)
     }
 
-    /// Summary of the run so far.
+    /// Returns a summary of the run so far.
     pub fn summary(&self) -> Summary {
         Summary { last: self.last, weights_sha256: self.imitation.weights_sha256() }
     }

@@ -8,25 +8,25 @@ use crate::task::TaskError;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImitationSettings {
-    /// Iterations, from 1. Default 10. Behaviour cloning makes 1.
+    /// Number of iterations, from 1. Default 10. Behaviour cloning runs 1.
     pub iterations: u64,
-    /// Steps of all worlds together in an iteration, from 1. Default 2000.
+    /// Total steps of all worlds in an iteration, from 1. Default 2000.
     pub steps: u64,
-    /// Worlds, from 1. Default 8.
+    /// Number of worlds, from 1. Default 8.
     pub worlds: usize,
     /// Probability that the expert acts in the first iteration, 0 to 1. Default 1.
     pub beta: f64,
-    /// Factor of that probability from one iteration to the next, 0 to 1. Default 0.5 (Ross and others).
+    /// Factor applied to that probability after each iteration, 0 to 1. Default 0.5 (Ross and others).
     pub decay: f64,
     /// Passes over all labels after an iteration, from 1. Default 50.
     pub epochs: usize,
-    /// Labels in a gradient, from 1. Default 128.
+    /// Labels per minibatch, from 1. Default 128.
     pub minibatch: usize,
     /// Learning rate of Adam, above 0. Default 1e-3.
     pub rate: f64,
-    /// True to lower the learning rate linearly to 0 over the passes of an iteration. Default false.
+    /// Lowers the learning rate linearly to 0 over the passes of an iteration. Default false.
     pub anneal: bool,
-    /// Hidden units of each layer; none for a linear policy. Default 64 and 64.
+    /// Hidden units per layer; an empty list for a linear policy. Default 64 and 64.
     pub hidden: Vec<usize>,
 }
 
@@ -48,11 +48,11 @@ impl Default for ImitationSettings {
 }
 
 impl ImitationSettings {
-    /// Reads the table of a task; defaults where it is missing.
+    /// Reads the table of a task. Missing keys have their defaults.
     ///
     /// # Errors
     ///
-    /// [`TaskError`] with the key.
+    /// [`TaskError`] with the key of an invalid setting.
     pub fn from_table(algorithms: &toml::Table) -> Result<Self, TaskError> {
         let settings: Self = match algorithms.get("dagger") {
             None => Self::default(),
@@ -64,7 +64,7 @@ impl ImitationSettings {
         Ok(settings)
     }
 
-    /// Learning rate in a pass over the labels, counted from 0.
+    /// Returns the learning rate in a pass over the labels, counted from 0.
     pub(super) fn rate_in(&self, epoch: u64) -> f64 {
         if self.anneal { self.rate * (1.0 - epoch as f64 / self.epochs as f64) } else { self.rate }
     }

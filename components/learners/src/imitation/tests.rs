@@ -11,7 +11,8 @@ use crate::environment::{End, Environment, Scene};
 
 const TASK: &str = include_str!("../../../../tasks/cart-pole.toml");
 
-/// A controller that balances: position, angle, and their rates; the force is ten times its output.
+/// Returns a balancing controller with inputs position, angle and their rates. The force is ten times its
+/// output.
 fn expert(task: &Task) -> PolicyNetwork {
     let weights = vec![0.1, 3.0, 0.2, 0.6, 0.0, 0.0, 0.0, 0.0];
     let bytes = onnx::write_mlp(4, &[(weights, vec![0.0; 2])], Unary::Tanh, &[]);
@@ -36,7 +37,7 @@ fn run(seed: u64, threads: usize, settings: ImitationSettings) -> Imitation<Arti
     Imitation::new(&task, settings, &expert(&task), (seed, threads), || scene.simulation()).expect("a run")
 }
 
-/// Mean length of five episodes.
+/// Returns the mean length of five episodes.
 fn length(mut act: impl FnMut(&[f32]) -> Vec<f32>) -> f64 {
     let task = Task::parse(TASK).expect("a task");
     let scene = Scene::load(&task, Path::new(".")).expect("a robot");
@@ -58,7 +59,7 @@ fn length(mut act: impl FnMut(&[f32]) -> Vec<f32>) -> f64 {
 }
 
 #[test]
-fn weights_of_imitation_repeat_on_any_threads() {
+fn imitation_weights_do_not_depend_on_threads() {
     let finish = |mut run: Imitation<Articulated>| {
         while !run.is_finished() {
             run.advance().expect("an iteration");
@@ -71,7 +72,7 @@ fn weights_of_imitation_repeat_on_any_threads() {
 }
 
 #[test]
-fn the_expert_acts_with_the_scheduled_probability() {
+fn expert_acts_with_the_scheduled_probability() {
     let mut imitation = run(1, 1, settings());
     let betas: Vec<f64> = (0..3).map(|_| imitation.advance().expect("an iteration").beta).collect();
     assert_eq!(betas, [1.0, 0.5, 0.25]);
@@ -80,7 +81,7 @@ fn the_expert_acts_with_the_scheduled_probability() {
 }
 
 #[test]
-fn the_network_balances_as_its_expert_does() {
+fn network_balances_like_its_expert() {
     let task = Task::parse(TASK).expect("a task");
     let mut teacher = expert(&task);
     let expected = length(|observation| {
@@ -105,7 +106,7 @@ fn the_network_balances_as_its_expert_does() {
     assert!(found > 0.9 * expected, "{found} steps, the expert {expected}; losses {losses:?}");
 }
 
-/// Observations of the expert's episodes, and its actions.
+/// Returns observations and actions of the expert.
 fn demonstration(steps: usize) -> Recorded {
     let task = Task::parse(TASK).expect("a task");
     let scene = Scene::load(&task, Path::new(".")).expect("a robot");

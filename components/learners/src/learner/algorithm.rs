@@ -24,7 +24,7 @@ pub enum Algorithm {
     Dqn,
 }
 
-/// A name that is not an algorithm's.
+/// The name of the algorithm is unknown.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("algorithm \"{found}\", expected {}", Algorithm::ALL.map(Algorithm::name).join(", "))]
 pub struct UnknownAlgorithm {
@@ -37,7 +37,7 @@ impl Algorithm {
     pub const ALL: [Self; 7] =
         [Self::Ppo, Self::A2c, Self::Reinforce, Self::Sac, Self::Td3, Self::Ddpg, Self::Dqn];
 
-    /// Name of its table in a task.
+    /// Returns the name of the algorithm, and of its table in a task.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ppo => "ppo",

@@ -1,4 +1,4 @@
-//! Checkpoints: everything that the rest of a training run depends on, in one safetensors file.
+//! Checkpoints: the complete state of a training run, in one safetensors file.
 
 use motorium_models::networks::{Adam, Perceptron};
 use motorium_models::safetensors::{self, SafetensorsError, Tensor, Tensors};
@@ -9,13 +9,13 @@ use serde::de::DeserializeOwned;
 use super::Algorithm;
 use crate::environment::{EnvironmentError, Progress, VectorEnvironment};
 
-/// A checkpoint that does not fit.
+/// The checkpoint does not fit the run.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
     /// The file is not a safetensors file.
     #[error(transparent)]
     Format(#[from] SafetensorsError),
-    /// A part is missing or has another size.
+    /// A part is missing or has the wrong size.
     #[error("{what}: {found}, expected {expected}; help: resume with the task and the settings of the run")]
     Mismatch {
         /// Part of the checkpoint.
@@ -41,7 +41,7 @@ impl CheckpointError {
 pub struct CheckpointWriter(Tensors);
 
 impl CheckpointWriter {
-    /// An empty checkpoint of an algorithm.
+    /// Creates an empty checkpoint of an algorithm.
     pub fn new(algorithm: Algorithm) -> Self {
         let mut file = Tensors::default();
         file.metadata.insert("algorithm".to_owned(), algorithm.name().to_owned());
@@ -53,7 +53,7 @@ impl CheckpointWriter {
         self.0.tensors.insert(name.into(), Tensor { shape: vec![values.len()], values });
     }
 
-    /// Adds the state of an optimiser, whose slices of parameters have names.
+    /// Adds the state of an optimiser with named slices of parameters.
     ///
     /// # Errors
     ///
@@ -93,7 +93,7 @@ impl CheckpointWriter {
         Ok(())
     }
 
-    /// The bytes of the file.
+    /// Returns the bytes of the file.
     ///
     /// # Errors
     ///
@@ -108,7 +108,7 @@ impl CheckpointWriter {
 pub struct CheckpointReader(Tensors);
 
 impl CheckpointReader {
-    /// Reads a file of an algorithm.
+    /// Reads a checkpoint of an algorithm.
     ///
     /// # Errors
     ///
@@ -123,7 +123,7 @@ impl CheckpointReader {
         Ok(Self(file))
     }
 
-    /// Takes numbers of any length.
+    /// Removes and returns numbers of any length.
     ///
     /// # Errors
     ///
@@ -133,7 +133,7 @@ impl CheckpointReader {
         found.ok_or_else(|| CheckpointError::mismatch(name, "missing", "a tensor"))
     }
 
-    /// Takes numbers of a length.
+    /// Removes and returns numbers of a given length.
     ///
     /// # Errors
     ///
@@ -157,7 +157,7 @@ impl CheckpointReader {
         Ok(())
     }
 
-    /// Takes the state of an optimiser with named slices of given lengths.
+    /// Removes and returns the state of an optimiser with named slices of given lengths.
     ///
     /// # Errors
     ///

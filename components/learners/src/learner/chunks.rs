@@ -1,12 +1,12 @@
-//! Work on chunks of samples by several threads.
+//! Parallel work on chunks of samples.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// Samples in a chunk, whose gradient one thread computes.
+/// Number of samples in a chunk. One thread computes the gradient of a chunk.
 pub(crate) const CHUNK: usize = 64;
 
-/// The results of `work` for each item, in the order of the items. Whichever thread is free takes the next.
+/// Returns the results of `work` for all items, in order. The next free thread processes the next item.
 pub(crate) fn map_chunks<I: Sync, T: Default + Send>(
     threads: usize,
     items: &[I],
@@ -28,9 +28,9 @@ pub(crate) fn map_chunks<I: Sync, T: Default + Send>(
     results
 }
 
-/// Calls `work` for each item, its slot and the memory of a thread. `run` calls its argument once on each
-/// thread with the number of the thread, from 0; threads without a memory do nothing. Whichever thread is
-/// free takes the next item.
+/// Calls `work` for each item with its slot and the memory of a thread. `run` calls its argument once on each
+/// thread with the index of the thread; threads without a memory do nothing. The next free thread processes
+/// the next item.
 pub(crate) fn for_chunks<I: Sync, T: Send, M: Send>(
     run: impl FnOnce(&(dyn Fn(usize) + Sync)),
     memories: &mut [M],

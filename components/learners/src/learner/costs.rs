@@ -1,4 +1,4 @@
-//! Time of a training run by phase.
+//! Time of a training run per phase.
 
 use std::time::Instant;
 
@@ -7,15 +7,15 @@ use std::time::Instant;
 pub enum Phase {
     /// Physics, observations, rewards and resets of all worlds.
     Environment,
-    /// Actions and values of the roll-out: passes through the networks.
+    /// Actions and values of the rollout: passes through the networks.
     Policy,
     /// Statistics of observations and returns, advantages, and samples of the replay buffer.
     Statistics,
     /// Gradients of all losses.
     Gradient,
-    /// Bound of the gradient, Adam, and target networks.
+    /// Gradient clipping, Adam, and target networks.
     Optimiser,
-    /// Progress, checkpoints and policies on the disk.
+    /// Writing progress, checkpoints and policies.
     Files,
 }
 
@@ -24,7 +24,7 @@ impl Phase {
     pub const ALL: [Self; 6] =
         [Self::Environment, Self::Policy, Self::Statistics, Self::Gradient, Self::Optimiser, Self::Files];
 
-    /// Name in lower case.
+    /// Returns the name of the phase, in lower case.
     pub fn name(self) -> &'static str {
         match self {
             Self::Environment => "environment",
@@ -37,31 +37,31 @@ impl Phase {
     }
 }
 
-/// Time of the calling thread in each phase, including its waits for other threads.
+/// Time of the calling thread in each phase, including waiting for other threads.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Costs {
     seconds: [f64; Phase::ALL.len()],
 }
 
 impl Costs {
-    /// Time of a phase \[s\].
+    /// Returns the time of a phase \[s\].
     pub fn seconds(&self, phase: Phase) -> f64 {
         self.seconds[phase as usize]
     }
 
-    /// Time of all phases \[s\].
+    /// Returns the total time of all phases \[s\].
     pub fn total(&self) -> f64 {
         self.seconds.iter().sum()
     }
 
-    /// Adds time to a phase \[s\].
+    /// Adds time \[s\] to a phase.
     pub fn add(&mut self, phase: Phase, seconds: f64) {
         self.seconds[phase as usize] += seconds;
     }
 }
 
-/// A stopwatch that splits the time of a run into phases. It reads the clock a few times in a step of all
-/// worlds and in a gradient, and has no effect on results.
+/// A stopwatch that splits the time of a run into phases. It reads the clock a few times per step of all
+/// worlds and per gradient, and does not affect results.
 #[derive(Clone, Copy, Debug)]
 pub struct Stopwatch {
     last: Instant,
@@ -74,19 +74,19 @@ impl Stopwatch {
         Self { last: Instant::now(), costs: Costs::default() }
     }
 
-    /// Starts the next lap; the time since the last one counts for no phase.
+    /// Starts the next lap. The time since the last lap is not assigned to a phase.
     pub fn skip(&mut self) {
         self.last = Instant::now();
     }
 
-    /// Ends a lap of a phase and starts the next.
+    /// Assigns the current lap to a phase and starts the next lap.
     pub fn lap(&mut self, phase: Phase) {
         let now = Instant::now();
         self.costs.add(phase, (now - self.last).as_secs_f64());
         self.last = now;
     }
 
-    /// Time of all laps.
+    /// Returns the time of all laps.
     pub fn costs(&self) -> Costs {
         self.costs
     }

@@ -6,17 +6,17 @@ use serde::{Deserialize, Serialize};
 
 use crate::environment::Step;
 
-/// Episodes over which the return of a training run is averaged.
+/// Number of episodes over which returns and lengths are averaged.
 const RECENT: usize = 100;
 
 /// Episodes of all worlds so far.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Episodes {
-    /// Number of episodes that ended.
+    /// Number of finished episodes.
     pub(crate) ended: u64,
     /// Return and length of the running episode of each world.
     running: Vec<(f64, u64)>,
-    /// Return and length of the last episodes.
+    /// Return and length of the most recent episodes.
     recent: VecDeque<(f64, u64)>,
 }
 
@@ -25,7 +25,7 @@ impl Episodes {
         Self { ended: 0, running: vec![(0.0, 0); worlds], recent: VecDeque::with_capacity(RECENT + 1) }
     }
 
-    /// Number of worlds.
+    /// Returns the number of worlds.
     pub(crate) fn worlds(&self) -> usize {
         self.running.len()
     }
@@ -49,12 +49,12 @@ impl Episodes {
         (count > 0).then(|| self.recent.iter().map(value).sum::<f64>() / count as f64)
     }
 
-    /// Mean return of the last episodes.
+    /// Returns the mean return of the most recent episodes.
     pub(crate) fn mean_return(&self) -> Option<f64> {
         self.mean(|(total, _)| *total)
     }
 
-    /// Mean length of the last episodes \[steps\].
+    /// Returns the mean length of the most recent episodes \[steps\].
     pub(crate) fn mean_length(&self) -> Option<f64> {
         self.mean(|(_, length)| *length as f64)
     }

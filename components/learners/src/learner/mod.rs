@@ -1,9 +1,9 @@
-//! The parts that gradient learners share: the [`Learner`] trait and checkpoints.
+//! Shared parts of gradient-based learners: the [`Learner`] trait and checkpoints.
 //!
-//! A learner steps many worlds of a task and updates its networks. [`Algorithm`] names all of them, and
-//! [`training`](crate::training) starts one by its name. Learners repeat to the bit: random numbers depend on
-//! the seed and on counters alone, and the sums of a gradient run over fixed chunks of samples on any number
-//! of threads.
+//! A learner steps many worlds of a task and updates its networks. [`Algorithm`] lists all learners, and
+//! [`training`](crate::training) starts one by name. Results are bit-for-bit reproducible on any number of
+//! threads: random numbers depend only on the seed and on counters, and gradients are summed over fixed
+//! chunks of samples.
 
 mod algorithm;
 mod checkpoint;
@@ -29,7 +29,7 @@ pub(crate) use settings::{Check, read_settings, settings_table};
 
 use crate::environment::EnvironmentError;
 
-/// The errors of training.
+/// Errors of training.
 #[derive(Debug, thiserror::Error)]
 pub enum LearnerError {
     /// The environment failed.
@@ -53,13 +53,13 @@ pub enum LearnerError {
 /// Progress of a training run after an update.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Progress {
-    /// Updates so far.
+    /// Number of updates so far.
     pub update: u64,
-    /// Steps of all worlds together.
+    /// Total steps of all worlds so far.
     pub steps: u64,
-    /// Episodes that ended.
+    /// Number of finished episodes.
     pub episodes: u64,
-    /// Mean return of the last 100 episodes, or `None` before the first end.
+    /// Mean return of the last 100 episodes, or `None` before the first episode ends.
     pub mean_return: Option<f64>,
     /// Mean length of the last 100 episodes \[steps\].
     pub mean_length: Option<f64>,
@@ -67,27 +67,27 @@ pub struct Progress {
     pub values: Vec<f64>,
 }
 
-/// An algorithm that trains a policy by gradients.
+/// A gradient-based algorithm that trains a policy.
 pub trait Learner {
-    /// The algorithm.
+    /// Returns the algorithm.
     fn algorithm(&self) -> Algorithm;
 
-    /// Names of the values that an update measures, such as `policy_loss`.
+    /// Returns the names of the values measured in an update, such as `policy_loss`.
     fn measures(&self) -> &'static [&'static str];
 
-    /// Steps of all worlds so far.
+    /// Returns the total steps of all worlds so far.
     fn steps(&self) -> u64;
 
-    /// Steps of all worlds in the whole run.
+    /// Returns the total steps of all worlds in the whole run.
     fn total_steps(&self) -> u64;
 
-    /// Updates so far.
+    /// Returns the number of updates so far.
     fn updates(&self) -> u64;
 
-    /// Updates between two checkpoints.
+    /// Returns the number of updates between two checkpoints.
     fn checkpoint_interval(&self) -> u64;
 
-    /// True once all steps are made.
+    /// Returns `true` once all steps are done.
     fn is_finished(&self) -> bool {
         self.steps() >= self.total_steps()
     }
@@ -99,10 +99,10 @@ pub trait Learner {
     /// [`LearnerError`]; [`LearnerError::NotFinite`] names the term of the loss.
     fn advance(&mut self) -> Result<Progress, LearnerError>;
 
-    /// Time of all updates by phase, without [`Phase::Files`].
+    /// Returns the time of all updates per phase, without [`Phase::Files`].
     fn costs(&self) -> Costs;
 
-    /// The bytes of a checkpoint. The worlds are stored as the actions of their running episodes.
+    /// Returns the bytes of a checkpoint. Worlds are stored as the actions of their running episodes.
     ///
     /// # Errors
     ///
@@ -117,14 +117,14 @@ pub trait Learner {
     /// [`CheckpointError`].
     fn restore(&mut self, bytes: &[u8]) -> Result<(), CheckpointError>;
 
-    /// The policy without exploration, on raw observations.
+    /// Returns the policy without exploration, for raw observations.
     fn policy(&self) -> TrainedNetwork;
 
-    /// SHA-256 of all weights, in hexadecimal.
+    /// Returns the SHA-256 digest of all weights, in hexadecimal.
     fn weights_sha256(&self) -> String;
 }
 
-/// SHA-256 of some numbers, in hexadecimal.
+/// Returns the SHA-256 digest of numbers, in hexadecimal.
 pub(crate) fn numbers_sha256<'a>(numbers: impl IntoIterator<Item = &'a [f32]>) -> String {
     let bytes: Vec<u8> = numbers.into_iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
     motorium_models::sha256::sha256_hex(&bytes)
@@ -135,7 +135,7 @@ pub(crate) fn check_finite(update: u64, term: &'static str, value: f64) -> Resul
     if value.is_finite() { Ok(()) } else { Err(LearnerError::NotFinite { update, term, value }) }
 }
 
-/// Sizes of the layers of a network.
+/// Returns the sizes of the layers of a network.
 pub(crate) fn layer_sizes(inputs: usize, hidden: &[usize], outputs: usize) -> Vec<usize> {
     core::iter::once(inputs).chain(hidden.iter().copied()).chain([outputs]).collect()
 }

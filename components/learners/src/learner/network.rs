@@ -12,32 +12,31 @@ pub enum Head {
     Linear,
     /// The action is `offset + scale tanh(output)`.
     Squashed {
-        /// Half of the range of each number of the action.
+        /// Half the range of each number of the action.
         scale: Vec<f32>,
         /// Middle of the range of each number.
         offset: Vec<f32>,
     },
-    /// The action is the row of a table whose number has the largest output.
+    /// The action is the table row of the largest output.
     Choice {
-        /// Actions, one row for each output.
+        /// Actions, one row per output.
         table: Vec<f32>,
     },
 }
 
-/// A policy without exploration: recurrent units if there are any, layers with `tanh` between them, then a
-/// [`Head`].
+/// A policy without exploration: optional recurrent units, layers with `tanh` between them, and a [`Head`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainedNetwork {
     /// Gated recurrent units before the layers.
     pub memory: Option<GruLayer>,
     /// Weights (outputs x inputs, row by row) and bias of each layer.
     pub layers: Vec<(Vec<f32>, Vec<f32>)>,
-    /// From the outputs of the last layer to an action.
+    /// Maps the outputs of the last layer to an action.
     pub head: Head,
 }
 
 impl TrainedNetwork {
-    /// Moves the normalisation of observations into the first weights.
+    /// Merges the normalisation of observations into the first layer.
     pub(crate) fn normalised(mut self, observations: &Normaliser) -> Self {
         match &mut self.memory {
             Some(GruLayer { hidden, input_weights, bias, .. }) => {
@@ -51,11 +50,11 @@ impl TrainedNetwork {
         self
     }
 
-    /// Bytes of its ONNX file, which `policy.network` runs.
+    /// Returns the bytes of an ONNX file for `policy.network`.
     ///
     /// # Panics
     ///
-    /// If there is no layer, or a choice with recurrent units.
+    /// If there is no layer, or a choice is combined with recurrent units.
     pub fn to_onnx(&self, metadata: &[(&str, &str)]) -> Vec<u8> {
         let inputs = self.layers[0].0.len() / self.layers[0].1.len();
         let write = |layers: &[(Vec<f32>, Vec<f32>)]| match &self.memory {
@@ -65,7 +64,7 @@ impl TrainedNetwork {
         match &self.head {
             Head::Linear => write(&self.layers),
             Head::Squashed { scale, offset } => {
-                // the activation between the last layer and a diagonal one squashes
+                // the activation before an additional diagonal layer squashes the outputs
                 let width = scale.len();
                 let mut diagonal = vec![0.0; width * width];
                 scale.iter().enumerate().for_each(|(k, scale)| diagonal[k * width + k] = *scale);

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Mean and variance of vectors seen so far, in double precision and in the order of their arrival.
+/// Mean and variance of all vectors so far, accumulated in double precision in order of arrival.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Normaliser {
     count: f64,
@@ -15,7 +15,7 @@ pub struct Normaliser {
 const LEAST: f64 = 1e-8;
 
 impl Normaliser {
-    /// Mean 0 and variance 1 until the first vector.
+    /// Creates a normaliser with mean 0 and variance 1 until the first vector.
     pub fn new(width: usize) -> Self {
         Self { count: 0.0, mean: vec![0.0; width], squares: vec![0.0; width] }
     }
@@ -32,12 +32,12 @@ impl Normaliser {
         }
     }
 
-    /// Means.
+    /// Returns the means.
     pub fn mean(&self) -> &[f64] {
         &self.mean
     }
 
-    /// Standard deviation of entry `index`.
+    /// Returns the standard deviation of entry `index`.
     pub fn deviation(&self, index: usize) -> f64 {
         if self.count < 2.0 { 1.0 } else { (self.squares[index] / self.count + LEAST).sqrt() }
     }
@@ -53,7 +53,8 @@ impl Normaliser {
         }
     }
 
-    /// Moves the normalisation into the first layer of a network, weights (outputs x inputs) row by row.
+    /// Merges the normalisation into the first layer of a network. `weights` (outputs x inputs) are stored
+    /// row by row.
     pub fn fold(&self, weights: &mut [f32], bias: &mut [f32]) {
         for (row, bias) in weights.chunks_exact_mut(self.mean.len()).zip(bias) {
             let mut shift = 0.0;

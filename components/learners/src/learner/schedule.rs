@@ -1,6 +1,6 @@
-//! Numbers that change during training.
+//! Values that change during training.
 
-/// A number that changes linearly from `start` to `end` over a share of all steps, and then stays.
+/// A value that changes linearly from `start` to `end` over a fraction of all steps, and then stays constant.
 ///
 /// ```
 /// use motorium_learners::learner::LinearSchedule;
@@ -11,16 +11,16 @@
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinearSchedule {
-    /// Number before the first step.
+    /// Value before the first step.
     pub start: f64,
-    /// Number after the share of steps.
+    /// Value after the fraction of steps.
     pub end: f64,
-    /// Share of all steps, above 0, at most 1.
+    /// Fraction of all steps, above 0, at most 1.
     pub share: f64,
 }
 
 impl LinearSchedule {
-    /// The number after some of all steps.
+    /// Returns the value after `steps` of `total` steps.
     pub fn value(&self, steps: u64, total: u64) -> f64 {
         let done = (steps as f64 / (self.share * total as f64)).min(1.0);
         self.start * (1.0 - done) + self.end * done

@@ -1,4 +1,4 @@
-//! Settings of learners, tables of a task.
+//! Settings of learners, read from the tables of a task.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -6,8 +6,8 @@ use serde::de::DeserializeOwned;
 use super::Algorithm;
 use crate::task::TaskError;
 
-/// Reads the table of an algorithm. Keys that are missing have their defaults; all settings serialise to at
-/// least one key.
+/// Reads the table of an algorithm. Missing keys have their defaults; all settings serialise to at least one
+/// key.
 pub(crate) fn read_settings<S: Default + Serialize + DeserializeOwned>(
     algorithms: &toml::Table,
     algorithm: Algorithm,
@@ -29,7 +29,7 @@ pub(crate) fn read_settings<S: Default + Serialize + DeserializeOwned>(
     table.try_into().map_err(|error: toml::de::Error| invalid(error.to_string()))
 }
 
-/// Returns settings as the table that has them.
+/// Returns settings as a table.
 pub(crate) fn settings_table(
     algorithm: Algorithm,
     settings: &impl Serialize,
@@ -38,12 +38,12 @@ pub(crate) fn settings_table(
         .map_err(|error| TaskError::Parse(format!("`algorithms.{}`: {error}", algorithm.name())))
 }
 
-/// Checks of the ranges of settings.
+/// Range checks of settings.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Check(pub(crate) Algorithm);
 
 impl Check {
-    /// The error of a setting.
+    /// Returns the error of a setting.
     pub(crate) fn error(self, key: &str, found: f64, expected: &str) -> TaskError {
         TaskError::Value {
             key: format!("algorithms.{}.{key}", self.0.name()),
@@ -58,25 +58,25 @@ impl Check {
         zero.map_or(Ok(()), |(key, _)| Err(self.error(key, 0.0, "at least 1")))
     }
 
-    /// Checks numbers above 0.
+    /// Checks that numbers are above 0.
     pub(crate) fn positive<const N: usize>(self, numbers: [(&str, f64); N]) -> Result<(), TaskError> {
         let wrong = numbers.into_iter().find(|(_, found)| !(*found > 0.0 && found.is_finite()));
         wrong.map_or(Ok(()), |(key, found)| Err(self.error(key, found, "above 0")))
     }
 
-    /// Checks numbers from 0.
+    /// Checks that numbers are at least 0.
     pub(crate) fn not_negative<const N: usize>(self, numbers: [(&str, f64); N]) -> Result<(), TaskError> {
         let wrong = numbers.into_iter().find(|(_, found)| !(*found >= 0.0 && found.is_finite()));
         wrong.map_or(Ok(()), |(key, found)| Err(self.error(key, found, "at least 0")))
     }
 
-    /// Checks numbers from 0 to 1.
+    /// Checks that numbers are from 0 to 1.
     pub(crate) fn shares<const N: usize>(self, numbers: [(&str, f64); N]) -> Result<(), TaskError> {
         let wrong = numbers.into_iter().find(|(_, found)| !(0.0..=1.0).contains(found));
         wrong.map_or(Ok(()), |(key, found)| Err(self.error(key, found, "0 to 1")))
     }
 
-    /// Checks a discount and hidden units.
+    /// Checks the discount and the hidden units.
     pub(crate) fn network(self, discount: f64, hidden: &[usize]) -> Result<(), TaskError> {
         if !(discount > 0.0 && discount < 1.0) {
             return Err(self.error("discount", discount, "above 0, below 1"));

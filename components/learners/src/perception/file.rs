@@ -46,7 +46,7 @@ pub enum CouplingFileError {
         path: PathBuf,
     },
     /// The version is not supported.
-    #[error("{}: a coupling of version {found}, this program reads version {VERSION}: train it again", path.display())]
+    #[error("{}: coupling version {found}, expected {VERSION}; train it again", path.display())]
     Version {
         /// Path of the file.
         path: PathBuf,
@@ -54,7 +54,7 @@ pub enum CouplingFileError {
         found: u64,
     },
     /// The file is truncated or was changed after it was written.
-    #[error("{}: it was cut short or damaged; train it again", path.display())]
+    #[error("{}: the coupling is truncated or damaged; train it again", path.display())]
     Damaged {
         /// Path of the file.
         path: PathBuf,

@@ -31,7 +31,7 @@ pub enum ImageError {
         problem: String,
     },
     /// The picture has a single grey level.
-    #[error("{}: it shows nothing: all pixels are alike", path.display())]
+    #[error("{}: the picture is blank: all pixels are equal", path.display())]
     Blank {
         /// Path of the file.
         path: PathBuf,
@@ -43,7 +43,7 @@ impl Picture {
     /// everything that differs from the corners: dark on light or light on dark.
     ///
     /// # Errors
-    /// The file cannot be read, is not a grey map, or shows nothing.
+    /// The file cannot be read, is not a grey map, or is blank.
     pub fn read(path: &Path) -> Result<Self, ImageError> {
         let bytes = motorium_recordings::read_bounded(path, super::LONGEST)
             .map_err(|source| ImageError::Io { path: path.to_path_buf(), source })?;
@@ -122,7 +122,7 @@ impl Grey {
         if darkest < 1e-3 {
             return None;
         }
-        // The edge of the ink is at half of the darkest grey.
+        // The edge of the ink is at half the darkest grey.
         let inked = |row: usize, column: usize| ink[row * width + column] > 0.5 * darkest;
         let (mut rows, mut columns) = ((usize::MAX, 0), (usize::MAX, 0));
         for row in 0..height {
@@ -135,7 +135,7 @@ impl Grey {
         let side = (rows.1 - rows.0).max(columns.1 - columns.0) as f64 + 1.0;
         let step = side / (EXTENT + 2.0 * EDGE * LINE);
         let middle = [rows, columns].map(|(low, high)| 0.5 * (low + high) as f64);
-        // Each pixel is the mean over its area of the file, or interpolated if the file's pixels are larger.
+        // Each pixel is the mean over its area in the file, or interpolated if the file's pixels are larger.
         let fine = (step.ceil() as usize).clamp(1, 32);
         let mut pixels = Vec::with_capacity(PIXELS * PIXELS);
         for row in 0..PIXELS {

@@ -16,7 +16,7 @@ pub fn unit_extent(path: &DMatrix<f64>) -> DMatrix<f64> {
     out
 }
 
-/// Returns the path moved to start at 0: the picture of a letter does not show its place on the paper.
+/// Returns the path shifted to start at 0, because a picture does not show the position on the paper.
 pub fn begun_at_zero(path: &DMatrix<f64>) -> DMatrix<f64> {
     let mut out = path.clone();
     for (d, mut column) in out.column_iter_mut().enumerate() {
@@ -46,7 +46,7 @@ pub fn even_speed(path: &DMatrix<f64>, samples: usize) -> DMatrix<f64> {
     out
 }
 
-/// Returns the path randomly turned, slanted, stretched and bent by about `amount`, and scaled to extent 1.
+/// Returns the path randomly rotated, slanted, stretched and bent by about `amount`, and scaled to extent 1.
 pub fn augmented(path: &DMatrix<f64>, amount: f64, random: &mut Pcg64) -> DMatrix<f64> {
     let mut normal = || {
         let normal: f64 = StandardNormal.sample(random);
@@ -55,7 +55,7 @@ pub fn augmented(path: &DMatrix<f64>, amount: f64, random: &mut Pcg64) -> DMatri
     let [turn, slant, wide] = [0; 3].map(|_| normal());
     let (sin, cos) = turn.sin_cos();
     let change = Matrix2::new(cos, -sin, sin, cos) * Matrix2::new(wide.exp(), slant, 0.0, 1.0);
-    // a smooth field of displacements: one wave in each direction, of about the length of a letter
+    // a smooth displacement field: one wave in each direction, about as long as a letter
     let waves =
         [0; 2].map(|_| [0.2 * normal(), 0.2 * normal(), 40.0 * normal(), 40.0 * normal(), 100.0 * normal()]);
     let rows: Vec<RowVector2<f64>> = path
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn the_distance_is_the_mean_of_both_ways() {
+    fn distance_is_the_mean_of_both_directions() {
         let point = DMatrix::from_row_slice(1, 2, &[0.0, 0.0]);
         let pair = DMatrix::from_row_slice(2, 2, &[0.0, 0.0, 1.0, 0.0]);
         assert!(

@@ -10,7 +10,7 @@ const PARTS: [&str; 3] = ["policy", "value", "deviations"];
 const MEMORIES: [&str; 2] = ["policy.memory", "value.memory"];
 
 impl<E: Engine + Send> Ppo<E> {
-    /// The bytes of a checkpoint. The worlds are stored as the actions of their running episodes.
+    /// Returns the bytes of a checkpoint. Worlds are stored as the actions of their running episodes.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! Steps of all worlds between two updates.
+//! Collection of steps between two updates.
 
 use motorium_physics::Engine;
 use nalgebra::DMatrix;
@@ -12,13 +12,14 @@ use crate::environment::EnvironmentError;
 use crate::learner::{Phase, for_chunks};
 use crate::random::{Counter, Purpose};
 
-/// Bound of normalised rewards, as CleanRL's.
+/// Limit of normalised rewards, as in CleanRL.
 const REWARD_CLIP: f64 = 10.0;
 
-/// Worlds whose actions a thread samples together: the rows that products of matrices compute at once.
+/// Number of worlds whose actions a thread samples together: the number of rows that the matrix product
+/// computes simultaneously.
 const TILE: usize = 8;
 
-/// The numbers of a step that belong to some worlds, one world after the other.
+/// Results of a step for some worlds, one world after the other.
 struct Tile<'a> {
     values: &'a mut [f32],
     actions: &'a mut [f32],
@@ -37,7 +38,7 @@ struct Actor<'a> {
 }
 
 impl Actor<'_> {
-    /// Computes values, and samples actions, for the observations of worlds from `first` on.
+    /// Computes values and samples actions for the observations of worlds from `first`.
     fn act(&self, first: usize, (inputs, input): (usize, &[f32]), tile: &mut Tile<'_>, passes: &mut Passes) {
         let Tile { values, actions, log_probabilities, states } = tile;
         let Passes { policy: means, value, .. } = passes;
@@ -61,7 +62,7 @@ impl Actor<'_> {
 }
 
 impl<E: Engine + Send> Ppo<E> {
-    /// Steps all worlds through a horizon, or each through an episode.
+    /// Steps all worlds through a horizon, or through one episode each.
     pub(super) fn collect(&mut self) -> Result<(), EnvironmentError> {
         let (worlds, horizon) = (self.settings.worlds, self.settings.horizon);
         let (inputs, width) = (self.worlds.terms().inputs(), self.worlds.terms().actions());
@@ -73,7 +74,7 @@ impl<E: Engine + Send> Ppo<E> {
         passes.resize_with(self.worlds.threads(), Passes::default);
         let firsts: Vec<usize> = (0..worlds).step_by(TILE).collect();
         let mut images = vec![0.0; if self.mirror.is_some() { worlds * inputs } else { 0 }];
-        // worlds whose steps count
+        // worlds whose steps are used
         let mut live = vec![true; worlds];
         self.rollout.used.clear();
         for step in 0..horizon {
@@ -82,8 +83,8 @@ impl<E: Engine + Send> Ppo<E> {
             }
             let samples = step * worlds..(step + 1) * worlds;
             let observations = &mut self.rollout.observations[samples.start * inputs..samples.end * inputs];
-            // observations join the statistics before these normalise them, from the first step on, as in
-            // Stable-Baselines3's `VecNormalize`
+            // as in Stable-Baselines3's `VecNormalize`, the statistics include an observation before it is
+            // normalised
             let raw = self.worlds.observations();
             for (row, _) in raw.chunks_exact(inputs).zip(&live).filter(|(_, live)| **live) {
                 self.state.observations.update(row);
@@ -132,7 +133,7 @@ impl<E: Engine + Send> Ppo<E> {
             self.worlds.step(actions)?;
             self.watch.lap(Phase::Environment);
             self.rollout.next_values[samples.clone()].fill(0.0);
-            // the value after a truncated episode; the values of the next step follow below
+            // value after a truncated episode; the values of the next step follow below
             let is_truncated = |world: &usize| {
                 self.worlds.steps()[*world].end.is_some_and(|end| !end.is_terminal())
                     && !self.variant.uses_episodes
@@ -160,7 +161,7 @@ impl<E: Engine + Send> Ppo<E> {
                     }
                 }
             }
-            // returns join theirs before these normalise the rewards
+            // the statistics include the returns before the rewards are normalised
             for ((result, live), discounted) in
                 self.worlds.steps().iter().zip(&live).zip(&mut self.state.discounted)
             {

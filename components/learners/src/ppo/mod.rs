@@ -5,24 +5,25 @@
 //!
 //! ```text
 //! L   = -E[min(r A, clip(r, 1 - c, 1 + c) A)] + value / 2 E[(V - R)^2] - entropy H
-//! A_t = sum_k (discount lambda)^k d_(t+k),   d_t = reward_t + discount V(o_(t+1)) - V(o_t),   R_t = A_t + V(o_t)
+//! A_t = sum_k (discount lambda)^k d_(t+k),   d_t = reward_t + discount V(o_(t+1)) - V(o_t)
+//! R_t = A_t + V(o_t)
 //! ```
 //!
-//! A terminated episode has no value after its end; a truncated one has the value of its final observation.
-//! Observations are normalised by their running mean and deviation, rewards by the running deviation of the
-//! discounted return; both join the statistics step by step, as in Stable-Baselines3. Advantages are
-//! normalised in each minibatch.
+//! The value after a terminated episode is 0; after a truncated episode it is the value of the final
+//! observation. Observations are normalised by their running mean and standard deviation, rewards by the
+//! running standard deviation of the discounted return. Both statistics are updated in every step, as in
+//! Stable-Baselines3. Advantages are normalised in each minibatch.
 //!
-//! With [`PpoSettings::recurrent`] policy and value each have gated recurrent units (GRU) before their
-//! layers. Their states restart with each episode. A minibatch then consists of whole sequences of
-//! consecutive steps: each starts from the state that was stored during the rollout, and the gradient is
+//! With [`PpoSettings::recurrent`], policy and value each have gated recurrent units (GRU) before their
+//! layers. Their states are reset with each episode. A minibatch then consists of whole sequences of
+//! consecutive steps. Each sequence starts from the state stored during the rollout, and the gradient is
 //! propagated back through its steps, but not across the end of an episode.
 //!
-//! With [`PpoSettings::mirror`] each step also counts as its mirror image, with the probability, the
-//! advantage and the return of the step, and both join the statistics of observations.
+//! With [`PpoSettings::mirror`], the mirror image of each step is a further sample, with the probability,
+//! advantage and return of the step. The observation statistics include both.
 //!
-//! Training repeats to the bit: random numbers are counter-based, and the sums of a gradient run over fixed
-//! chunks of samples whatever the number of threads.
+//! Training is bit-for-bit reproducible: random numbers are counter-based, and gradients are summed over
+//! fixed chunks of samples, independent of the number of threads.
 //!
 //! Sources: Schulman, Wolski, Dhariwal, Radford, Klimov, *Proximal policy optimization algorithms*,
 //! arXiv:1707.06347, 2017; Schulman, Moritz, Levine, Jordan, Abbeel, *High-dimensional continuous control
@@ -56,25 +57,25 @@ use crate::learner::{
 use crate::random::{Counter, Purpose};
 use crate::task::{Mirror, Task, TaskError};
 
-/// Values of an update, in the order of [`Progress::values`].
+/// Values measured in an update, in the order of [`Progress::values`].
 pub(crate) const MEASURES: [&str; 5] = ["policy_loss", "value_loss", "entropy", "divergence", "rate"];
 
 /// Added by Adam to the root of the second moment: 1e-5 as in CleanRL's `ppo_continuous_action` and
 /// Stable-Baselines3, not Adam's 1e-8.
 const EPSILON: f32 = 1e-5;
 
-/// The parts in which on-policy methods differ.
+/// Differences between on-policy methods.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Variant {
     /// The algorithm.
     pub(crate) algorithm: Algorithm,
-    /// Advantages have mean 0 and deviation 1 in each gradient.
+    /// Normalises advantages to mean 0 and standard deviation 1 in each gradient step.
     pub(crate) is_normalised: bool,
-    /// An update uses one whole episode of each world instead of a horizon, and no value after its end.
+    /// An update uses one whole episode per world instead of a horizon, and no value after its end.
     pub(crate) uses_episodes: bool,
 }
 
-/// Numbers of a training run besides its networks and worlds.
+/// State of a training run besides its networks and worlds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct State {
     seed: u64,
@@ -102,18 +103,18 @@ pub struct Ppo<E> {
     deviations: Vec<f32>,
     /// Actions that move a joint.
     active: Vec<bool>,
-    /// Mirror of steps that also count as their images.
+    /// Mirror of the steps, if images are used.
     mirror: Option<Mirror>,
     adam: Adam,
     state: State,
     rollout: Rollout,
-    /// Memory for the gradients of chunks and for the passes of threads.
+    /// Buffers for the gradients of chunks and for the passes of threads.
     memory: (Vec<Part>, Vec<Passes>),
     watch: Stopwatch,
 }
 
 impl<E: Engine + Send> Ppo<E> {
-    /// A run before its first step; `build` makes the simulation of a world.
+    /// Creates a run before its first step. `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
@@ -129,7 +130,7 @@ impl<E: Engine + Send> Ppo<E> {
         Self::with_variant(task, settings, variant, run, build)
     }
 
-    /// A run of an on-policy method, whose settings are checked.
+    /// Creates a run of an on-policy method with checked settings.
     pub(crate) fn with_variant(
         task: &Task,
         mut settings: PpoSettings,
@@ -185,12 +186,12 @@ impl<E: Engine + Send> Ppo<E> {
         })
     }
 
-    /// Starts from a trained policy, such as an [imitator](crate::imitation::Imitation): a network on
-    /// observations that are normalised as given.
+    /// Starts from a trained policy, such as an [imitator](crate::imitation::Imitation). The network expects
+    /// observations that are normalised with `observations`.
     ///
     /// # Panics
     ///
-    /// If the network has other layers than the settings, or the settings have recurrent units.
+    /// If the layers of the network differ from the settings, or the settings have recurrent units.
     pub fn start_from(&mut self, policy: &Perceptron, observations: &Normaliser) {
         assert_eq!(self.settings.recurrent, 0, "recurrent units");
         self.policy.set(&policy.to_vec());
@@ -202,17 +203,17 @@ impl<E: Engine + Send> Ppo<E> {
         &self.settings
     }
 
-    /// Steps of all worlds so far.
+    /// Returns the total steps of all worlds so far.
     pub fn steps(&self) -> u64 {
         self.state.steps
     }
 
-    /// Updates so far.
+    /// Returns the number of updates so far.
     pub fn updates(&self) -> u64 {
         self.state.updates
     }
 
-    /// True once all steps of the settings are made.
+    /// Returns `true` once all steps are done.
     pub fn is_finished(&self) -> bool {
         self.state.steps >= self.settings.steps
     }
@@ -238,7 +239,8 @@ impl<E: Engine + Send> Ppo<E> {
         })
     }
 
-    /// SHA-256 of all weights of policy and value and of the deviations, in hexadecimal.
+    /// Returns the SHA-256 digest of the weights of policy and value and of the standard deviations, in
+    /// hexadecimal.
     pub fn weights_sha256(&self) -> String {
         let weights = [&self.policy.to_vec(), &self.value.to_vec(), &self.deviations];
         numbers_sha256(weights.map(Vec::as_slice))

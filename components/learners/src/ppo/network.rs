@@ -9,14 +9,14 @@ use rand_pcg::Pcg64;
 
 use crate::learner::{Head, TrainedNetwork, layer_sizes};
 
-/// A perceptron, with gated recurrent units between its inputs and its layers or without.
+/// A perceptron, optionally with gated recurrent units between its inputs and its layers.
 #[derive(Clone, Debug)]
 pub(super) struct Network {
     memory: Option<Memory>,
     layers: Perceptron,
 }
 
-/// A layer of gated recurrent units; parameters in the order of [`Gru`].
+/// A layer of gated recurrent units, with parameters in the order of [`Gru`].
 #[derive(Clone, Debug)]
 struct Memory {
     inputs: usize,
@@ -32,7 +32,7 @@ pub(super) struct Piece<'a> {
     pub(super) steps: usize,
 }
 
-/// A forward pass, kept for the backward pass, whose memory can be used again.
+/// A forward pass, kept for the backward pass. Its memory can be reused.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Trace {
     pieces: Vec<PieceTrace>,
@@ -49,19 +49,19 @@ struct PieceTrace {
 }
 
 impl Trace {
-    /// Outputs, one column a step.
+    /// Returns the outputs, one column per step.
     pub(super) fn output(&self) -> &DMatrix<f32> {
         self.layers.output()
     }
 
-    /// States after each step; empty without a memory.
+    /// Returns the states after each step; empty without recurrent units.
     pub(super) fn states(&self) -> &[f32] {
         &self.states
     }
 }
 
 impl Memory {
-    /// Uniform weights within `1 / sqrt(units)`, as PyTorch's `GRU`.
+    /// Creates uniformly distributed weights within `1 / sqrt(units)`, as in PyTorch's `GRU`.
     fn random(inputs: usize, units: usize, random: &mut Pcg64) -> Self {
         let bound = 1.0 / (units as f32).sqrt();
         let layer = Gru { inputs, hidden: units, steps: 1 };
@@ -73,7 +73,7 @@ impl Memory {
         Gru { inputs: self.inputs, hidden: self.units, steps }
     }
 
-    /// Runs over a piece, whose inputs follow each other; writes the states after each step.
+    /// Runs over a piece with contiguous inputs and writes the states after each step.
     fn forward(&self, piece: Piece<'_>, inputs: &[f32], states: &mut [f32]) -> PieceTrace {
         let layer = self.layer(piece.steps);
         let mut input = vec![0.0; self.units];
@@ -93,7 +93,8 @@ impl Memory {
 }
 
 impl Network {
-    /// Random weights; `units` of 0 for a perceptron alone, whose last layer has `gain`.
+    /// Creates a network with random weights. With 0 `units` it is only a perceptron. The last layer has
+    /// `gain`.
     pub(super) fn random(
         (inputs, units, outputs): (usize, usize, usize),
         hidden: &[usize],
@@ -105,12 +106,12 @@ impl Network {
         Self { memory, layers: Perceptron::random(&layer_sizes(width, hidden, outputs), gain, random) }
     }
 
-    /// Number of parameters.
+    /// Returns the number of parameters.
     pub(super) fn parameters(&self) -> usize {
         self.memory.as_ref().map_or(0, |memory| memory.parameters.len()) + self.layers.parameters()
     }
 
-    /// All parameters: the memory's, then the layers'.
+    /// Returns all parameters: first the recurrent units, then the layers.
     pub(super) fn to_vec(&self) -> Vec<f32> {
         let mut parameters = self.memory.as_ref().map_or_else(Vec::new, |memory| memory.parameters.clone());
         parameters.extend(self.layers.to_vec());
@@ -128,7 +129,7 @@ impl Network {
         self.layers.set(rest);
     }
 
-    /// The network, whose outputs are the action.
+    /// Returns the trained network, whose outputs are the action.
     pub(super) fn trained(&self) -> TrainedNetwork {
         let memory = self.memory.as_ref().map(|Memory { inputs, units, parameters }| {
             let (input_weights, rest) = parameters.split_at(3 * units * inputs);
@@ -144,8 +145,8 @@ impl Network {
         TrainedNetwork { memory, layers: self.layers.rows(), head: Head::Linear }
     }
 
-    /// Computes the outputs of steps, one a column; with a memory the columns are those pieces, one after
-    /// the other.
+    /// Computes the outputs of steps, one per column. With recurrent units, the columns are the pieces, one
+    /// after the other.
     pub(super) fn forward<'a>(
         &self,
         input: DMatrix<f32>,
@@ -167,8 +168,8 @@ impl Network {
         Trace { pieces: traces, states, layers }
     }
 
-    /// As [`forward`](Self::forward) with inputs one sample after the other, into a trace: without a memory
-    /// it does not allocate for as many samples as before.
+    /// Runs [`forward`](Self::forward) into a trace, with inputs one sample after the other. Without
+    /// recurrent units it does not allocate if the number of samples is unchanged.
     pub(super) fn run<'a>(
         &self,
         trace: &mut Trace,
@@ -184,8 +185,8 @@ impl Network {
         }
     }
 
-    /// Writes the [gradient](Self::gradients) by all parameters. `output` writes all numbers of the gradient
-    /// by the outputs, one sample after the other, from the outputs.
+    /// Writes the [gradient](Self::gradients) with respect to all parameters. From the outputs, `output`
+    /// writes the gradient with respect to the outputs, one sample after the other.
     pub(super) fn write_gradients(
         &self,
         trace: &mut Trace,
@@ -203,8 +204,8 @@ impl Network {
         }
     }
 
-    /// Gradient of a loss by all parameters from its gradient by the outputs: back-propagation through the
-    /// steps of each piece, in the order of the pieces.
+    /// Returns the gradient of a loss with respect to all parameters from its gradient with respect to the
+    /// outputs, by back-propagation through the steps of each piece, in order.
     pub(super) fn gradients(&self, trace: &Trace, output: DMatrix<f32>) -> Vec<f32> {
         let Some(memory) = &self.memory else { return self.layers.gradients(&trace.layers, output) };
         let by_states = self.layers.input_gradients(&trace.layers, output.clone());
@@ -231,7 +232,7 @@ impl Network {
     }
 }
 
-/// One step of each world, from its state.
+/// Returns one step per world, starting from its state.
 pub(super) fn single_steps(states: &[f32], units: usize) -> impl Iterator<Item = Piece<'_>> {
     states.chunks_exact(units.max(1)).map(|state| Piece { state: Some(state), steps: 1 })
 }
@@ -267,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn pieces_equal_single_steps_that_reset_at_episode_ends() {
+    fn pieces_match_single_steps_with_resets_at_episode_ends() {
         let network = Network::random((2, 3, 1), &[4], 1.0, &mut Pcg64::seed_from_u64(2));
         let input = DMatrix::from_fn(2, 5, |i, k| (1.7 * (i + 2 * k) as f32).cos());
         let whole = network

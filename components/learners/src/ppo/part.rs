@@ -21,7 +21,7 @@ pub(super) struct Part {
     pub(super) losses: Losses,
 }
 
-/// Memory of a thread for the passes through policy and value.
+/// Buffers of a thread for the passes through policy and value.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Passes {
     /// Observations of a chunk.

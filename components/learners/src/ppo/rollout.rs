@@ -3,7 +3,7 @@
 use super::network::Piece;
 use crate::task::Mirror;
 
-/// Steps of all worlds, step by step, world by world.
+/// Steps of all worlds, ordered by step and world.
 #[derive(Clone, Debug)]
 pub(super) struct Rollout {
     /// Normalised observations.
@@ -14,16 +14,17 @@ pub(super) struct Rollout {
     pub(super) values: Vec<f32>,
     pub(super) advantages: Vec<f32>,
     pub(super) returns: Vec<f32>,
-    /// Samples that an update uses.
+    /// Samples used by an update.
     pub(super) used: Vec<usize>,
     pub(super) worlds: usize,
-    /// Consecutive steps of a world through which a gradient is propagated; 1 without a memory.
+    /// Consecutive steps of a world through which a gradient is propagated; 1 without recurrent units.
     pub(super) unroll: usize,
     pub(super) units: usize,
     /// Recurrent states of policy and value before each sequence of `unroll` steps, world after world.
     pub(super) states: [Vec<f32>; 2],
     pub(super) rewards: Vec<f32>,
-    /// Value after the step: 0 where the episode terminated, of the final observation where it was truncated.
+    /// Value after the step: 0 if the episode terminated, the value of the final observation if it was
+    /// truncated.
     pub(super) next_values: Vec<f32>,
     pub(super) ended: Vec<bool>,
 }
@@ -56,7 +57,7 @@ impl Rollout {
         Self { unroll, units, states: [states.clone(), states], ..self }
     }
 
-    /// Adds memory for the mirror image of each sample: behind all samples, in their order.
+    /// Adds space for the mirror image of each sample, after all samples and in the same order.
     pub(super) fn with_images(mut self, is_mirrored: bool) -> Self {
         if is_mirrored {
             for numbers in [
@@ -72,7 +73,7 @@ impl Rollout {
         self
     }
 
-    /// Completes the mirror images of all used samples, whose observations are there.
+    /// Completes the mirror images of all used samples. Their observations must already be present.
     pub(super) fn add_images(&mut self, mirror: &Mirror) {
         let samples = self.rewards.len();
         let width = self.actions.len() / self.returns.len();
@@ -87,18 +88,18 @@ impl Rollout {
         self.used.extend(images);
     }
 
-    /// First samples of all sequences.
+    /// Returns the first samples of all sequences.
     pub(super) fn firsts(&self) -> Vec<usize> {
         self.used.iter().copied().filter(|k| (k / self.worlds).is_multiple_of(self.unroll)).collect()
     }
 
-    /// All samples of sequences, from their first samples.
+    /// Returns all samples of the sequences that start at `firsts`.
     pub(super) fn sequences(&self, firsts: &[usize]) -> Vec<usize> {
         firsts.iter().flat_map(|first| (0..self.unroll).map(move |step| first + step * self.worlds)).collect()
     }
 
-    /// Pieces of episodes in whole sequences, for the states of the policy (0) or of the value (1). Empty
-    /// without a memory.
+    /// Splits whole sequences into pieces of episodes, with the states of the policy (0) or the value (1).
+    /// Returns no pieces without recurrent units.
     pub(super) fn pieces(&self, samples: &[usize], network: usize) -> Vec<Piece<'_>> {
         let mut pieces = Vec::new();
         if self.units == 0 {
@@ -123,7 +124,7 @@ impl Rollout {
         self.ended.copy_from_slice(ended);
     }
 
-    /// Advantages and returns by the generalised advantage estimate.
+    /// Computes advantages and returns by generalised advantage estimation.
     pub(super) fn estimate(&mut self, worlds: usize, discount: f32, lambda: f32) {
         let horizon = self.rewards.len() / worlds;
         for world in 0..worlds {
@@ -143,7 +144,7 @@ impl Rollout {
 /// The normal distribution of actions around their means.
 #[derive(Clone, Debug)]
 pub(super) struct Spread {
-    /// Standard deviation of each action; 0 for one without effect, which is not explored.
+    /// Standard deviation of each action; 0 for an action without effect, which is not explored.
     pub(super) deviations: Vec<f32>,
     /// Inverse of each deviation; 0 for an action without effect.
     inverse: Vec<f32>,
@@ -152,7 +153,8 @@ pub(super) struct Spread {
 }
 
 impl Spread {
-    /// From the logarithms of the deviations, and which actions have an effect.
+    /// Creates a distribution from the logarithms of the standard deviations. Actions that are not `active`
+    /// have no effect.
     pub(super) fn new(logarithms: &[f32], active: &[bool]) -> Self {
         const HALF_LN_TAU: f32 = 0.918_938_5;
         let each = |value: fn(f32) -> f32| {
@@ -167,14 +169,14 @@ impl Spread {
         }
     }
 
-    /// Logarithm of the density of an action.
+    /// Returns the logarithm of the density of an action.
     pub(super) fn log_density(&self, action: &[f32], mean: &[f32]) -> f32 {
         let scaled = action.iter().zip(mean).zip(&self.inverse).map(|((a, m), inverse)| (a - m) * inverse);
         self.peak - 0.5 * scaled.map(|scaled| scaled * scaled).sum::<f32>()
     }
 
-    /// Writes the gradient of the logarithm of the density, times a factor, by the means, and adds the one by
-    /// the logarithms of the deviations.
+    /// Writes the gradient of the log density, times a factor, with respect to the means. Adds the gradient
+    /// with respect to the logarithms of the standard deviations.
     pub(super) fn slopes(
         &self,
         (action, mean): (&[f32], &[f32]),

@@ -7,54 +7,54 @@ use crate::task::TaskError;
 
 /// Settings of [`Ppo`](super::Ppo): the table `[algorithms.ppo]` of a task.
 ///
-/// Defaults follow CleanRL's `ppo_continuous_action` with several worlds (Huang et al., *The 37
-/// implementation details of proximal policy optimization*, ICLR blog track 2022), unless stated.
+/// Unless stated otherwise, defaults follow CleanRL's `ppo_continuous_action` with several worlds (Huang et
+/// al., *The 37 implementation details of proximal policy optimization*, ICLR blog track 2022).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PpoSettings {
-    /// Steps of all worlds together, from 1. Default 200,000.
+    /// Total steps of all worlds, from 1. Default 200,000.
     pub steps: u64,
-    /// Worlds, from 1. Default 16.
+    /// Number of worlds, from 1. Default 16.
     pub worlds: usize,
     /// Steps of each world between two updates, from 1. Default 128: 2048 steps with 16 worlds.
     pub horizon: usize,
-    /// Passes over the steps of an update, from 1. Default 10.
+    /// Number of passes over the steps of an update, from 1. Default 10.
     pub epochs: usize,
-    /// Steps in a gradient, from 2. Default 256.
+    /// Steps per minibatch, from 2. Default 256.
     pub minibatch: usize,
     /// Learning rate of Adam, above 0. Default 3e-4.
     pub rate: f64,
-    /// True to lower the learning rate linearly to 0 over the steps. As in CleanRL, an update has the rate at
-    /// the first step of its horizon; in Stable-Baselines3, at the last. Default true.
+    /// Lowers the learning rate linearly to 0 over the run. As in CleanRL, an update uses the rate at the
+    /// first step of its horizon; Stable-Baselines3 uses the rate at the last step. Default true.
     pub anneal: bool,
-    /// Divergence between the policies before and after an update that the learning rate adapts to; it is
-    /// divided by 1.5 above twice the target and multiplied by 1.5 below half of it (rsl_rl). Default: no
-    /// adaptation. Above 0; replaces `anneal`.
+    /// Target divergence between the policy before and after an update, above 0. The learning rate is divided
+    /// by 1.5 above twice the target and multiplied by 1.5 below half the target (rsl_rl). Replaces `anneal`.
+    /// Default: no adaptation.
     pub target_kl: Option<f64>,
     /// Discount of a step, above 0, below 1. Default 0.99.
     pub discount: f64,
-    /// Decay of the generalised advantage estimate, 0 to 1. Default 0.95.
+    /// Decay factor of the generalised advantage estimate, 0 to 1. Default 0.95.
     pub lambda: f64,
-    /// Bound of the change of the probability ratio, above 0. Default 0.2.
+    /// Limit of the change of the probability ratio, above 0. Default 0.2.
     pub clip: f64,
-    /// Weight of the entropy, which is maximised, from 0. Default 0.
+    /// Weight of the entropy bonus, from 0. Default 0.
     pub entropy: f64,
-    /// Weight of the squared error of the value, above 0. Default 0.5.
+    /// Weight of the squared value error, above 0. Default 0.5.
     pub value: f64,
-    /// Largest norm of a gradient, above 0. Default 0.5.
+    /// Maximum norm of a gradient, above 0. Default 0.5.
     pub gradient: f64,
-    /// Hidden units of each layer of policy and value. Default 64 and 64.
+    /// Hidden units per layer of the policy and value networks. Default 64 and 64.
     pub hidden: Vec<usize>,
-    /// Gated recurrent units before the hidden layers of the policy, and as many of the value. Default 0:
-    /// none.
+    /// Number of gated recurrent units before the hidden layers, in each of the policy and value networks.
+    /// Default 0.
     pub recurrent: usize,
-    /// Consecutive steps through which the gradient of recurrent units is propagated, from 1; divides
-    /// `horizon`, and `minibatch` is at least as large. Default 16.
+    /// Consecutive steps through which the gradient of recurrent units is propagated, from 1. Must divide
+    /// `horizon` and be at most `minibatch`. Default 16.
     pub sequence: usize,
     /// Initial standard deviation of the action, above 0. Default 1.
     pub deviation: f64,
-    /// True to learn from every step and its mirror image (Mittal and others, ICRA 2024); for tasks with a
-    /// `symmetry`, without recurrent units. Default false.
+    /// Learns from every step and its mirror image (Mittal and others, ICRA 2024). Requires a task with a
+    /// `symmetry` and no recurrent units. Default false.
     pub mirror: bool,
     /// Updates between two checkpoints, from 1. Default 10.
     pub checkpoint: u64,
@@ -88,11 +88,11 @@ impl Default for PpoSettings {
 }
 
 impl PpoSettings {
-    /// Reads the table of a task; defaults where it is missing.
+    /// Reads the table of a task. Missing keys have their defaults.
     ///
     /// # Errors
     ///
-    /// [`TaskError`] with the key.
+    /// [`TaskError`] with the key of an invalid setting.
     pub fn from_table(algorithms: &toml::Table) -> Result<Self, TaskError> {
         let settings: Self = match algorithms.get("ppo") {
             None => Self::default(),
@@ -147,7 +147,8 @@ impl PpoSettings {
         check.network(self.discount, &self.hidden)
     }
 
-    /// Consecutive steps through which a gradient is propagated: 1 without recurrent units.
+    /// Returns the number of consecutive steps through which a gradient is propagated; 1 without recurrent
+    /// units.
     pub(super) fn unroll(&self) -> usize {
         if self.recurrent > 0 { self.sequence } else { 1 }
     }

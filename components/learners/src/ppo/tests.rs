@@ -50,7 +50,7 @@ fn weights_repeat_on_any_number_of_threads() {
 }
 
 #[test]
-fn a_resumed_run_has_the_weights_of_a_straight_one() {
+fn resumed_run_matches_an_uninterrupted_run() {
     let straight = finish(run(1, 1, settings()));
     let mut half = run(1, 2, settings());
     half.advance().expect("an update");
@@ -67,8 +67,8 @@ fn a_resumed_run_has_the_weights_of_a_straight_one() {
 }
 
 #[test]
-fn a_quadruped_learns_equal_weights_on_any_threads() {
-    // contacts, commands, their curriculum and falls are among the steps
+fn quadruped_weights_do_not_depend_on_threads() {
+    // the steps include contacts, commands, their curriculum and falls
     let text = include_str!("../../../../tasks/quadruped-velocity.toml");
     assert!(text.contains("steps = 5_000_000"));
     let text = text.replace("steps = 5_000_000", "steps = 400");
@@ -96,7 +96,7 @@ fn checkpoints_of_other_settings_are_refused() {
 }
 
 #[test]
-fn the_first_horizon_is_normalised() {
+fn first_horizon_is_normalised() {
     let mut ppo = run(1, 1, settings());
     ppo.collect().expect("a rollout");
     let inputs = ppo.worlds.terms().inputs();
@@ -108,7 +108,7 @@ fn the_first_horizon_is_normalised() {
 }
 
 #[test]
-fn advantages_equal_their_sums() {
+fn advantages_match_explicit_sums() {
     let mut rollout = Rollout::new(3, 1, 1, 1);
     rollout.set_rewards(&[1.0, 2.0, 3.0], &[0.5, 1.5, 2.5], &[1.5, 0.0, 4.0], &[false, true, false]);
     rollout.estimate(1, 0.5, 0.5);
@@ -118,7 +118,7 @@ fn advantages_equal_their_sums() {
 }
 
 #[test]
-fn a_short_run_improves_the_cart_pole() {
+fn short_run_improves_the_cart_pole() {
     let settings = PpoSettings {
         steps: 16_384,
         worlds: 8,
@@ -151,13 +151,13 @@ fn settings_out_of_range_are_refused() {
     }
 }
 
-/// Sequences of 8 steps, in which episodes end.
+/// Settings with sequences of 8 steps, within which episodes end.
 fn recurrent() -> PpoSettings {
     PpoSettings { recurrent: 6, sequence: 8, ..settings() }
 }
 
 #[test]
-fn recurrent_weights_repeat_on_any_threads_and_resumed() {
+fn recurrent_weights_repeat_on_any_threads_and_after_resume() {
     let first = finish(run(1, 1, recurrent()));
     assert_eq!(finish(run(1, 2, recurrent())), first);
     assert_eq!(finish(run(1, 3, recurrent())), first);
@@ -174,7 +174,7 @@ fn recurrent_weights_repeat_on_any_threads_and_resumed() {
 }
 
 #[test]
-fn sequences_repeat_the_values_of_the_rollout() {
+fn sequences_reproduce_rollout_values() {
     let mut ppo = run(3, 1, recurrent());
     // the second rollout starts in the middle of episodes
     ppo.collect().expect("a rollout");
@@ -206,12 +206,12 @@ fn sequences_divide_the_horizon_and_fit_a_minibatch() {
 }
 
 #[test]
-fn a_mirrored_pendulum_has_an_almost_symmetric_policy() {
+fn mirrored_pendulum_has_a_nearly_symmetric_policy() {
     let text = include_str!("../../../../tasks/pendulum.toml");
     let text = format!("{text}\n[symmetry]\nreversed = [\"hinge\"]\n");
     let observations: Vec<[f32; 2]> =
         (0..40).map(|k| [(0.7 * k as f32).sin(), (1.3 * k as f32).cos()]).collect();
-    // the policy of a symmetric task changes its sign with the observation's
+    // the policy of a symmetric task changes its sign with the observation
     let asymmetry = |mirror: bool| {
         let settings = PpoSettings { steps: 4096, worlds: 8, horizon: 64, mirror, ..settings() };
         let mut ppo = run_task(&text, 1, 2, settings);

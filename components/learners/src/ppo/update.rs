@@ -10,11 +10,11 @@ use super::rollout::Spread;
 use crate::learner::{CHUNK, LearnerError, Phase, check_finite, for_chunks};
 use crate::random::{Counter, Purpose};
 
-/// Numbers of a gradient that a thread sums at a time.
+/// Number of gradient entries that a thread sums at a time.
 const RANGE: usize = 8192;
 
 impl<E: Engine + Send> Ppo<E> {
-    /// Updates the networks by the steps of the rollout.
+    /// Updates the networks from the steps of the rollout.
     pub(super) fn update(&mut self) -> Result<Losses, LearnerError> {
         let mut order = self.rollout.firsts();
         let used = self.rollout.used.len();
@@ -57,7 +57,7 @@ impl<E: Engine + Send> Ppo<E> {
         Ok(total)
     }
 
-    /// One step of the optimiser on some samples.
+    /// Performs one optimiser step on a minibatch.
     fn minibatch(&mut self, batch: &[usize]) -> Result<Losses, LearnerError> {
         let count = batch.len() as f64;
         let advantages = || batch.iter().map(|k| f64::from(self.rollout.advantages[*k]));
@@ -128,7 +128,7 @@ impl<E: Engine + Send> Ppo<E> {
     }
 }
 
-/// Adds the parts of a gradient to the first, in their order.
+/// Adds the parts of a gradient to the first part, in order.
 fn add_parts(run: impl FnOnce(&(dyn Fn(usize) + Sync)), threads: usize, sum: &mut Part, others: &[Part]) {
     let add = |sum: &mut [f32], part: &[f32]| sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
     for part in others {
@@ -137,7 +137,7 @@ fn add_parts(run: impl FnOnce(&(dyn Fn(usize) + Sync)), threads: usize, sum: &mu
         sum.losses.value += part.losses.value;
         sum.losses.divergence += part.losses.divergence;
     }
-    // each thread adds all parts of some numbers
+    // each thread adds all parts of some entries
     let firsts = |gradient: &[f32]| (0..gradient.len()).step_by(RANGE);
     let of_policy = firsts(&sum.policy).map(|first| (true, first));
     let ranges: Vec<_> = of_policy.chain(firsts(&sum.value).map(|first| (false, first))).collect();
@@ -149,7 +149,7 @@ fn add_parts(run: impl FnOnce(&(dyn Fn(usize) + Sync)), threads: usize, sum: &mu
     });
 }
 
-/// The sum of squares, in eight sums that vectorise.
+/// Returns the sum of squares, computed in eight sums that vectorise.
 fn squares(numbers: &[f32]) -> f64 {
     let mut sums = [0.0; 8];
     let (chunks, rest) = numbers.as_chunks::<8>();
@@ -159,7 +159,7 @@ fn squares(numbers: &[f32]) -> f64 {
     sums.iter().sum::<f64>() + rest.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>()
 }
 
-/// All that the gradient of a chunk depends on.
+/// Inputs of the gradient of a chunk.
 struct Shared<'a> {
     policy: &'a Network,
     value: &'a Network,
@@ -170,8 +170,8 @@ struct Shared<'a> {
 }
 
 impl Shared<'_> {
-    /// Writes gradient and losses of some samples of a minibatch of `count`, with the mean and deviation of
-    /// its advantages.
+    /// Writes the gradient and losses of a chunk of a minibatch with `count` samples, given the mean and
+    /// standard deviation of its advantages.
     fn part(
         &self,
         chunk: &[usize],
@@ -200,7 +200,7 @@ impl Shared<'_> {
                 let advantage = (rollout.advantages[*k] - center) / deviation;
                 let clipped = ratio.clamp(1.0 - self.clip, 1.0 + self.clip);
                 let loss = (-advantage * ratio).max(-advantage * clipped);
-                // beyond the clip only changes that make the loss larger have a slope
+                // beyond the clip range, only changes that increase the loss have a gradient
                 let slope =
                     if -advantage * ratio >= -advantage * clipped { -advantage * ratio * share } else { 0.0 };
                 self.spread.slopes((action, mean), slope, by_mean, deviations);

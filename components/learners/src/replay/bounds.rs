@@ -6,8 +6,8 @@ use super::Exploration;
 use crate::learner::Head;
 use crate::task::{TaskError, Terms};
 
-/// The map from actions between -1 and 1 to the bounds of a task's action. Numbers that move no joint stay in
-/// the middle.
+/// Maps actions between -1 and 1 to the bounds of a task's action. Numbers that move no joint stay in the
+/// middle.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Bounds {
     pub(crate) active: Vec<bool>,
@@ -32,12 +32,12 @@ impl Bounds {
         Ok(Self { active, scale, offset })
     }
 
-    /// Length of an action.
+    /// Returns the length of an action.
     pub(crate) fn width(&self) -> usize {
         self.active.len()
     }
 
-    /// Numbers that move a joint.
+    /// Returns the count of numbers that move a joint.
     pub(crate) fn moving(&self) -> usize {
         self.active.iter().filter(|active| **active).count()
     }
@@ -62,7 +62,7 @@ impl Bounds {
         }
     }
 
-    /// The same map behind `tanh`.
+    /// Returns the map as the head of a network, after `tanh`.
     pub(crate) fn head(&self) -> Head {
         Head::Squashed { scale: self.scale.clone(), offset: self.offset.clone() }
     }

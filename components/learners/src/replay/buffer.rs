@@ -1,4 +1,4 @@
-//! A ring of steps, and returns over several of them.
+//! A ring buffer of steps, and n-step returns.
 
 use crate::environment::{End, Step};
 use crate::learner::{CheckpointError, CheckpointReader, CheckpointWriter};
@@ -26,31 +26,31 @@ pub struct ReplayBuffer {
     worlds: usize,
     inputs: usize,
     width: usize,
-    /// Row that is written next.
+    /// Next row to write.
     head: usize,
     observations: Vec<f32>,
     actions: Vec<f32>,
     rewards: Vec<f32>,
     ends: Vec<Option<End>>,
-    /// Observation after each step, before the next episode starts.
+    /// Observation after each step; the final observation if the episode ended.
     next: Vec<f32>,
 }
 
-/// Rewards over some steps of an episode, and the value that follows them.
+/// An n-step return: rewards over some steps of an episode, and the factor of the value that follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NStep {
     /// Sum of the discounted rewards.
     pub reward: f32,
-    /// Factor of the value after the last step: the discount to the power of their number, or 0 where the
+    /// Factor of the value after the last step: the discount to the power of the number of steps, or 0 if the
     /// episode terminated.
     pub discount: f32,
-    /// Sample whose next observation follows.
+    /// Sample of the last step, whose next observation has the value.
     pub last: usize,
 }
 
 impl ReplayBuffer {
-    /// An empty ring of `capacity` rows, each a step of all worlds, for observations and actions with these
-    /// numbers.
+    /// Creates an empty ring of `capacity` rows, each a step of all worlds, for observations of length
+    /// `inputs` and actions of length `width`.
     ///
     /// # Panics
     ///
@@ -71,13 +71,13 @@ impl ReplayBuffer {
         }
     }
 
-    /// Number of steps in the ring, of all worlds together.
+    /// Returns the number of steps in the ring, summed over all worlds.
     pub fn samples(&self) -> usize {
         self.rewards.len()
     }
 
-    /// Adds a step of all worlds: observations and actions before it, its results, and the observation of
-    /// each world after it.
+    /// Adds a step of all worlds: the preceding observations and actions, the results, and each world's next
+    /// observation.
     ///
     /// # Panics
     ///
@@ -106,26 +106,27 @@ impl ReplayBuffer {
         self.head = (self.head + 1) % self.capacity;
     }
 
-    /// Observation before a step.
+    /// Returns the observation before a step.
     pub fn observation(&self, sample: usize) -> &[f32] {
         &self.observations[sample * self.inputs..][..self.inputs]
     }
 
-    /// Action of a step.
+    /// Returns the action of a step.
     pub fn action(&self, sample: usize) -> &[f32] {
         &self.actions[sample * self.width..][..self.width]
     }
 
-    /// Observation after a step; after an end the final one of the episode.
+    /// Returns the observation after a step; if the episode ended, its final observation.
     pub fn next_observation(&self, sample: usize) -> &[f32] {
         &self.next[sample * self.inputs..][..self.inputs]
     }
 
-    /// The return over up to `count` steps from a sample: fewer where the episode or the ring ends before.
+    /// Returns the return over up to `count` steps from a sample, fewer if the episode or the ring ends
+    /// earlier.
     ///
     /// # Panics
     ///
-    /// If `count` is 0 or there is no such sample.
+    /// If `count` is 0 or the sample does not exist.
     pub fn n_step(&self, sample: usize, count: usize, discount: f32) -> NStep {
         assert!(count > 0 && sample < self.samples(), "a sample of the buffer");
         let (mut reward, mut factor, mut last) = (0.0, 1.0, sample);
@@ -143,7 +144,7 @@ impl ReplayBuffer {
         NStep { reward, discount: if is_terminal { 0.0 } else { factor }, last }
     }
 
-    /// Sets the number of rows that are allocated.
+    /// Sets the number of allocated rows.
     fn resize(&mut self, rows: usize) {
         let samples = rows * self.worlds;
         self.observations.resize(samples * self.inputs, 0.0);
@@ -166,7 +167,7 @@ impl ReplayBuffer {
 
     pub(crate) fn read(&mut self, reader: &mut CheckpointReader) -> Result<(), CheckpointError> {
         let (head, rows): (usize, usize) = (reader.value("buffer_head")?, reader.value("buffer_rows")?);
-        // a ring that is not full ends at its head
+        // a partially filled ring ends at its head
         if rows > self.capacity || head >= self.capacity || (rows < self.capacity && head != rows) {
             let expected = format!("at most {} rows", self.capacity);
             return Err(CheckpointError::mismatch(
@@ -204,7 +205,7 @@ fn code(end: Option<End>) -> f32 {
 mod tests {
     use super::*;
 
-    /// A ring of two worlds: rewards 1, 2, 3, ... in the first, ten times as much in the second.
+    /// Returns a ring of two worlds with rewards 1, 2, 3, ... in the first and 10, 20, 30, ... in the second.
     fn filled(capacity: usize, steps: usize, end: impl Fn(usize) -> Option<End>) -> ReplayBuffer {
         let mut buffer = ReplayBuffer::new(capacity, 2, (1, 1));
         for step in 0..steps {
@@ -239,14 +240,14 @@ mod tests {
     }
 
     #[test]
-    fn a_full_ring_replaces_its_oldest_row() {
+    fn full_ring_replaces_its_oldest_row() {
         let buffer = filled(3, 5, |_| None);
         assert_eq!(buffer.samples(), 6);
-        // rows hold the steps 3, 4, 2, counted from 0
+        // the rows contain the steps 3, 4, 2, counted from 0
         let rewards: Vec<f32> = (0..3).map(|row| buffer.n_step(2 * row, 1, 0.5).reward).collect();
         assert_eq!(rewards, [4.0, 5.0, 3.0]);
         assert_eq!([0, 2, 4].map(|sample| buffer.observation(sample)[0]), [3.0, 4.0, 2.0]);
-        // across the seam, and not beyond the newest
+        // across the wrap-around, but not beyond the newest row
         assert_eq!(buffer.n_step(4, 2, 0.5), NStep { reward: 3.0 + 2.0, discount: 0.25, last: 0 });
         assert_eq!(buffer.n_step(2, 2, 0.5), NStep { reward: 5.0, discount: 0.5, last: 2 });
     }

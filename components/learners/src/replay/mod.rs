@@ -1,10 +1,10 @@
-//! Off-policy learning: steps of all worlds go into a ring, gradients use random samples of it.
+//! Off-policy learning: steps of all worlds are stored in a ring buffer, and gradients use random samples of
+//! it.
 //!
-//! [`OffPolicy`] steps the worlds, fills the [`ReplayBuffer`] and samples it; a method such as
-//! [soft actor-critic](crate::sac) explores and learns from the samples. The first steps are random. All
-//! observations are normalised by their running mean and deviation, which they join step by step, as in
-//! Stable-Baselines3.
-//! Samples and noise depend on the seed and the number of the gradient alone.
+//! [`OffPolicy`] steps the worlds, fills the [`ReplayBuffer`] and samples it; a method such as [soft
+//! actor-critic](crate::sac) explores and learns from the samples. The first steps are random. Observations
+//! are normalised by their running mean and standard deviation, which are updated in every step, as in
+//! Stable-Baselines3. Samples and noise depend only on the seed and the number of the gradient step.
 
 mod bounds;
 mod buffer;
@@ -32,14 +32,14 @@ use crate::learner::{
 use crate::random::{Counter, Purpose};
 use crate::task::{Task, TaskError, Terms};
 
-/// Samples of a gradient, one a column.
+/// Samples of a gradient step, one per column.
 #[derive(Clone, Debug)]
 pub struct Batch {
     /// Normalised observations.
     pub observations: DMatrix<f32>,
-    /// Actions as they are in the buffer.
+    /// Actions as stored in the buffer.
     pub actions: DMatrix<f32>,
-    /// Rewards of up to `n_step` steps.
+    /// Discounted rewards over up to `n_step` steps.
     pub rewards: Vec<f32>,
     /// Factors of the value of the next observation.
     pub discounts: Vec<f32>,
@@ -48,18 +48,18 @@ pub struct Batch {
 }
 
 impl Batch {
-    /// Number of samples.
+    /// Returns the number of samples.
     pub fn count(&self) -> usize {
         self.rewards.len()
     }
 
-    /// Ranges of samples whose gradients are summed apart, whatever the number of threads.
+    /// Returns ranges of samples whose gradients are summed separately, independent of the number of threads.
     pub fn chunks(&self) -> Vec<Range<usize>> {
         let count = self.count();
         (0..count).step_by(CHUNK).map(|first| first..count.min(first + CHUNK)).collect()
     }
 
-    /// The targets `reward + discount value` of some samples.
+    /// Returns the targets `reward + discount value` of some samples.
     pub fn targets(&self, range: &Range<usize>, values: impl IntoIterator<Item = f32>) -> Vec<f32> {
         let samples = self.rewards[range.clone()].iter().zip(&self.discounts[range.clone()]);
         // a terminated episode has no value, whatever the network computes
@@ -70,28 +70,28 @@ impl Batch {
     }
 }
 
-/// Columns of a matrix.
+/// Copies columns of a matrix.
 pub(crate) fn columns(matrix: &DMatrix<f32>, range: &Range<usize>) -> DMatrix<f32> {
     matrix.columns(range.start, range.len()).into_owned()
 }
 
-/// Number, threads and settings of a gradient.
+/// Number, threads and settings of a gradient step.
 #[derive(Clone, Copy, Debug)]
 pub struct Gradient<'a> {
     /// Seed of the run.
     pub seed: u64,
-    /// Gradients before this one.
+    /// Number of preceding gradient steps.
     pub number: u64,
     /// Number of the update, for errors.
     pub update: u64,
-    /// Threads; they do not change the result.
+    /// Number of threads; it does not change the result.
     pub threads: usize,
     /// Settings of the run.
     pub settings: &'a ReplaySettings,
 }
 
 impl Gradient<'_> {
-    /// Numbers of a standard normal distribution, one sample a column.
+    /// Returns standard normal noise, one sample per column.
     pub fn noise(&self, rows: usize, columns: usize) -> DMatrix<f32> {
         let counter = Counter { seed: self.seed, step: self.number, ..Counter::default() };
         let mut random = counter.stream(Purpose::Noise);
@@ -99,19 +99,19 @@ impl Gradient<'_> {
     }
 }
 
-/// Time of a step, and the seed of its exploration.
+/// Seed and time of an exploration step.
 #[derive(Clone, Copy, Debug)]
 pub struct Exploration {
     /// Seed of the run.
     pub seed: u64,
-    /// Steps of all worlds before this one.
+    /// Total steps of all worlds before this step.
     pub steps: u64,
-    /// Steps of all worlds in the whole run.
+    /// Total steps of all worlds in the whole run.
     pub total: u64,
 }
 
 impl Exploration {
-    /// Random numbers of a world.
+    /// Returns the random numbers of a world.
     pub fn random(&self, world: usize) -> rand_pcg::Pcg64 {
         let counter = Counter { seed: self.seed, world: world as u64, episode: 0, step: self.steps };
         counter.stream(Purpose::Action)
@@ -120,25 +120,25 @@ impl Exploration {
 
 /// The part of an off-policy algorithm that explores and learns.
 pub trait Method {
-    /// The algorithm.
+    /// Returns the algorithm.
     fn algorithm(&self) -> Algorithm;
 
-    /// Names of the values that [`learn`](Self::learn) returns.
+    /// Returns the names of the values that [`learn`](Self::learn) returns.
     fn measures(&self) -> &'static [&'static str];
 
-    /// Numbers of an action in the buffer.
+    /// Returns the length of an action in the buffer.
     fn width(&self) -> usize;
 
     /// Writes random actions, one world after the other.
     fn act_randomly(&self, exploration: Exploration, out: &mut [f32]);
 
-    /// Writes actions with exploration for normalised observations, one world a column.
+    /// Writes actions with exploration for normalised observations, one world per column.
     fn explore(&self, observations: DMatrix<f32>, exploration: Exploration, out: &mut [f32]);
 
     /// Maps an action in the buffer to the action of the task.
     fn command(&self, stored: &[f32], action: &mut [f32]);
 
-    /// A step of all optimisers. `watch` measures gradients and optimisers.
+    /// Performs a step of all optimisers. `watch` measures gradients and optimisers.
     ///
     /// # Errors
     ///
@@ -150,10 +150,10 @@ pub trait Method {
         watch: &mut Stopwatch,
     ) -> Result<Vec<f64>, LearnerError>;
 
-    /// The policy without exploration on normalised observations.
+    /// Returns the policy without exploration, for normalised observations.
     fn policy(&self) -> TrainedNetwork;
 
-    /// All parameters, including the targets'.
+    /// Returns all parameters, including the target networks'.
     fn parameters(&self) -> Vec<Vec<f32>>;
 
     /// Adds networks and optimisers to a checkpoint.
@@ -171,7 +171,7 @@ pub trait Method {
     fn read(&mut self, reader: &mut CheckpointReader) -> Result<(), CheckpointError>;
 }
 
-/// Numbers of a training run besides its networks, buffer and worlds.
+/// State of a training run besides its networks, buffer and worlds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct State {
     seed: u64,
@@ -194,8 +194,8 @@ pub struct OffPolicy<E, M> {
 }
 
 impl<E: Engine + Send, M: Method> OffPolicy<E, M> {
-    /// A run before its first step. `method` makes the learning part for the terms of the task, `build` the
-    /// simulation of a world.
+    /// Creates a run before its first step. `method` creates the learning part for the terms of the task,
+    /// `build` the simulation of each world.
     ///
     /// # Errors
     ///
@@ -231,12 +231,12 @@ impl<E: Engine + Send, M: Method> OffPolicy<E, M> {
         Ok(Self { settings, threads: threads.max(1), method, worlds, buffer, state, watch })
     }
 
-    /// The latest steps.
+    /// Returns the buffer of the latest steps.
     pub fn buffer(&self) -> &ReplayBuffer {
         &self.buffer
     }
 
-    /// Lets the newest observations of all worlds join the statistics.
+    /// Adds the newest observations of all worlds to the statistics.
     fn observe(&mut self) {
         self.state.observations.update(self.worlds.observations());
     }
@@ -282,7 +282,7 @@ impl<E: Engine + Send, M: Method> OffPolicy<E, M> {
         Ok(())
     }
 
-    /// Samples a batch: a draw for each sample, equally likely among all steps in the buffer.
+    /// Samples a batch, uniformly and with replacement from all steps in the buffer.
     fn sample(&self) -> Batch {
         let (count, inputs, width) =
             (self.settings.minibatch, self.worlds.terms().inputs(), self.method.width());

@@ -1,37 +1,38 @@
-//! Settings that off-policy learners share.
+//! Shared settings of off-policy learners.
 
 use serde::{Deserialize, Serialize};
 
 use crate::learner::Check;
 use crate::task::TaskError;
 
-/// Settings of steps, replay and networks, keys of the table of an off-policy algorithm. Defaults and their
-/// sources: the settings of each algorithm.
+/// Settings of steps, replay and networks: keys in the table of an off-policy algorithm. For defaults and
+/// their sources, see the settings of each algorithm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReplaySettings {
-    /// Steps of all worlds together, from 1.
+    /// Total steps of all worlds, from 1.
     pub steps: u64,
-    /// Worlds, from 1.
+    /// Number of worlds, from 1.
     pub worlds: usize,
-    /// Steps of each world in an update, a line of the progress, from 1.
+    /// Steps of each world per update, from 1. An update is one line of the progress.
     pub horizon: usize,
-    /// Steps of all worlds with random actions before the first gradient.
+    /// Total steps of all worlds with random actions before the first gradient step.
     pub warmup: u64,
-    /// Gradients after each step of all worlds, from 1.
+    /// Gradient steps after each step of all worlds, from 1.
     pub gradients: usize,
-    /// Steps in the replay buffer, from 1; rounded up to whole steps of all worlds.
+    /// Capacity of the replay buffer in steps, from 1; rounded up to whole steps of all worlds.
     pub buffer: usize,
-    /// Steps in a gradient, from 1.
+    /// Samples per minibatch, from 1.
     pub minibatch: usize,
-    /// Rewards in a return before the value that follows, from 1.
+    /// Number of rewards in a return before the bootstrapped value, from 1.
     pub n_step: usize,
     /// Discount of a step, above 0, below 1.
     pub discount: f64,
-    /// Fraction of the networks in their targets after each gradient, above 0, at most 1.
+    /// Fraction by which the targets move towards their networks after each gradient step, above 0, at most
+    /// 1.
     pub polyak: f64,
     /// Learning rate of Adam, above 0.
     pub rate: f64,
-    /// Hidden units of each layer.
+    /// Hidden units per layer.
     pub hidden: Vec<usize>,
     /// Updates between two checkpoints, from 1.
     pub checkpoint: u64,

@@ -15,7 +15,7 @@ pub(crate) fn track(target: &mut Perceptron, network: &Perceptron, share: f32) {
     target.set(&moved);
 }
 
-/// Adds the parts of a gradient in their order.
+/// Sums the parts of a gradient in order.
 pub(crate) fn sum(parts: impl Iterator<Item = Vec<f32>>) -> Vec<f32> {
     let add = |mut sum: Vec<f32>, part: Vec<f32>| {
         sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
@@ -32,7 +32,7 @@ pub(crate) struct Trained {
 }
 
 impl Trained {
-    /// Random weights, which depend on the seed and the number of the network alone.
+    /// Creates a network with random weights, which depend only on the seed and the number of the network.
     pub(crate) fn new(sizes: &[usize], gain: f32, seed: u64, number: u64) -> Self {
         let mut random = Counter { seed, step: number, ..Counter::default() }.stream(Purpose::Weights);
         let network = Perceptron::random(sizes, gain, &mut random);
@@ -40,7 +40,7 @@ impl Trained {
         Self { network, adam }
     }
 
-    /// A step of Adam.
+    /// Performs a step of Adam.
     pub(crate) fn step(&mut self, gradient: &[f32], rate: f64) {
         let mut parameters = self.network.to_vec();
         self.adam.step([&mut parameters[..]], [gradient], rate as f32, 0.0);
@@ -59,7 +59,7 @@ impl Trained {
     }
 }
 
-/// Observations above actions, one sample a column: the input of a critic.
+/// Returns the input of a critic: observations above actions, one sample per column.
 pub(crate) fn stack(observations: &DMatrix<f32>, actions: &DMatrix<f32>) -> DMatrix<f32> {
     let (inputs, width) = (observations.nrows(), actions.nrows());
     let mut stacked = DMatrix::<f32>::zeros(inputs + width, observations.ncols());
@@ -80,14 +80,14 @@ pub(crate) struct Critics {
 pub(crate) struct CriticPart {
     /// Gradient of each critic.
     pub(crate) gradients: Vec<Vec<f32>>,
-    /// Their share of the mean squared error and of the mean value.
+    /// Contribution to the mean squared error and to the mean value.
     pub(crate) loss: f64,
     pub(crate) value: f64,
 }
 
 impl Critics {
-    /// Critics with random weights and ReLU between their layers: values are much larger than 1, where `tanh`
-    /// saturates. Their networks have the numbers from 1.
+    /// Creates critics with random weights and ReLU between layers, because `tanh` saturates at values much
+    /// larger than 1. The networks are numbered from 1.
     pub(crate) fn new(count: usize, sizes: &[usize], seed: u64) -> Self {
         let critic = |number: u64| {
             let Trained { network, adam } = Trained::new(sizes, 1.0, seed, number);
@@ -98,7 +98,7 @@ impl Critics {
         Self { critics, targets }
     }
 
-    /// The smallest value of the targets for each column.
+    /// Returns the minimum over the target networks for each column.
     pub(crate) fn target_values(&self, input: &DMatrix<f32>) -> Vec<f32> {
         let mut smallest = vec![f32::INFINITY; input.ncols()];
         for target in &self.targets {
@@ -111,7 +111,7 @@ impl Critics {
         smallest
     }
 
-    /// Gradients of `1/2 E[(Q_i - y)^2]` for some of a batch of `count` samples.
+    /// Returns the gradients of `1/2 E[(Q_i - y)^2]` for some samples of a batch of `count`.
     pub(crate) fn part(&self, input: &DMatrix<f32>, targets: &[f32], count: usize) -> CriticPart {
         let share = 1.0 / count as f32;
         let mut part = CriticPart::default();
@@ -127,8 +127,8 @@ impl Critics {
         part
     }
 
-    /// The smallest value of the first critics for each column, and its gradient by the action, the last
-    /// `width` inputs.
+    /// Returns the minimum over the first critics for each column, and its gradient with respect to the
+    /// action, the last `width` inputs.
     pub(crate) fn action_gradients(
         &self,
         input: &DMatrix<f32>,
@@ -141,7 +141,7 @@ impl Critics {
         let mut smallest = vec![(f32::INFINITY, 0); columns];
         for (k, trace) in traces.iter().enumerate() {
             for (least, q) in smallest.iter_mut().zip(trace.output().iter()) {
-                // a value that is not a number must reach the loss
+                // NaN must reach the loss
                 if *q < least.0 || q.is_nan() {
                     *least = (*q, k);
                 }
@@ -157,7 +157,7 @@ impl Critics {
         (smallest.into_iter().map(|(q, _)| q).collect(), gradient)
     }
 
-    /// A step of Adam by the sum of the parts of a batch.
+    /// Performs a step of Adam with the sum of the parts of a batch.
     pub(crate) fn step(&mut self, parts: &[CriticPart], rate: f64) {
         for (k, critic) in self.critics.iter_mut().enumerate() {
             critic.step(&sum(parts.iter().map(|part| part.gradients[k].clone())), rate);
@@ -171,7 +171,7 @@ impl Critics {
         }
     }
 
-    /// All parameters of critics and targets.
+    /// Returns all parameters of critics and targets.
     pub(crate) fn parameters(&self) -> Vec<Vec<f32>> {
         let critics = self.critics.iter().map(|critic| critic.network.to_vec());
         critics.chain(self.targets.iter().map(Perceptron::to_vec)).collect()
@@ -194,7 +194,7 @@ impl Critics {
     }
 }
 
-/// The smaller of two values; not a number if one is not.
+/// Returns the smaller of two values, or NaN if either is NaN.
 fn smaller(a: f32, b: f32) -> f32 {
     if a < b || a.is_nan() { a } else { b }
 }
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_number_is_not_the_smaller() {
+    fn smaller_value_propagates_nan() {
         assert_eq!((smaller(1.0, 2.0), smaller(3.0, 2.0)), (1.0, 2.0));
         assert!(smaller(f32::NAN, 1.0).is_nan() && smaller(1.0, f32::NAN).is_nan());
     }

@@ -1,8 +1,8 @@
 //! Soft actor-critic (SAC).
 //!
-//! A stochastic policy `a = tanh(u)`, `u ~ N(mu(o), diag(sigma(o)^2))`, maximises the reward and its own
-//! entropy; the temperature `alpha` adapts to a target entropy `H`. With two critics, their targets `Q'`, and
-//! samples `(o, a, r, o')` of the replay buffer, a gradient minimises
+//! A stochastic policy `a = tanh(u)`, `u ~ N(mu(o), diag(sigma(o)^2))`, maximises the reward and its entropy;
+//! the temperature `alpha` adapts to a target entropy `H`. With two critics, their targets `Q'`, and samples
+//! `(o, a, r, o')` from the replay buffer, each gradient step minimises
 //!
 //! ```text
 //! y       = r + discount (min_i Q'_i(o', a') - alpha ln pi(a' | o')),    a' ~ pi(. | o')
@@ -14,8 +14,8 @@
 //!
 //! The policy without exploration is `tanh(mu(o))` within the bounds of the task's action.
 //!
-//! Sources: Haarnoja, Zhou, Hartikainen and others, *Soft actor-critic algorithms and applications*,
-//! arXiv:1812.05905, 2018; defaults: [`SacSettings`].
+//! Source: Haarnoja, Zhou, Hartikainen and others, *Soft actor-critic algorithms and applications*,
+//! arXiv:1812.05905, 2018. Defaults: see [`SacSettings`].
 
 mod squashed;
 
@@ -39,17 +39,17 @@ use squashed::squash;
 
 /// Settings of SAC: the table `[algorithms.sac]` of a task.
 ///
-/// Defaults follow Haarnoja and others 2018, table 1 (rate 3e-4, buffer of 10^6 steps, 256 steps in a
-/// gradient, one gradient for each step, polyak 0.005, discount 0.99, target entropy -1 for each moving
-/// joint), unless stated.
+/// Unless stated otherwise, defaults follow Haarnoja and others 2018, table 1 (learning rate 3e-4, buffer of
+/// 10^6 steps, minibatch of 256, one gradient step per step, polyak 0.005, discount 0.99, target entropy -1
+/// per moving joint).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SacSettings {
-    /// Steps, replay and networks. Own defaults: 100,000 steps of 4 worlds with 4 gradients after each step
-    /// of all, 1000 random steps, layers of 64 and 64 units in place of 256 and 256, the policy's with `tanh`
-    /// in place of ReLU.
+    /// Steps, replay and networks. Defaults that differ from the source: 100,000 steps in 4 worlds with 4
+    /// gradient steps after each step of all worlds, 1000 random steps, layers of 64 and 64 units instead of
+    /// 256 and 256, and `tanh` instead of ReLU in the policy.
     #[serde(flatten)]
     pub replay: ReplaySettings,
-    /// Target entropy for each moving joint, in units of an action between -1 and 1. Default -1.
+    /// Target entropy per moving joint, for actions between -1 and 1. Default -1.
     pub entropy: f64,
     /// Initial temperature, above 0. Default 1.
     pub temperature: f64,
@@ -94,7 +94,7 @@ impl SacSettings {
         check.positive([("temperature", self.temperature)])
     }
 
-    /// A run before its first step; `build` makes the simulation of a world.
+    /// Creates a run before its first step. `build` creates the simulation of each world.
     ///
     /// # Errors
     ///
@@ -111,14 +111,14 @@ impl SacSettings {
     }
 }
 
-/// Values of a gradient.
+/// Values measured in a gradient step.
 pub(crate) const MEASURES: [&str; 5] = ["critic_loss", "policy_loss", "value", "entropy", "temperature"];
 
 /// The learning part of SAC.
 #[derive(Clone, Debug)]
 pub struct Sac {
     bounds: Bounds,
-    /// Means of all numbers of an action, then the logarithms of their deviations.
+    /// Network whose outputs are the means of an action, then the logarithms of the standard deviations.
     actor: Trained,
     critics: Critics,
     log_temperature: f32,
@@ -148,7 +148,7 @@ impl Sac {
         })
     }
 
-    /// Actions and the logarithms of their probabilities from the outputs of the actor, for given noise.
+    /// Returns actions and their log probabilities from the outputs of the actor, for given noise.
     fn act(&self, output: &DMatrix<f32>, noise: &DMatrix<f32>) -> (DMatrix<f32>, Vec<f32>) {
         let width = self.bounds.width();
         let mut actions = DMatrix::<f32>::zeros(width, output.ncols());
@@ -164,7 +164,7 @@ impl Sac {
         (actions, logarithms)
     }
 
-    /// Gradient of the policy for some samples of a batch.
+    /// Returns the gradient of the policy for some samples of a batch.
     fn policy_part(&self, observations: &DMatrix<f32>, noise: &DMatrix<f32>, count: usize) -> PolicyPart {
         let (width, share) = (self.bounds.width(), 1.0 / count as f32);
         let temperature = self.log_temperature.exp();
@@ -272,7 +272,7 @@ impl Method for Sac {
     fn policy(&self) -> TrainedNetwork {
         let mut layers = self.actor.network.rows();
         let width = self.bounds.width();
-        // the deviations are left out
+        // the policy without exploration needs no standard deviations
         if let Some((weights, bias)) = layers.last_mut() {
             weights.truncate(weights.len() / 2);
             bias.truncate(width);

@@ -1,8 +1,8 @@
 //! A normal distribution squashed by `tanh`.
 
-/// Bounds of the logarithm of a deviation, as Haarnoja's.
+/// Bounds of the logarithm of a standard deviation, as in Haarnoja's implementation.
 const BOUNDS: [f32; 2] = [-20.0, 2.0];
-/// Half of the logarithm of 2 pi.
+/// Half the logarithm of 2 pi.
 const HALF_LN_TAU: f32 = 0.918_938_5;
 
 /// An action `a = tanh(u)`, `u = mean + deviation noise`, and derivatives for fixed noise.
@@ -11,23 +11,23 @@ pub(super) struct Squashed {
     pub(super) action: f32,
     /// `ln p(a) = ln N(u) - ln(1 - a^2)`.
     pub(super) log_probability: f32,
-    /// Derivatives of the logarithm by the mean and by the logarithm of the deviation.
+    /// Derivatives of the log probability with respect to the mean and the logarithm of the deviation.
     pub(super) by_mean: f32,
     pub(super) by_log_deviation: f32,
-    /// Derivatives of the action by both.
+    /// Derivatives of the action with respect to both.
     pub(super) action_by_mean: f32,
     pub(super) action_by_log_deviation: f32,
 }
 
-/// An action from the mean, the logarithm of the deviation, and standard normal noise. Beyond its bounds the
-/// logarithm has no derivative.
+/// Computes an action from the mean, the logarithm of the deviation, and standard normal noise. Outside its
+/// bounds, the logarithm of the deviation has a derivative of 0.
 pub(super) fn squash(mean: f32, log_deviation: f32, noise: f32) -> Squashed {
     let inside = (BOUNDS[0]..=BOUNDS[1]).contains(&log_deviation);
     let log_deviation = log_deviation.clamp(BOUNDS[0], BOUNDS[1]);
     let spread = log_deviation.exp() * noise;
     let u = mean + spread;
     let action = u.tanh();
-    // ln(1 - tanh(u)^2), which does not cancel for large u
+    // ln(1 - tanh(u)^2) without cancellation for large u
     let softplus = (-2.0 * u).max(0.0) + (-(2.0 * u).abs()).exp().ln_1p();
     let log_slope = 2.0 * (core::f32::consts::LN_2 - u - softplus);
     let slope = 1.0 - action * action;
@@ -46,7 +46,7 @@ pub(super) fn squash(mean: f32, log_deviation: f32, noise: f32) -> Squashed {
 mod tests {
     use super::*;
 
-    /// Probability that an action is at most `action`, by sums of the normal density over `u`.
+    /// Returns the probability that an action is at most `action`, by numerical integration over `u`.
     fn distribution(action: f64, mean: f64, deviation: f64) -> f64 {
         let end = (action.atanh() - mean) / deviation;
         let steps = 200_000;

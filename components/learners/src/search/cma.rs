@@ -14,9 +14,9 @@ use super::{Distribution, Generations, Samples, Start, StartError};
 /// Restarts of [`CmaEs`] once a run has converged or stalled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Restarts {
-    /// None: the search stays where it converged.
+    /// No restarts: the search stays at its point of convergence.
     Never,
-    /// Two regimes with equal budgets: populations that double, and small populations with small first
+    /// Two regimes with equal budgets: doubling populations, and small populations with small initial
     /// deviations.
     #[default]
     Bipop,
@@ -25,7 +25,7 @@ pub enum Restarts {
 /// Settings of [`CmaEs`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CmaEsSettings {
-    /// Candidates of a generation, from 4. Default `4 + floor(3 ln n)` for `n` parameters.
+    /// Number of candidates per generation, from 4. Default `4 + floor(3 ln n)` for `n` parameters.
     pub population: Option<usize>,
     /// Restarts. Default [`Restarts::Bipop`].
     pub restarts: Restarts,
@@ -33,7 +33,7 @@ pub struct CmaEsSettings {
 
 /// A search that adapts the full covariance of its candidates.
 ///
-/// With the `mu` best of `lambda` candidates `x_i = m + sigma B D z_i`, `y_i = (x_i - m) / sigma`, `y_w = sum
+/// For the best `mu` of `lambda` candidates `x_i = m + sigma B D z_i`, `y_i = (x_i - m) / sigma`, `y_w = sum
 /// w_i y_i`:
 ///
 /// ```text
@@ -47,8 +47,9 @@ pub struct CmaEsSettings {
 /// `h` is 0 while `p_s` is long, else 1. All constants are Hansen's defaults. The eigenvectors `B` and the
 /// square roots of the eigenvalues `D` are computed every `0.5 / (n (c_1 + c_mu))` generations. A run ends
 /// when the rewards of `10 + ceil(30 n / lambda)` generations differ by less than 1e-12, the deviations are
-/// below 1e-12 of the first or above 1e4 of it, the condition number exceeds 1e14, or after `100 + 50 (n +
-/// 3)^2 / sqrt(lambda)` generations. The next run starts at a point drawn from the first distribution.
+/// below 1e-12 or above 1e4 times the initial deviation, the condition number exceeds 1e14, or after `100 +
+/// 50 (n + 3)^2 / sqrt(lambda)` generations. The next run starts at a point sampled from the initial
+/// distribution.
 ///
 /// Sources: Hansen, *The CMA evolution strategy: a tutorial*, arXiv:1604.00772, 2016, with positive weights;
 /// the period of the eigendecomposition after Hansen's `purecma`; Hansen, *Benchmarking a BI-population
@@ -81,26 +82,26 @@ struct Run {
     decomposed: usize,
     /// Best rewards of the latest generations.
     history: VecDeque<f64>,
-    /// First deviation.
+    /// Initial deviation.
     sigma: f64,
     evaluations: usize,
-    /// Evaluations after which a run with a small population ends.
+    /// Number of evaluations after which a run with a small population ends.
     budget: Option<usize>,
 }
 
 /// State of the restarts.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Bipop {
-    /// Restarts with large populations.
+    /// Number of restarts with large populations.
     doublings: u32,
-    /// Evaluations of runs with large and with small populations.
+    /// Numbers of evaluations of runs with large and with small populations.
     large: usize,
     small: usize,
-    /// Evaluations of the last run with a large population.
+    /// Number of evaluations of the last run with a large population.
     last_large: usize,
 }
 
-/// Constants of a run, by the names of the tutorial.
+/// Constants of a run, with the names of the tutorial.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Constants {
     lambda: usize,
@@ -135,13 +136,13 @@ impl Constants {
     }
 }
 
-/// Default number of candidates in a generation of evolution strategies.
+/// Returns the default number of candidates per generation for evolution strategies.
 pub(super) fn default_population(dimensions: usize) -> usize {
     4 + (3.0 * (dimensions as f64).ln()).floor() as usize
 }
 
 impl CmaEs {
-    /// A search from `start`.
+    /// Creates a search from `start`.
     ///
     /// # Errors
     ///
@@ -188,12 +189,13 @@ impl Covariance {
         self.run = Run { sigma, budget, ..Run::default() };
     }
 
-    /// Step size: the deviation along the principal axes is this times the square root of their eigenvalues.
+    /// Returns the step size. The deviation along a principal axis is the step size times the square root of
+    /// its eigenvalue.
     pub fn sigma(&self) -> f64 {
         self.sigma
     }
 
-    /// `C^-1/2 x`.
+    /// Returns `C^-1/2 x`.
     fn whiten(&self, x: &[f64]) -> Vec<f64> {
         let n = x.len();
         let mut out = vec![0.0; n];
@@ -207,7 +209,7 @@ impl Covariance {
     fn decompose(&mut self) {
         let n = self.mean.len();
         let found = symmetric_eigen(DMatrix::from_column_slice(n, n, &self.covariance));
-        // rounding may leave tiny negative eigenvalues
+        // rounding may cause tiny negative eigenvalues
         let least = found.values[0].max(f64::MIN_POSITIVE) * 1e-20;
         self.roots.clear();
         self.roots.extend(found.values.iter().map(|value| value.max(least).sqrt()));
@@ -427,7 +429,7 @@ mod tests {
     }
 
     #[test]
-    fn an_ellipsoid_of_condition_1e6_is_descended() {
+    fn ellipsoid_with_condition_1e6_is_descended() {
         let n = 10;
         let value = |x: &[f64]| {
             let terms = x.iter().enumerate();

@@ -9,14 +9,16 @@ use super::{Distribution, Generations, Samples, Start, StartError};
 /// Settings of [`CrossEntropy`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CrossEntropySettings {
-    /// Candidates of a generation, from 1. Default 20.
+    /// Number of candidates per generation, from 1. Default 20.
     pub population: usize,
-    /// Share of a generation that the next one is drawn around: its best. Above 0, at most 1; default 0.25.
+    /// Fraction of a generation, its best candidates, from which the next distribution is estimated. Above 0,
+    /// at most 1; default 0.25.
     pub elite: f64,
-    /// Weight of the elite in the next mean and deviation. Above 0, at most 1; default 0.7: smaller values
-    /// search longer and are lost less easily to noise.
+    /// Weight of the elite in the next mean and deviation. Above 0, at most 1; default 0.7. Smaller values
+    /// search longer and are less sensitive to noise.
     pub smoothing: f64,
-    /// Smallest deviation, as a share of the first. Default 0.02: the search does not come to a standstill.
+    /// Minimum deviation, as a fraction of the initial deviation. Default 0.02, so that the search never
+    /// stalls.
     pub least: f64,
 }
 
@@ -26,10 +28,10 @@ impl Default for CrossEntropySettings {
     }
 }
 
-/// The cross-entropy method: a normal distribution moves to the best of each generation.
+/// The cross-entropy method: a normal distribution moves towards the best candidates of each generation.
 ///
-/// A generation is drawn from `N(mean, diag(deviation^2))` and clamped to the bounds; its first candidate at
-/// the start is the mean. With the mean `m` and the standard deviation `s` of the elite, and the smoothing
+/// A generation is sampled from `N(mean, diag(deviation^2))` and clamped to the bounds; the very first
+/// candidate is the mean. With the mean `m` and the standard deviation `s` of the elite, and the smoothing
 /// `a`:
 ///
 /// ```text
@@ -48,7 +50,7 @@ pub type CrossEntropy = Generations<Elite>;
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Elite {
     settings: CrossEntropySettings,
-    /// Bounds; `None` where infinite.
+    /// Bounds; `None` if infinite.
     bounds: Vec<[Option<f64>; 2]>,
     mean: Vec<f64>,
     deviation: Vec<f64>,
@@ -56,7 +58,7 @@ pub struct Elite {
 }
 
 impl CrossEntropy {
-    /// A search from `start`.
+    /// Creates a search from `start`.
     ///
     /// # Errors
     ///
@@ -152,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn it_finds_the_optimum_of_a_function_with_ridges() {
+    fn optimum_of_a_function_with_ridges_is_found() {
         let value = |x: &[f64]| -(1.0 - x[0]).powi(2) - 5.0 * (x[1] - x[0] * x[0]).powi(2) - x[2].abs();
         let mut search = search(7, 40);
         rollouts(&mut search, 60 * 40, value);

@@ -8,13 +8,13 @@ use super::{Distribution, Generations, Samples, Start, StartError};
 /// Settings of [`FiniteDifferences`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FiniteDifferencesSettings {
-    /// Half the distance of a pair of candidates, in deviations of the start, above 0. Default 0.1.
+    /// Half the distance between the candidates of a pair, in initial deviations, above 0. Default 0.1.
     pub step: f64,
-    /// Distance of an update, in deviations of the start per unit of reward gained by moving one deviation,
+    /// Step length of an update, in initial deviations per unit of reward gained by moving one deviation,
     /// above 0. Default 0.1.
     pub rate: f64,
-    /// Longest update, in deviations of the start, above 0. Default 1: a steep reward does not throw the
-    /// search away.
+    /// Maximum length of an update, in initial deviations, above 0. Default 1, so that a steep reward does
+    /// not derail the search.
     pub longest: f64,
 }
 
@@ -24,15 +24,15 @@ impl Default for FiniteDifferencesSettings {
     }
 }
 
-/// Gradient ascent by central differences along every parameter, in units `u` of the first deviation:
+/// Gradient ascent by central differences along every parameter, in units `u` of the initial deviation:
 ///
 /// ```text
 /// g_i = (R(u + step e_i) - R(u - step e_i)) / (2 step)
 /// u'  = u + rate g, at most `longest` long
 /// ```
 ///
-/// All `2 n` candidates of a generation have the same [seed](super::Candidate::seed): evaluated with common
-/// random numbers, noise that they share cancels.
+/// All `2 n` candidates of a generation have the same [seed](super::Candidate::seed). Evaluated with common
+/// random numbers, their shared noise cancels.
 ///
 /// Source: Spall, *Introduction to stochastic search and optimization*, Wiley 2003, sections 6.3 and 14.4.
 pub type FiniteDifferences = Generations<Differences>;
@@ -45,7 +45,7 @@ pub struct Differences {
 }
 
 impl FiniteDifferences {
-    /// A search from `start`.
+    /// Creates a search from `start`.
     ///
     /// # Errors
     ///
@@ -81,7 +81,7 @@ impl Distribution for Differences {
     fn update(&mut self, samples: &Samples<'_>, _: &mut Pcg64) {
         let FiniteDifferencesSettings { step, rate, longest } = self.settings;
         let change = |pair: &[f64]| {
-            // a failed evaluation gives no slope
+            // a failed evaluation provides no slope
             let is_known = pair.iter().all(|reward| *reward > f64::MIN);
             if is_known { rate * (pair[0] - pair[1]) / (2.0 * step) } else { 0.0 }
         };

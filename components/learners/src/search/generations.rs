@@ -1,4 +1,4 @@
-//! Searches that draw generations of candidates from a distribution.
+//! Searches that sample generations of candidates from a distribution.
 
 use std::collections::VecDeque;
 
@@ -15,12 +15,12 @@ pub struct Samples<'a> {
     pub points: &'a [f64],
     /// Reward of each point; all are finite.
     pub rewards: &'a [f64],
-    /// Indices of the points, the largest reward first, equal rewards by index.
+    /// Indices of the points, sorted by decreasing reward; equal rewards are sorted by index.
     pub order: &'a [usize],
 }
 
 impl Samples<'_> {
-    /// Point `index`.
+    /// Returns point `index`.
     pub fn point(&self, index: usize) -> &[f64] {
         let dimensions = self.points.len() / self.rewards.len();
         &self.points[index * dimensions..][..dimensions]
@@ -29,31 +29,31 @@ impl Samples<'_> {
 
 /// A distribution over parameters that a search samples and updates.
 ///
-/// It works in units of the start: mean 0, standard deviation 1 in every direction.
+/// Parameters are in units of the start: mean 0, standard deviation 1 in every direction.
 pub trait Distribution: Serialize + DeserializeOwned {
     /// Name of the method in saved states.
     const METHOD: &'static str;
 
-    /// True where all candidates of a generation are evaluated with the same random numbers.
+    /// `true` if all candidates of a generation are evaluated with the same random numbers.
     const COMMON_RANDOM_NUMBERS: bool = false;
 
-    /// Number of parameters.
+    /// Returns the number of parameters.
     fn dimensions(&self) -> usize;
 
-    /// Candidates of the next generation.
+    /// Returns the number of candidates of the next generation.
     fn population(&self) -> usize;
 
     /// Writes the point of candidate `index` of a generation.
     fn sample(&mut self, index: usize, random: &mut Pcg64, point: &mut [f64]);
 
-    /// Updates the distribution by a generation with all its rewards. `random` is for restarts.
+    /// Updates the distribution from a generation with all its rewards. `random` is used for restarts.
     fn update(&mut self, samples: &Samples<'_>, random: &mut Pcg64);
 
     /// Writes the mean.
     fn mean(&self, mean: &mut [f64]);
 }
 
-/// Candidates of a generation.
+/// A generation and its candidates.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Generation {
     /// Number of the generation.
@@ -72,26 +72,26 @@ impl Generation {
     }
 }
 
-/// A search that draws generations of candidates from a [`Distribution`] and updates it by their rewards.
+/// A search that samples generations of candidates from a [`Distribution`] and updates it from their rewards.
 ///
-/// A generation ends when all its candidates have rewards; until then [`ask`](Search::ask) returns at most
-/// the candidates that are left. Results depend on the rewards alone, not on their order.
+/// A generation ends when all its candidates have rewards; until then [`ask`](Search::ask) returns only its
+/// remaining candidates. Results depend on the rewards, but not on their order.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Generations<D: Distribution> {
     start: Start,
     distribution: D,
-    /// Generations that may be open at a time.
+    /// Maximum number of open generations.
     ahead: usize,
     open: VecDeque<Generation>,
-    /// Generations and candidates so far.
+    /// Numbers of generations and candidates so far.
     generations: u64,
     candidates: u64,
     best: Best,
 }
 
 impl<D: Distribution> Generations<D> {
-    /// A search from `start`; `make` builds the distribution once the start is checked.
+    /// Creates a search from `start`. `make` builds the distribution after the start has been checked.
     pub(super) fn build(
         start: Start,
         make: impl FnOnce(&Start) -> Result<D, StartError>,
@@ -110,27 +110,27 @@ impl<D: Distribution> Generations<D> {
     }
 
     /// Allows `count` open generations, from 1, so that no worker waits for the last reward of a generation.
-    /// The default of 1 is the exact method; later generations are drawn from a distribution that is `count`
-    /// - 1 updates old.
+    /// The default of 1 is the exact method. With a larger count, later generations are sampled from a
+    /// distribution that is `count - 1` updates old.
     #[must_use]
     pub fn with_open_generations(mut self, count: usize) -> Self {
         self.ahead = count.max(1);
         self
     }
 
-    /// The distribution, in units of the start.
+    /// Returns the distribution, in units of the start.
     pub fn distribution(&self) -> &D {
         &self.distribution
     }
 
-    /// Mean of the distribution.
+    /// Returns the mean of the distribution.
     pub fn mean(&self) -> Vec<f64> {
         let mut unit = vec![0.0; self.start.dimensions()];
         self.distribution.mean(&mut unit);
         self.start.parameters(&unit)
     }
 
-    /// Generations that have ended.
+    /// Returns the number of finished generations.
     pub fn generations(&self) -> u64 {
         self.generations - self.open.len() as u64
     }
@@ -139,7 +139,7 @@ impl<D: Distribution> Generations<D> {
         Counter { seed: self.start.seed, world: 0, episode, step }
     }
 
-    /// Candidate `id` of a generation.
+    /// Returns candidate `id` of a generation.
     fn candidate(&self, generation: u64, id: u64, parameters: Vec<f64>) -> Candidate {
         let common = if D::COMMON_RANDOM_NUMBERS { 0 } else { id };
         Candidate { id, parameters, seed: self.counter(generation, common).number(Purpose::Rollout) }

@@ -1,4 +1,4 @@
-//! Black-box search: parameters of the largest reward, from rewards alone.
+//! Black-box search: maximises a reward over parameters, using only rewards.
 //!
 //! All methods implement [`Search`]: `ask` proposes candidates, `tell` accepts their rewards in any order,
 //! and `save` and `restore` continue a search bit for bit.
@@ -13,7 +13,7 @@
 //! - [`BayesianOptimisation`]: a Gaussian process and an acquisition function.
 //! - [`RandomSearch`]: uniform candidates, the baseline.
 //!
-//! All but the last two draw generations of candidates from a distribution: they are [`Generations`] of a
+//! All but the last two sample generations of candidates from a distribution; they are [`Generations`] of a
 //! [`Distribution`]. [`maximise`] evaluates candidates on several threads.
 //!
 //! ```
@@ -70,32 +70,33 @@ pub struct Candidate {
     pub id: u64,
     /// Parameters to evaluate.
     pub parameters: Vec<f64>,
-    /// Seed of the random numbers of the evaluation. Candidates that are compared under common random numbers
-    /// share it.
+    /// Seed of the evaluation's random numbers. Candidates that are compared with common random numbers share
+    /// it.
     pub seed: u64,
 }
 
-/// A search for the parameters of the largest reward.
+/// A search for the parameters with the largest reward.
 pub trait Search {
-    /// Number of parameters.
+    /// Returns the number of parameters.
     fn dimensions(&self) -> usize;
 
-    /// Proposes up to `count` candidates. Returns fewer, or none, while the method needs rewards of earlier
-    /// candidates.
+    /// Proposes up to `count` candidates. Returns fewer, or none, if the method needs rewards of earlier
+    /// candidates first.
     fn ask(&mut self, count: usize) -> Vec<Candidate>;
 
-    /// Accepts rewards of candidates by their numbers, in any order. A reward that is not finite counts as
-    /// the worst.
+    /// Accepts rewards of candidates, identified by number, in any order. A reward that is not finite counts
+    /// as the worst.
     ///
     /// # Errors
     ///
-    /// [`TellError`]; no reward of the call is accepted then.
+    /// [`TellError`]; in that case no reward of the call is accepted.
     fn tell(&mut self, rewards: &[(u64, f64)]) -> Result<(), TellError>;
 
-    /// Candidates that wait for rewards, as after an interrupted run.
+    /// Returns the candidates without rewards, for example after an interrupted run.
     fn pending(&self) -> Vec<Candidate>;
 
-    /// The best parameters evaluated so far and their reward, or `None` before the first finite reward.
+    /// Returns the best parameters evaluated so far and their reward, or `None` before the first finite
+    /// reward.
     fn best(&self) -> Option<(&[f64], f64)>;
 
     /// Returns the whole state as JSON.
@@ -105,11 +106,11 @@ pub trait Search {
     ///
     /// # Errors
     ///
-    /// [`RestoreError`]; the search is unchanged then.
+    /// [`RestoreError`]; in that case the search is unchanged.
     fn restore(&mut self, state: &str) -> Result<(), RestoreError>;
 }
 
-/// The errors of [`Search::tell`].
+/// Errors of [`Search::tell`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TellError {
     /// The candidate does not exist, or its generation has ended.
@@ -117,12 +118,12 @@ pub enum TellError {
     Unknown {
         /// Number of the candidate.
         id: u64,
-        /// First candidate that waits for a reward.
+        /// First candidate without a reward.
         first: u64,
-        /// Last candidate that was proposed.
+        /// Last proposed candidate.
         last: u64,
     },
-    /// The candidate has a reward already.
+    /// The candidate already has a reward.
     #[error("candidate {id} has two rewards, expected one")]
     Repeated {
         /// Number of the candidate.
@@ -130,7 +131,7 @@ pub enum TellError {
     },
 }
 
-/// The errors of [`Search::restore`].
+/// Errors of [`Search::restore`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RestoreError {
     /// The text is not a saved state.
@@ -144,7 +145,7 @@ pub enum RestoreError {
         /// Method of the search.
         expected: String,
     },
-    /// The state has another number of parameters.
+    /// The state has a different number of parameters.
     #[error("found a state of {found} parameters, expected {expected}")]
     Dimensions {
         /// Parameters of the state.
@@ -154,13 +155,13 @@ pub enum RestoreError {
     },
 }
 
-/// The best parameters so far, with the number of their candidate.
+/// The best parameters so far, with the number of the candidate.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Best(Option<(u64, Vec<f64>, f64)>);
 
 impl Best {
-    /// Records a finite reward. Of equal rewards the first candidate's stays, whatever the order of their
-    /// arrival.
+    /// Records a finite reward. Of equal rewards, the reward of the earliest candidate is kept, regardless of
+    /// the order of arrival.
     fn record(&mut self, id: u64, parameters: &[f64], reward: f64) {
         let is_better =
             |(first, _, best): &(u64, Vec<f64>, f64)| reward > *best || (reward == *best && id < *first);
@@ -189,7 +190,7 @@ impl<T: Serialize> Saved<&T> {
 }
 
 impl<T: Search + DeserializeOwned> Saved<T> {
-    /// Reads the state of a search of a method with a number of parameters.
+    /// Reads the state of a search with a given method and number of parameters.
     fn read(method: &str, expected: usize, state: &str) -> Result<T, RestoreError> {
         let parse = |error: serde_json::Error| RestoreError::Parse(error.to_string());
         let saved: Saved<serde_json::Value> = serde_json::from_str(state).map_err(parse)?;

@@ -12,7 +12,7 @@ use super::{Distribution, Generations, Samples, Start, StartError};
 /// Settings of [`SeparableNes`] and [`ExponentialNes`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct NesSettings {
-    /// Candidates of a generation, from 2. Default `4 + floor(3 ln n)` for `n` parameters.
+    /// Number of candidates per generation, from 2. Default `4 + floor(3 ln n)` for `n` parameters.
     pub population: Option<usize>,
     /// Learning rate of the deviations, above 0. Default `(3 + ln n) / (5 sqrt n)` for SNES and
     /// `(9 + 3 ln n) / (5 n sqrt n)` for xNES, at most 1.
@@ -77,7 +77,7 @@ pub struct Natural {
     inverse: Vec<f64>,
 }
 
-/// Utilities of the ranks of a generation, the best first.
+/// Returns the utilities of the ranks of a generation, best first.
 fn utilities(population: usize) -> Vec<f64> {
     let count = population as f64;
     let raw: Vec<f64> =
@@ -87,7 +87,7 @@ fn utilities(population: usize) -> Vec<f64> {
 }
 
 impl SeparableNes {
-    /// A search from `start`.
+    /// Creates a search from `start`.
     ///
     /// # Errors
     ///
@@ -105,7 +105,7 @@ impl SeparableNes {
 }
 
 impl ExponentialNes {
-    /// A search from `start`.
+    /// Creates a search from `start`.
     ///
     /// # Errors
     ///
@@ -229,7 +229,7 @@ mod tests {
     use rand::SeedableRng as _;
 
     #[test]
-    fn utilities_add_up_to_zero_and_fall_with_rank() {
+    fn utilities_sum_to_zero_and_decrease_with_rank() {
         let found = utilities(10);
         assert!(found.iter().sum::<f64>().abs() < 1e-15);
         assert!(found.is_sorted_by(|a, b| a >= b));
@@ -250,7 +250,7 @@ mod tests {
 
     #[test]
     fn rotated_ellipsoid_is_descended_by_xnes() {
-        // condition 1e4 along the diagonal of the plane
+        // condition number 1e4, along the diagonal of the plane
         let value = |x: &[f64]| -(x[0] + x[1] - 1.0).powi(2) - 1e4 * (x[0] - x[1] + 2.0).powi(2);
         let start = Start::new(vec![0.0; 2], vec![1.0; 2], 1);
         let mut search = ExponentialNes::new(start, NesSettings::default()).expect("a search");

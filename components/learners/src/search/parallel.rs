@@ -14,13 +14,13 @@ use super::{Candidate, Search, TellError};
 pub enum Outcome {
     /// The evaluation has a reward.
     Finished,
-    /// A condition is not met, such as a least height of the base: the robot fell.
+    /// A condition is not met, such as a minimum height of the base because the robot fell.
     Unmet,
     /// The evaluation ended early: a component failed, or the robot was stopped.
     Stopped,
-    /// The parameters were refused before the start.
+    /// The parameters were rejected before the start.
     Refused,
-    /// The evaluation finished, and its reward has no value.
+    /// The evaluation finished, but its reward has no value.
     NoValue,
 }
 
@@ -28,7 +28,7 @@ impl Outcome {
     /// All outcomes.
     pub const ALL: [Self; 5] = [Self::Finished, Self::Unmet, Self::Stopped, Self::Refused, Self::NoValue];
 
-    /// Its name in tables and in JSON.
+    /// Returns the name in tables and in JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::Finished => "finished",
@@ -52,7 +52,7 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// An evaluation with a reward. A reward that is not finite has no value.
+    /// Creates an evaluation with a reward. The outcome is [`Outcome::NoValue`] if the reward is not finite.
     pub fn finished(reward: f64) -> Self {
         if reward.is_finite() {
             return Self { outcome: Outcome::Finished, reward, reason: None };
@@ -60,7 +60,7 @@ impl Evaluation {
         Self::failed(Outcome::NoValue, format!("the reward is {reward}, expected a finite number"))
     }
 
-    /// A failed evaluation.
+    /// Creates a failed evaluation.
     pub fn failed(outcome: Outcome, reason: impl Into<String>) -> Self {
         Self { outcome, reward: f64::NAN, reason: Some(reason.into()) }
     }
@@ -69,16 +69,16 @@ impl Evaluation {
 /// Threads and limits of [`maximise`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Workers {
-    /// Threads, from 1. They change no result.
+    /// Number of threads, from 1. It does not change results.
     pub threads: usize,
-    /// Candidates that may wait for rewards at a time, from 1: a search with a model proposes each from the
-    /// rewards of all but the last `ahead` candidates. `usize::MAX` evaluates whole generations.
+    /// Maximum number of candidates without rewards, from 1. A search with a model proposes each candidate
+    /// from the rewards of all but the last `ahead` candidates. `usize::MAX` evaluates whole generations.
     pub ahead: usize,
-    /// Candidates to evaluate.
+    /// Number of candidates to evaluate.
     pub evaluations: u64,
 }
 
-/// Sends `None` when the thread of a worker panics, so that no one waits for its answer.
+/// Sends `None` when the thread of a worker panics, so that the search does not wait for its result.
 struct PanicGuard<'a, T>(&'a mpsc::Sender<Option<T>>);
 
 impl<T> Drop for PanicGuard<'_, T> {
@@ -89,14 +89,14 @@ impl<T> Drop for PanicGuard<'_, T> {
     }
 }
 
-/// Evaluates candidates of a search on several threads until the given number have rewards, or the search
-/// proposes no more.
+/// Evaluates candidates of a search on several threads until the given number of them have rewards or the
+/// search proposes no more.
 ///
-/// `build` makes the worker of a thread, on that thread; `evaluate` evaluates a candidate with it, and
-/// `report` is called after the reward of a candidate has been accepted. Rewards are accepted in the order of
-/// the candidates, one at a time, and new candidates are proposed after each: so every candidate, and every
-/// bit of the search, is independent of the number of threads, provided that evaluations are. Candidates that
-/// wait for rewards at the start are evaluated first: a restored search continues where it stopped.
+/// `build` creates the worker of a thread, on that thread. `evaluate` evaluates a candidate with the worker,
+/// and `report` is called after a reward has been accepted. Rewards are accepted one at a time, in the order
+/// of the candidates, and new candidates are proposed after each. The search is therefore bit-for-bit
+/// independent of the number of threads, provided that evaluations are. Candidates without rewards at the
+/// start are evaluated first, so a restored search continues where it stopped.
 ///
 /// ```
 /// use motorium_learners::search::{
@@ -119,7 +119,8 @@ impl<T> Drop for PanicGuard<'_, T> {
 ///
 /// # Errors
 ///
-/// The first error of `build`, `evaluate` or `report`. The search is then as after the last accepted reward.
+/// The first error of `build`, `evaluate` or `report`. The search is left in the state after the last
+/// accepted reward.
 ///
 /// # Panics
 ///
@@ -152,7 +153,7 @@ where
                     }
                 };
                 loop {
-                    // whichever worker is free evaluates the next candidate
+                    // the next free worker evaluates the next candidate
                     let next = requests.lock().ok().and_then(|requests| requests.recv().ok());
                     let Some(candidate) = next.filter(|_| !is_over.load(Relaxed)) else { return };
                     let found = evaluate(&mut worker, &candidate).map(|found| (candidate.id, found));
@@ -164,7 +165,7 @@ where
         }
         drop(answer);
         let result = drive(search, workers, &request, &answers, report);
-        // candidates that no worker has begun are left
+        // candidates that no worker has started are not evaluated
         is_over.store(true, Relaxed);
         drop(request);
         result
@@ -193,7 +194,7 @@ where
     loop {
         let most = workers.ahead.max(1).min(usize::try_from(left).unwrap_or(usize::MAX));
         for candidate in search.ask(most.saturating_sub(open.len())) {
-            // a worker that is gone has sent its reason
+            // a worker that has exited has sent its reason
             let _ = request.send(candidate.clone());
             open.push_back(candidate);
         }
@@ -225,7 +226,7 @@ mod tests {
     };
     use super::*;
 
-    /// A failure that an evaluation cannot recover from.
+    /// An unrecoverable failure of a test evaluation.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     enum Failure {
         Interrupted,
@@ -252,7 +253,8 @@ mod tests {
         ]
     }
 
-    /// A reward whose evaluation lasts longer for some candidates; a quarter fails.
+    /// Returns a reward after an amount of work that depends on the candidate. A quarter of the evaluations
+    /// fail.
     fn reward(candidate: &Candidate) -> Evaluation {
         let [x, y] = [candidate.parameters[0], candidate.parameters[1]];
         let work = (0..(candidate.seed % 7) * 2000).fold(0.0, |sum: f64, k| sum + (k as f64).sqrt());
@@ -262,7 +264,7 @@ mod tests {
         Evaluation::finished(-(x - 1.0).powi(2) - (y - 2.0).powi(2))
     }
 
-    /// Bits of all parameters and rewards in the order of the reports.
+    /// Returns the bits of all parameters and rewards in the order of the reports.
     fn run(
         search: &mut dyn Search,
         workers: Workers,
@@ -284,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn threads_change_no_bit() {
+    fn threads_do_not_change_results() {
         for ((mut one, ahead), (mut two, _)) in searches().into_iter().zip(searches()) {
             let workers = Workers { threads: 1, ahead, evaluations: 75 };
             let (expected, result) = run(one.as_mut(), workers, usize::MAX);

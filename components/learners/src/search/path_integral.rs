@@ -9,11 +9,11 @@ use super::{Distribution, Generations, Samples, Start, StartError};
 /// Settings of [`PathIntegral`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathIntegralSettings {
-    /// Candidates of a generation, from 2. Default 10.
+    /// Number of candidates per generation, from 2. Default 10.
     pub population: usize,
     /// Sharpness `h` of the softmax over the rewards, above 0. Default 10.
     pub sharpness: f64,
-    /// Factor of the deviation after every update, above 0, at most 1. Default 0.95.
+    /// Factor applied to the deviation after every update, above 0, at most 1. Default 0.95.
     pub decay: f64,
 }
 
@@ -44,7 +44,7 @@ pub struct SoftmaxMean {
 }
 
 impl PathIntegral {
-    /// A search from `start`.
+    /// Creates a search from `start`.
     ///
     /// # Errors
     ///
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sphere_is_descended() {
+    fn sphere_is_descended() {
         let start = Start::new(vec![1.0, -1.0], vec![0.5; 2], 2);
         let mut search = PathIntegral::new(start, PathIntegralSettings::default()).expect("a search");
         rollouts(&mut search, 1000, |x| -x[0] * x[0] - x[1] * x[1]);

@@ -13,7 +13,7 @@ pub struct PowerSettings {
     pub population: usize,
     /// Number of rollouts in an update: the best so far, from 1. Default 10.
     pub best: usize,
-    /// The smallest and the largest factor on the first variance of exploration. Default 0.1 and 10.
+    /// Minimum and maximum factor on the initial variance of the exploration. Default 0.1 and 10.
     pub variance: [f64; 2],
 }
 
@@ -23,10 +23,10 @@ impl Default for PowerSettings {
     }
 }
 
-/// A search for the parameters `theta` of the largest reward, one rollout at a time.
+/// A search for the parameters `theta` with the largest reward, one rollout at a time.
 ///
-/// Each rollout explores with `theta + eps`, `eps ~ N(0, Sigma)`, `Sigma` diagonal; the first is the start.
-/// The best rollouts of all are kept (importance sampling), and with their rewards `R_j > 0`, `eps_j =
+/// Each rollout explores with `theta + eps`, `eps ~ N(0, Sigma)`, `Sigma` diagonal; the first rollout is the
+/// start. The best rollouts so far are kept (importance sampling). With their rewards `R_j > 0` and `eps_j =
 /// theta_j - theta`:
 ///
 /// ```text
@@ -35,8 +35,8 @@ impl Default for PowerSettings {
 /// ```
 ///
 /// Rewards must be positive; others count as 0. For weights of a motion library, `k^2 s_i^2 / N` (the
-/// variance of the weights in the library, `k` about 0.6) is the natural first exploration: large where
-/// movements differ.
+/// variance of the weights in the library, `k` about 0.6) is the natural initial exploration, because it is
+/// large where movements differ.
 ///
 /// Source: Kober, Peters, *Policy search for motor primitives in robotics*, Machine Learning 84, 2011, the
 /// episodic form; the update of the variance after their appendix.
@@ -59,7 +59,7 @@ struct Rollout {
 }
 
 impl Power {
-    /// A search from `start`.
+    /// Creates a search from `start`.
     ///
     /// # Errors
     ///
@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_quadratic_valley_is_descended_and_a_seed_repeats_it() {
+    fn quadratic_valley_is_descended_reproducibly() {
         let goal = [1.0, -2.0, 0.5];
         let reward = |theta: &[f64]| {
             (-0.5 * theta.iter().zip(&goal).map(|(a, b)| (a - b) * (a - b)).sum::<f64>()).exp()

@@ -11,14 +11,14 @@ use super::{Distribution, Generations, Samples, Start, StartError};
 /// Settings of [`Reps`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RepsSettings {
-    /// Candidates of a generation, from 2. Default `10 + 4 n` for `n` parameters: the covariance has `n (n +
-    /// 1) / 2` entries.
+    /// Number of candidates per generation, from 2. Default `10 + 4 n` for `n` parameters: the covariance has
+    /// `n (n + 1) / 2` entries.
     pub population: Option<usize>,
-    /// Bound of the relative entropy of the reweighted candidates, above 0, below `ln population`. Default
+    /// Limit of the relative entropy of the reweighted candidates, above 0, below `ln population`. Default
     /// 0.5.
     pub epsilon: f64,
-    /// Fraction of the covariance that an update keeps, 0 to 1. Default 0.5: a covariance of few candidates
-    /// is uncertain.
+    /// Fraction of the covariance that an update keeps, from 0 to below 1. Default 0.5, because a covariance
+    /// estimated from few candidates is uncertain.
     pub kept: f64,
 }
 
@@ -28,7 +28,7 @@ impl Default for RepsSettings {
     }
 }
 
-/// A search that maximises the expected reward with a bounded loss of information.
+/// A search that maximises the expected reward with a limited loss of information.
 ///
 /// Each update reweights the candidates by `w_i ~ exp((R_i - max R) / eta)`, where `eta` minimises the dual
 ///
@@ -60,7 +60,7 @@ pub struct RelativeEntropy {
 }
 
 impl Reps {
-    /// A search from `start`.
+    /// Creates a search from `start`.
     ///
     /// # Errors
     ///
@@ -85,7 +85,7 @@ impl Reps {
     }
 }
 
-/// Weights of rewards whose relative entropy to the uniform distribution is `epsilon`. They add up to 1.
+/// Returns weights for rewards with relative entropy `epsilon` to the uniform distribution. They sum to 1.
 pub(super) fn entropic_weights(rewards: &[f64], epsilon: f64) -> Vec<f64> {
     let count = rewards.len() as f64;
     let most = rewards.iter().fold(f64::MIN, |most, reward| most.max(*reward));
@@ -102,7 +102,7 @@ pub(super) fn entropic_weights(rewards: &[f64], epsilon: f64) -> Vec<f64> {
     }
     let divergence =
         |weights: &[f64]| -> f64 { weights.iter().filter(|w| **w > 0.0).map(|w| w * (w * count).ln()).sum() };
-    // the divergence falls as the temperature rises: bisection of its logarithm
+    // the divergence decreases with the temperature: bisect the logarithm of the temperature
     let spread = most - least;
     let (mut low, mut high) = ((1e-8 * spread).ln(), (1e8 * spread).ln());
     for _ in 0..100 {
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rotated_quadratic_is_descended() {
+    fn rotated_quadratic_is_descended() {
         let value =
             |x: &[f64]| -(x[0] + x[1] - 1.0).powi(2) - 20.0 * (x[0] - x[1] + 2.0).powi(2) - x[2] * x[2];
         let start = Start::new(vec![0.0, 0.0, 1.0], vec![1.0; 3], 1);

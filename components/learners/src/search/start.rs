@@ -2,12 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The start of a search: where it begins, how far it explores first, and its bounds.
+/// The start of a search: initial mean, initial exploration, and bounds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Start {
-    /// First mean, one number a parameter.
+    /// Initial mean, one number per parameter.
     pub mean: Vec<f64>,
-    /// First standard deviation of each parameter, from 0. A parameter with deviation 0 keeps its value.
+    /// Initial standard deviation of each parameter, from 0. A parameter with deviation 0 keeps its value.
     pub deviation: Vec<f64>,
     /// Lower and upper bound of each parameter; `None` for an unbounded search.
     pub bounds: Option<Vec<[f64; 2]>>,
@@ -15,26 +15,26 @@ pub struct Start {
     pub seed: u64,
 }
 
-/// A start that does not describe a search.
+/// The start or a setting of a search is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StartError {
     /// The number of entries differs from the number of parameters.
     #[error("found {found} {what}, expected {expected}, one for each parameter")]
     Count {
-        /// Entries that were counted.
+        /// Counted entries.
         what: &'static str,
         /// Number of entries.
         found: usize,
         /// Number of parameters.
         expected: usize,
     },
-    /// There is no parameter.
+    /// There are no parameters.
     #[error("found no parameter, expected at least one")]
     Empty,
     /// A number is out of range.
     #[error("{what} of parameter {index} is {found}, expected {expected}")]
     Value {
-        /// Quantity.
+        /// Name of the quantity.
         what: &'static str,
         /// Index of the parameter.
         index: usize,
@@ -68,19 +68,19 @@ impl StartError {
 }
 
 impl Start {
-    /// An unbounded start.
+    /// Creates an unbounded start.
     pub fn new(mean: Vec<f64>, deviation: Vec<f64>, seed: u64) -> Self {
         Self { mean, deviation, bounds: None, seed }
     }
 
-    /// The same start within bounds.
+    /// Returns the same start within bounds.
     #[must_use]
     pub fn within(mut self, bounds: Vec<[f64; 2]>) -> Self {
         self.bounds = Some(bounds);
         self
     }
 
-    /// Number of parameters.
+    /// Returns the number of parameters.
     pub fn dimensions(&self) -> usize {
         self.mean.len()
     }
@@ -105,7 +105,7 @@ impl Start {
                 return Err(value("the mean", mean, "a finite number"));
             }
             if !(deviation >= 0.0 && deviation.is_finite()) {
-                return Err(value("the deviation", deviation, "a finite number from 0"));
+                return Err(value("the deviation", deviation, "a finite number of at least 0"));
             }
             if let Some([low, high]) = bounds.map(|bounds| bounds[index]) {
                 if low.is_nan() || high.is_nan() || low >= high {
@@ -119,8 +119,8 @@ impl Start {
         Ok(())
     }
 
-    /// The parameters of a point in units of the first deviation from the first mean. Beyond a bound the box
-    /// is continued by reflection.
+    /// Returns the parameters of a point given in initial deviations from the initial mean. A point outside
+    /// the bounds is reflected into them.
     pub(super) fn parameters(&self, unit: &[f64]) -> Vec<f64> {
         let scaled = self.mean.iter().zip(&self.deviation).zip(unit).map(|((m, d), u)| m + d * u);
         match &self.bounds {
@@ -129,7 +129,7 @@ impl Start {
         }
     }
 
-    /// Bounds of parameter `index` in units of the first deviation.
+    /// Returns the bounds of parameter `index` in initial deviations.
     pub(super) fn unit_bounds(&self, index: usize) -> [f64; 2] {
         let unbounded = [f64::NEG_INFINITY, f64::INFINITY];
         let bounds = self.bounds.as_ref().map_or(unbounded, |bounds| bounds[index]);
@@ -140,7 +140,7 @@ impl Start {
     }
 }
 
-/// Checks that there are bounds, and that they are finite and in order.
+/// Checks that bounds are present, finite and in order.
 pub(super) fn check_bounds(bounds: &[[f64; 2]]) -> Result<(), StartError> {
     if bounds.is_empty() {
         return Err(StartError::Empty);
@@ -157,13 +157,13 @@ pub(super) fn check_bounds(bounds: &[[f64; 2]]) -> Result<(), StartError> {
     Ok(())
 }
 
-/// Mirrors a number into its bounds.
+/// Reflects a number into its bounds.
 fn reflect(x: f64, [low, high]: [f64; 2]) -> f64 {
     if (low..=high).contains(&x) || x.is_nan() {
         return x;
     }
     if !(high - low).is_finite() {
-        // one bound at most is finite
+        // at most one bound is finite
         let mirrored = if x < low { 2.0 * low - x } else { 2.0 * high - x };
         return mirrored.clamp(low, high);
     }
@@ -178,7 +178,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_beyond_bounds_are_mirrored() {
+    fn points_beyond_bounds_are_reflected() {
         let pairs = [(0.5, 0.5), (1.25, 0.75), (-0.25, 0.25), (2.25, 0.25), (-1.25, 0.75), (7.0, 1.0)];
         for (x, expected) in pairs {
             assert!((reflect(x, [0.0, 1.0]) - expected).abs() < 1e-15, "{x}");
@@ -199,7 +199,7 @@ mod tests {
             ),
             (
                 Start { deviation: vec![1.0, -1.0], ..start.clone() },
-                "the deviation of parameter 1 is -1, expected a finite number from 0",
+                "the deviation of parameter 1 is -1, expected a finite number of at least 0",
             ),
             (
                 start.clone().within(vec![[-1.0, 1.0], [2.0, 3.0]]),

@@ -1,14 +1,14 @@
-//! Properties that every search has.
+//! Properties of every search.
 
 use super::*;
 use crate::random::{Counter, Purpose};
 use rand::seq::SliceRandom as _;
 
-/// Evaluates `count` candidates, in the batches that the search proposes.
+/// Evaluates `count` candidates, in the batches proposed by the search.
 pub(super) fn rollouts(search: &mut impl Search, count: usize, reward: impl Fn(&[f64]) -> f64) {
     let mut left = count;
     while left > 0 {
-        // one point at a time where there is no generation
+        // one point at a time if the method has no generations
         let asked = search.ask(left.min(1));
         assert!(!asked.is_empty(), "a search without generations in flight proposes candidates");
         left -= asked.len();
@@ -17,7 +17,7 @@ pub(super) fn rollouts(search: &mut impl Search, count: usize, reward: impl Fn(&
     }
 }
 
-/// One search of each kind.
+/// Returns one search of each kind.
 fn all(seed: u64) -> Vec<Box<dyn Search>> {
     let start = || Start::new(vec![0.5; 3], vec![1.0; 3], seed).within(vec![[-4.0, 4.0]; 3]);
     let bayesian = BayesianSettings { points: 100, ..BayesianSettings::default() };
@@ -46,8 +46,8 @@ fn bits(candidates: &[Candidate]) -> Vec<(u64, u64, Vec<u64>)> {
     candidates.iter().map(|c| (c.id, c.seed, numbers(c))).collect()
 }
 
-/// Asks for `batch` candidates, shuffles their rewards, reports them one by one; returns the bits of all
-/// candidates.
+/// Runs rounds of a search and reports the rewards together, or shuffled and one by one. Returns the bits of
+/// all candidates.
 fn run(search: &mut dyn Search, rounds: u64, shuffle: bool) -> Vec<(u64, u64, Vec<u64>)> {
     let mut seen = vec![];
     for round in 0..rounds {
@@ -65,7 +65,7 @@ fn run(search: &mut dyn Search, rounds: u64, shuffle: bool) -> Vec<(u64, u64, Ve
 }
 
 #[test]
-fn the_order_of_rewards_changes_no_bit() {
+fn order_of_rewards_does_not_change_results() {
     for (kind, (mut ordered, mut shuffled)) in all(3).into_iter().zip(all(3)).enumerate() {
         let expected = run(ordered.as_mut(), 14, false);
         assert_eq!(run(shuffled.as_mut(), 14, true), expected, "search {kind}");
@@ -75,7 +75,7 @@ fn the_order_of_rewards_changes_no_bit() {
 }
 
 #[test]
-fn a_restored_search_continues_bit_for_bit() {
+fn restored_search_continues_bit_for_bit() {
     for (kind, mut straight) in all(5).into_iter().enumerate() {
         run(straight.as_mut(), 9, false);
         // in the middle of a generation
@@ -103,7 +103,7 @@ fn candidates_stay_within_bounds() {
             let asked = search.ask(4);
             let inside = asked.iter().flat_map(|c| &c.parameters).all(|x| (-4.0..=4.0).contains(x));
             assert!(inside, "search {kind}: {asked:?}");
-            // the reward grows without end beyond the bounds
+            // the reward keeps increasing beyond the bounds
             let rewards: Vec<(u64, f64)> = asked.iter().map(|c| (c.id, c.parameters[0].exp())).collect();
             search.tell(&rewards).expect("known candidates");
         }
@@ -153,7 +153,7 @@ fn generations_in_flight_keep_workers_busy() {
     let mut ahead = CrossEntropy::new(start(), settings).expect("a search").with_open_generations(2);
     let asked = ahead.ask(100);
     assert_eq!(asked.len(), 12);
-    // the second generation ends first: the updates wait for the first
+    // the second generation ends first, but the updates wait for the first
     let rewards: Vec<(u64, f64)> = asked.iter().rev().map(|c| (c.id, c.parameters[0])).collect();
     ahead.tell(&rewards[..6]).expect("known candidates");
     assert_eq!((ahead.generations(), ahead.mean()), (0, vec![0.0; 2]));

@@ -34,19 +34,19 @@ const METHOD: &str = "random";
 pub struct RandomSearch {
     bounds: Vec<[f64; 2]>,
     seed: u64,
-    /// Candidates so far.
+    /// Number of candidates so far.
     asked: u64,
-    /// Candidates that wait for rewards.
+    /// Candidates without rewards.
     pending: BTreeMap<u64, Vec<f64>>,
     best: Best,
 }
 
 impl RandomSearch {
-    /// A search within finite bounds, one pair a parameter.
+    /// Creates a search within finite bounds, one pair per parameter.
     ///
     /// # Errors
     ///
-    /// [`StartError`] where bounds are missing or out of order.
+    /// [`StartError`] if bounds are missing or out of order.
     pub fn new(bounds: Vec<[f64; 2]>, seed: u64) -> Result<Self, StartError> {
         check_bounds(&bounds)?;
         Ok(Self { bounds, seed, asked: 0, pending: BTreeMap::new(), best: Best::default() })
@@ -64,7 +64,7 @@ impl Search for RandomSearch {
     }
 
     fn ask(&mut self, count: usize) -> Vec<Candidate> {
-        // an unlimited request would never end: there is always one more point
+        // limit the request: there is always one more point
         let count = count.min(1024) as u64;
         let asked: Vec<Candidate> = (self.asked..self.asked + count)
             .map(|id| {

@@ -6,8 +6,8 @@ use serde::Deserialize;
 use super::TaskError;
 use crate::random::{Counter, Purpose};
 
-/// Ranges of the desired velocity of a base, or of the position of a target, sampled uniformly at the start
-/// of an episode and after every interval.
+/// Ranges of the desired velocity of a base, or of the position of a target. Commands are sampled uniformly
+/// at the start of an episode and after every interval.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CommandRanges {
@@ -17,30 +17,29 @@ pub struct CommandRanges {
     /// Velocity to the left \[m/s\]. Default: 0.
     #[serde(default)]
     pub left: [f64; 2],
-    /// Rate of turn to the left \[rad/s\]. Default: 0.
+    /// Yaw rate to the left \[rad/s\]. Default: 0.
     #[serde(default)]
     pub turn: [f64; 2],
-    /// Position of the target: ranges of x, y and z in the world \[m\]. Default: the task has no target, but
-    /// desired velocities.
+    /// Position of the target: ranges of x, y and z in the world \[m\]. Default: the task commands velocities
+    /// instead of a target.
     pub target: Option<[[f64; 2]; 3]>,
-    /// Time after which a command is replaced by the next \[s\], above 0. Default: 5.
+    /// Duration of a command \[s\], above 0. Default: 5.
     #[serde(default = "five")]
     pub interval: f64,
-    /// Probability of a command to stand still, 0 to 1; of velocities only. Default: 0.
+    /// Probability of a command to stand still, 0 to 1; only for velocities. Default: 0.
     #[serde(default)]
     pub standing: f64,
     /// Growth of the ranges in training. Default: the full ranges from the start.
     pub curriculum: Option<Curriculum>,
 }
 
-/// Ranges that grow linearly with the steps of a training run: of velocities around 0, of a target around the
-/// middle.
+/// Ranges that grow linearly during a training run: around 0 for velocities, around the middle for a target.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Curriculum {
     /// Factor of the ranges at the start, 0 to 1.
     pub start: f64,
-    /// Steps of all worlds together after which the ranges are full, from 1.
+    /// Total steps of all worlds after which the ranges are full, from 1.
     pub steps: u64,
 }
 
@@ -86,7 +85,7 @@ impl CommandRanges {
         Ok(())
     }
 
-    /// Factor of the ranges after some steps of a training run, 0 to 1.
+    /// Returns the factor of the ranges after some steps of a training run, 0 to 1.
     pub(super) fn level(&self, steps: u64) -> f64 {
         self.curriculum.map_or(1.0, |curriculum| {
             let share = (steps as f64 / curriculum.steps as f64).min(1.0);
@@ -94,9 +93,9 @@ impl CommandRanges {
         })
     }
 
-    /// The command whose number in its episode is the step of the counter: forward, left \[m/s\], turn
-    /// \[rad/s\], or x, y and z of the target \[m\]. All ranges are multiplied by `level`: of velocities
-    /// around 0, of a target around the middle.
+    /// Returns a command: forward, left \[m/s\], turn \[rad/s\], or x, y and z of the target \[m\]. The step
+    /// of the counter is the number of the command in its episode. All ranges are scaled by `level`, around 0
+    /// for velocities and around the middle for a target.
     pub(super) fn sample(&self, counter: Counter, level: f64) -> [f64; 3] {
         let mut random = counter.stream(Purpose::Command);
         if let Some(target) = self.target {

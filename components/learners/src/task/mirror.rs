@@ -11,7 +11,7 @@ use super::TaskError;
 pub struct Symmetry {
     /// Joints that correspond to each other. Other joints correspond to themselves.
     pub pairs: Vec<[String; 2]>,
-    /// Joints whose positions change their sign, both of a pair.
+    /// Joints whose positions change sign; both joints of a pair are listed.
     pub reversed: Vec<String>,
 }
 
@@ -23,11 +23,11 @@ pub struct Mirror {
 }
 
 impl Mirror {
-    /// The mirror of a policy's observations and actions.
+    /// Creates the mirror of a policy's observations and actions.
     ///
     /// # Errors
     ///
-    /// [`TaskError::Value`] where a term or the action has no mirror image.
+    /// [`TaskError::Value`] if a term or the action has no mirror image.
     pub(super) fn new(policy: &Policy, symmetry: &Symmetry) -> Result<Self, TaskError> {
         let joints = joints(policy, symmetry)?;
         let mut observation: Vec<(usize, f32)> = Vec::new();
@@ -85,7 +85,7 @@ fn reflect(entries: &[(usize, f32)], numbers: &[f32], image: &mut [f32]) {
     }
 }
 
-/// The joint and the sign from which each joint of the action is mirrored.
+/// Returns, for each joint of the action, its mirror joint and the sign.
 fn joints(policy: &Policy, symmetry: &Symmetry) -> Result<Vec<(usize, f32)>, TaskError> {
     let action = &policy.action;
     if policy.pattern.is_some() {

@@ -66,13 +66,13 @@ pub const NETWORK: &str = "policy.onnx";
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Task {
-    /// One line about the task.
+    /// One-line description of the task.
     pub title: String,
     /// The robot: a name of the catalogue, or a URDF or MJCF file relative to the task.
     pub robot: String,
     /// Physics step \[s\], above 0.
     pub step: f64,
-    /// Physics steps in a step of the policy, from 1.
+    /// Physics steps per policy step, from 1.
     pub decimation: usize,
     /// Longest episode \[s\]. An episode that reaches it is truncated, not terminated.
     pub duration: f64,
@@ -86,10 +86,10 @@ pub struct Task {
     pub observations: Vec<toml::Value>,
     /// Action, as in `policy.toml`.
     pub action: toml::Table,
-    /// Pattern generator that the action commands, as in `policy.toml`. Default: the action commands the
+    /// Pattern generator commanded by the action, as in `policy.toml`. Default: the action commands the
     /// joints.
     pub pattern: Option<Pattern>,
-    /// Terms of the reward; it is their sum.
+    /// Terms of the reward, which is their sum.
     pub rewards: Vec<Reward>,
     /// Conditions that end an episode.
     #[serde(default)]
@@ -100,15 +100,15 @@ pub struct Task {
     pub pushes: Option<Pushes>,
     /// Noise of the measurements that the policy observes in training. Default: none.
     pub noise: Option<MeasurementNoise>,
-    /// Fewest and most physics steps after which an action takes effect, below `decimation`; sampled for each
-    /// episode. Default: at once.
+    /// Minimum and maximum number of physics steps before an action takes effect, below `decimation`; sampled
+    /// for each episode. Default: 0.
     #[serde(default)]
     pub delay: [usize; 2],
-    /// Drives follow position actions as behind a command gate: within the range of the joint, and no faster
-    /// than its velocity limit. Default: false.
+    /// Limits position actions as a command gate does: to the range of the joint, and to its velocity limit.
+    /// Default: false.
     #[serde(default)]
     pub within_limits: bool,
-    /// Ranges of physical properties and starts, sampled at the start of every episode, as in a graph.
+    /// Ranges of physical properties and start states, sampled at the start of every episode, as in a graph.
     #[serde(default)]
     pub randomise: RandomiseConfig,
     /// Symmetry between left and right, for learners that mirror their steps. Default: none.
@@ -126,8 +126,7 @@ pub struct StartState {
     pub position: Vec<f64>,
     /// Velocity (nv) \[rad/s or m/s\]. Default: at rest.
     pub velocity: Option<Vec<f64>>,
-    /// Each velocity differs from the start by at most this, uniformly distributed \[rad/s or m/s\]. Default:
-    /// 0.
+    /// Maximum deviation of each velocity from the start, uniformly distributed \[rad/s or m/s\]. Default: 0.
     #[serde(default)]
     pub velocity_spread: f64,
     /// Physics steps without commands before the first observation. In a graph it is 1: the first state is
@@ -136,7 +135,7 @@ pub struct StartState {
     pub free_steps: usize,
 }
 
-/// A task that cannot be learned.
+/// A task is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TaskError {
     /// The file does not parse.
@@ -236,21 +235,21 @@ impl Task {
         Ok(task)
     }
 
-    /// Steps of the policy a second \[Hz\].
+    /// Returns the rate of the policy \[Hz\].
     pub fn rate(&self) -> f64 {
         1.0 / (self.step * self.decimation as f64)
     }
 
-    /// Steps of the policy in the longest episode.
+    /// Returns the number of policy steps in the longest episode.
     pub fn steps(&self) -> usize {
         (self.duration * self.rate()).round() as usize
     }
 
-    /// The text of the `policy.toml` of policies for this task, with the digest of the robot if it is given.
+    /// Returns the text of `policy.toml` for policies of this task, with the digest of the robot if given.
     ///
     /// # Errors
     ///
-    /// [`TaskError::Parse`] where the terms do not serialise.
+    /// [`TaskError::Parse`] if the terms do not serialise.
     pub fn policy_text(&self, robot: Option<RobotDigest>) -> Result<String, TaskError> {
         let mut table = toml::Table::new();
         table.insert("network".into(), NETWORK.into());
@@ -270,7 +269,7 @@ impl Task {
         toml::to_string(&table).map_err(|error| TaskError::Parse(error.to_string()))
     }
 
-    /// Observations and action of the task.
+    /// Returns the observations and the action of the task.
     ///
     /// # Errors
     ///

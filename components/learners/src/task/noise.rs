@@ -1,4 +1,4 @@
-//! Noise of the measurements that a policy observes, and the delay of its actions.
+//! Noise of the measurements that a policy observes.
 
 use motorium_models::policy::BaseMotion;
 use rand::{Rng, RngExt as _};
@@ -7,20 +7,20 @@ use serde::Deserialize;
 use super::TaskError;
 use crate::random::{Counter, Purpose};
 
-/// Noise of the measurements that a policy observes in training. Each number differs from the true one by at
-/// most this, uniformly distributed, independently in each step. Rewards and terminations use true states.
+/// Noise of the measurements that a policy observes in training: the maximum error of each number, uniformly
+/// distributed and independent in each step. Rewards and terminations use true states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MeasurementNoise {
-    /// Of positions of joints \[rad or m\]. Default: 0.
+    /// Maximum error of joint positions \[rad or m\]. Default: 0.
     pub joint_positions: f64,
-    /// Of velocities of joints \[rad/s or m/s\]. Default: 0.
+    /// Maximum error of joint velocities \[rad/s or m/s\]. Default: 0.
     pub joint_velocities: f64,
-    /// Of the velocity of the base \[m/s\]. Default: 0.
+    /// Maximum error of the velocity of the base \[m/s\]. Default: 0.
     pub base_linear_velocity: f64,
-    /// Of the angular velocity of the base \[rad/s\]. Default: 0.
+    /// Maximum error of the angular velocity of the base \[rad/s\]. Default: 0.
     pub base_angular_velocity: f64,
-    /// Of the direction of gravity in the axes of the base, a unit vector. Default: 0.
+    /// Maximum error of each component of the gravity direction, a unit vector in base axes. Default: 0.
     pub projected_gravity: f64,
 }
 
@@ -42,7 +42,7 @@ impl MeasurementNoise {
     }
 }
 
-/// Adds a uniformly distributed number of at most `most` to each.
+/// Adds uniformly distributed noise between `-most` and `most` to each number.
 fn disturb(numbers: &mut [f64], most: f64, random: &mut impl Rng) {
     for number in numbers {
         let share: f64 = random.random();
@@ -59,7 +59,7 @@ pub(super) struct NoisyState {
 }
 
 impl NoisyState {
-    /// Memory for the measurements of a robot.
+    /// Creates buffers for the measurements of a robot.
     pub(super) fn new(noise: MeasurementNoise, joints: usize) -> Self {
         let zeros = vec![0.0; joints];
         Self { noise, positions: zeros.clone(), velocities: zeros }

@@ -23,14 +23,13 @@ enum Point {
     Target,
 }
 
-/// The pair of points that a term measures: a point, and the one that it is relative to, by their indices in
-/// [`Points`].
+/// Indices in [`Points`] of a point that a term measures, and of its reference point.
 pub(super) type Pair = (usize, Option<usize>);
 
-/// Points on a robot with a fixed base and around it. Links are located by forward kinematics of the measured
-/// joints, so that an environment, `learner.task` and `policy.network` have equal numbers.
+/// Points on and around a robot with a fixed base. Links are located by forward kinematics from the measured
+/// joints, so that an environment, `learner.task` and `policy.network` have equal values.
 ///
-/// Only [`new`](Self::new) allocates. [`locate`](Self::locate) sets all points but the target.
+/// Only [`new`](Self::new) allocates. [`locate`](Self::locate) sets all points except the target.
 #[derive(Clone, Debug)]
 pub struct Points {
     robot: Model,
@@ -40,16 +39,16 @@ pub struct Points {
     objects: Vec<String>,
     /// Terms of points among the observations.
     observed: Vec<(Term, Pair)>,
-    /// Position or velocity of each of them.
+    /// Position or velocity of each observed term.
     vectors: Vec<[f64; 3]>,
 }
 
 impl Points {
-    /// The points that a policy observes on a robot. Names that are neither links nor [`TARGET`] are objects.
+    /// Creates the points that a policy observes. Names that are neither links nor [`TARGET`] are objects.
     ///
     /// # Errors
     ///
-    /// [`TaskError`] where a link of a robot with a floating base is a point.
+    /// [`TaskError`] if a point is a link of a robot with a floating base.
     pub fn new(policy: &Policy, robot: &Model) -> Result<Self, TaskError> {
         let mut points = Self {
             kinematics: Kinematics::new(robot),
@@ -69,7 +68,7 @@ impl Points {
         Ok(points)
     }
 
-    /// The indices of one or two points, which are added where they are new.
+    /// Returns the indices of one or two points, and adds new points.
     pub(super) fn pair(&mut self, key: &str, names: &[String]) -> Result<Pair, TaskError> {
         let first = self.index(key, &names[0])?;
         Ok((first, names.get(1).map(|name| self.index(key, name)).transpose()?))
@@ -99,17 +98,18 @@ impl Points {
         }))
     }
 
-    /// Objects whose positions and velocities [`locate`](Self::locate) needs.
+    /// Returns the objects whose positions and velocities [`locate`](Self::locate) needs.
     pub fn objects(&self) -> &[String] {
         &self.objects
     }
 
-    /// True if the target is one of the points.
+    /// Returns `true` if the target is one of the points.
     pub fn has_target(&self) -> bool {
         self.points.contains(&Point::Target)
     }
 
-    /// Number of joints that [`locate`](Self::locate) needs: all of the robot if a link is one of the points.
+    /// Returns the number of joints that [`locate`](Self::locate) needs: all joints of the robot if a link is
+    /// one of the points, otherwise 0.
     pub fn joints(&self) -> usize {
         let has_links = self.points.iter().any(|point| matches!(point, Point::Link(_)));
         if has_links { self.robot.joint_count() } else { 0 }
@@ -147,7 +147,7 @@ impl Points {
         }
     }
 
-    /// The position or velocity of each term of a point, in the order of the observations.
+    /// Returns the position or velocity of each observed term, in the order of the observations.
     pub fn observed(&mut self) -> &[[f64; 3]] {
         for (index, (term, pair)) in self.observed.iter().enumerate() {
             let PointMotion { position, velocity } = self.motion(*pair);
@@ -156,7 +156,7 @@ impl Points {
         &self.vectors
     }
 
-    /// Motion of a point relative to the other of its pair, or in the world.
+    /// Returns the motion of a point relative to its reference point, or in the world.
     pub(super) fn motion(&self, (first, second): Pair) -> PointMotion {
         let first = self.motions[first];
         let Some(second) = second.map(|second| self.motions[second]) else { return first };

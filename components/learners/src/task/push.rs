@@ -11,12 +11,12 @@ use crate::random::{Counter, Purpose};
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pushes {
-    /// Largest horizontal force \[N\], above 0.
+    /// Maximum horizontal force \[N\], above 0.
     pub force: f64,
     /// Duration of a push \[s\], above 0. Default: 0.1.
     #[serde(default = "tenth")]
     pub duration: f64,
-    /// Time of which each has one push \[s\], at least `duration`. Default: 5.
+    /// Length of the intervals with one push each \[s\], at least `duration`. Default: 5.
     #[serde(default = "five")]
     pub interval: f64,
 }
@@ -44,8 +44,8 @@ impl Pushes {
         Ok(())
     }
 
-    /// Horizontal force at a time of an episode \[N\], or `None` between pushes. The counter is the
-    /// episode's.
+    /// Returns the horizontal force at a time of an episode \[N\], or `None` between pushes. The counter
+    /// identifies the episode.
     pub(crate) fn force(&self, counter: Counter, time: f64) -> Option<[f64; 2]> {
         let number = (time / self.interval).floor();
         let mut random = Counter { step: number as u64, ..counter }.stream(Purpose::Push);

@@ -20,17 +20,17 @@ pub enum Quantity {
     JointCosine,
     /// Effort of the drive of `joint` in the last physics step \[Nm or N\].
     JointEffort,
-    /// Root mean square of the action, clipped as it is applied.
+    /// Root mean square of the applied (clipped) action.
     Action,
-    /// Root mean square of the change of the action since the last step, clipped as it is applied.
+    /// Root mean square of the change of the applied (clipped) action since the last step.
     ActionChange,
     /// Root mean square of the efforts of the action's joints in the last physics step \[Nm or N\].
     Effort,
-    /// Root mean square of the distances of the action's joints from the default pose \[rad or m\].
+    /// Root mean square distance of the action's joints from the default pose \[rad or m\].
     PoseError,
-    /// Norm of the difference of the horizontal velocity of the base from the command \[m/s\].
+    /// Norm of the difference between the horizontal velocity of the base and the command \[m/s\].
     VelocityError,
-    /// Difference of the rate of turn of the base from the command, without its sign \[rad/s\].
+    /// Absolute difference between the yaw rate of the base and the command \[rad/s\].
     TurnError,
     /// Velocity of the base along its vertical axis \[m/s\].
     VerticalVelocity,
@@ -92,7 +92,7 @@ pub struct Reward {
     /// Factor. Default: 1.
     #[serde(default = "one")]
     pub weight: f64,
-    /// Terms that multiply this one. They have no `times` of their own. Default: none.
+    /// Terms that multiply this term. They cannot have `times`. Default: none.
     #[serde(default)]
     pub times: Vec<Self>,
 }
@@ -129,7 +129,7 @@ pub struct Termination {
     /// Meaning of the end. Default: `failure`.
     #[serde(default)]
     pub verdict: Verdict,
-    /// Conditions that must hold as well, without `and` and `verdict` of their own. Default: none.
+    /// Further conditions that must also hold. They cannot have `and` or `verdict`. Default: none.
     #[serde(default)]
     pub and: Vec<Self>,
 }
@@ -149,7 +149,7 @@ pub(super) struct Subject<'a> {
 }
 
 impl Subject<'_> {
-    /// Checks that the parts fit the quantity. Keys in errors begin with `key`.
+    /// Checks that the parts fit the quantity. Keys in errors start with `key`.
     fn check(self, key: &str) -> Result<(), TaskError> {
         let Self { term, joint, joints, links, points } = self;
         let takes_one =
@@ -197,7 +197,7 @@ fn is_ordered(range: Option<[f64; 2]>) -> bool {
 }
 
 impl Quantity {
-    /// Range of the quantity; `clip` are the bounds of the actions.
+    /// Returns the range of the quantity. `clip` contains the bounds of the actions.
     fn range(self, clip: Option<[f64; 2]>) -> [f64; 2] {
         let largest = clip.map_or(f64::INFINITY, |[low, high]| low.abs().max(high.abs()));
         match self {
@@ -223,7 +223,7 @@ impl Quantity {
         }
     }
 
-    /// Name of the quantity in a task.
+    /// Returns the name of the quantity in a task.
     pub fn name(self) -> &'static str {
         match self {
             Self::Alive => "alive",
@@ -248,7 +248,7 @@ impl Quantity {
         }
     }
 
-    /// True if the quantity is the motion or the pose of a floating base.
+    /// Returns `true` if the quantity is the motion or the pose of a floating base.
     pub(super) fn needs_base(self) -> bool {
         matches!(
             self,
@@ -261,26 +261,26 @@ impl Quantity {
         )
     }
 
-    /// True if the quantity depends on the desired velocity of the base.
+    /// Returns `true` if the quantity depends on the desired velocity of the base.
     pub(super) fn needs_command(self) -> bool {
         matches!(self, Self::VelocityError | Self::TurnError)
     }
 
-    /// True if the quantity is measured at points.
+    /// Returns `true` if the quantity is measured at points.
     pub(super) fn needs_points(self) -> bool {
         matches!(self, Self::Distance | Self::Height | Self::Speed)
     }
 }
 
 impl Reward {
-    /// The quantity and its parts.
+    /// Returns the quantity and its parts.
     pub(super) fn subject(&self) -> Subject<'_> {
         let Self { term, joint, joints, links, points, .. } = self;
         let (joint, joints, links) = (joint.as_ref(), joints.as_ref(), links.as_ref());
         Subject { term: *term, joint, joints, links, points: points.as_ref() }
     }
 
-    /// Checks the term and derives its range, weight and factors included. Keys in errors begin with `key`.
+    /// Checks the term and derives its range, including weight and factors. Keys in errors start with `key`.
     pub(super) fn range(&self, key: &str, clip: Option<[f64; 2]>) -> Result<[f64; 2], TaskError> {
         let [mut low, mut high] = self.own_range(key, clip)?;
         for (number, factor) in self.times.iter().enumerate() {
@@ -300,7 +300,7 @@ impl Reward {
         Ok([low, high])
     }
 
-    /// The range without factors.
+    /// Returns the range without factors.
     fn own_range(&self, key: &str, clip: Option<[f64; 2]>) -> Result<[f64; 2], TaskError> {
         self.subject().check(key)?;
         for (name, value) in [("target", self.target), ("weight", self.weight)] {
@@ -335,13 +335,13 @@ impl Reward {
         };
         let [least, most] = self.clip.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
         let ends = [low.clamp(least, most), high.clamp(least, most)].map(|end| {
-            // no term contributes NaN where its weight is 0
+            // 0 times infinity is NaN: a term with weight 0 contributes 0
             if self.weight == 0.0 { 0.0 } else { self.weight * end }
         });
         Ok([ends[0].min(ends[1]), ends[0].max(ends[1])])
     }
 
-    /// The shaped quantity, before clip and weight.
+    /// Returns the shaped quantity, before clip and weight.
     fn shaped(&self, value: f64) -> f64 {
         let away = value - self.target;
         match self.shape {
@@ -352,7 +352,7 @@ impl Reward {
         }
     }
 
-    /// The reward for a value of its quantity.
+    /// Returns the reward for a value of the quantity.
     pub(super) fn evaluate(&self, value: f64) -> f64 {
         let shaped = self.shaped(value);
         self.weight * self.clip.map_or(shaped, |[low, high]| shaped.clamp(low, high))
@@ -360,14 +360,14 @@ impl Reward {
 }
 
 impl Termination {
-    /// The quantity and its parts.
+    /// Returns the quantity and its parts.
     pub(super) fn subject(&self) -> Subject<'_> {
         let Self { term, joint, joints, links, points, .. } = self;
         let (joint, joints, links) = (joint.as_ref(), joints.as_ref(), links.as_ref());
         Subject { term: *term, joint, joints, links, points: points.as_ref() }
     }
 
-    /// Checks the condition and those that must hold as well. Keys in errors begin with `key`.
+    /// Checks the condition and its further conditions. Keys in errors start with `key`.
     pub(super) fn check(&self, key: &str) -> Result<(), TaskError> {
         for (number, other) in self.and.iter().enumerate() {
             let key = format!("{key}.and[{number}]");
@@ -393,7 +393,7 @@ impl Termination {
         Ok(())
     }
 
-    /// True if a value of its quantity ends the episode.
+    /// Returns `true` if a value of the quantity ends the episode.
     pub(super) fn is_met(&self, value: f64) -> bool {
         let within = |[low, high]: [f64; 2]| (low..=high).contains(&value);
         self.inside.is_some_and(within) || self.outside.is_some_and(|range| !within(range))

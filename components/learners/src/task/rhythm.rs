@@ -6,7 +6,7 @@ use motorium_primitives::cpg::{Gait, NetworkSettings, Node, PhaseNetwork};
 
 use super::TaskError;
 
-/// The phase-amplitude network of a [`Pattern`], as in `policy.cpg`: the same in environments and in
+/// The phase-amplitude network of a [`Pattern`], as in `policy.cpg`, shared by environments and
 /// `policy.joint_targets`. Only [`new`](Self::new) and [`clone`](Clone::clone) allocate.
 #[derive(Clone, Debug)]
 pub struct Rhythm {
@@ -15,16 +15,16 @@ pub struct Rhythm {
     start: PhaseNetwork,
     pattern: Pattern,
     clip: [f64; 2],
-    /// For each node its joint, by the index in the action, and its amplitude.
+    /// Index of each node's joint in the action, and the node's amplitude.
     nodes: Vec<(usize, f64)>,
 }
 
 impl Rhythm {
-    /// The pattern generator of a policy; `None` if it has none.
+    /// Creates the pattern generator of a policy. Returns `None` if the policy has no pattern.
     ///
     /// # Errors
     ///
-    /// [`TaskError`] where the gait is unknown or not defined for the number of legs.
+    /// [`TaskError`] if the gait is unknown or not defined for the number of legs.
     pub fn new(policy: &Policy) -> Result<Option<Self>, TaskError> {
         let Some(pattern) = policy.pattern.clone() else { return Ok(None) };
         let legs = pattern.legs.len();
@@ -69,11 +69,11 @@ impl Rhythm {
     }
 
     /// Commands the parameters of an action within its bounds: a number for each joint, then frequency and
-    /// amplitude. False for numbers that are not finite.
+    /// amplitude. Returns `false` if a number is not finite.
     ///
     /// # Panics
     ///
-    /// If the action has fewer numbers.
+    /// If the action has too few numbers.
     pub fn command(&mut self, targets: &JointTargets, action: &[f64]) -> bool {
         let outputs = [0, 1].map(|index| action[targets.targets().len() + index]);
         let [frequency, scale] = self.pattern.parameters(outputs, self.clip);
@@ -90,7 +90,7 @@ impl Rhythm {
         self.network.step(dt);
     }
 
-    /// Joint of each oscillation, by its index in the action, and its target.
+    /// Returns the index of each oscillation's joint in the action, and its target.
     pub fn targets(&self) -> impl Iterator<Item = (usize, f64)> {
         self.nodes.iter().map(|(joint, _)| *joint).zip(self.network.output().iter().copied())
     }

@@ -35,7 +35,7 @@ mod tests {
     use motorium_robots::load;
     use std::path::Path;
 
-    /// A robot of two joints with a profile, in a folder.
+    /// Creates a robot with two joints and a profile in a folder.
     fn robot(folder: &Path, change: (&str, &str)) -> Loaded {
         let link = |name: &str, mass: f64| {
             format!(

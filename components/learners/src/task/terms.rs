@@ -21,7 +21,7 @@ pub struct Outcome {
     pub end: Option<Verdict>,
 }
 
-/// Measured state of a robot by which a task is judged.
+/// Measured state of a robot, from which a task is judged.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RobotState<'a> {
     /// Positions of the joints in the order of the robot \[rad or m\].
@@ -40,8 +40,8 @@ pub struct RobotState<'a> {
     pub objects: &'a [PointMotion],
 }
 
-/// The terms of a task with their joints and links resolved, for one robot. They need no simulation: an
-/// environment and a component of a graph evaluate the same ones. Evaluation does not allocate.
+/// The terms of a task, with joints and links resolved for one robot. They need no simulation: an environment
+/// and a component of a graph evaluate the same terms. Evaluation does not allocate.
 #[derive(Debug)]
 pub struct Terms {
     policy: Policy,
@@ -51,18 +51,18 @@ pub struct Terms {
     gains: Vec<[f64; 2]>,
     inputs: usize,
     rhythm: Option<Rhythm>,
-    /// Factors of each term of the reward, with its own quantity first.
+    /// Factors of each reward term, starting with its own quantity.
     rewards: Vec<Vec<(Measured, Reward)>>,
-    /// Conditions of each termination, with its own first.
+    /// Conditions of each termination, starting with its own.
     terminations: Vec<Vec<(Measured, Termination)>>,
     /// Links whose contacts are measured.
     links: Vec<String>,
     points: Points,
     commands: Option<CommandRanges>,
     noise: Option<MeasurementNoise>,
-    /// Joints of the robot.
+    /// Number of joints of the robot.
     joints: usize,
-    /// Steps of the policy after which a command is replaced.
+    /// Number of policy steps between commands.
     command_steps: usize,
     steps: usize,
     mirror: Option<Mirror>,
@@ -90,7 +90,7 @@ impl Terms {
     ///
     /// # Errors
     ///
-    /// [`TaskError`] where the robot lacks a joint, a link or a floating base, or a term is unavailable.
+    /// [`TaskError`] if the robot lacks a joint, a link or a floating base, or a term is unavailable.
     pub fn new(task: &Task, robot: &Model) -> Result<Self, TaskError> {
         let policy = task.policy()?;
         let names = robot.joint_names();
@@ -194,17 +194,17 @@ impl Terms {
         })
     }
 
-    /// Observations and action of the task.
+    /// Returns the observations and the action of the task.
     pub fn policy(&self) -> &Policy {
         &self.policy
     }
 
-    /// Length of an observation.
+    /// Returns the length of an observation.
     pub fn inputs(&self) -> usize {
         self.inputs
     }
 
-    /// Length of an action.
+    /// Returns the length of an action.
     pub fn actions(&self) -> usize {
         self.policy.outputs()
     }
@@ -220,12 +220,12 @@ impl Terms {
         self.noise
     }
 
-    /// Number of joints of the robot.
+    /// Returns the number of joints of the robot.
     pub(super) fn joints(&self) -> usize {
         self.joints
     }
 
-    /// Steps of the policy in the longest episode.
+    /// Returns the number of policy steps in the longest episode.
     pub fn steps(&self) -> usize {
         self.steps
     }
@@ -235,12 +235,12 @@ impl Terms {
         &self.links
     }
 
-    /// Objects whose motion is measured.
+    /// Returns the objects whose motion is measured.
     pub fn objects(&self) -> &[String] {
         self.points.objects()
     }
 
-    /// True if a term needs the motion or the pose of the base.
+    /// Returns `true` if a term needs the motion or the pose of the base.
     pub fn needs_base(&self) -> bool {
         let observes = |term| {
             matches!(term, Term::BaseLinearVelocity | Term::BaseAngularVelocity | Term::ProjectedGravity)
@@ -250,32 +250,32 @@ impl Terms {
             || self.terminations.iter().flatten().any(|(measured, _)| measured.quantity.needs_base())
     }
 
-    /// True if the task has desired velocities of the base.
+    /// Returns `true` if the task commands velocities of the base.
     pub fn has_velocity_commands(&self) -> bool {
         self.commands.as_ref().is_some_and(|ranges| ranges.target.is_none())
     }
 
-    /// True if the task has a target.
+    /// Returns `true` if the task has a target.
     pub fn has_target(&self) -> bool {
         self.commands.as_ref().is_some_and(|ranges| ranges.target.is_some())
     }
 
-    /// Targets of the joints.
+    /// Returns the targets of the joints.
     pub fn targets(&self) -> &JointTargets {
         &self.targets
     }
 
-    /// Quantity that the action commands, and the stiffness and damping of each of its joints.
+    /// Returns the quantity that the action commands, and the stiffness and damping of each of its joints.
     pub fn drives(&self) -> (ActionKind, &[[f64; 2]]) {
         (self.policy.action.kind, &self.gains)
     }
 
-    /// The mirror of observations and actions, if the task has a symmetry.
+    /// Returns the mirror of observations and actions, if the task has a symmetry.
     pub fn mirror(&self) -> Option<&Mirror> {
         self.mirror.as_ref()
     }
 
-    /// The pattern generator at the start of an episode, if the task has one.
+    /// Returns the pattern generator at the start of an episode, if the task has one.
     pub(crate) fn rhythm(&self) -> Option<Rhythm> {
         self.rhythm.clone()
     }
@@ -284,25 +284,25 @@ impl Terms {
         self.observer.clone()
     }
 
-    /// The points of all terms, before they are located.
+    /// Returns the points of all terms, before they are located.
     pub(super) fn points(&self) -> Points {
         self.points.clone()
     }
 
-    /// Factor of the ranges of commands after some steps of a training run.
+    /// Returns the factor of the ranges of commands after some steps of a training run.
     pub(crate) fn level(&self, steps: u64) -> f64 {
         self.commands.as_ref().map_or(1.0, |ranges| ranges.level(steps))
     }
 
-    /// The command of a step if it begins there: at the start of an episode, and after each interval. The
-    /// counter is the episode's.
+    /// Returns the new command if one starts in this step: at the start of an episode and after each
+    /// interval. The counter identifies the episode.
     pub(super) fn new_command(&self, counter: Counter, level: f64, step: usize) -> Option<[f64; 3]> {
         let ranges = self.commands.as_ref().filter(|_| step.is_multiple_of(self.command_steps))?;
         let number = (step / self.command_steps) as u64;
         Some(ranges.sample(Counter { step: number, ..counter }, level))
     }
 
-    /// Time of a step in its episode \[s\].
+    /// Returns the time of a step in its episode \[s\].
     pub(super) fn time(&self, step: usize) -> f64 {
         step as f64 / self.policy.rate
     }
@@ -346,7 +346,7 @@ impl Terms {
         }
     }
 
-    /// Reward and end in the state after a step.
+    /// Evaluates the reward and the end in the state after a step.
     pub(super) fn evaluate(&self, state: &RobotState<'_>, actions: Actions<'_>) -> Outcome {
         let mut outcome = Outcome::default();
         let value =
@@ -364,7 +364,7 @@ impl Terms {
     }
 }
 
-/// Gains of each joint of an action.
+/// Returns the gains of each joint of an action.
 fn gains(policy: &Policy) -> Result<Vec<[f64; 2]>, TaskError> {
     let action = &policy.action;
     let count = action.joints.len();

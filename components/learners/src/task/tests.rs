@@ -90,7 +90,7 @@ fn mistakes_in_a_task_are_named() {
 }
 
 #[test]
-fn the_policy_of_a_task_has_its_terms() {
+fn policy_of_a_task_has_its_terms() {
     let task = Task::parse(TEXT).expect("a task");
     let policy = Policy::parse(&task.policy_text(None).expect("a policy")).expect("a policy");
     assert_eq!((policy.rate, policy.inputs()), (50.0, Ok(4)));
@@ -108,7 +108,7 @@ fn terminations_are_met_inside_or_outside() {
 }
 
 #[test]
-fn a_termination_needs_all_of_its_conditions() {
+fn termination_requires_all_conditions() {
     let other = r#", and = [{ term = "joint_velocity", joint = "slider", outside = [-1.0, 1.0] }] }]"#;
     let task = Task::parse(&TEXT.replace("2.0] }]", &format!("2.0]{other}"))).expect("a task");
     let robot = motorium_robots::load("cart-pole", std::path::Path::new(".")).expect("a robot").model;
@@ -132,7 +132,7 @@ fn a_termination_needs_all_of_its_conditions() {
 
 const QUADRUPED: &str = include_str!("../../../../tasks/quadruped-velocity.toml");
 
-/// The reward of a step of the quadruped task with one term, bounded by 100, in a state.
+/// Returns the reward of a state in the quadruped task with one term, bounded by 100.
 fn reward(term: &str, state: &RobotState<'_>) -> f64 {
     let mut table: toml::Table = QUADRUPED.parse().expect("a table");
     let rewards = format!("rewards = [{{ {term}, clip = [-100.0, 100.0] }}]");

@@ -14,12 +14,12 @@ pub enum End {
     Failure,
     /// A termination with the verdict success.
     Success,
-    /// The longest duration: the episode is truncated, and the state after it still has a value.
+    /// The maximum duration. The episode is truncated, so the final state still has a value.
     Truncated,
 }
 
 impl End {
-    /// True if nothing follows the final state; false for a truncated episode.
+    /// Returns `true` if the final state has no value; `false` for a truncated episode.
     pub fn is_terminal(self) -> bool {
         self != Self::Truncated
     }
@@ -34,11 +34,11 @@ pub struct Step {
     pub end: Option<End>,
 }
 
-/// One attempt at a task, without the world in which it is made: an environment and the component
-/// `learner.task` judge by it. Only [`new`](Self::new) allocates.
+/// One attempt at a task, independent of the world: used by environments and by the component `learner.task`.
+/// Only [`new`](Self::new) and [`with_noise`](Self::with_noise) allocate.
 ///
-/// [`begin`](Self::begin) with the first state; then, for each step of the policy, [`act`](Self::act) and
-/// [`judge`](Self::judge).
+/// Call [`begin`](Self::begin) with the first state, then [`act`](Self::act) and [`judge`](Self::judge) for
+/// each policy step.
 #[derive(Clone, Debug)]
 pub struct Trial {
     observer: Observer,
@@ -56,7 +56,7 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// A trial before its start, which observes its states as they are.
+    /// Creates a trial that observes true states.
     pub fn new(terms: &Terms) -> Self {
         let zeros = vec![0.0; terms.actions()];
         Self {
@@ -73,7 +73,7 @@ impl Trial {
         }
     }
 
-    /// A trial before its start, which observes its states with the noise of the task.
+    /// Creates a trial that observes states with the noise of the task.
     pub fn with_noise(terms: &Terms) -> Self {
         let noisy = terms.noise().map(|noise| NoisyState::new(noise, terms.joints()));
         Self { noisy, ..Self::new(terms) }
@@ -91,11 +91,11 @@ impl Trial {
         self.observe(terms, state);
     }
 
-    /// Takes over the action of a step, which is bounded as the task says.
+    /// Applies the bounds of the task to the action of a step and stores it.
     ///
     /// # Panics
     ///
-    /// If it has fewer numbers than the task's.
+    /// If the action has too few numbers.
     pub fn act(&mut self, terms: &Terms, action: impl IntoIterator<Item = f64>) {
         core::mem::swap(&mut self.before, &mut self.newest);
         let mut action = action.into_iter();
@@ -104,7 +104,7 @@ impl Trial {
         }
     }
 
-    /// Judges the state after the step. A step that physics could not make (`is_stepped` false) is a failure.
+    /// Judges the state after a step. A failed physics step (`is_stepped` is `false`) is a failure.
     pub fn judge(&mut self, terms: &Terms, state: &RobotState<'_>, is_stepped: bool) -> Step {
         self.step += 1;
         self.points.locate((state.positions, state.velocities), state.objects);
@@ -128,32 +128,33 @@ impl Trial {
     ///
     /// # Panics
     ///
-    /// If `observation` has another length than [`Terms::inputs`].
+    /// If the length of `observation` differs from [`Terms::inputs`].
     pub fn write(&self, observation: &mut [f32]) {
         self.observer.write(observation);
     }
 
-    /// Steps so far.
+    /// Returns the number of steps so far.
     pub fn step(&self) -> usize {
         self.step
     }
 
-    /// Sum of the rewards so far.
+    /// Returns the sum of the rewards so far.
     pub fn total(&self) -> f64 {
         self.total
     }
 
-    /// The action of the step before the last, within its bounds.
+    /// Returns the action before the last, within its bounds.
     pub(crate) fn action_before(&self) -> &[f64] {
         &self.before
     }
 
-    /// The action of the last step within its bounds.
+    /// Returns the last action, within its bounds.
     pub(crate) fn action(&self) -> &[f64] {
         &self.newest
     }
 
-    /// The command in force: forward, left \[m/s\], turn \[rad/s\], or the position of the target \[m\].
+    /// Returns the current command: forward, left \[m/s\], turn \[rad/s\], or the position of the target
+    /// \[m\].
     pub fn command(&self) -> [f64; 3] {
         self.command
     }

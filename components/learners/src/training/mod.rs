@@ -1,4 +1,4 @@
-//! Training by any [`Algorithm`]: a learner by its name, and runs in folders.
+//! Training with any [`Algorithm`]: learners by name, and runs in folders.
 
 mod run;
 
@@ -15,7 +15,8 @@ use crate::sac::SacSettings;
 use crate::task::{Task, TaskError};
 use crate::td3::Td3Settings;
 
-/// Returns a learner before its first step, with the settings of the task; `steps` replaces theirs.
+/// Creates a learner before its first step, with the settings of the task. `steps` overrides the number of
+/// steps.
 ///
 /// # Errors
 ///
@@ -67,11 +68,11 @@ pub fn start(
     })
 }
 
-/// Returns all settings of an algorithm: its table in the task, completed by defaults.
+/// Returns all settings of an algorithm: its table in the task, completed with defaults.
 ///
 /// # Errors
 ///
-/// [`TaskError`] with the key.
+/// [`TaskError`] with the key of an invalid setting.
 pub fn settings(algorithm: Algorithm, task: &Task) -> Result<toml::Table, TaskError> {
     let table = &task.algorithms;
     match algorithm {

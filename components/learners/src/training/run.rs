@@ -23,7 +23,7 @@ use crate::task::Task;
 
 const HEADER: &str = "update,steps,episodes,mean_return,mean_length";
 
-/// The errors of a run.
+/// Errors of a run.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// A file cannot be read or written.
@@ -37,7 +37,7 @@ pub enum RunError {
     Description {
         /// The file.
         file: PathBuf,
-        /// Defect.
+        /// Reason.
         message: String,
     },
     /// The run cannot be continued.
@@ -61,7 +61,7 @@ pub enum RunError {
     Checkpoint {
         /// File of the checkpoint.
         file: PathBuf,
-        /// Defect.
+        /// Reason.
         source: Box<CheckpointError>,
     },
     /// Training failed.
@@ -82,11 +82,11 @@ struct Description {
 pub struct Summary {
     /// The algorithm.
     pub algorithm: Algorithm,
-    /// Steps of all worlds together.
+    /// Total steps of all worlds.
     pub steps: u64,
-    /// Updates.
+    /// Number of updates.
     pub updates: u64,
-    /// Progress of the last update; `None` where the run had ended before.
+    /// Progress of the last update; `None` if the run had already finished.
     pub last: Option<Progress>,
     /// SHA-256 of all weights.
     pub weights_sha256: String,
@@ -100,11 +100,11 @@ pub struct Run {
     warnings: Vec<ModelWarning>,
     learner: Box<dyn Learner>,
     last: Option<Progress>,
-    /// Time of files.
+    /// Time spent on files.
     watch: Stopwatch,
 }
 
-/// A learner of the task in a file, whose robot is relative to `base`, and its scene.
+/// Creates a learner for the task in a file and its scene. The path of the robot is relative to `base`.
 fn build(
     algorithm: Algorithm,
     (task, file): (&Task, &Path),
@@ -127,12 +127,12 @@ impl Run {
         Self { folder: folder.to_path_buf(), task, robot, warnings, learner, last: None, watch }
     }
 
-    /// Starts a run of an algorithm on the task in a file, with its settings in `[algorithms]`; `steps`
-    /// replaces theirs.
+    /// Starts a run of an algorithm on the task in a file, with the settings in `[algorithms]`. `steps`
+    /// overrides the number of steps.
     ///
     /// # Errors
     ///
-    /// [`RunError`]; [`FolderError::Exists`] where the folder holds a run.
+    /// [`RunError`]; [`FolderError::Exists`] if the folder already contains a run.
     pub fn create(
         algorithm: Algorithm,
         file: &Path,
@@ -181,7 +181,7 @@ impl Run {
         let file = folder.join(CHECKPOINT);
         let bytes = files::read(&file)?;
         learner.restore(&bytes).map_err(|source| RunError::Checkpoint { file, source: Box::new(source) })?;
-        // lines of updates after the checkpoint are written again
+        // drop the lines of updates after the checkpoint, which are repeated
         let progress = files::read_text(&folder.join(PROGRESS))?;
         let is_kept = |line: &&str| {
             let update = line.split(',').next().and_then(|update| update.parse().ok());
@@ -192,35 +192,35 @@ impl Run {
         Ok(Self::new(folder, task, &scene, learner))
     }
 
-    /// The task.
+    /// Returns the task.
     pub fn task(&self) -> &Task {
         &self.task
     }
 
-    /// Warnings of elements of the world's file that are left out.
+    /// Returns warnings about ignored elements of the world's file.
     pub fn warnings(&self) -> &[ModelWarning] {
         &self.warnings
     }
 
-    /// Time of all updates by phase, since the run was created or resumed.
+    /// Returns the time of all updates per phase, since the run was created or resumed.
     pub fn costs(&self) -> Costs {
         let mut costs = self.learner.costs();
         costs.add(Phase::Files, self.watch.costs().seconds(Phase::Files));
         costs
     }
 
-    /// Names of the values of [`Progress::values`].
+    /// Returns the names of [`Progress::values`].
     pub fn measures(&self) -> &'static [&'static str] {
         self.learner.measures()
     }
 
-    /// Steps so far, and the steps of the whole run.
+    /// Returns the steps so far, and the steps of the whole run.
     pub fn steps(&self) -> (u64, u64) {
         (self.learner.steps(), self.learner.total_steps())
     }
 
-    /// Makes one update and writes its line, and a checkpoint when it is due. Returns `None` once all steps
-    /// are made.
+    /// Runs one update and writes its line, and a checkpoint when due. Returns `None` once all steps are
+    /// done.
     ///
     /// # Errors
     ///
@@ -240,14 +240,14 @@ impl Run {
         Ok(Some(progress))
     }
 
-    /// Appends the line of an update.
+    /// Appends the line of an update to the progress.
     fn append(&self, progress: &Progress) -> Result<(), RunError> {
         use std::io::Write as _;
         let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
         let mut line = format!("{},{},{},", progress.update, progress.steps, progress.episodes);
         let _ = write!(line, "{},{}", number(progress.mean_return), number(progress.mean_length));
         for value in &progress.values {
-            // a value that is not measured yet leaves its cell empty
+            // the cell of a value without a measurement stays empty
             let _ = write!(line, ",{}", number(value.is_finite().then_some(*value)));
         }
         line.push('\n');
@@ -259,7 +259,7 @@ impl Run {
         written.map_err(|source| FileError { file, source }.into())
     }
 
-    /// Writes checkpoint and policy, as [`advance`](Self::advance) does when they are due.
+    /// Writes checkpoint and policy, as [`advance`](Self::advance) does when due.
     ///
     /// # Errors
     ///
@@ -276,7 +276,7 @@ impl Run {
         Ok(())
     }
 
-    /// Summary of the run so far.
+    /// Returns a summary of the run so far.
     pub fn summary(&self) -> Summary {
         Summary {
             algorithm: self.learner.algorithm(),

@@ -18,7 +18,7 @@ use crate::task::TaskError;
 const CART_POLE: &str = include_str!("../../../../tasks/cart-pole.toml");
 const PENDULUM: &str = include_str!("../../../../tasks/pendulum.toml");
 
-/// The task in a text with these settings of its algorithms.
+/// Returns the task in a text with these algorithm settings.
 fn task(text: &str, algorithms: &str) -> Task {
     let mut task = Task::parse(text).expect("a task");
     task.algorithms = algorithms.parse().expect("tables");
@@ -40,7 +40,7 @@ fn finish(learner: &mut dyn Learner) -> String {
     learner.weights_sha256()
 }
 
-/// Mean return of ten episodes.
+/// Returns the mean return of ten episodes.
 fn mean_return(task: &Task, mut act: impl FnMut(&[f32]) -> Vec<f32>) -> f64 {
     let simulation = scene(task).simulation().expect("a simulation");
     let mut world = Environment::new(task, simulation, 1000, 0).expect("a world");
@@ -58,7 +58,7 @@ fn mean_return(task: &Task, mut act: impl FnMut(&[f32]) -> Vec<f32>) -> f64 {
     total / 10.0
 }
 
-/// Mean returns of random actions and of the exported policy of a finished run.
+/// Returns the mean returns of random actions and of the exported policy of a finished run.
 fn returns(algorithm: Algorithm, text: &str, algorithms: &str) -> [f64; 2] {
     let task = task(text, algorithms);
     let mut learner = begin(algorithm, &task, (1, 2)).expect("a run");
@@ -77,7 +77,7 @@ fn returns(algorithm: Algorithm, text: &str, algorithms: &str) -> [f64; 2] {
     [untrained, trained]
 }
 
-/// Random actions balance for about 23 steps.
+/// Asserts that a policy balances much longer than random actions, which last about 23 steps.
 fn assert_balances(random: f64, trained: f64) {
     assert!(random < 30.0 && trained > 3.0 * random, "{random} of random actions, {trained}");
     assert!(trained > 75.0, "{trained}");
@@ -140,11 +140,11 @@ fn reinforce_learns_to_balance() {
 fn sac_learns_to_swing_a_pendulum() {
     let settings = format!("[sac]\nsteps = 8000\ngradients = 2\nn_step = 3\n{SHORT}");
     let [random, trained] = returns(Algorithm::Sac, PENDULUM, &settings);
-    // a step gives at most 0 to a hanging pendulum, and 1 to an upright one
+    // the reward of a step is at most 0 for a hanging pendulum and 1 for an upright one
     assert!(random < 6.0 && trained > 3.0 * random, "{random} of random actions, {trained}");
 }
 
-/// Tiny runs of all algorithms.
+/// Returns the settings of a tiny run of an algorithm.
 fn tiny(algorithm: Algorithm) -> String {
     let name = algorithm.name();
     match algorithm {
@@ -273,7 +273,7 @@ fn tasks_whose_path_is_not_utf_8_are_refused() {
     std::fs::remove_dir_all(&base).expect("the folder");
 }
 
-/// Values of an update.
+/// Returns the number of values measured in an update.
 fn run_measures(algorithm: Algorithm) -> usize {
     let task = task(CART_POLE, &tiny(algorithm));
     begin(algorithm, &task, (1, 1)).expect("a run").measures().len()

@@ -1,9 +1,9 @@
-//! Tuning: a black-box search for numbers of a system, in a folder, on several threads.
+//! Tuning: a black-box search for parameters of a system, in a folder, on several threads.
 //!
-//! A [`Tuning`] proposes values of [`Parameter`]s, a [`Subject`] evaluates them: a graph in an inline
-//! session, say. Every evaluation is a line of a table, and a checkpoint follows each, so an interrupted
-//! tuning continues where it stopped. Parameters and rewards repeat to the bit, on any number of threads,
-//! straight or resumed, if the evaluations do.
+//! A [`Tuning`] proposes values of [`Parameter`]s, and a [`Subject`] evaluates them, for example with a graph
+//! in an inline session. Every evaluation is a line of a table and is followed by a checkpoint, so an
+//! interrupted tuning continues where it stopped. If the evaluations are reproducible, parameters and rewards
+//! are bit-for-bit reproducible on any number of threads, also after a resume.
 //!
 //! | file | content |
 //! |---|---|
@@ -44,7 +44,7 @@ pub enum Method {
     Reps,
     /// Path integrals with black-box averaging (PI^BB).
     PathIntegral,
-    /// Policy learning by weighting exploration with the returns (PoWER), of rewards above 0.
+    /// Policy learning by weighting exploration with the returns (PoWER), for rewards above 0.
     Power,
     /// Gradient ascent by central differences.
     FiniteDifferences,
@@ -65,16 +65,16 @@ pub struct Settings {
     pub method: Method,
     /// Seed of the search.
     pub seed: u64,
-    /// Evaluations, from 1.
+    /// Number of evaluations, from 1.
     pub evaluations: u64,
-    /// Evaluations of a Bayesian search at a time, from 1. Each candidate is proposed without the rewards of
-    /// the last `together - 1`. Other methods evaluate whole generations together.
+    /// Number of simultaneous evaluations of a Bayesian search, from 1. Each candidate is proposed without
+    /// the rewards of the last `together - 1` candidates. Other methods evaluate whole generations together.
     pub together: usize,
 }
 
 impl Settings {
-    /// The search before its first candidate. It starts in the middle of the ranges, with a deviation of a
-    /// quarter of each.
+    /// Creates the search. It starts in the middle of the ranges, with a deviation of a quarter of each
+    /// range.
     ///
     /// # Errors
     ///
@@ -104,22 +104,22 @@ impl Settings {
         })
     }
 
-    /// Candidates that may wait for rewards at a time.
+    /// Returns the maximum number of candidates without rewards.
     fn ahead(&self) -> usize {
         match self.method {
             Method::Bayesian => self.together.max(1),
-            // as many as keep any machine busy
+            // enough to keep any machine busy
             Method::Random => 256,
             _ => usize::MAX,
         }
     }
 
-    /// Values of the parameters at a point of the search.
+    /// Returns the values of the parameters at a point of the search.
     fn values(&self, point: &[f64]) -> Vec<f64> {
         self.parameters.iter().zip(point).map(|(parameter, x)| parameter.value(*x)).collect()
     }
 
-    /// Values in the middle of the ranges.
+    /// Returns the values in the middle of the ranges.
     pub fn middle(&self) -> Vec<f64> {
         let middle = |parameter: &Parameter| {
             let [low, high] = parameter.bounds();

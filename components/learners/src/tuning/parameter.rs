@@ -30,7 +30,7 @@ pub enum Scale {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Parameter {
-    /// Keys that have the value, at least one.
+    /// Keys that are set to the value, at least one.
     pub keys: Vec<String>,
     /// Lowest and highest value.
     pub range: [f64; 2],
@@ -77,12 +77,12 @@ pub enum ParameterError {
 }
 
 impl Parameter {
-    /// Name in tables: the keys.
+    /// Returns the name in tables: the keys.
     pub fn name(&self) -> String {
         self.keys.join(",")
     }
 
-    /// Bounds of the search.
+    /// Returns the bounds of the search.
     pub(super) fn bounds(&self) -> [f64; 2] {
         match self.scale {
             Scale::Linear => self.range,
@@ -90,7 +90,7 @@ impl Parameter {
         }
     }
 
-    /// Value at a point of the search, within the range.
+    /// Returns the value at a point of the search, within the range.
     pub(super) fn value(&self, x: f64) -> f64 {
         let value = match self.scale {
             Scale::Linear => x,

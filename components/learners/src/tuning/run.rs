@@ -22,7 +22,7 @@ const BEST: &str = "best.toml";
 pub trait Subject: Sync {
     /// Resources of a thread. A worker is built on the thread that uses it.
     type Worker;
-    /// Error that ends a tuning, such as an interruption. Parameters that fail are no error but an
+    /// Error that ends a tuning, such as an interruption. Failed parameters are not an error but an
     /// [`Evaluation`].
     type Error: Send;
 
@@ -45,7 +45,7 @@ pub trait Subject: Sync {
         seed: u64,
     ) -> Result<Evaluation, Self::Error>;
 
-    /// Content of `best.toml` for values of the parameters and their reward.
+    /// Returns the content of `best.toml` for values of the parameters and their reward.
     ///
     /// # Errors
     ///
@@ -53,13 +53,13 @@ pub trait Subject: Sync {
     fn best(&self, values: &[f64], reward: f64) -> Result<String, Self::Error>;
 }
 
-/// The errors of a tuning.
+/// Errors of a tuning.
 #[derive(Debug, thiserror::Error)]
 pub enum TuningError<E> {
     /// A file cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The folder holds a tuning already.
+    /// The folder already contains a tuning.
     #[error(
         "{} holds a tuning, expected a folder without one\n\
          help: continue it with `motorium learn resume {}`, or choose another folder",
@@ -88,7 +88,7 @@ pub enum TuningError<E> {
     Parse {
         /// The file.
         file: PathBuf,
-        /// Defect.
+        /// Reason.
         message: String,
     },
     /// The checkpoint belongs to another search.
@@ -96,7 +96,7 @@ pub enum TuningError<E> {
     Restore {
         /// The file.
         file: PathBuf,
-        /// Defect.
+        /// Reason.
         source: RestoreError,
     },
     /// The table has fewer lines than the checkpoint has evaluations.
@@ -112,7 +112,8 @@ pub enum TuningError<E> {
     /// The search refused a reward.
     #[error(transparent)]
     Tell(#[from] TellError),
-    /// The first evaluation finished without a value of its reward: no other one would have a value either.
+    /// The first evaluation finished without a value of its reward, so no other evaluation would have a
+    /// value.
     #[error("the first evaluation has no reward: {reason}")]
     NoReward {
         /// Reason.
@@ -147,7 +148,7 @@ struct Checkpoint {
 pub struct Progress<'a> {
     /// Number of the evaluation, from 1.
     pub evaluation: u64,
-    /// Evaluations of the whole tuning.
+    /// Number of evaluations of the whole tuning.
     pub evaluations: u64,
     /// Values of the parameters.
     pub values: &'a [f64],
@@ -162,7 +163,7 @@ pub struct Progress<'a> {
 pub struct Summary {
     /// Evaluations.
     pub evaluations: u64,
-    /// Evaluations by outcome; the sum is `evaluations`.
+    /// Number of evaluations by outcome; the sum is `evaluations`.
     pub outcomes: BTreeMap<Outcome, u64>,
     /// Best values of the parameters and their reward, or `None` if every evaluation failed.
     pub best: Option<(Vec<f64>, f64)>,
@@ -179,7 +180,7 @@ pub struct Tuning {
 }
 
 impl Tuning {
-    /// True if a folder holds a tuning.
+    /// Returns `true` if a folder contains a tuning.
     pub fn exists(folder: &Path) -> bool {
         folder.join(DESCRIPTION).exists()
     }
@@ -188,7 +189,7 @@ impl Tuning {
     ///
     /// # Errors
     ///
-    /// [`TuningError`]; [`TuningError::Exists`] where the folder holds a tuning.
+    /// [`TuningError`]; [`TuningError::Exists`] if the folder already contains a tuning.
     pub fn create(
         folder: &Path,
         settings: Settings,
@@ -212,13 +213,13 @@ impl Tuning {
         files::write(&folder.join(TABLE), header.as_bytes())?;
         let made = Self { folder: folder.to_path_buf(), settings, search, checkpoint: Checkpoint::default() };
         made.save()?;
-        // last: a folder with a description is complete
+        // written last, so that a folder with a description is complete
         let description = Description { settings: made.settings.clone(), subject };
         files::write(&folder.join(DESCRIPTION), to_json(&description).as_bytes())?;
         Ok(made)
     }
 
-    /// Opens the tuning in a folder as of its last checkpoint; returns the description of its subject, too.
+    /// Opens the tuning in a folder at its last checkpoint. Also returns the description of its subject.
     ///
     /// # Errors
     ///
@@ -232,7 +233,7 @@ impl Tuning {
         if let Some(state) = &checkpoint.search {
             search.restore(state).map_err(|source| TuningError::Restore { file, source })?;
         }
-        // lines after the checkpoint are written again
+        // drop the lines after the checkpoint, which are repeated
         let file = folder.join(TABLE);
         let table = files::read_text(&file)?;
         let expected = checkpoint.evaluations;
@@ -246,17 +247,17 @@ impl Tuning {
         Ok((Self { folder: folder.to_path_buf(), settings, search, checkpoint }, subject))
     }
 
-    /// The settings.
+    /// Returns the settings.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// Evaluations so far.
+    /// Returns the number of evaluations so far.
     pub fn evaluations(&self) -> u64 {
         self.checkpoint.evaluations
     }
 
-    /// File of the best parameters. It exists once an evaluation has a reward.
+    /// Returns the file of the best parameters. It exists once an evaluation has a reward.
     pub fn best_file(&self) -> PathBuf {
         self.folder.join(BEST)
     }
@@ -266,7 +267,7 @@ impl Tuning {
     ///
     /// # Errors
     ///
-    /// [`TuningError`]. The folder then holds all evaluations so far.
+    /// [`TuningError`]. The folder then contains all evaluations so far.
     pub fn run<T: Subject>(
         &mut self,
         subject: &T,
@@ -315,7 +316,7 @@ impl Tuning {
         )
     }
 
-    /// The result so far.
+    /// Returns the result so far.
     ///
     /// # Errors
     ///
@@ -335,7 +336,7 @@ impl Tuning {
     }
 }
 
-/// A line of the table.
+/// Returns a line of the table.
 fn line(id: u64, values: &[f64], result: &Evaluation) -> String {
     let mut line = format!("{id},{}", result.outcome.name());
     line.push(',');
@@ -349,7 +350,7 @@ fn line(id: u64, values: &[f64], result: &Evaluation) -> String {
     line
 }
 
-/// A cell of a table in one line.
+/// Returns the text as a table cell in one line.
 fn quoted(text: &str) -> String {
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     if text.contains([',', '"']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }

@@ -5,8 +5,8 @@ use std::path::Path;
 use super::*;
 use crate::search::{Evaluation, Outcome, RestoreError};
 
-/// The plane, with a maximum of 0 at (1, 10) and a region without rewards. Ends after a number of
-/// evaluations of one thread, as a signal would end it.
+/// A function of the plane with a maximum of 0 at (1, 10) and a region without rewards. The tuning ends after
+/// a number of evaluations on one thread, as on a signal.
 struct Plane {
     stop_at: u64,
 }
@@ -130,7 +130,7 @@ fn failed_evaluations_are_rows_without_reward() {
     let unmet: Vec<&&str> = rows.iter().filter(|row| row.contains(",unmet,,")).collect();
     assert_eq!(unmet.len() as u64, failed);
     assert!(unmet[0].ends_with(",\"expected \"\"height\"\" > 0.1, found 0\""), "{}", unmet[0]);
-    // the best row is the summary's, and the file of the best parameters has the same numbers
+    // the best row equals the summary, and the file of the best parameters has the same numbers
     let number =
         |row: &&str, column: usize| row.split(',').nth(column).and_then(|cell| cell.parse::<f64>().ok());
     let best = rows.iter().max_by(|a, b| {

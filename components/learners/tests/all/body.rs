@@ -48,7 +48,7 @@ fn windows_are_in_radians_and_end_in_the_last_fifth() {
 }
 
 #[test]
-fn a_jump_of_an_angle_drops_the_windows_that_hold_it() {
+fn windows_with_an_angle_discontinuity_are_dropped() {
     let mut jumping = clips();
     for k in 200..500 {
         jumping.trajectories[0].positions[(k, 0)] += 360.0;
@@ -71,7 +71,7 @@ fn split_and_merged_parts_equal_their_recordings() {
 }
 
 #[test]
-fn a_composite_takes_arms_and_legs_from_two_clips() {
+fn composite_goals_combine_limbs_of_two_clips() {
     let (seen, held) = windows(clips());
     let body = Body::learn(&seen).unwrap();
     let goals = body.composites(&held);

@@ -8,7 +8,7 @@ use motorium_library::letters::{Variation, letters};
 use motorium_library::{DAMPING, SampledSpring};
 
 #[test]
-fn the_nearest_picture_of_a_letter_that_is_known_is_its_own() {
+fn nearest_picture_of_a_known_letter_is_its_own() {
     let set = letters(2, Variation::default(), 1);
     let errors = Letters::new(&set, &set).nearest_picture();
     assert_eq!(errors.begun.len(), set.trajectories.len());
@@ -20,7 +20,7 @@ fn the_nearest_picture_of_a_letter_that_is_known_is_its_own() {
 }
 
 #[test]
-fn a_network_learns_and_writes_held_out_letters() {
+fn network_learns_to_write_held_out_letters() {
     let (seen, held) = (letters(3, Variation::default(), 1), letters(1, Variation::default(), 5));
     let spring = SampledSpring::new(60, DAMPING).unwrap();
     let training = Training { epochs: 6, eigenforces: 8, ..Training::default() };
@@ -39,7 +39,7 @@ fn a_network_learns_and_writes_held_out_letters() {
 }
 
 #[test]
-fn the_mean_of_several_networks_is_taken_letter_by_letter() {
+fn mean_of_networks_is_computed_per_letter() {
     let a = CurveErrors { begun: vec![1.0, 2.0], centred: vec![0.0, 4.0] };
     let b = CurveErrors { begun: vec![3.0, 4.0], centred: vec![2.0, 0.0] };
     let mean = CurveErrors::mean(&[a, b]);
@@ -52,13 +52,13 @@ fn coupling() -> Coupling {
     Coupling::train(&letters(1, Variation::default(), 1), spring, &training, |_, _| {}).unwrap()
 }
 
-/// A separate file for each test.
+/// Returns a separate file for each test.
 fn file(name: &str) -> std::path::PathBuf {
     std::env::temp_dir().join(format!("motorium-{}-{name}", std::process::id()))
 }
 
 #[test]
-fn a_reloaded_coupling_writes_the_same_movement() {
+fn reloaded_coupling_writes_the_same_movement() {
     let (path, coupling) = (file("coupling"), coupling());
     coupling.write(&path).unwrap();
     let read = Coupling::read(&path).unwrap();
@@ -80,7 +80,7 @@ fn a_reloaded_coupling_writes_the_same_movement() {
 }
 
 #[test]
-fn a_letter_is_written_at_the_given_or_learned_speed() {
+fn letter_is_written_at_the_given_or_learned_speed() {
     let known = letters(1, Variation::default(), 1);
     let coupling = coupling();
     let speeds =
@@ -96,7 +96,7 @@ fn a_letter_is_written_at_the_given_or_learned_speed() {
 }
 
 #[test]
-fn a_picture_is_normalised_for_contrast_size_and_position() {
+fn picture_is_normalised_in_contrast_size_and_position() {
     let letter = unit_extent(&letters(1, Variation::default(), 1).trajectories[0].resampled(80));
     let expected = Picture::from_path(&letter);
     // Three times as large, and off-centre.

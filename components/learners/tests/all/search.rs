@@ -34,7 +34,7 @@ fn library_weights_are_explored_with_their_spread() {
 }
 
 #[test]
-fn kernels_share_the_squared_force_of_the_movements_equally() {
+fn kernels_share_the_squared_force_equally() {
     let library = library();
     let space = SearchSpace::kernels(&library, 10, KernelPrior::EqualForce);
     let movements = library.entries().len() as f64;
@@ -45,7 +45,7 @@ fn kernels_share_the_squared_force_of_the_movements_equally() {
 }
 
 #[test]
-fn fitted_kernels_vary_as_the_weights_that_made_the_movements() {
+fn fitted_kernels_have_the_variance_of_the_true_weights() {
     // a library of one degree of freedom whose movements are sums of four kernels with known weights
     let spring = spring();
     let weights = DMatrix::from_fn(4, 30, |i, k| ((i + 1) as f64) * (1.7 * (k * 4 + i) as f64).sin());
@@ -73,7 +73,7 @@ fn fitted_kernels_vary_as_the_weights_that_made_the_movements() {
 }
 
 #[test]
-fn a_search_climbs_and_its_seed_repeats_it() {
+fn search_improves_reproducibly() {
     let library = library();
     let goal = Goal::new(&letters(1, Variation::default(), 7).trajectories[0], &spring());
     let space = SearchSpace::library(&library, 8);
@@ -86,7 +86,7 @@ fn a_search_climbs_and_its_seed_repeats_it() {
 }
 
 #[test]
-fn library_search_beats_as_many_kernels() {
+fn library_search_beats_equally_many_kernels() {
     let library = library();
     let held = letters(1, Variation::default(), 9);
     let goals: Vec<Goal> = held.trajectories.iter().take(3).map(|t| Goal::new(t, &spring())).collect();
@@ -106,7 +106,7 @@ fn library_search_beats_as_many_kernels() {
 }
 
 #[test]
-fn means_are_clearly_larger_only_beyond_their_errors_together() {
+fn clearly_larger_means_exceed_the_combined_error() {
     assert!(is_clearly_larger((1.0, 0.3), (0.4, 0.4)));
     assert!(!is_clearly_larger((1.0, 0.3), (0.5, 0.4)));
 }

@@ -70,7 +70,7 @@ impl CentroidalMpc {
         }
     }
 
-    /// The settings.
+    /// Returns the settings.
     pub fn settings(&self) -> &MpcSettings {
         &self.settings
     }
@@ -80,13 +80,13 @@ impl CentroidalMpc {
         &mut self.horizon
     }
 
-    /// Sets the axes of the ground from the next solve on, two tangents and the normal as columns. The
-    /// friction cones are about this normal.
+    /// Sets the ground axes for the following solves: two tangents and the normal, as columns. The friction
+    /// cones are centred on this normal.
     pub fn set_ground_axes(&mut self, axes: &Matrix3<f64>) {
         self.axes = *axes;
     }
 
-    /// Discards the previous horizon. The next solve equals a new controller's.
+    /// Discards the previous horizon. The next solve gives the same result as with a new controller.
     pub fn reset(&mut self) {
         self.predicts = false;
         self.solver.reset();
@@ -126,12 +126,12 @@ impl CentroidalMpc {
         &self.predicted
     }
 
-    /// Number of iterations of the last solution.
+    /// Returns the number of iterations of the last solution.
     pub fn iterations(&self) -> u32 {
         self.iterations
     }
 
-    /// Returns the problem of the last solve.
+    /// Returns the quadratic program of the last solve.
     pub fn problem(&self) -> &Problem {
         &self.problem
     }
@@ -174,8 +174,8 @@ impl CentroidalMpc {
         }
     }
 
-    /// Chooses the reference point of the lever arms of each step: the measured centre of mass initially,
-    /// then the previous prediction.
+    /// Chooses the reference point of the lever arms in each step: the measured centre of mass for the first
+    /// horizon, then the previous prediction.
     fn place_arms(&mut self, state: &CentroidalState, elapsed: f64) {
         let h = self.settings.step;
         for (step, horizon) in self.horizon.iter_mut().enumerate() {
@@ -295,7 +295,7 @@ impl CentroidalMpc {
     }
 }
 
-/// Weights of a state's rows in heading axes, with the angular momentum as an angular velocity.
+/// Weights of the rows of a state in heading axes. The angular momentum is weighted as an angular velocity.
 struct Scale {
     weights: [Vector3<f64>; 4],
     inverse: Matrix3<f64>,

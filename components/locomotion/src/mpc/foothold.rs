@@ -68,14 +68,14 @@ pub fn foothold(plan: &FootPlan, rest: &Vector3<f64>, most: f64) -> Vector3<f64>
     place
 }
 
-/// A swing of a foot from its lift-off position to a foothold that may still change.
+/// The swing of a foot from its lift-off position to a foothold, which may change during the swing.
 ///
 /// ```text
 /// p(s) = from + b(s) (to - from) + clearance 64 s^3 (1 - s)^3 z,   b = 10 s^3 - 15 s^4 + 6 s^5
 ///                                                                    s: share of the swing
 /// ```
 ///
-/// It starts and ends at rest without acceleration.
+/// The motion starts and ends at rest, with zero acceleration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Swing {
     /// Position at lift-off \[m\].

@@ -50,23 +50,23 @@ impl Gait {
         }
     }
 
-    /// Duration of the swing of a foot \[s\].
+    /// Returns the duration of a foot's swing \[s\].
     pub fn swing_time(&self) -> f64 {
         (1.0 - self.duty) * self.period
     }
 
-    /// Duration of the stance of a foot \[s\].
+    /// Returns the duration of a foot's stance \[s\].
     pub fn stance_time(&self) -> f64 {
         self.duty * self.period
     }
 
-    /// Number of feet.
+    /// Returns the number of feet.
     pub fn feet(&self) -> usize {
         self.offsets.len()
     }
 
-    /// Returns the start of the swing that `foot` is in at `time` \[s\] if the gait is continued
-    /// indefinitely.
+    /// Returns the start of the swing in progress for `foot` at `time` \[s\], assuming that the gait
+    /// continues indefinitely.
     fn swing_began(&self, foot: usize, time: f64) -> Option<f64> {
         let phase = (time / self.period - self.offsets[foot]).rem_euclid(1.0);
         (phase >= self.duty).then_some(time - (phase - self.duty) * self.period)
@@ -76,7 +76,7 @@ impl Gait {
 /// A gait with a start and an end. All feet are in stance before and after.
 ///
 /// A foot that would be in mid-swing at the start stays in stance until its next swing. A foot in the air at
-/// the end lands as planned. The executed schedule therefore equals the predicted one.
+/// the end lands as planned. The executed schedule therefore matches the predicted schedule.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stepping {
     gait: Gait,

@@ -2,13 +2,13 @@
 
 use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 
-/// Steepest slope of a fit: the tangent of 35 degrees.
+/// Steepest slope of a fitted plane: the tangent of 35 degrees.
 const STEEPEST: f64 = 0.7;
 
 /// Minimum spread of the feet for the estimation of a slope \[m2\].
 const LEAST_SPREAD: f64 = 1e-4;
 
-/// Knowledge of a planner about the ground.
+/// Ground model used by the planner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum GroundModel {
     /// Level, at the mean height of the stance feet.
@@ -103,7 +103,7 @@ impl GroundPlane {
         if steep > STEEPEST {
             slope *= STEEPEST / steep;
         }
-        // smoothed at the feet instead of the distant origin
+        // smooth the height at the feet, not at the distant origin
         let height = self.height(&mean.xy());
         self.slope += (slope - self.slope) * share;
         let height = height + (mean.z - height) * share;

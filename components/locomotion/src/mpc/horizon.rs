@@ -1,4 +1,4 @@
-//! Components of a horizon of centroidal motion.
+//! State, settings and steps of a horizon of centroidal motion.
 
 use motorium_control::with_defaults;
 use nalgebra::Vector3;
@@ -19,7 +19,7 @@ with_defaults! {
 }
 
 with_defaults! {
-    /// Costs of errors, in heading axes: ahead, left, up.
+    /// Weights of the cost terms, in heading axes: forward, left, up.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct MpcWeights;
 
@@ -51,7 +51,7 @@ with_defaults! {
     pub step: f64 = 0.03;
     /// Largest normal force at a point \[N\]. Default: infinite.
     pub max_force: f64 = f64::INFINITY;
-    /// Costs of errors.
+    /// Weights of the cost terms.
     pub weights: MpcWeights = MpcWeights::default();
 }
 

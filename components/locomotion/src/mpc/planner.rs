@@ -22,7 +22,7 @@ pub struct PlannerSettings {
     pub acceleration: f64,
     /// Height of the centre of mass above the ground \[m\]; `None` uses the height of the rest pose.
     pub height: Option<f64>,
-    /// Largest distance of the reference from the measured centre of mass in the plane \[m\].
+    /// Maximum horizontal distance between the reference and the measured centre of mass \[m\].
     pub max_lead: f64,
     /// Largest angle between the reference and the measured heading \[rad\].
     pub max_turn: f64,
@@ -32,7 +32,7 @@ pub struct PlannerSettings {
     pub max_capture: f64,
     /// Duration over which a foot is loaded or unloaded \[s\].
     pub ramp: f64,
-    /// Knowledge of the ground.
+    /// Ground model.
     pub ground: GroundModel,
     /// Reaction to early and late touchdown.
     pub landing: Landing,
@@ -97,7 +97,7 @@ impl LegPlanner {
         }
     }
 
-    /// Starts at a state, on all feet.
+    /// Starts from a measured state, standing on all feet.
     pub fn begin(&mut self, state: &MotionState<'_>) {
         let MotionState { model, kinematics, .. } = *state;
         let centre = kinematics.centre_of_mass(model).position;
@@ -168,7 +168,7 @@ impl LegPlanner {
         solved
     }
 
-    /// Load fraction of a foot: 0 during its swing.
+    /// Returns the load fraction of a foot; 0 during its swing.
     pub fn load(&self, foot: usize) -> f64 {
         self.legs[foot].load
     }
@@ -196,12 +196,12 @@ impl LegPlanner {
         (Isometry3::from_parts(translation.into(), self.reference.orientation(0.0).into()), velocity)
     }
 
-    /// Number of swings of a foot.
+    /// Returns the number of swings of a foot.
     pub fn swings(&self, foot: usize) -> u64 {
         self.legs[foot].swings
     }
 
-    /// Number of early and late touchdowns of a foot.
+    /// Returns the number of early and late touchdowns of a foot.
     pub fn early_and_late(&self, foot: usize) -> [u64; 2] {
         self.legs[foot].landings
     }
@@ -323,7 +323,7 @@ impl LegPlanner {
                     continue;
                 }
                 let swing = leg.swing.zip(leg.swing_at(&self.stepping, index, now));
-                // it is in stance from then until its lift-off
+                // the foot is in stance from touchdown to its next lift-off
                 let since = swing.map_or(now, |(_, (_, lands))| lands);
                 let lifts = self.stepping.lifts(index, since);
                 let (place, axes) = match swing {

@@ -15,8 +15,8 @@ pub struct PlanarVelocity {
     pub yaw_rate: f64,
 }
 
-/// Reference motion of the centre of mass: follows a velocity with limited acceleration at a height above the
-/// ground.
+/// Reference motion of the centre of mass. It follows a velocity with limited acceleration, at a constant
+/// height above the ground.
 ///
 /// ```
 /// use motorium_locomotion::mpc::{PlanarVelocity, Reference};
@@ -52,7 +52,7 @@ impl Reference {
         }
     }
 
-    /// Starts at rest below `centre` with this heading \[rad\].
+    /// Starts at rest below `centre`, with this heading \[rad\].
     pub fn begin(&mut self, centre: &Vector3<f64>, heading: f64) {
         (self.place, self.heading) = (centre.xy(), heading);
         self.velocity = PlanarVelocity::default();
@@ -98,7 +98,7 @@ impl Reference {
     pub fn after(&self, time: f64) -> (Vector3<f64>, Vector3<f64>, f64) {
         let PlanarVelocity { linear, yaw_rate } = self.velocity;
         let turn = yaw_rate * time;
-        // the mean of R(s turn) over s from 0 to 1
+        // mean of R(s turn) over s from 0 to 1
         let (along, across) = if turn.abs() < 1e-6 {
             (1.0, 0.5 * turn)
         } else {
@@ -116,7 +116,7 @@ impl Reference {
         )
     }
 
-    /// Heading \[rad\].
+    /// Returns the heading \[rad\].
     pub fn heading(&self) -> f64 {
         self.heading
     }
@@ -128,8 +128,8 @@ impl Reference {
         Rotation3::from_basis_unchecked(&[ahead, normal.cross(&ahead), normal])
     }
 
-    /// Returns the angular velocity of that base after `time` seconds \[rad/s\]: about the normal of the
-    /// ground, such that the heading changes at the yaw rate.
+    /// Returns the angular velocity of a base parallel to the ground after `time` seconds \[rad/s\]: about
+    /// the ground normal, so that the heading changes at the yaw rate.
     pub fn angular_velocity(&self, time: f64) -> Vector3<f64> {
         // seen from above, a rotation by `t` about the normal changes the heading by `t normal_z |ahead|^2`
         let normal = self.ground.normal();
@@ -143,7 +143,7 @@ impl Reference {
         Vector3::new(x, y, self.ground.slope().dot(&Vector2::new(x, y)))
     }
 
-    /// Height of the centre of mass above the ground \[m\].
+    /// Returns the height of the centre of mass above the ground \[m\].
     pub fn height(&self) -> f64 {
         self.height
     }
@@ -153,7 +153,7 @@ impl Reference {
         &self.ground
     }
 
-    /// Current velocity.
+    /// Returns the current velocity.
     pub fn velocity(&self) -> &PlanarVelocity {
         &self.velocity
     }

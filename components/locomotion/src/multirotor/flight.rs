@@ -18,7 +18,8 @@ pub struct Flight {
 pub struct FlightSettings {
     /// Bandwidth of the critically damped position control \[rad/s\].
     pub position: f64,
-    /// Bandwidth of the critically damped attitude control \[rad/s\]: several times the position bandwidth.
+    /// Bandwidth of the critically damped attitude control \[rad/s\]; should be several times the position
+    /// bandwidth.
     pub attitude: f64,
     /// Rate of integral action on a persistent position error \[1/s\].
     pub integral: f64,
@@ -64,8 +65,8 @@ impl FlightControl {
         self.lasting = Vector3::zeros();
     }
 
-    /// Returns the thrust along z of the base \[N\] and the torque in its axes \[Nm\]. The base is at `pose`,
-    /// with its velocities \[m/s, rad/s\] in its own axes, after a time step \[s\].
+    /// Returns the thrust along z of the base \[N\] and the torque in base axes \[Nm\]. `pose` and the
+    /// velocities \[m/s, rad/s\], in base axes, are measured after a time step \[s\].
     pub fn update(
         &mut self,
         target: &FlightTarget,

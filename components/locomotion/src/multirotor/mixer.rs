@@ -18,7 +18,7 @@ pub struct Propeller {
 /// The rotors cannot produce every thrust and torque.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MixerError {
-    /// There are too few rotors.
+    /// The robot has too few rotors.
     #[error("{found} rotors, expected at least 4: thrust and three torques are four numbers")]
     Few {
         /// Number of rotors.
@@ -72,12 +72,12 @@ impl Mixer {
         Ok(Self { effect, share, most })
     }
 
-    /// Number of rotors.
+    /// Returns the number of rotors.
     pub fn rotors(&self) -> usize {
         self.most.len()
     }
 
-    /// Maximum total thrust of all rotors along z \[N\].
+    /// Returns the maximum total thrust of all rotors along z \[N\].
     pub fn max_thrust(&self) -> f64 {
         self.effect.row(0).iter().zip(&self.most).map(|(effect, most)| effect.max(0.0) * most).sum()
     }
@@ -141,7 +141,7 @@ mod tests {
     #[test]
     fn rotors_produce_the_requested_thrust_and_torque() {
         let mut rotors = square();
-        // neither a square nor upright
+        // no longer a square, and tilted
         rotors[0].position.x = 0.05;
         rotors[1].direction = Vector3::new(0.1, 0.0, 1.0).normalize();
         let mixer = Mixer::new(&rotors).unwrap();

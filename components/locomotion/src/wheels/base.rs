@@ -14,7 +14,7 @@ with_defaults! {
     pub position: [f64; 2] = [0.0; 2];
     /// Radius \[m\].
     pub radius: f64 = 1.0;
-    /// Whether the wheel is steered.
+    /// `true` if the wheel is steered.
     pub steered: bool = false;
     /// Tangent of the angle of the rollers of a mecanum wheel: 1 or -1; 0 for a plain wheel.
     pub rollers: f64 = 0.0;

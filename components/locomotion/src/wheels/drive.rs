@@ -4,9 +4,9 @@ use super::{BaseKind, PlanarTwist, WheelBase, WheelLimits};
 
 /// Wheel speeds and steering angles that follow a velocity of the base within the limits of the wheels.
 ///
-/// A velocity beyond the limits is reduced along the same arc. The wheels of a steered base turn towards a
-/// curvature as fast as the slowest of them permits; at rest they keep their angles. A velocity with too much
-/// curvature results in the tightest possible arc at the commanded forward speed.
+/// A velocity beyond the limits is reduced along the same arc. The wheels of a steered base turn towards the
+/// desired curvature at the rate of the slowest wheel; at rest they keep their angles. If the curvature
+/// exceeds the limit, the base drives the tightest possible arc at the commanded forward speed.
 #[derive(Clone, Debug)]
 pub struct WheelDrive {
     base: WheelBase,

@@ -1,4 +1,4 @@
-//! Tests of the leg, wheel and rotor controllers, as libraries and as components of a graph.
+//! Tests of the leg, wheel and rotor controllers, both as libraries and as components of a graph.
 
 mod mpc;
 mod multirotor;

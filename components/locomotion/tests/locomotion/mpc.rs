@@ -14,7 +14,7 @@ fn inertia() -> Matrix3<f64> {
     Matrix3::new(0.11, 0.01, 0.02, 0.01, 0.26, -0.01, 0.02, -0.01, 0.24)
 }
 
-/// Puts the feet of a quadruped around the origin and a reference above them.
+/// Places the feet of a quadruped around the origin, with a reference above them.
 fn standing(mpc: &mut CentroidalMpc) {
     for step in mpc.horizon_mut() {
         step.position = Vector3::new(0.0, 0.0, 0.3);
@@ -58,13 +58,14 @@ fn robot_at_rest_shares_its_weight_equally() {
     assert!((mpc.predicted()[10].position - state.position).norm() < 1e-9);
 }
 
-/// A mass above one point that may push and pull. The first force equals the finite-horizon regulator's.
+/// A mass above a contact point that can push and pull. The first force equals the force of the
+/// finite-horizon regulator.
 #[test]
 fn unlimited_first_force_matches_the_riccati_recursion() {
     let weights = MpcWeights { force: 0.3, ..MpcWeights::default() };
     let settings = MpcSettings { weights, ..settings() };
     let (mass, h) = (settings.mass, settings.step);
-    // the friction is so large, and the motion so close to the vertical, that no limit is reached
+    // with this friction and a nearly vertical motion, no limit is active
     let mut mpc = CentroidalMpc::new(settings, &[1e6]);
     for step in mpc.horizon_mut() {
         step.position = Vector3::new(0.0, 0.0, 0.5);
@@ -151,7 +152,7 @@ fn rolled_out(mpc: &mut CentroidalMpc, state: &CentroidalState, heading: f64, fo
     cost
 }
 
-/// A horizon with lift-offs and touchdowns while the reference moves and turns.
+/// Fills a horizon with lift-offs and touchdowns while the reference moves and turns.
 fn trotting(mpc: &mut CentroidalMpc) {
     standing(mpc);
     for (index, step) in mpc.horizon_mut().iter_mut().enumerate() {

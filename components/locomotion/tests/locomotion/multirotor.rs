@@ -9,7 +9,7 @@ use motorium_locomotion::MultirotorController;
 use motorium_robots::Spin;
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// The quadrotor of the profile and the model, with mass `mass`; `None` keeps its own mass.
+/// Creates the catalogue's quadrotor with mass `mass`; `None` keeps the mass of the model.
 fn plant(mass: Option<f64>, height: f64) -> Function {
     let robot = motorium_robots::load("quadrotor", Path::new(".")).unwrap();
     let inertia = robot.model.base().inertia;
@@ -64,7 +64,7 @@ fn graph(robot: &str, plant: Function, controller: Instance) -> Graph {
     Graph::new("flight-test").robot("quadrotor", robot).with(plant).with(controller)
 }
 
-/// A target that moves half a metre up and sideways in 2 s with minimum jerk and then rests.
+/// Creates a target that moves half a metre up and sideways in 2 s with minimum jerk and then rests.
 fn climb() -> Source {
     Source::new("targets", "target", |tick| {
         let s = (0.5 * tick.time()).min(1.0);
@@ -118,7 +118,7 @@ fn unflyable_robots_are_rejected_with_a_reason() {
     for (robot, config, words) in [
         ("panda", "{}", "has no rotors"),
         ("quadrotor", "{ attitude_frequency = 5.0 }", "at least three times `position_frequency`"),
-        ("quadrotor", "{ max_thrust_share = 0.4 }", "pull with 0.240 N at most"),
+        ("quadrotor", "{ max_thrust_share = 0.4 }", "produce at most 0.240 N"),
         ("quadrotor", "{ integral_rate = 9.0 }", "expected from 0 to 4"),
     ] {
         let error = graph(robot, plant(None, 1.0), controller(config)).check().expect_err("it is rejected");

@@ -17,7 +17,7 @@ fn quadruped() -> Loaded {
     load("quadruped", Path::new(".")).unwrap()
 }
 
-/// Returns the configuration of the quadruped at home, rotated about the vertical.
+/// Returns the home configuration of the quadruped, rotated about the vertical.
 fn turned(robot: &Loaded, heading: f64) -> Vec<f64> {
     let home = robot.profile.as_ref().unwrap().configuration(&robot.model, "standing").unwrap();
     let mut q = home.as_slice().to_vec();
@@ -27,7 +27,7 @@ fn turned(robot: &Loaded, heading: f64) -> Vec<f64> {
     q
 }
 
-/// Creates a planner of a trot for the robot at `rest`.
+/// Creates a trot planner for the robot at `rest`.
 fn planner(robot: &Loaded, rest: &[f64], step: f64) -> LegPlanner {
     planner_on(robot, rest, step, GroundModel::Level)
 }
@@ -140,8 +140,8 @@ fn forces_on_a_slope_respect_friction_about_its_normal() {
     }
 }
 
-/// Returns the quadruped at home on a slope that rises by `tilt` along x, with its base parallel to the
-/// slope.
+/// Returns the quadruped in its home pose on a slope that rises by `tilt` along x, with its base parallel to
+/// the slope.
 fn on_a_slope(robot: &Loaded, tilt: f64) -> Vec<f64> {
     let mut q = turned(robot, 0.0);
     let rotation = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -tilt);
@@ -251,7 +251,7 @@ fn strides(touches: impl Fn(f64) -> bool) -> (LegPlanner, Vec<(f64, Vector3<f64>
     (planner, seen)
 }
 
-/// Returns the first step from `from` on in which the foot carries load.
+/// Returns the first step, at or after `from`, in which the foot carries load.
 fn carries(seen: &[(f64, Vector3<f64>)], from: usize) -> usize {
     from + seen[from..].iter().position(|(load, _)| *load > 0.0).expect("the foot lands")
 }

@@ -26,7 +26,7 @@ fn quadruped() -> Loaded {
     load("quadruped", Path::new(".")).unwrap()
 }
 
-/// A quadruped standing at home that reports this base velocity.
+/// Creates a graph with a quadruped standing in its home pose, which reports this base velocity.
 fn standing(velocity: [f64; 3]) -> Graph {
     let robot = quadruped();
     let home = robot.profile.unwrap().configuration(&robot.model, "standing").unwrap();
@@ -142,7 +142,7 @@ fn trot_swings_its_diagonals_alternately() {
     let highest = targets.values().iter().map(|target| target.position[2] - start[2]).fold(0.0, f64::max);
     assert!((highest - 0.05).abs() < 5e-3, "{highest}");
     let farthest = targets.values().iter().map(|target| target.position[0] - start[0]).fold(0.0, f64::max);
-    // half of the distance travelled in a stance, ahead of the body's position at touchdown
+    // half of the distance travelled during a stance, ahead of the body at touchdown
     assert!(farthest > 0.02 && farthest < 0.1, "{farthest}");
     assert_eq!(report.results["planner"]["swings"][0], targets.values().last().unwrap().goal);
 }
@@ -158,7 +158,7 @@ fn invalid_planners_are_rejected_with_their_key() {
     refused(with("{ ground = { normal = [1.0, 0.0, 0.1] } }"), &["ground.normal", "points up"]);
     refused(with("{ ground = \"hilly\" }"), &["ground"]);
     refused(with("{ landing = { early_from = 2.0 } }"), &["landing.early_from"]);
-    refused(with("{ landing = { early_from = 0.7 } }"), &["input `feet`", "`landing` is about"]);
+    refused(with("{ landing = { early_from = 0.7 } }"), &["input `feet`", "used by `landing`"]);
     let gait = |rest: &str| with(&format!("{{ gait = {{ period = \"0.4 s\", {rest} }} }}"));
     refused(gait("offsets = { front_left = 0.0 }"), &["gait.offsets", "`front_right` has no offset"]);
     refused(gait("offsets = { left = 0.0 }"), &["gait.offsets", "no foot `left`", "it has front_left"]);

@@ -4,16 +4,15 @@ use std::f64::consts::{PI, SQRT_2, TAU};
 
 use serde::{Deserialize, Serialize};
 
-/// The function that the next point maximises. Rewards are standardised: margins and deviations are in units
-/// of the standard deviation of the rewards.
+/// The function that the next point maximises. Rewards are standardised, so margins are in standard
+/// deviations of the rewards.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Acquisition {
-    /// Expected improvement on the best reward by more than a margin, from 0. The default, with a margin of
-    /// 0.01.
+    /// Expected improvement on the best reward beyond a margin, from 0. The default, with a margin of 0.01.
     ExpectedImprovement(f64),
-    /// Mean plus this number of standard deviations, from 0; common: 2.576.
+    /// Mean plus this number of standard deviations, from 0. A common value is 2.576.
     UpperConfidence(f64),
-    /// Probability of an improvement on the best reward by more than a margin, from 0; common: 0.01.
+    /// Probability of exceeding the best reward by more than a margin, from 0. A common value is 0.01.
     ProbabilityOfImprovement(f64),
 }
 
@@ -24,7 +23,7 @@ impl Default for Acquisition {
 }
 
 impl Acquisition {
-    /// Its parameter.
+    /// Returns the parameter of the function.
     pub(super) fn parameter(self) -> f64 {
         let (Self::ExpectedImprovement(value)
         | Self::UpperConfidence(value)
@@ -32,8 +31,8 @@ impl Acquisition {
         value
     }
 
-    /// A monotone function of the acquisition at a point with this mean and standard deviation: logarithms of
-    /// the improvement and of the probability, which do not underflow far from the best.
+    /// Returns a monotone function of the acquisition at a point with this mean and standard deviation.
+    /// Improvement and probability are logarithms, which do not underflow far below the best reward.
     pub(super) fn value(self, mean: f64, deviation: f64, best: f64) -> f64 {
         let deviation = deviation.max(1e-12);
         match self {
@@ -47,7 +46,7 @@ impl Acquisition {
     }
 }
 
-/// `ln(phi(z) + z Phi(z))` of the standard normal distribution.
+/// Returns `ln(phi(z) + z Phi(z))` for the standard normal distribution.
 fn ln_improvement(z: f64) -> f64 {
     let ln_density = -0.5 * z * z - 0.5 * TAU.ln();
     if z > -25.0 {
@@ -59,7 +58,7 @@ fn ln_improvement(z: f64) -> f64 {
     }
 }
 
-/// `ln Phi(z)` of the standard normal distribution.
+/// Returns `ln Phi(z)` for the standard normal distribution.
 fn ln_probability(z: f64) -> f64 {
     if z > 0.0 {
         return (-0.5 * (-0.5 * z * z).exp() * scaled_complement(z / SQRT_2)).ln_1p();
@@ -67,7 +66,7 @@ fn ln_probability(z: f64) -> f64 {
     -0.5 * z * z + (0.5 * scaled_complement(-z / SQRT_2)).ln()
 }
 
-/// `exp(x^2) erfc(x)`: a series below 2, a continued fraction above.
+/// Returns `exp(x^2) erfc(x)`, by a series below 2 and a continued fraction above.
 fn scaled_complement(x: f64) -> f64 {
     if x < 2.0 {
         // erf(x) = 2 x / sqrt(pi) exp(-x^2) sum_n (2 x^2)^n / (2 n + 1)!!

@@ -22,7 +22,7 @@ const METHOD: &str = "bayesian-optimisation";
 /// Bounds of the noise variance, in units of the variance of the rewards.
 const NOISE: [f64; 2] = [1e-6, 1.0];
 
-/// Smoothness of the rewards that a model expects: its kernel.
+/// Expected smoothness of the rewards: the kernel of the model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Smoothness {
@@ -34,7 +34,7 @@ pub enum Smoothness {
 }
 
 impl Smoothness {
-    /// The kernel with a length scale of 0.5 in each dimension.
+    /// Returns the kernel with a length scale of 0.5 in each dimension.
     fn kernel(self, dimensions: usize) -> Kernel {
         match self {
             Self::Matern52 => Kernel::matern52(dimensions, 0.5),
@@ -51,14 +51,14 @@ pub struct BayesianSettings {
     /// Kernel of the model. Default: Matern 5/2.
     #[serde(default)]
     pub smoothness: Smoothness,
-    /// Points of a quasi-random sequence before the first model, from 1. Default 5.
+    /// Number of quasi-random points before the first model, from 1. Default 5.
     pub initial: usize,
-    /// Points at which the acquisition is evaluated before its local search, from 1. Default 2000.
+    /// Number of points at which the acquisition is evaluated before the local search, from 1. Default 2000.
     pub points: usize,
-    /// Best points that a local search improves, from 1. Default 5.
+    /// Number of best points that a local search improves, from 1. Default 5.
     pub starts: usize,
-    /// Rewards between two fits of the hyperparameters, from 1. Default 5. In between, rewards are added to
-    /// the model in `O(n^2)`.
+    /// Number of rewards between two fits of the hyperparameters, from 1. Default 5. In between, each reward
+    /// is added to the model in `O(n^2)`.
     pub refit: usize,
 }
 
@@ -75,17 +75,17 @@ impl Default for BayesianSettings {
     }
 }
 
-/// A known constraint: true for parameters that may be evaluated.
+/// A known constraint that returns `true` for feasible parameters.
 type Feasible = Arc<dyn Fn(&[f64]) -> bool + Send + Sync>;
 
-/// A search that models the reward by a Gaussian process and evaluates where an [`Acquisition`] is largest.
+/// A search that models the reward by a Gaussian process and evaluates the point with the largest
+/// [`Acquisition`].
 ///
-/// The process has a Matern 5/2 kernel (or another [`Smoothness`]) with a length scale per parameter, on
-/// parameters in the unit box and standardised rewards. Its hyperparameters are the maximum of the marginal
-/// likelihood with log-normal priors: length scales around 0.5 and variance around 1, both with a deviation
-/// of 1 in the logarithm.
-/// Several candidates at a time are chosen one after the other, each as if the pending ones had returned
-/// their mean.
+/// The process has a Matern 5/2 kernel (or another [`Smoothness`]) with one length scale per parameter, for
+/// parameters in the unit box and standardised rewards. Its hyperparameters maximise the marginal likelihood
+/// with log-normal priors: length scales around 0.5 and a variance around 1, both with a standard deviation
+/// of 1 in the logarithm. Simultaneous candidates are chosen one after the other, each as if the pending
+/// candidates had returned their predicted mean.
 ///
 /// Sources: Snoek, Larochelle, Adams, *Practical Bayesian optimization of machine learning algorithms*, NIPS
 /// 2012; whole numbers after Garrido-Merchan, Hernandez-Lobato, *Dealing with categorical and integer-valued
@@ -112,13 +112,13 @@ pub struct BayesianOptimisation {
     bounds: Vec<[f64; 2]>,
     whole: Vec<bool>,
     seed: u64,
-    /// Candidates so far.
+    /// Number of candidates so far.
     asked: u64,
-    /// Candidates that wait for rewards, in the unit box.
+    /// Candidates without rewards, in the unit box.
     pending: BTreeMap<u64, Vec<f64>>,
-    /// Rewards that the model does not have yet.
+    /// Rewards that are not yet in the model.
     fresh: BTreeMap<u64, (Vec<f64>, Option<f64>)>,
-    /// Points in the unit box and their rewards, in the order in which the model received them.
+    /// Points in the unit box and their rewards, in the order of their addition to the model.
     points: Vec<f64>,
     rewards: Vec<f64>,
     fit: Option<Fit>,
@@ -129,10 +129,10 @@ pub struct BayesianOptimisation {
     feasible: Option<Feasible>,
 }
 
-/// Hyperparameters and the standardisation of rewards, which stay until the next fit.
+/// Hyperparameters and the standardisation of rewards, kept until the next fit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Fit {
-    /// Rewards at the time of the fit.
+    /// Number of rewards at the time of the fit.
     count: usize,
     /// Logarithms of the kernel's parameters, then the noise variance.
     parameters: Vec<f64>,
@@ -152,11 +152,11 @@ impl core::fmt::Debug for BayesianOptimisation {
 }
 
 impl BayesianOptimisation {
-    /// A search within bounds, one pair a parameter.
+    /// Creates a search within bounds, one pair per parameter.
     ///
     /// # Errors
     ///
-    /// [`StartError`] where bounds or settings are out of range.
+    /// [`StartError`] if bounds or settings are out of range.
     pub fn new(bounds: Vec<[f64; 2]>, settings: BayesianSettings, seed: u64) -> Result<Self, StartError> {
         check_bounds(&bounds)?;
         let BayesianSettings { acquisition, smoothness: _, initial, points, starts, refit } = settings;
@@ -182,11 +182,12 @@ impl BayesianOptimisation {
         })
     }
 
-    /// Restricts parameters to whole numbers, one flag a parameter. The model sees rounded parameters only.
+    /// Restricts parameters to whole numbers, one flag per parameter. The model sees only rounded parameters.
     ///
     /// # Errors
     ///
-    /// [`StartError`] if the number of flags differs, or the bounds of such a parameter hold no whole number.
+    /// [`StartError`] if the number of flags is wrong, or the bounds of such a parameter contain no whole
+    /// number.
     pub fn with_whole_numbers(mut self, whole: Vec<bool>) -> Result<Self, StartError> {
         let expected = self.bounds.len();
         if whole.len() != expected {
@@ -203,21 +204,21 @@ impl BayesianOptimisation {
         Ok(self)
     }
 
-    /// Restricts candidates to parameters for which `feasible` is true. It is not part of saved states. Where
-    /// none of the evaluated points satisfies it, [`ask`](Search::ask) returns no candidate.
+    /// Restricts candidates to parameters for which `feasible` returns `true`. The constraint is not part of
+    /// saved states. If none of the evaluated points satisfies it, [`ask`](Search::ask) returns no candidate.
     #[must_use]
     pub fn with_constraint(mut self, feasible: impl Fn(&[f64]) -> bool + Send + Sync + 'static) -> Self {
         self.feasible = Some(Arc::new(feasible));
         self
     }
 
-    /// Candidate `id` at a point in the unit box.
+    /// Returns candidate `id` at a point in the unit box.
     fn candidate(&self, id: u64, unit: &[f64]) -> Candidate {
         let counter = Counter { seed: self.seed, step: id, ..Counter::default() };
         Candidate { id, parameters: self.parameters(unit), seed: counter.number(Purpose::Rollout) }
     }
 
-    /// Parameters of a point in the unit box, rounded where they are whole numbers.
+    /// Returns the parameters of a point in the unit box. Parameters that are whole numbers are rounded.
     fn parameters(&self, unit: &[f64]) -> Vec<f64> {
         let scaled = unit.iter().zip(&self.bounds).zip(&self.whole);
         scaled
@@ -228,7 +229,7 @@ impl BayesianOptimisation {
             .collect()
     }
 
-    /// The point in the unit box whose parameters are rounded.
+    /// Returns the point in the unit box with rounded parameters.
     fn rounded(&self, unit: &[f64]) -> Vec<f64> {
         if !self.whole.contains(&true) {
             return unit.to_vec();
@@ -241,7 +242,8 @@ impl BayesianOptimisation {
         self.feasible.as_ref().is_none_or(|feasible| feasible(&self.parameters(unit)))
     }
 
-    /// Points `first..` of a quasi-random sequence in the unit box, shifted by the numbers of a counter.
+    /// Returns the points `first..` of a quasi-random sequence in the unit box, shifted by the random numbers
+    /// of a counter.
     fn sequence(&self, counter: Counter, first: u64) -> impl Iterator<Item = Vec<f64>> {
         let n = self.bounds.len();
         let mut random = counter.stream(Purpose::Acquisition);
@@ -259,7 +261,7 @@ impl BayesianOptimisation {
     fn initial_point(&self) -> Option<Vec<f64>> {
         let counter = Counter { seed: self.seed, world: 1, ..Counter::default() };
         let taken = 1 + self.settings.points;
-        // each candidate begins where no earlier one can have been
+        // skip the points of all earlier candidates
         let points = self.sequence(counter, 0).skip(self.asked as usize);
         points.take(taken).find(|point| self.is_feasible(point)).map(|point| self.rounded(&point))
     }
@@ -277,7 +279,7 @@ impl BayesianOptimisation {
             self.points.extend_from_slice(&unit);
             self.rewards.push(reward);
             if let (Some(process), Some(fit)) = (&mut self.process, &self.fit) {
-                // a point that makes the covariance singular changes nothing until the next fit
+                // a point that makes the covariance singular is ignored until the next fit
                 let _ = process.push(&unit, &[Self::standardised(fit, reward)]);
             }
         }
@@ -337,7 +339,7 @@ impl BayesianOptimisation {
         Ok(())
     }
 
-    /// The process of a fit with the rewards at its time.
+    /// Builds the process of a fit from the rewards at the time of the fit.
     fn build(&self, fit: &Fit) -> Result<GaussianProcess, GpError> {
         let n = self.bounds.len();
         let mut kernel = self.settings.smoothness.kernel(n);
@@ -348,14 +350,15 @@ impl BayesianOptimisation {
         GaussianProcess::new(kernel, noise, &self.points[..fit.count * n], n, &rewards, 1)
     }
 
-    /// The acquisition at a point of the unit box.
+    /// Returns the acquisition at a point of the unit box.
     fn value(&self, process: &GaussianProcess, best: f64, unit: &[f64], scratch: &mut Scratch) -> f64 {
         let mut mean = [0.0];
         let variance = process.predict(&self.rounded(unit), &mut mean, scratch) - process.noise();
         self.settings.acquisition.value(mean[0], variance.max(0.0).sqrt(), best)
     }
 
-    /// The point of the largest acquisition; `best` is the best standardised reward, believed ones included.
+    /// Returns the point with the largest acquisition. `best` is the best standardised reward, including
+    /// assumed rewards.
     fn propose(&self, process: &GaussianProcess, best: f64) -> Option<Vec<f64>> {
         let n = self.bounds.len();
         let mut scratch = process.scratch();
@@ -418,7 +421,7 @@ impl Search for BayesianOptimisation {
     }
 
     fn ask(&mut self, count: usize) -> Vec<Candidate> {
-        // an unlimited request would never end: there is always one more point
+        // limit the request: there is always one more point
         let count = count.min(1024);
         self.absorb();
         let mut model = self.process.clone();
@@ -484,7 +487,7 @@ impl Search for BayesianOptimisation {
         let dimensions = self.dimensions();
         let mut search = Saved::<Self>::read(METHOD, dimensions, state)?;
         if let Some(fit) = &search.fit {
-            // the same operations in the same order as in the saved search: the same bits
+            // the same operations in the same order as in the saved search, for bit-for-bit equality
             let process = search.build(fit).map(|mut process| {
                 for k in fit.count..search.rewards.len() {
                     let unit = &search.points[k * dimensions..][..dimensions];
@@ -500,7 +503,7 @@ impl Search for BayesianOptimisation {
     }
 }
 
-/// Adds the mean at a point as if it were its reward, and returns it.
+/// Adds the predicted mean at a point as its assumed reward, and returns the mean.
 fn believe(process: &mut GaussianProcess, unit: &[f64]) -> f64 {
     let mut mean = [0.0];
     let mut scratch = process.scratch();

@@ -29,20 +29,20 @@ with_defaults! {
     pub solve_every: Option<TimeSpan> = None;
     /// Gait. Default: all feet stand.
     pub gait: Option<GaitConfig> = None;
-    /// Knowledge of the ground. Default "level".
+    /// Ground model. Default "level".
     pub ground: GroundConfig = GroundConfig::Level;
     /// Reaction to early and late touchdown. Requires the input `feet`.
     pub landing: LandingConfig = LandingConfig::default();
-    /// Costs of errors.
+    /// Weights of the cost terms.
     pub weights: WeightsConfig = WeightsConfig::default();
-    /// Velocity without a target: forward and to the left, m/s, and about the vertical, rad/s, in the axes of
-    /// the heading. Default 0.
+    /// Velocity if the input `target` is not connected, in heading axes: forward and left, m/s, and about the
+    /// vertical, rad/s. Default 0.
     pub velocity: [f64; 3] = [0.0; 3];
     /// Largest acceleration of the reference, m/s2, and rad/s2 about the vertical, 1e-3 to 1000. Default 1.
     pub acceleration: f64 = 1.0;
     /// Height of the centre of mass above the ground, m, at least 1e-3. Default: the height in the home pose.
     pub height: Option<f64> = None;
-    /// Largest distance of the reference from the measured centre of mass in the plane, m, 1e-3 to 10.
+    /// Maximum horizontal distance between the reference and the measured centre of mass, m, 1e-3 to 10.
     /// Default 0.05.
     pub max_lead: f64 = 0.05;
     /// Largest angle between the reference and the measured heading, rad, 1e-3 to 3. Default 0.3.
@@ -53,7 +53,7 @@ with_defaults! {
     pub max_force: Option<f64> = None;
     /// Gravity along z of the world, m/s2, below 0. Default: the value in `[world]`, or -9.81.
     pub gravity: [f64; 3] = [0.0, 0.0, -9.81];
-    /// Maximum age of a state; beyond it nothing is planned. Default 20 ms.
+    /// Maximum age of the robot state. The planner publishes no plan from an older state. Default 20 ms.
     pub state_timeout: TimeSpan = TimeSpan { ns: 20_000_000 };
     /// Age beyond which a target counts as zero. Default 100 ms.
     pub target_timeout: TimeSpan = TimeSpan { ns: 100_000_000 };
@@ -116,7 +116,7 @@ fn ramp() -> TimeSpan {
     TimeSpan { ns: 10_000_000 }
 }
 
-/// Knowledge of a planner about the ground.
+/// Ground model used by the planner.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(
     rename_all = "snake_case",
@@ -134,7 +134,7 @@ pub enum GroundConfig {
 }
 
 with_defaults! {
-    /// Settings of a ground that is fitted.
+    /// Settings of the fitted ground plane.
     #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
     #[serde(default, deny_unknown_fields)]
     pub struct FittedConfig;
@@ -160,7 +160,7 @@ with_defaults! {
 }
 
 with_defaults! {
-    /// Costs of errors, each for three axes: along the heading, to the left, up.
+    /// Weights of the cost terms. Vectors are in heading axes: forward, left, up.
     #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
     #[serde(default, deny_unknown_fields)]
     pub struct WeightsConfig;

@@ -15,12 +15,12 @@ use nalgebra::Vector2;
 use crate::mpc::{LegPlanner, PlanarVelocity};
 use setup::MpcSetup;
 
-/// Plans contact forces, contacts and swing motions of a legged robot that follows a velocity command. The
-/// method is model-predictive control of the centroidal motion ([`LegPlanner`]).
+/// Plans contact forces, contacts and swing motions of a legged robot that follows a velocity command, by
+/// model-predictive control of the centroidal motion ([`LegPlanner`]).
 ///
-/// It starts on all feet with the first state. Without a fresh state it publishes no plan, so readers notice
-/// that the plan is stale; it restarts with the next state. If a horizon has no solution, the forces of the
-/// previous one are kept.
+/// The planner starts with the first state, standing on all feet. Without a fresh state it publishes no plan,
+/// so subscribers see a stale one; it restarts with the next state. If the solver finds no solution for a
+/// horizon, the previous forces are kept.
 pub struct MpcPlanner {
     measured: MeasuredState,
     target: Input<TwistTarget>,
@@ -75,15 +75,14 @@ impl Component for MpcPlanner {
         declare.input::<BaseState>("base_state", "measured or estimated pose and velocity of the base");
         declare.optional_input::<TwistTarget>("target", "target velocity, in the axes of the heading");
         if config.landing == LandingConfig::default() {
-            let doc = "contacts of the feet as measured; without a fresh one the gait alone counts";
+            let doc = "measured contacts of the feet; without fresh contacts only the gait is used";
             declare.optional_input::<FootContacts>("feet", doc);
         } else {
-            declare
-                .input::<FootContacts>("feet", "contacts of the feet as measured, which `landing` is about");
+            declare.input::<FootContacts>("feet", "measured contacts of the feet, used by `landing`");
         }
         let doc = "share of its load that each foot may carry, and the normal of the ground";
         declare.output::<ContactSchedule>("contact_schedule", doc);
-        let doc = "place and velocity of the centre of mass in the world at the end of the step";
+        let doc = "position and velocity of the centre of mass in the world at the end of the step";
         declare.output::<PoseTarget>("centre_of_mass_target", doc);
         for name in &setup.names {
             let doc = format!(
@@ -165,7 +164,7 @@ impl Component for MpcPlanner {
             "swings": swings,
             "early_landings": early,
             "late_landings": late,
-            // avoids a negative zero
+            // adding 0 avoids a negative zero
             "ground_slope": [slope.x + 0.0, slope.y + 0.0],
             "largest_turn_rad": figures.largest_turn,
             "largest_position_error_m": figures.largest_error,
@@ -180,7 +179,8 @@ impl Component for MpcPlanner {
     }
 }
 
-/// Returns the newest target velocity; zero without a fresh one, and the configured one without an input.
+/// Returns the newest target velocity, zero if it is stale, or the configured velocity if the input is not
+/// connected.
 fn desired(target: &mut Input<TwistTarget>, config: &MpcConfig, factor: f64) -> PlanarVelocity {
     let [x, y, yaw] = if target.is_wired() {
         let fresh = target.latest().filter(|target| target.age_ns() <= config.target_timeout.ns);
@@ -191,8 +191,8 @@ fn desired(target: &mut Input<TwistTarget>, config: &MpcConfig, factor: f64) -> 
     PlanarVelocity { linear: Vector2::new(x, y) * factor, yaw_rate: yaw * factor }
 }
 
-/// Passes the newest contacts to the planner, or none if they are stale or incomplete. Returns `true` for
-/// fresh contacts.
+/// Passes the newest contacts to the planner, or no contacts if they are stale or incomplete. Returns `true`
+/// if the contacts are fresh.
 fn touching(input: &mut Input<FootContacts>, planner: &mut LegPlanner, feet: usize, timeout_ns: u64) -> bool {
     let fresh = input.latest().filter(|feet| feet.age_ns() <= timeout_ns);
     let fresh = fresh.filter(|contacts| contacts.count() == feet);

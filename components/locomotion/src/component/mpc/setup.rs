@@ -27,7 +27,7 @@ impl MpcSetup {
         let Loaded { model, profile, .. } = load_robot(robot)?;
         if !model.base().floating {
             let message =
-                format!("robot `{}` has a fixed base, which contact forces do not move", robot.name);
+                format!("robot `{}` has a fixed base, which contact forces cannot move", robot.name);
             return Err(ConfigError::key("robot", message).advise("name a robot with a floating base"));
         }
         let profile = profile.filter(|profile| !profile.feet.is_empty()).ok_or_else(|| {
@@ -72,7 +72,7 @@ fn planned_foot(
     Ok(PlannedFoot { frame: contact.frame, points, radius, friction })
 }
 
-/// Returns the gait of these feet; without a configuration, one that never starts.
+/// Returns the gait of these feet; without a configuration, a gait that never starts.
 fn gait(config: Option<&GaitConfig>, names: &[String]) -> Result<Gait, ConfigError> {
     let Some(config) = config else {
         return Gait::new(1.0, 0.5, vec![0.0; names.len()])

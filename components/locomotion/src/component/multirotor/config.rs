@@ -6,8 +6,8 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 with_defaults! {
-    /// Configuration of `control.multirotor`. Every key has a default: for the quadrotor of the catalogue the
-    /// table may stay empty.
+    /// Configuration of `control.multirotor`. Every key has a default; the catalogue's quadrotor flies with
+    /// an empty table.
     ///
     /// ```toml
     /// position_frequency = 2.0
@@ -38,7 +38,8 @@ with_defaults! {
     pub yaw_tolerance: f64 = 0.05;
     /// Settling time after the target comes to rest before errors are scored. Default 1 s.
     pub settle: TimeSpan = TimeSpan { ns: 1_000_000_000 };
-    /// Maximum age of the base state. Beyond it nothing is commanded, and the rotors stop. Default 10 ms.
+    /// Maximum age of the base state. Without a newer state nothing is commanded and the rotors stop. Default
+    /// 10 ms.
     pub state_timeout: TimeSpan = TimeSpan { ns: 10_000_000 };
     /// Age beyond which a target is treated as stationary. Default 50 ms.
     pub target_timeout: TimeSpan = TimeSpan { ns: 50_000_000 };

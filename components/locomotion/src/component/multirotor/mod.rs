@@ -26,14 +26,14 @@ pub struct MultirotorController {
     goal: Option<Goal>,
     thrusts: Vec<f64>,
     record: GoalRecord,
-    /// Current goal, and the time for which the target has been at rest there, s.
+    /// Number of the current goal, and the time since the target came to rest there, s.
     rested: (u64, f64),
     last_ns: Option<u64>,
     saturated: u64,
     stale: u64,
 }
 
-/// The target applied last.
+/// The last applied target.
 #[derive(Clone, Copy, Debug)]
 struct Goal {
     target: FlightTarget,
@@ -41,10 +41,10 @@ struct Goal {
     rests: bool,
 }
 
-/// Time constant of the target's acceleration estimate, which is the slope of its velocity, s.
+/// Time constant of the target's acceleration estimate, the derivative of its velocity, s.
 const SMOOTHING: f64 = 0.02;
 
-/// Largest acceleration of the target that is fed forward, m/s^2.
+/// Maximum feed-forward acceleration of the target, m/s^2.
 const MOST_ACCELERATION: f64 = 5.0;
 
 /// Validated components of a controller.
@@ -66,7 +66,7 @@ impl Parts {
         in_range("yaw_tolerance", config.yaw_tolerance, 1e-9..=10.0)?;
         if config.attitude_frequency < 3.0 * config.position_frequency {
             let message = format!(
-                "{} rad/s, expected at least three times `position_frequency`, {} rad/s: a slower attitude swings",
+                "{} rad/s, expected at least three times `position_frequency`, {} rad/s: otherwise it oscillates",
                 config.attitude_frequency,
                 3.0 * config.position_frequency
             );
@@ -82,8 +82,8 @@ impl Parts {
         }
         if model.joint_count() > 0 {
             let message =
-                format!("robot `{}` has joints, and this controller flies rigid bodies", robot.name);
-            return Err(refused(message).advise("make its joints fixed in its URDF"));
+                format!("robot `{}` has joints, but this controller flies only rigid bodies", robot.name);
+            return Err(refused(message).advise("make its joints `fixed` in the URDF"));
         }
         if !model.base().floating {
             let message = format!("the base of robot `{}` is fixed", robot.name);
@@ -112,7 +112,7 @@ impl Parts {
         let most = config.max_thrust_share * mixer.max_thrust();
         if most < 1.05 * weight {
             let message = format!(
-                "the rotors of robot `{}` pull with {most:.3} N at most and it weighs {weight:.3} N",
+                "the rotors of robot `{}` produce at most {most:.3} N, but it weighs {weight:.3} N",
                 robot.name
             );
             return Err(
@@ -148,7 +148,8 @@ impl Component for MultirotorController {
     fn declare(config: &MultirotorConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         Parts::new(config, required_robot(declare)?)?;
         declare.input::<BaseState>("base_state", "measured pose and velocity of the base");
-        declare.optional_input::<PoseTarget>("target", "target pose; of its orientation the yaw");
+        declare
+            .optional_input::<PoseTarget>("target", "target pose; only the yaw of its orientation is used");
         declare.output::<JointCommand>("joint_command", "thrust of each rotor, as its effort");
         Ok(())
     }

@@ -16,8 +16,8 @@ use setup::{BaseJoint, WheelSetup};
 /// A controller that converts a target velocity of a base to commands of its wheels and steering joints; see
 /// [`WheelDrive`]. The other joints follow `arm_command`, or hold their initial positions.
 ///
-/// It publishes odometry from the measured wheel angles, which continues after a crash. Without a fresh joint
-/// state it commands nothing; without a fresh target the base brakes.
+/// Odometry is computed from the measured wheel angles and continues after a crash. Without a fresh joint
+/// state the controller commands nothing; without a fresh target the base brakes.
 pub struct WheelController {
     joint_state: Input<JointState>,
     target: Input<TwistTarget>,
@@ -72,8 +72,7 @@ impl Component for WheelController {
         WheelSetup::new(config, required_robot(declare)?)?;
         declare.input::<JointState>("joint_state", "measured joint state of the robot");
         declare.input::<TwistTarget>("target", "target velocity of the base, in its own axes");
-        declare
-            .optional_input::<JointCommand>("arm_command", "command of the joints that are not the base's");
+        declare.optional_input::<JointCommand>("arm_command", "command of the joints outside the base");
         declare.output::<JointCommand>("joint_command", "setpoints and gains of all joints");
         declare
             .output::<Odometry>("odometry", "pose and velocity of the base, from the angles of its wheels");
