@@ -155,10 +155,10 @@ impl ModelWarning {
     /// ```
     /// use motorium_robots::ModelWarning;
     ///
-    /// let warn = |rpy: [f64; 3]| ModelWarning::of_angles("rpy of the camera", &rpy, "URDF has radians", None);
+    /// let warn = |rpy: [f64; 3]| ModelWarning::of_angles("rpy of a camera", &rpy, "URDF has radians", None);
     /// assert_eq!(
     ///     warn([0.0, 90.0, 0.0]).unwrap().to_string(),
-    ///     "rpy of the camera has an angle of 90 rad; URDF has radians: if these are degrees, write 1.5708"
+    ///     "rpy of a camera has an angle of 90 rad; URDF has radians: if these are degrees, write 1.5708"
     /// );
     /// assert_eq!(warn([0.0, 6.28, -4.7]), None);
     /// ```
