@@ -197,8 +197,8 @@ impl Play {
     }
 }
 
-/// Returns advice if the positions of all joints that turn are within their limits in degrees, and one of them
-/// is out of reach in radians.
+/// Returns advice if the positions of all joints that turn are within their limits in degrees, and one of
+/// them is out of reach in radians.
 fn degrees(recording: &Recording, joints: &[usize], model: &Model) -> Option<String> {
     let values = recording.values();
     let mut advice = None;

@@ -150,7 +150,7 @@ impl Record {
     /// Returns an error if the line is not a record.
     pub fn of_log(line: &str) -> Result<Option<Self>, RecordError> {
         let Some(translated) = translate(line)? else { return Ok(None) };
-        // A screen line has no `#`: its mistakes are those of its translation.
+        // A screen line has no `#`: mistakes are found in its translation.
         let is_screen = line.contains('[');
         let refuse = |error: RecordError| match mistake_in_line(line).filter(|_| !is_screen) {
             Some((column, message)) => RecordError { found: line.to_string(), column, message },

@@ -9,7 +9,8 @@ use super::{Object, ObjectShape, World};
 const RADIANS: &str = "angles are in radians";
 
 impl World {
-    /// Returns warnings of orientations that were probably written in degrees. Copies of an object count once.
+    /// Returns warnings of orientations that were probably written in degrees. Copies of an object count
+    /// once.
     pub(super) fn warn_of_angles(&self, warnings: &mut Vec<ModelWarning>) {
         let mut seen: Vec<[f64; 3]> = Vec::new();
         for object in &self.objects {

@@ -149,16 +149,16 @@ pub(crate) fn extent(mesh: &TriangleMesh) -> Vector3<f64> {
 }
 
 impl ModelWarning {
-    /// Returns a warning if one of these angles \[rad\] was probably written in degrees; `what` names the value
-    /// and its owner, and `format` is the rule of the file, such as `URDF has radians`.
+    /// Returns a warning if one of these angles \[rad\] was probably written in degrees; `what` names the
+    /// value and its owner, and `format` is the rule of the file, such as `URDF has radians`.
     ///
     /// ```
     /// use motorium_robots::ModelWarning;
     ///
-    /// let warn = |rpy: [f64; 3]| ModelWarning::of_angles("rpy of the camera", &rpy, "angles are in radians", None);
+    /// let warn = |rpy: [f64; 3]| ModelWarning::of_angles("rpy of a camera", &rpy, "URDF has radians", None);
     /// assert_eq!(
     ///     warn([0.0, 90.0, 0.0]).unwrap().to_string(),
-    ///     "rpy of the camera has an angle of 90 rad; angles are in radians: if these are degrees, write 1.5708"
+    ///     "rpy of a camera has an angle of 90 rad; URDF has radians: if these are degrees, write 1.5708"
     /// );
     /// assert_eq!(warn([0.0, 6.28, -4.7]), None);
     /// ```
@@ -167,8 +167,8 @@ impl ModelWarning {
         Some(Self::Degrees { what: what.to_owned(), format, angle, at })
     }
 
-    /// Returns a warning of an object of a world with implausible sides \[m\]. Objects that do not move, such as
-    /// buildings, may be larger.
+    /// Returns a warning of an object of a world with implausible sides \[m\]. Objects that do not move, such
+    /// as buildings, may be larger.
     pub fn of_object(object: &str, sides: [f64; 3], moves: bool) -> Option<Self> {
         let (what, metres, most) = match moves {
             true => ("longest side", sides.into_iter().fold(0.0, f64::max), LONGEST),
