@@ -1,4 +1,4 @@
-//! Figures 3.9, 3.11, 3.12 and 3.14, eigenforces themselves and recognition: letters.
+//! Letters: figures 3.9, 3.11, 3.12 and 3.14, the eigenforces, and recognition.
 //!
 //! Figures whose number is not certain are named by their content.
 

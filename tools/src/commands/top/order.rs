@@ -4,7 +4,7 @@ use core::cmp::Ordering;
 
 use super::data::{ComponentSpan, ComponentTop, Span};
 
-/// Sort key of components: names from A to Z, numbers from the largest on.
+/// Sort key of components: names from A to Z, numbers in descending order.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 pub(super) enum Order {
     /// As in the graph file

@@ -33,7 +33,7 @@ pub(super) fn check_size((width, height): (f64, f64)) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What robots stand on.
+/// The ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Floor {
     /// Height \[m\].
@@ -99,7 +99,7 @@ pub(super) fn paint(scene: &Scene, camera: &Camera, floor: Option<&Floor>) -> Ve
     pixels
 }
 
-/// What a sample sees: the nearest triangle, and the shares of its second and third corner.
+/// The visible point of a sample: the nearest triangle, and the shares of its second and third corner.
 #[derive(Clone, Copy)]
 struct Seen {
     depth: f64,
