@@ -1,4 +1,4 @@
-//! Runs that a person names, inspects, and damages.
+//! Runs that an operator names, inspects, and damages.
 
 use std::time::{Duration, Instant};
 

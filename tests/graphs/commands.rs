@@ -290,7 +290,7 @@ fn one_flapping_robot_does_not_disturb_the_other() {
     let ended = run(&graph, &["--for", "3 s", "--clock", "lockstep"]);
     let gate = physics(&ended).gate.as_ref().expect("a gate");
     assert!(matches!(gate.refused[..], [Refused { reason: Refusal::Limits, count: 20 }]), "{gate:?}");
-    assert_eq!((gate.state, gate.entries), (GateState::Following, 1), "one stop, and one way back");
+    assert_eq!((gate.state, gate.entries), (GateState::Following, 1), "one stop, and one recovery");
     let robots = &ended.report().results["physics"]["robots"];
     for name in ["left", "right"] {
         // From the first refusal, at 0.5 s, until half a second after the last, at 1.45 s.

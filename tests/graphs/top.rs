@@ -250,7 +250,7 @@ fn metrics_say_what_happened(run: &Serving, name: &str) {
             assert!(labels.get("run").is_some_and(|run| run.starts_with(name)), "{labels:?}");
         }
     }
-    crate::dashboard::asks_for_what_there_is(&after);
+    crate::dashboard::assert_dashboard_matches(&after);
     for (index, component) in COMPONENTS.iter().enumerate() {
         let labels = [("component", *component)];
         let of = |text: &BTreeMap<String, Family>| text["motorium_component_steps"].value(&labels);

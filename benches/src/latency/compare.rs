@@ -75,7 +75,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// True if anything has become slower.
+    /// Returns `true` if anything has become slower.
     pub fn is_slower(&self) -> bool {
         self.changes.iter().any(|change| change.direction == Direction::Slower)
     }

@@ -31,7 +31,7 @@ pub struct Bench<'a> {
     pub registry: &'a Registry,
     /// Cores to measure on.
     pub places: Places,
-    /// `SCHED_FIFO` priority to ask for.
+    /// `SCHED_FIFO` priority to request.
     pub fifo: u8,
     /// Samples of each hop.
     pub samples: usize,

@@ -25,7 +25,7 @@ pub(super) struct Topics<P: Payload> {
 pub(super) enum Waits {
     /// Sleeps until its trigger wakes it.
     Blocking,
-    /// It polls.
+    /// Polls.
     Spinning,
     /// Polls and yields to the sender, which is on the same core.
     Yielding,

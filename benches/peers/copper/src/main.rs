@@ -7,7 +7,7 @@ use std::sync::Mutex;
 use cu29::curuntime::LoopRateLimiter;
 use cu29::prelude::*;
 
-/// 512 bytes, as the relays of motorium.
+/// 512 bytes, like the relays of motorium.
 type Payload = CuArray<u64, 64>;
 
 /// Iterations before those that count.
