@@ -52,9 +52,9 @@ pub struct Causes {
     pub stalls: u64,
     /// Total duration of the stalls, ms.
     pub stalled_ms: f64,
-    /// Out of so much time of spinning, ms.
+    /// Total time of spinning, ms.
     pub watched_ms: f64,
-    /// The longest, us.
+    /// Longest stall, us.
     pub longest_stall_us: f64,
 }
 
@@ -86,7 +86,7 @@ impl Causes {
         causes
     }
 
-    /// All misses.
+    /// Number of misses.
     pub fn misses(&self) -> u64 {
         self.stolen + self.late_wake + self.long_step + self.late_input
     }

@@ -54,7 +54,7 @@ pub struct Measurement {
     pub name: String,
     /// The measured value.
     pub what: String,
-    /// All of it.
+    /// Its distribution, ns.
     pub ns: Distribution,
     /// Lowest `SCHED_FIFO` priority among its processes, read back; 0 for normal time sharing.
     pub fifo: u32,
