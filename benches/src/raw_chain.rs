@@ -27,7 +27,7 @@ const PERIOD_NS: u64 = 1_000_000;
 const SPIN_NS: u64 = 100_000;
 /// Passed on instead of a time to end the measurement.
 const OVER: u64 = 0;
-/// Rounds before those that count.
+/// Number of warm-up rounds.
 const WARM_UP: u64 = 100;
 
 /// A chain to measure.

@@ -305,7 +305,7 @@ fn commands_from_a_clock_ahead_are_never_applied() {
     let ahead = ["--time", "--monotonic", "10"];
     let works = Command::new("unshare").args(ahead).arg("true").status().is_ok_and(|status| status.success());
     if !is_root() || !works {
-        return eprintln!("skipped: this user may not set a clock of its own for a process");
+        return eprintln!("skipped: this user may not set a separate clock for a process");
     }
     let folder = tempfile::tempdir().expect("a folder");
     let program = folder.path().join("ahead");

@@ -135,10 +135,10 @@ fn log_of_a_crashed_run_is_read_by_its_id() {
     signal(run.launcher(), Signal::STOP);
     kill(run.guard());
     kill(run.launcher());
-    await_that("nobody holds the run", || !run.folder.is_alive());
+    await_that("the run is dead", || !run.folder.is_alive());
     let shown = events(&id, &[]);
     assert_eq!(kinds(&shown)[..2], [EventKind::Created, EventKind::Started]);
-    let follower = follow(&id).wait_with_output().expect("it ends at once: the run is over");
+    let follower = follow(&id).wait_with_output().expect("it ends immediately: the run is over");
     assert_eq!(parsed(&String::from_utf8_lossy(&follower.stdout)).len(), shown.len());
     let components: Vec<u32> = {
         let region = run.folder.region().expect("it is still there");

@@ -239,7 +239,7 @@ fn a_killed_or_stopped_receiver_binds_again() {
     let mut arrives = |run: &Run| {
         let before = run.published("grip/wrench");
         let began = Instant::now();
-        // data sent while nobody receives is lost, and the sender may get an error for it
+        // data sent without a receiver is lost, and the sender may get an error
         while run.published("grip/wrench") == before {
             count += 1;
             let _ = sender.send(&payload(f64::from(count)));

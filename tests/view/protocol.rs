@@ -110,7 +110,7 @@ fn camera_pictures_arrive_whole_in_the_announced_form() {
     let mut client = Client::connect(viewer.port, "", SUBPROTOCOL).unwrap();
     client.await_channels(&["camera/image/image", "camera/info/calibration"]);
     assert_eq!(client.channels["camera/image/image"]["schemaName"], "foxglove.RawImage");
-    // nobody requests the form: the viewer reads it on its own
+    // no client requests the form: the viewer reads it itself
     let pictures = client.subscribe("camera/image/image");
     let mut seen = 0;
     client.hear_until("five pictures", |_, heard| {

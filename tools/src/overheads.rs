@@ -37,7 +37,7 @@ struct Saved {
     overheads: Overheads,
 }
 
-/// Overheads, and where they come from.
+/// Overheads and their origin.
 #[derive(Debug, Clone)]
 pub(crate) struct KnownOverheads {
     pub(crate) overheads: Overheads,

@@ -64,8 +64,8 @@ pub struct Cell {
     pub hung: u32,
     /// Number of faults after which an actuator followed a stale command for too long.
     pub unsafe_outages: u32,
-    /// Most frequent outcome of these faults. For pauses, only those that are long for a command and short
-    /// for a watchdog count. `None` without such a fault.
+    /// Most frequent outcome of these faults. Only pauses that are long for a command and short for a
+    /// watchdog are counted. `None` without such a fault.
     pub outcome: Option<Outcome>,
 }
 

@@ -23,7 +23,7 @@ const REACT_WITHIN: Duration = Duration::from_secs(1);
 /// End a run in good order, or stop its robot immediately.
 ///
 /// Without `--now` the launcher ends the run, as on Ctrl-C: the actuators enter their safe state first. With
-/// it every actuator goes to its safe state at its next step and stays there until `motorium resume`; the run
+/// it every actuator enters its safe state at its next step and stays there until `motorium resume`; the run
 /// continues, and its launcher is not needed.
 ///
 /// Example: motorium stop --now

@@ -25,7 +25,7 @@ use origin::Origin;
 pub(crate) struct Failure {
     /// False: nothing was done, or not all of it.
     valid: bool,
-    /// The error and its causes in words, in one line.
+    /// The error and its causes, in one line.
     error: String,
     /// Class of the mistake.
     kind: Kind,
@@ -51,7 +51,7 @@ pub(crate) struct Failure {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Kind {
-    /// Something failed (exit code 1): a component that cannot be started, no run to look at, a file that
+    /// Something failed (exit code 1): a component that cannot be started, no run to inspect, a file that
     /// cannot be read.
     Failed,
     /// Wrong usage (exit code 2): an unknown command or option, an option that cannot be read.

@@ -74,7 +74,7 @@ const MOST: usize = 64;
 /// Pause after a client could not be accepted, usually for lack of file descriptors.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// Serves all clients in turns, none of which waits for another.
+/// Serves all clients in turn; none waits for another.
 fn serve_all(listener: &TcpListener, exposition: &Exposition) {
     let mut clients: Vec<Client> = Vec::new();
     loop {

@@ -184,7 +184,7 @@ fn interrupted(report: &Report, text: &mut String) {
     }
 }
 
-/// Lists the causes of missed steps: those of the host are distinguished from those of the graph.
+/// Lists the causes of missed steps; delays by the host are distinguished from the graph's own.
 fn missed_steps(report: &Report, text: &mut String) {
     for component in &report.components {
         let causes = causes(component);

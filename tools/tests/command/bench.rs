@@ -84,7 +84,7 @@ fn short_bench_writes_samples_picture_and_table() {
         let rising = ["p50", "p99", "p99_9", "max"].map(percentile);
         assert!(rising.is_sorted() && rising[0] > 0, "{name}: {rising:?}");
         let last = buckets.last().and_then(|bucket| bucket[0].as_u64()).expect("a last bucket");
-        assert!(last >= rising[3], "{name}: the longest of {} lies beyond {last}", rising[3]);
+        assert!(last >= rising[3], "{name}: the longest of {} is beyond {last}", rising[3]);
     }
     // Compared targets have a verdict, all others are open; the table agrees with the file.
     for target in written["targets"].as_array().expect("targets") {

@@ -11,7 +11,7 @@ use crate::program::printed;
 mod components;
 
 fn workspace() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tools lie in the workspace").to_path_buf()
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tools are in the workspace").to_path_buf()
 }
 
 fn read(path: impl AsRef<Path>) -> String {
@@ -99,7 +99,7 @@ fn every_overlay_graph_of_the_book_can_run() {
     }
 }
 
-/// The graph of the README with the tables of a fragment in place of its own.
+/// The graph of the README, with its tables replaced by the tables of a fragment.
 fn with_fragment(fragment: &str) -> String {
     let headers: Vec<&str> = fragment.lines().filter(|line| line.starts_with('[')).collect();
     let text = read("graphs/panda-reach.toml");
@@ -343,7 +343,7 @@ fn links_resolve_and_every_page_is_in_the_summary() {
     let book = workspace().join("docs/src");
     let within = book.canonicalize().expect("the book is there");
     for (path, text) in pages() {
-        let folder = path.parent().expect("a page lies in a folder");
+        let folder = path.parent().expect("a page is in a folder");
         if let Some(place) = path.strip_prefix(&book).ok().filter(|place| !place.ends_with("SUMMARY.md")) {
             assert!(summary.contains(&format!("({})", place.display())), "{} is not listed", place.display());
         }
@@ -394,6 +394,6 @@ fn every_row_of_the_fault_tables_names_an_existing_test() {
     let faults: Vec<&str> = matrix[2..].iter().map(|row| row[1].as_str()).collect();
     assert_eq!(faults, motorium_benches::kill::Fault::ALL.map(motorium_benches::kill::Fault::name));
     let outcome =
-        |cell: &String| ["goes on", "safe state", "no actuator"].iter().any(|o| cell.starts_with(o));
+        |cell: &String| ["continues", "safe state", "no actuator"].iter().any(|o| cell.starts_with(o));
     assert!(matrix[2..].iter().all(|row| row[2..9].iter().all(outcome)), "{matrix:?}");
 }

@@ -6,7 +6,7 @@ use crate::program::{complaint, json, motorium, printed, run};
 use serde_json::{Value, json};
 
 fn workspace() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tools lie in the workspace").to_path_buf()
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tools are in the workspace").to_path_buf()
 }
 
 /// Pinocchio's results for a robot of the catalogue.

@@ -121,7 +121,7 @@ fn serve(request: Request) -> anyhow::Result<ExitCode> {
         let over = over.clone();
         std::thread::spawn(move || {
             if let Err(error) = watch::watch(port, &over) {
-                eprintln!("the client that looks at everything has left: {error:#}");
+                eprintln!("the client that subscribes to everything has ended: {error:#}");
             }
         });
     }

@@ -41,8 +41,8 @@ fn check_virtual(hypervisor: bool, product: &[String; 2], container: bool) -> Fi
         let product = product.trim();
         let kind = if product.is_empty() { String::new() } else { format!(" ({product})") };
         let found = format!(
-            "virtual{kind}{inside}: its host may take the cores away at any time; what is measured below is not \
-             the hardware's"
+            "virtual{kind}{inside}: its host may take the cores away at any time; the measurements below \
+             are not the hardware's"
         );
         return Finding::warn(name, found, "run robots on a physical machine; for development this is fine");
     }

@@ -30,14 +30,14 @@ pub(super) use score::Score;
 use crate::out::errln;
 use crate::{overheads, style};
 
-/// Opens a recording, and warns of what is missing or damaged.
+/// Opens a recording, and warns of missing or damaged parts.
 pub(super) fn opened(file: &Path) -> anyhow::Result<Recording> {
     let recording = Recording::open(file)?;
     warn(file, recording.faults());
     Ok(recording)
 }
 
-/// Opens a recording or an MCAP file of another program, and warns of what is missing or damaged.
+/// Opens a recording or an MCAP file of another program, and warns of missing or damaged parts.
 fn opened_any(file: &Path) -> anyhow::Result<Opened> {
     let opened = open(file)?;
     warn(

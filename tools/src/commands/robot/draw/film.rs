@@ -131,7 +131,7 @@ fn floor(film: &Film, low: &Vector3<f64>, high: &Vector3<f64>) -> Option<Floor> 
     Some(Floor { height, colour: appearance.ground(), side, checker, middle: Point3::origin() })
 }
 
-/// The plane z = 0 below a scene, if it is near.
+/// The plane z = 0 below a scene, if the scene is near it.
 pub(super) fn floor_below(scene: &Scene) -> Option<Floor> {
     let points: Vec<Point3<f64>> = scene.solids.iter().flat_map(Solid::corners).collect();
     let (low, high) = bounds(points.iter());
@@ -141,7 +141,7 @@ pub(super) fn floor_below(scene: &Scene) -> Option<Floor> {
     Some(Floor { height, colour, side, checker: None, middle })
 }
 
-/// The height of the ground, 0, if what is above it is not far.
+/// The height of the ground, 0, if the scene above it is near.
 fn ground_below(low: &Vector3<f64>, high: &Vector3<f64>) -> Option<f64> {
     let extent = (high - low).max();
     (-0.02 * extent..0.5 * extent).contains(&low.z).then_some(0.0)
