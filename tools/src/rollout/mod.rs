@@ -114,8 +114,7 @@ pub(crate) struct Rollout {
 }
 
 impl Rollout {
-    /// Returns the plan with values of keys, in lockstep. The last expectations are the figures of the
-    /// reward.
+    /// The plan with values of keys, in lockstep. The last expectations are the figures of the reward.
     pub(crate) fn plan(&self, settings: &[(&str, f64)], registry: &Registry) -> Result<Plan, GraphError> {
         let mut overrides = self.set.clone();
         let mut set = |path: &str, value: String| overrides.push(Override { path: path.to_owned(), value });
