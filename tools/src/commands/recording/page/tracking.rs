@@ -1,4 +1,4 @@
-//! How joints follow their commands.
+//! Tracking of joint commands.
 
 use std::fmt::Write as _;
 

@@ -86,12 +86,12 @@ impl Pictures {
     }
 }
 
-/// True if the camera moves with the robots: all of them have floating bases.
+/// Returns `true` if the camera moves with the robots: all of them have floating bases.
 fn follows(film: &Film) -> bool {
     !film.robots.is_empty() && film.robots.iter().all(|robot| robot.robot.model.base().floating)
 }
 
-/// The horizontal place of the robots that the camera follows, one a time; the origin if it does not.
+/// Horizontal position of the robots that the camera follows, one per time; the origin if it does not follow.
 fn middles(film: &Film) -> Vec<Vector3<f64>> {
     let count = film.times_s.len();
     if !follows(film) {
@@ -103,7 +103,7 @@ fn middles(film: &Film) -> Vec<Vector3<f64>> {
         sum / film.robots.len() as f64
     };
     let steady = |time: usize| {
-        // As many times before as after, or the camera would run ahead at the start.
+        // As many times before as after; otherwise the camera would run ahead at the start.
         let reach = STEADY.min(time).min(count - 1 - time);
         let around = time - reach..=time + reach;
         around.map(place).sum::<Vector3<f64>>() / (2 * reach + 1) as f64

@@ -1,4 +1,4 @@
-//! Pictures of dots: a depth buffer, light from one direction with shadows, and a ground with a grid.
+//! Raster pictures: a depth buffer, light from one direction with shadows, and a ground with a grid.
 
 use nalgebra::{Point3, Vector3};
 
@@ -19,7 +19,7 @@ const BACKGROUND: [f64; 3] = [0.945, 0.955, 0.965];
 /// Part of the brightness of the ground at a line of its grid.
 const LINE: f64 = 0.9;
 
-/// Checks the size of a picture, for which there must be memory.
+/// Checks that a picture of this size fits into memory.
 ///
 /// # Errors
 ///
