@@ -17,7 +17,7 @@ use motorium_bridges::recording::{
 use crate::out::{errln, outln};
 use crate::style;
 
-/// Write a recording as tables, one for each topic, or as a LeRobot dataset.
+/// Write a recording as tables, one for each topic, or as a dataset of LeRobot.
 ///
 /// MCAP files of other programs become tables of the channels that can be decoded: JSON, ROS 2 CDR and
 /// protobuf.
@@ -40,7 +40,7 @@ pub(crate) struct Export {
     /// The folder of the tables [default: FILE without `.mcap`]
     #[arg(long, short, value_name = "FOLDER")]
     output: Option<PathBuf>,
-    /// LeRobot: frames per second [default: 50]
+    /// LeRobot: frames a second [default: 50]
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     fps: Option<u32>,
     /// LeRobot: numbers of the state, such as `panda/joint_state.position[0..7]`; may be repeated [default:
