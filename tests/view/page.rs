@@ -273,7 +273,7 @@ fn page_changes_between_light_and_dark_and_keeps_the_choice() {
     assert!(light > 200.0 && kept.is_null(), "{light}, {kept}");
     let (dark, kept) = shown("document.getElementById('theme').click()");
     assert!(dark < 60.0 && kept == "dark", "{dark}, {kept}");
-    // The system's preference is light: back to it, nothing is kept.
+    // The system's preference is light: with the same choice, nothing is stored.
     let (light, kept) = shown("document.getElementById('theme').click()");
     assert!(light > 200.0 && kept.is_null(), "{light}, {kept}");
 }

@@ -40,13 +40,13 @@ pub struct FloorShare {
 /// Causes of lateness of all components of a graph, counted by their workers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Causes {
-    /// Steps whose core was taken away: ready to run, while nothing of this system ran.
+    /// Steps delayed by the host: ready to run, while nothing of this system ran.
     pub stolen: u64,
-    /// Steps that started late: others had the core, or the timer was late.
+    /// Steps that started late: other threads had the core, or the timer was late.
     pub late_wake: u64,
     /// Steps that ran too long on their core, including interrupts and stalls that the host does not report.
     pub long_step: u64,
-    /// Steps whose input came late.
+    /// Steps whose input arrived late.
     pub late_input: u64,
     /// Number of core stalls while a component was spinning and only read the clock.
     pub stalls: u64,

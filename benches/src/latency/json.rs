@@ -71,7 +71,7 @@ pub enum ReadError {
     Content {
         /// The file.
         file: String,
-        /// The mistake and its place.
+        /// The error and its position.
         error: serde_json::Error,
     },
 }

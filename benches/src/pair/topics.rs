@@ -10,7 +10,7 @@ use super::SIDES;
 use super::link::Link;
 use crate::payload::Payload;
 
-/// A topic each way.
+/// A topic in each direction.
 pub(super) struct Topics<P: Payload> {
     _endpoints: [Endpoint; 2],
     output: Output<P>,

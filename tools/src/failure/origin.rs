@@ -8,7 +8,7 @@ use motorium_primitives::file::{PrimitiveFile, PrimitiveFileError};
 use motorium_recordings::RecordingError;
 use motorium_robots::{LoadError, MjcfError, ProfileError, UrdfError};
 
-/// File, place and values of one error in a chain; unknown ones are empty.
+/// File, position and values of one error in a chain; unknown ones are empty.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Origin {
     /// True for a mistake in an input file.

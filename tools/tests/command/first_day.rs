@@ -229,7 +229,7 @@ fn wrong_files_and_untimed_recordings_are_reported() {
     }
 }
 
-/// A robot whose only shape is a missing mesh file, as URDF and as MJCF, each with a graph beside it.
+/// A robot whose only shape is a missing mesh file, as URDF and as MJCF, each with a graph.
 fn robots_of_a_missing_mesh(folder: &Path) -> [[String; 2]; 2] {
     let urdf = r#"<robot name="mesh"><link name="base"/><link name="arm"><inertial><mass value="1"/>
         <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry>

@@ -1,4 +1,4 @@
-//! `motorium replay`: a recorded run once more.
+//! `motorium replay`: replays a recorded run.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
