@@ -19,14 +19,14 @@ import numpy as np
 
 CYCLES = 100
 DT = 0.001
-# A second each: the offsets of the hand's goal from where it begins, m. Those of the Panda are out of reach now and then.
+# A second each: the offsets of the hand's goal from its start, m. Some goals of the Panda are out of reach.
 PANDA_GOALS = [[0.1, 0.2, 0.1], [-0.1, -0.3, 0.2], [0.6, 0.0, 0.5], [0.0, 0.3, -0.3]]
 TALOS_GOALS = [[0.1, 0.0, 0.15], [0.05, 0.1, 0.0], [0.1, 0.1, 0.2], [0.0, -0.05, 0.1]]
 PANDA_HOME = [0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398]
 
 
 def talos_home(name):
-    """The same posture as on our side: the knees are bent, the arms hang beside the trunk."""
+    """The same posture as in motorium's bench: knees bent, arms hanging beside the trunk."""
     bends = {"leg_._3": -0.4, "leg_._4": 0.8, "leg_._5": -0.4, "arm_._4": -1.0}
     arms = {"arm_left_2": 0.3, "arm_right_2": -0.3}
     found = [angle for part, angle in bends.items() if re.match(part.replace("_._", "_(left|right)_"), name)]
@@ -292,7 +292,7 @@ def placo_talos(path):
 
 
 def tsid_talos(path):
-    # what TSID returns is of types that Pinocchio registers; its wheel has the module a folder too deep
+    # TSID returns types that Pinocchio registers; its wheel has the module one folder too deep
     import pinocchio as pin
     import tsid
 
@@ -338,7 +338,7 @@ def tsid_talos(path):
     state = [q, v]
     start = (q.copy(), v.copy())
     tick = 0
-    # the formulation does not own what it was given
+    # the formulation does not own its arguments
     kept = [robot, contacts, centre, posture, torques]
 
     def cycle():

@@ -79,7 +79,7 @@ def gpy():
     pose = values(1, OUTPUTS, 0.55)
 
     def gradient():
-        # GPy returns without work where the parameters are those of the last call
+        # GPy returns immediately if the parameters equal those from the last call
         parameters[0] += 1e-9
         first._objective_grads(parameters)
 

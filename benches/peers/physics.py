@@ -22,7 +22,7 @@ import xml.etree.ElementTree as tree
 engine, motion, steps, boxes, urdf = sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4]), pathlib.Path(sys.argv[5])
 STEP = 1e-3
 
-# PyBullet writes greetings and warnings to standard output, which is for the answers here.
+# PyBullet writes greetings and warnings to standard output, which is reserved for the answers.
 answers = os.fdopen(os.dup(1), "w")
 os.dup2(2, 1)
 
@@ -35,7 +35,7 @@ def profile():
 
 
 def root_link(text):
-    """The link that no joint carries."""
+    """The root link: no joint has it as child."""
     robot = tree.fromstring(text)
     carried = {joint.find("child").get("link") for joint in robot.findall("joint")}
     return next(link.get("name") for link in robot.findall("link") if link.get("name") not in carried)
@@ -98,10 +98,10 @@ class MuJoCo:
             floor = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], contype=3, conaffinity=3)
             floor.friction[0] = 0.6 if boxes and motion != "batch" else 0.8
         spec.option.timestep = STEP
-        # Its Euler step takes the gains of actuators as they were: this one is the one for stiff drives.
+        # Its Euler step treats the gains of actuators explicitly: stiff drives need this integrator.
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         if motion == "energy":
-            # A robot on its own falls nowhere, and its default integrator is the peer.
+            # A free-flying robot has no gravity here, and the default integrator is the peer.
             spec.option.gravity = [0, 0, 0] if boxes else [0, 0, -9.81]
             spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
         self.model = spec.compile()

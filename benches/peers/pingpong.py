@@ -92,7 +92,8 @@ def pong(peer):
     link = None
 
     def answer(data):
-        # The first may come before the way back is there; ping sends again until it hears something.
+        # The first message may arrive before the return path exists; ping repeats it until it receives an
+        # answer.
         if link is not None:
             link.send(data)
 
@@ -105,7 +106,7 @@ def ping(peer, size, rounds, seconds):
     back = threading.Event()
     link = peer("motorium_bench_there", "motorium_bench_back", lambda _: back.set())
     data = bytes(size)
-    # Until the other side has been found.
+    # Until the other side is discovered.
     for _ in range(200):
         link.send(data)
         if back.wait(0.1):

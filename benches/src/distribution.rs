@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn merged_distributions_equal_that_of_all_samples() {
+    fn merged_distribution_matches_all_samples() {
         let histogram = |samples: core::ops::Range<u64>| {
             let histogram = Histogram::default();
             samples.for_each(|sample| histogram.record(sample * sample));
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_measured_is_all_zero_and_no_fault() {
+    fn distribution_without_samples_is_zero() {
         assert_eq!(Distribution::from_samples(Vec::new()), Distribution::default());
     }
 

@@ -25,9 +25,9 @@ const NUMBERS: usize = 64;
 const PERIOD_NS: u64 = 1_000_000;
 /// Time before its release at which the head stops sleeping and spins, ns, like a clock-released component.
 const SPIN_NS: u64 = 100_000;
-/// Passed on instead of a time: it is over.
+/// Passed on instead of a time to end the measurement.
 const OVER: u64 = 0;
-/// Rounds before those that count.
+/// Number of warm-up rounds.
 const WARM_UP: u64 = 100;
 
 /// A chain to measure.
@@ -103,7 +103,8 @@ impl Link {
     }
 }
 
-/// Runs a chain: the time from the head's payload to its being read by the last, ns, and the least priority.
+/// Runs a chain. Returns the times from the head's payload until the last process has read it, ns, and the
+/// lowest priority.
 pub(crate) fn measure(program: &Path, chain: &RawChain) -> Result<(Vec<u64>, u32), MeasureError> {
     let folder = Folder::create()?;
     let trouble = |error: std::io::Error| MeasureError::system("making shared memory", error);
@@ -155,7 +156,7 @@ fn head(links: &[Link], chain: &RawChain) -> Result<(), String> {
             core::hint::spin_loop();
         }
         links[0].send(monotonic_ns());
-        // Releases that a long delay has swallowed are left out.
+        // Releases missed during a long delay are skipped.
         release += PERIOD_NS * (1 + monotonic_ns().saturating_sub(release) / PERIOD_NS);
     }
     sleep_until(release);

@@ -23,7 +23,8 @@ pub(crate) enum Reader {
     Outside,
 }
 
-/// Publishes values of a size and reads each once; the time of each read, ns, and the priority read back.
+/// Publishes values of a size and reads each once. Returns the time of each read, ns, and the priority read
+/// back.
 pub(crate) fn newest(
     registry: &Registry,
     (bytes, reader): (usize, Reader),
@@ -100,7 +101,7 @@ fn outside(run: &Path) -> Result<TopicReader, TopicSetError> {
     Ok(TopicReader::open(&folder.domain()?, &plan.topics[0])?)
 }
 
-/// Publishes a value before each read; the times of the reads, ns.
+/// Publishes a value before each read. Returns the times of the reads, ns.
 fn samples<P: Payload>(
     reads: usize,
     mut output: Output<P>,

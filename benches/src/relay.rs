@@ -46,10 +46,10 @@ trait Ports {
     /// Reads the input: source time and publish time, ns. `None` without input.
     fn read(&mut self) -> Result<Option<(u64, u64)>, StepError>;
 
-    /// Publishes, if there is anybody to publish for.
+    /// Publishes the payload if the relay has an output.
     fn write(&mut self) -> Result<(), StepError>;
 
-    /// True if it publishes.
+    /// Returns `true` if the relay has an output.
     fn passes_on(&self) -> bool;
 }
 
@@ -106,7 +106,7 @@ impl PayloadVisitor for OpenPorts<'_> {
 
 impl Component for Relay {
     const KIND: &'static str = "bench.relay";
-    const SUMMARY: &'static str = "passes a payload on and measures its way, for benchmarks";
+    const SUMMARY: &'static str = "passes a payload on and measures its latency, for benchmarks";
     type Config = RelayConfig;
 
     fn declare(config: &RelayConfig, declare: &mut Declare) -> Result<(), ConfigError> {

@@ -19,7 +19,7 @@ pub struct WakeUps {
     pub pinned: bool,
 }
 
-/// Sleeps to absolute deadlines with plain `clock_nanosleep`, a millisecond apart, in a thread of its own on
+/// Sleeps to absolute deadlines with plain `clock_nanosleep`, a millisecond apart, in a separate thread on
 /// one core at one `SCHED_FIFO` priority (0: normal time sharing).
 ///
 /// # Errors
@@ -68,7 +68,7 @@ pub struct Places {
 }
 
 impl Places {
-    /// Those of this machine.
+    /// Returns the cores of this machine.
     pub fn detect() -> Self {
         let cores = motorium::os::machine::online_cores();
         let realtime = cores.last().copied().unwrap_or(0);

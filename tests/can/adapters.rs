@@ -103,7 +103,7 @@ fn a_kernel_controller_leaves_and_rejoins_the_bus() {
 }
 
 #[test]
-fn an_adapter_that_is_unplugged_is_found_again_under_its_name() {
+fn unplugged_adapter_is_found_again_under_its_name() {
     let Some((arm, desk)) = both("slcan_unplugged") else { return };
     let bus = &arm["adapter"]["buses"]["can0"];
     assert!(number(&bus["down"]) >= 1, "{bus}");

@@ -140,7 +140,7 @@ fn one_resume_releases_a_tripped_adapter() {
 }
 
 #[test]
-fn a_command_goes_out_in_the_cycle_in_which_it_is_published() {
+fn command_is_sent_in_the_cycle_of_its_publication() {
     // In virtual time an instruction takes a nanosecond, so these are instructions of a test build. A command
     // that arrived in time but waited for the next cycle would take at least the cycle, of 2 and 1 ms, minus
     // `command_within`.
@@ -164,7 +164,7 @@ fn a_babbling_node_is_counted_and_the_drives_still_answer() {
 }
 
 #[test]
-fn a_bus_that_is_error_passive_is_reported_and_stays_in_use() {
+fn error_passive_bus_is_reported_and_stays_in_use() {
     let Some(row) = row("disturbed") else { return };
     let adapter = &row.results()["adapter"];
     let bus = &adapter["buses"]["can0"];
@@ -177,7 +177,7 @@ fn a_bus_that_is_error_passive_is_reported_and_stays_in_use() {
 }
 
 #[test]
-fn after_bus_off_every_drive_has_let_go_and_stays_so() {
+fn bus_off_disables_every_drive_permanently() {
     let Some(row) = row("bus_off") else { return };
     let results = row.results();
     let bus = &results["adapter"]["buses"]["can0"];
@@ -200,7 +200,7 @@ fn unacknowledged_frames_are_reported() {
 }
 
 #[test]
-fn a_link_that_goes_down_trips_and_is_used_again_when_it_is_up() {
+fn link_down_trips_and_the_link_is_used_again_when_up() {
     let Some(row) = row("down") else { return };
     let results = row.results();
     let bus = &results["adapter"]["buses"]["can0"];
@@ -225,7 +225,7 @@ fn an_interface_plugged_in_again_is_found() {
 }
 
 #[test]
-fn an_interface_that_is_not_there_is_named_with_the_next_step() {
+fn missing_interface_is_named_with_the_next_step() {
     let Some(row) = row("missing_interface") else { return };
     assert_ne!(row.code, 0);
     let said = row.errors.split_whitespace().collect::<Vec<_>>().join(" ");

@@ -88,7 +88,7 @@ pub(crate) fn row(name: &str) -> Option<&'static Row> {
     let row = rows.get(name).unwrap_or_else(missing);
     if !row.leaps_ms.is_empty() {
         // shown if the test fails
-        println!("during `{name}` the clock of the machine leapt, ms: {:?}", row.leaps_ms);
+        println!("during `{name}` the clock of the machine jumped, ms: {:?}", row.leaps_ms);
     }
     Some(row)
 }
@@ -195,7 +195,7 @@ fn read(text: &str, ended_s: &[f64]) -> (BTreeMap<String, Row>, String) {
     for name in ["socket_leaps", "serial_leaps"] {
         let Some(row) = rows.remove(name) else { continue };
         for leap in row.text.lines().filter_map(Leap::read) {
-            let _ = writeln!(times, "the clock leapt {leap:?}");
+            let _ = writeln!(times, "the clock jumped {leap:?}");
             // the time of a row is rounded
             let is_within =
                 |row: &&mut Row| leap.at >= row.within[0] - 0.01 && leap.began() <= row.within[1] + 0.01;

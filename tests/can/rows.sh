@@ -2,10 +2,11 @@
 
 graph=/graphs/arm-can.toml
 export TERM=dumb
-# To spin before a release takes the emulator as long as to compute, and the clock of the machine wakes nobody late.
+# Spinning before a release costs the emulator as much as computing, and the machine's clock never causes late
+# wake-ups.
 awake="--set realtime.spin=\"0us\""
 
-# stamp: the seconds since the machine started, and those in which its processor had nothing to do.
+# stamp: the seconds since the machine started, and the seconds in which its processor was idle.
 stamp() { read -r up idle </proc/uptime; }
 
 # begin NAME ARGUMENTS: starts a run and waits until it is running.
@@ -15,7 +16,7 @@ begin() {
     rm -f report errors
     stamp
     began="$up $idle"
-    # The machine has one slow processor, on which the times that `check` assumes of a machine do not fit.
+    # The machine has one slow processor, on which the overheads that `check` assumes are not feasible.
     # shellcheck disable=SC2086
     motorium run "$graph" --no-expect --json --force $awake --set component.physics.rate='"1 kHz"' \
         --set component.physics.schedule='"fifo"' --set component.drives.schedule='"fifo"' "$@" >report 2>errors &
@@ -57,15 +58,15 @@ row() {
     finish
 }
 
-# Rows of the first of two machines: faults of the simulated drives and of the bus of the kernel. What does not disturb another shares a
-# run: most of the time of a short one is that of starting its processes.
+# Rows of the first of two machines: faults of the simulated drives and of the bus of the kernel. Faults that
+# do not affect each other share a run: starting processes dominates the time of a short run.
 socket_rows() {
     row silent 500ms 'kind = "silent", joint = "panda_joint4"'
     row late 500ms 'kind = "late", delay = "3 ms", joint = "panda_joint4"'
     row twice 500ms 'kind = "duplicate", joint = "panda_joint4" }, { at = "100 ms", kind = "twin", joint = "panda_joint2"'
     row refused 500ms 'kind = "wrong_length", joint = "panda_joint4" }, { at = "100 ms", kind = "corrupt", joint = "panda_joint2"'
     row off 500ms 'kind = "off", lasts = "50 ms", joint = "panda_joint4"'
-    # a drive without power for a moment: what trips is released by one command, once the drive is back
+    # a drive loses power briefly: one command releases the trip once the drive is back
     begin resumed --for 1s --set 'component.drives.config.faults=[{ at = "100 ms", kind = "off", lasts = "50 ms", joint = "panda_joint4" }]'
     sleep 0.3
     motorium resume >resumed 2>&1
@@ -84,7 +85,7 @@ socket_rows() {
     ip link set vcan0 up
     finish
 
-    # an interface that has gone is looked for once a second
+    # a missing interface is polled once a second
     begin gone --for 2s
     sleep 0.1
     ip link del vcan0
@@ -120,7 +121,7 @@ process_rows() {
     motorium kill arm-can controller --signal stop
     finish
 
-    # The adapter killed, and hung, again and again: it is started anew each time, and leads the drives back.
+    # The adapter is killed, and hangs, repeatedly: it restarts each time, and the drives follow again.
     for fault in kill stop; do
         kills=$(cat /graphs/kills)
         begin "adapter_${fault}_often" --for "$((20 * kills + 30))s" \
@@ -130,7 +131,7 @@ process_rows() {
         sleep 0.2
         for count in $(seq "$kills"); do
             motorium kill arm-can adapter --signal $fault >>killed 2>&1
-            # the pause before a restart grows with each of them
+            # the back-off before a restart grows with each restart
             for _ in $(seq 200); do
                 [ "$(grep -c 'steps again' errors)" -ge "$count" ] && break
                 sleep 0.1
@@ -158,7 +159,8 @@ process_rows() {
     printed launcher_killed $code report errors
 }
 
-# desk GRAPH FAULT: starts physics and drives alone, on a bus of their own, with a fault, and waits until they run.
+# desk GRAPH FAULT: starts physics and drives alone, on a separate bus, with a fault, and waits for
+# them to run.
 desk() {
     rm -f desk desk_errors
     stamp
@@ -184,9 +186,9 @@ desk_ends() {
     printed "$1" $code desk desk_errors
 }
 
-# slcan NAME FAULT TIME: the arm behind the driver of the kernel, which sits on the terminal that the desk offers, for some time. The
-# desk's bus has the fault 1.2 s after the desk began, more than half a second after the arm. What a person would do then is called
-# `mend`: once the fault is over.
+# slcan NAME FAULT TIME: the arm behind the driver of the kernel, attached to the terminal of the desk, for
+# this time. The desk's bus has the fault 1.2 s after the desk began, more than half a second after the arm.
+# The operator's repair is called `mend`: once the fault is over.
 slcan() {
     name=$1
     desk /graphs/desk.toml "$2"
@@ -204,13 +206,13 @@ slcan() {
     running
     mend
     finish
-    # drives that nobody commands let go
+    # drives without commands are disabled
     sleep 0.1
     desk_ends "${name}_desk"
     detach
 }
 
-# attach: puts the driver of the kernel on the terminal; detach: takes it away again.
+# attach: attaches the kernel driver to the terminal; detach: detaches it.
 attach() {
     rm -f attached
     motorium can attach /tmp/can0 >attached 2>>desk_errors &
@@ -235,10 +237,11 @@ scan() {
     printed "$name" $? report errors
 }
 
-# Rows of the second: ends of processes, the driver of the kernel for serial adapters, twelve joints, drives of CAN FD, and what
-# `check` says.
+# Rows of the second: ends of processes, the kernel driver for serial adapters, twelve joints, CAN FD drives,
+# and the output of `check`.
 serial_rows() {
-    # the traffic of the babbling node leaves a test build no time in its cycle: here runs the release build
+    # the traffic of the babbling node leaves no time in the cycle of a test build, so the release build runs
+    # here
     row disturbed 650ms 'kind = "babbling", lasts = "200 ms", bus = "can0" }, { at = "350 ms", kind = "disturbed", lasts = "200 ms", bus = "can0"'
     process_rows
     mend() { :; }
@@ -262,7 +265,7 @@ serial_rows() {
     begin twelve --for "$(cat /graphs/seconds)s"
     finish
 
-    # a drive that sends classic frames, and two moteus on a bus of their own
+    # a drive that sends classic frames, and two moteus on a separate bus
     desk /graphs/drives-alone.toml ''
     scan scan_fd vcan1
     scan scan_classic vcan0
@@ -278,7 +281,7 @@ serial_rows() {
     printed saturated $? report errors
 }
 
-# At a priority above all others, so that only the clock of the machine can hold it up.
+# At a priority above all others, so that only the clock of the machine can delay it.
 chrt -f 99 clock-watch >leaps &
 watch=$!
 "$(cat /graphs/rows)_rows"

@@ -4,14 +4,14 @@
 #   vm.sh [--memory MB] [--put FILE[:PLACE]]... SCRIPT
 #
 # The machine has the virtual CAN interfaces vcan0 and vcan1, and one processor whose time is virtual: an instruction takes a
-# nanosecond, and idle time none. How busy the host is does not matter then, and nothing that it measures is a speed. SCRIPT is
-# run by sh with its standard output and error; programs among the files bring their libraries along. The exit code is that of
-# SCRIPT; 124 if it took too long; 125, and a reason, if there was no machine to run it on.
+# nanosecond, and idle time none. The load of the host then has no effect, and no measurement is a speed.
+# SCRIPT is run by sh with its standard output and error; programs among the files bring their libraries
+# along. The exit code is SCRIPT's; 124 after the time limit; 125, with a reason, if no machine is available.
 #
 # The machine ends with the program that started this script, even if that is killed.
 #
-# Needs Debian's apt-get, dpkg-deb and xz. The kernel and, where there is none, the emulator are downloaded once, about 90 MB,
-# into $MOTORIUM_VM_CACHE, by default ~/.cache/motorium-vm.
+# Needs Debian's apt-get, dpkg-deb and xz. The kernel and, if missing, the emulator are downloaded once, about
+# 90 MB, into $MOTORIUM_VM_CACHE, by default ~/.cache/motorium-vm.
 set -euo pipefail
 
 cache=${MOTORIUM_VM_CACHE:-${XDG_CACHE_HOME:-$HOME/.cache}/motorium-vm}
@@ -70,7 +70,7 @@ if [[ ! -e $cache/kernel.name ]]; then
 fi
 kernel=$(<"$cache/kernel.name")
 fetched kernel "$kernel"
-# An uncompressed kernel starts seconds sooner: to unpack it under emulation takes long.
+# An uncompressed kernel starts seconds sooner: unpacking it under emulation is slow.
 image=$cache/vmlinux
 if [[ ! -e $image ]]; then
     packed=$(echo "$cache"/kernel/boot/vmlinuz-*)
@@ -142,7 +142,8 @@ trap 'kill -9 "$emulator_pid" 2>/dev/null || true; rm -rf "$work"' EXIT
 trap 'exit 143' TERM
 trap 'exit 130' INT
 trap 'exit 129' HUP
-# The machine ends with its time limit, with whoever started this script, and with this script, however they are ended.
+# The machine ends with its time limit, with the program that started this script, and with this script,
+# however they end.
 watch() {
     local end=$((SECONDS + limit)) state parent
     while kill -0 "$emulator_pid" 2>/dev/null; do
@@ -152,11 +153,11 @@ watch() {
         sleep 0.5
     done
     kill -9 "$emulator_pid" 2>/dev/null || true
-    # where the script was killed nobody else removes it
+    # nothing else removes it if the script is killed
     [[ -e /proc/$$ ]] || rm -rf "$work"
 }
 watch </dev/null >/dev/null 2>&1 &
-# what it prints is passed on at once
+# its output is forwarded immediately
 tail -c +1 -f -s 0.1 --pid="$emulator_pid" "$work/out" 2>/dev/null &
 passing=$!
 status=0

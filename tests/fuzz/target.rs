@@ -14,7 +14,7 @@ const LONGEST_NS: u64 = 1_000_000_000;
 const BATCH: u32 = 16;
 
 pub(crate) fn workspace() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests lie in the workspace").to_path_buf()
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests are in the workspace").to_path_buf()
 }
 
 fn number(name: &str, default: u64) -> u64 {

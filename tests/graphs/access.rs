@@ -242,7 +242,7 @@ fn a_run_of_a_killed_container_is_detected_and_removed() {
 }
 
 #[test]
-fn a_graph_runs_in_a_user_namespace_of_its_own() {
+fn graph_runs_in_a_separate_user_namespace() {
     let _machine = machine();
     if !is_root() || !others_can_start() {
         return eprintln!("skipped: needs root, and a program that other users can start");

@@ -1,4 +1,4 @@
-//! Runs that a person names, inspects, and damages.
+//! Runs that an operator names, inspects, and damages.
 
 use std::time::{Duration, Instant};
 
@@ -42,7 +42,7 @@ fn a_component_killed_by_hand_restarts_in_the_named_run() {
         policy.expect("it is one of them")["restarts"].as_u64()
     };
     while restarts() != Some(1) {
-        assert!(Instant::now() < deadline, "it does not come back");
+        assert!(Instant::now() < deadline, "it does not restart");
         std::thread::sleep(Duration::from_millis(100));
     }
     let message = printed(&["kill", "killed-by-hand", "policy", "--signal", "continue"]);

@@ -290,7 +290,7 @@ fn one_flapping_robot_does_not_disturb_the_other() {
     let ended = run(&graph, &["--for", "3 s", "--clock", "lockstep"]);
     let gate = physics(&ended).gate.as_ref().expect("a gate");
     assert!(matches!(gate.refused[..], [Refused { reason: Refusal::Limits, count: 20 }]), "{gate:?}");
-    assert_eq!((gate.state, gate.entries), (GateState::Following, 1), "one stop, and one way back");
+    assert_eq!((gate.state, gate.entries), (GateState::Following, 1), "one stop, and one recovery");
     let robots = &ended.report().results["physics"]["robots"];
     for name in ["left", "right"] {
         // From the first refusal, at 0.5 s, until half a second after the last, at 1.45 s.
@@ -305,7 +305,7 @@ fn commands_from_a_clock_ahead_are_never_applied() {
     let ahead = ["--time", "--monotonic", "10"];
     let works = Command::new("unshare").args(ahead).arg("true").status().is_ok_and(|status| status.success());
     if !is_root() || !works {
-        return eprintln!("skipped: this user may not set a clock of its own for a process");
+        return eprintln!("skipped: this user may not set a separate clock for a process");
     }
     let folder = tempfile::tempdir().expect("a folder");
     let program = folder.path().join("ahead");

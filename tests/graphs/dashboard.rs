@@ -8,7 +8,7 @@ use crate::exposition::Family;
 
 /// Checks that each metric of the Grafana dashboard exists in the run, with the labels that the dashboard
 /// uses, and that the dashboard shows all metrics.
-pub(crate) fn asks_for_what_there_is(scraped: &BTreeMap<String, Family>) {
+pub(crate) fn assert_dashboard_matches(scraped: &BTreeMap<String, Family>) {
     let dashboard: Value = serde_json::from_str(include_str!("../../docs/grafana/motorium.json"))
         .expect("the dashboard is JSON");
     let panels = dashboard["panels"].as_array().expect("panels").iter();

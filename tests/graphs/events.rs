@@ -135,10 +135,10 @@ fn log_of_a_crashed_run_is_read_by_its_id() {
     signal(run.launcher(), Signal::STOP);
     kill(run.guard());
     kill(run.launcher());
-    await_that("nobody holds the run", || !run.folder.is_alive());
+    await_that("the run is dead", || !run.folder.is_alive());
     let shown = events(&id, &[]);
     assert_eq!(kinds(&shown)[..2], [EventKind::Created, EventKind::Started]);
-    let follower = follow(&id).wait_with_output().expect("it ends at once: the run is over");
+    let follower = follow(&id).wait_with_output().expect("it ends immediately: the run is over");
     assert_eq!(parsed(&String::from_utf8_lossy(&follower.stdout)).len(), shown.len());
     let components: Vec<u32> = {
         let region = run.folder.region().expect("it is still there");
@@ -175,7 +175,7 @@ fn the_log_is_a_topic_that_can_be_listed_and_echoed() {
     assert_eq!(samples[0]["value"]["code"], EventKind::Created as u32);
     assert_eq!(samples[1]["value"]["text"], "all ports connected, running");
     let (good, text) = command(&["topic", "echo", "motorium/events", "--rate", "2"]);
-    assert!(!good && text.contains("leave out --rate"), "{text}");
+    assert!(!good && text.contains("remove --rate"), "{text}");
     let (good, text) = command(&["topic", "hz", "motorium/events"]);
     assert!(!good && text.contains("motorium events"), "{text}");
 }
@@ -186,10 +186,10 @@ fn lockstep_events(graph: &Path, arguments: &[&str]) -> Ended {
 }
 
 /// Kind, simulated time, episode, component and text of an event.
-type Told = (EventKind, Option<f64>, Option<u64>, Option<String>, String);
+type EventFacts = (EventKind, Option<f64>, Option<u64>, Option<String>, String);
 
 /// Returns the machine-independent part: everything except times in real time and printed lines.
-fn repeatable(events: &[LoggedEvent]) -> Vec<Told> {
+fn repeatable(events: &[LoggedEvent]) -> Vec<EventFacts> {
     let message = events.iter().filter(|event| !matches!(event.kind, EventKind::Output | EventKind::Created));
     message
         .map(|event| {
@@ -227,7 +227,7 @@ fn refused_commands_are_in_the_log_with_their_reason() {
         ended.report().events.iter().filter(|event| event.kind == EventKind::Refused).collect();
     let sum: f64 = message.iter().map(|event| event.value).sum();
     assert_eq!(sum, 300.0, "{message:#?}");
-    assert!(message.len() < 5, "they are message together: {message:#?}");
+    assert!(message.len() < 5, "they are reported together: {message:#?}");
     assert!(message[0].text.contains("beyond a limit"), "{}", message[0].text);
     let entered = event_of_kind(&ended.report().events, EventKind::EnteredSafeState);
     assert_eq!(entered.text, "`physics` entered its safe state: its commands are refused");

@@ -26,7 +26,7 @@ pub(crate) fn parse(text: &str) -> BTreeMap<String, Family> {
             let (kind, rest) = rest.split_once(' ').expect("a descriptor has a name");
             let (name, value) = rest.split_once(' ').expect("a descriptor says something");
             if name != current {
-                assert!(!families.contains_key(name), "`{name}` comes in two places");
+                assert!(!families.contains_key(name), "`{name}` is described twice");
                 current = name.to_string();
             }
             let family = families.entry(current.clone()).or_default();

@@ -86,7 +86,7 @@ fn a_step_that_never_ends_is_reported_and_follows_the_policy() {
 fn an_endless_loop_above_the_actuator_is_ended_by_the_kernel() {
     let _machine = machine();
     if !is_root() {
-        return eprintln!("skipped: without real-time priority a loop keeps the core from nobody");
+        return eprintln!("skipped: without real-time priority a loop does not block the core");
     }
     let (_folder, graph) = faulty("{ fault = \"loop\", at = 200 }", "cpu_limit = \"12 ms\"");
     let ended = run(&graph, &["--for", "60 s"]);

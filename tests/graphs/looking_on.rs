@@ -44,7 +44,7 @@ impl Running {
                 return running;
             }
             let errors = String::from_utf8_lossy(&output.stderr);
-            assert!(Instant::now() < deadline, "the graph does not come to life: {rows} {errors}");
+            assert!(Instant::now() < deadline, "the graph does not start: {rows} {errors}");
             std::thread::sleep(Duration::from_millis(50));
         }
     }

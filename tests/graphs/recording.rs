@@ -64,7 +64,7 @@ fn a_damaged_value_is_named_with_its_topic_and_field() {
         .map(|sample| sample.expect("readable"))
         .filter(|sample| sample.topic == topic)
         .nth(150)
-        .expect("it has so many");
+        .expect("the sample exists");
     let mut message = Vec::new();
     recording.topics()[topic].derived().encode(&sample.stamp, &sample.bytes, &mut message);
     drop(recording);

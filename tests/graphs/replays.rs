@@ -74,7 +74,7 @@ fn arm_moves_to_the_start_of_a_recording_and_to_rest() {
     let mut session = launch(plan);
     let panda = motorium_robots::load("panda", Path::new(".")).expect("in the catalogue").model;
     let state = |session: &mut Session<'_>, time: Duration| {
-        session.step_until(time).expect("it goes on");
+        session.step_until(time).expect("the run continues");
         session.read::<JointState>("panda/true_joint_state").expect("a state").map(|state| state.value)
     };
     let begin = state(&mut session, 2 * MS).expect("measured");
@@ -175,7 +175,7 @@ fn one_or_all_episodes_are_replayed_and_verified() {
     assert_eq!(verified(&file, &[]).0, Some(0));
     let (code, said) =
         verified(&file, &["--replace", "physics", "--replace", "encoder", "--replace", "policy"]);
-    assert_eq!(code, Some(0), "the controller does in each episode what it did: {said}");
+    assert_eq!(code, Some(0), "the controller repeats each episode: {said}");
 }
 
 #[test]

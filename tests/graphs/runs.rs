@@ -117,8 +117,7 @@ fn step_only_makes_wait_and_wake_system_calls() {
         let first: Vec<usize> = (0..calls.len()).filter(after_wait).collect();
         let too_early = first.iter().find(|at| calls[**at] == Call::Account);
         assert_eq!(too_early.map(|at| &lines[at.saturating_sub(6)..=*at]), None, "{component}");
-        // The charge comes before a wake only if the step had nobody to wake and the next one began
-        // immediately.
+        // The charge precedes a wake only if the step had no one to wake and the next one began immediately.
         let charged_first =
             first.iter().filter(|at| calls[**at] == Call::Charge && wakes_next(&calls[**at..]));
         assert!(charged_first.count() <= first.len() / 10, "{component}: charged before its wake: {text}");
@@ -177,7 +176,7 @@ fn ctrl_c_and_sigterm_end_a_run_cleanly() {
 fn run_without_privileges_completes_and_lists_them() {
     let _machine = machine();
     if !is_root() {
-        eprintln!("skipped: only root can give its privileges up");
+        eprintln!("skipped: only root can drop its privileges");
         return;
     }
     use std::os::unix::process::CommandExt as _;

@@ -117,7 +117,7 @@ fn an_arm_stopped_without_a_solution_resumes_without_a_jump() {
     }
     let (stopped, orientation) = arm.hand(last.position());
     arm.orientation = orientation;
-    assert!((stopped[1] - at[1]).abs() < 0.1, "it went on by {} m", stopped[1] - at[1]);
+    assert!((stopped[1] - at[1]).abs() < 0.1, "it continued by {} m", stopped[1] - at[1]);
     // a feasible target: slowly on from the current pose
     let (mut fastest, mut before) = (0.0_f64, last);
     for tick in 1..=3000 {

@@ -291,7 +291,7 @@ fn a_held_run_advances_by_granted_rounds_until_released() {
     let before = time_s(&step(&["1"]));
     let after = time_s(&step(&["25"]));
     assert!((after - before - 0.025).abs() < 1e-6, "{before} and {after}");
-    assert_eq!(time_s(&step(&["--hold"])), after, "time stands still");
+    assert_eq!(time_s(&step(&["--hold"])), after, "time is paused");
     assert_eq!(step(&["--go"])["held"], false);
     assert_eq!(run.finish().report().exit, Exit::Finished);
 }

@@ -117,7 +117,7 @@ fn a_datagram_is_published_with_its_arrival_time() {
 }
 
 #[test]
-fn a_burst_is_merged_into_steps_that_are_min_interval_apart() {
+fn burst_is_merged_into_steps_min_interval_apart() {
     let _machine = machine();
     let (_folder, graph, sender) = receiver("");
     let run = start(&graph, &["--for", "60 s"]);
@@ -129,7 +129,7 @@ fn a_burst_is_merged_into_steps_that_are_min_interval_apart() {
             break;
         }
         assert!(began.elapsed() < Duration::from_secs(20), "{published} steps of {sent} datagrams");
-        // At most 110 wait, which the kernel keeps while a busy host holds up the receiver. Those sent right
+        // At most 110 datagrams wait in the kernel while a busy host delays the receiver. Those sent right
         // after a step arrive before its interval ends.
         if u64::from(sent) < 10 * (published + 10) {
             sender.send(&payload(f64::from(sent))).unwrap();
@@ -239,7 +239,7 @@ fn a_killed_or_stopped_receiver_binds_again() {
     let mut arrives = |run: &Run| {
         let before = run.published("grip/wrench");
         let began = Instant::now();
-        // data sent while nobody receives is lost, and the sender may get an error for it
+        // data sent without a receiver is lost, and the sender may get an error
         while run.published("grip/wrench") == before {
             count += 1;
             let _ = sender.send(&payload(f64::from(count)));

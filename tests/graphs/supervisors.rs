@@ -47,7 +47,7 @@ fn an_actuator_that_prints_survives_the_launcher() {
     kill(run.launcher());
     let killed = Instant::now();
     run.await_steps("faulty", 100);
-    assert!(is_alive(faulty), "it died of its own output");
+    assert!(is_alive(faulty), "its output killed it");
     await_end(faulty);
     assert!(killed.elapsed() >= Duration::from_millis(800), "{:?}", killed.elapsed());
     await_end(guard);

@@ -15,7 +15,7 @@ pub(crate) const FAULTY: &str = env!("CARGO_BIN_EXE_faulty-component");
 
 /// Returns the root of the workspace.
 pub(crate) fn workspace() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests lie in the workspace").to_path_buf()
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests are in the workspace").to_path_buf()
 }
 
 pub(crate) fn panda_reach() -> PathBuf {

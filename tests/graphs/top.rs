@@ -250,7 +250,7 @@ fn metrics_say_what_happened(run: &Serving, name: &str) {
             assert!(labels.get("run").is_some_and(|run| run.starts_with(name)), "{labels:?}");
         }
     }
-    crate::dashboard::asks_for_what_there_is(&after);
+    crate::dashboard::assert_dashboard_matches(&after);
     for (index, component) in COMPONENTS.iter().enumerate() {
         let labels = [("component", *component)];
         let of = |text: &BTreeMap<String, Family>| text["motorium_component_steps"].value(&labels);
@@ -331,7 +331,7 @@ fn assert_end_of_run_reported(run: Serving, name: &str) {
     assert!(String::from_utf8_lossy(&stdout).lines().count() >= 1, "it showed the run");
     let Output { status, stderr, stdout } = once.wait_with_output().expect("it ends");
     let errors = String::from_utf8_lossy(&stderr);
-    assert!(!status.success() && errors.contains("ended while it was looked at"), "{errors}");
+    assert!(!status.success() && errors.contains("ended before the interval was over"), "{errors}");
     assert!(stdout.is_empty());
 }
 

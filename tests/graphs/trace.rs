@@ -73,7 +73,7 @@ fn compared(ended: &Ended, trace: &Value) {
             assert!(begin <= end, "{step}");
         }
         for pair in steps.windows(2) {
-            assert!(pair[0].1 <= pair[1].0 + ROUNDING, "no two steps at once: {} {}", pair[0].2, pair[1].2);
+            assert!(pair[0].1 <= pair[1].0 + ROUNDING, "no two steps overlap: {} {}", pair[0].2, pair[1].2);
         }
     }
     let within = |event: &Value| {
@@ -171,7 +171,7 @@ fn overwritten_events_are_counted() {
     let region =
         |session: &Session<'_>| RunFolder::find(session.id()).expect("it is there").region().expect("mapped");
     let step_until = |session: &mut Session<'_>, ms| {
-        session.step_until(std::time::Duration::from_millis(ms)).expect("it goes on");
+        session.step_until(std::time::Duration::from_millis(ms)).expect("the run continues");
     };
 
     let mut session = launch(plan.clone());

@@ -93,7 +93,7 @@ fn an_mjcf_robot_is_described_as_urdf_with_meshes() {
 }
 
 #[test]
-fn an_mjcf_robot_and_a_mesh_object_are_drawn_in_place() {
+fn mjcf_robot_and_mesh_object_are_drawn_in_place() {
     if without_browser() {
         return;
     }

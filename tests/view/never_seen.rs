@@ -20,21 +20,21 @@ fn viewed(line: &str) -> (Option<i32>, String) {
 }
 
 #[test]
-fn a_run_that_succeeded_unseen_is_reported_as_no_success() {
+fn unseen_successful_run_is_reported_as_a_failure() {
     let (code, errors) = viewed("exit 0");
     assert!(errors.contains("error: the run was over before the viewer saw it"), "{errors}");
     assert_eq!(code, Some(1), "{errors}");
 }
 
 #[test]
-fn an_unseen_failure_passes_its_exit_code_on_silently() {
+fn unseen_failure_keeps_its_exit_code_silently() {
     let (code, errors) = viewed("exit 3");
     assert!(!errors.contains("error"), "{errors}");
     assert_eq!(code, Some(3), "{errors}");
 }
 
 #[test]
-fn a_run_ended_unseen_by_a_signal_is_no_success() {
+fn unseen_run_ended_by_a_signal_is_a_failure() {
     let (code, errors) = viewed("kill -9 $$");
     assert!(errors.contains("`motorium run` was ended (signal: 9"), "{errors}");
     assert_eq!(code, Some(1), "{errors}");

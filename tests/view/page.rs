@@ -220,7 +220,7 @@ fn camera_follows_a_walking_quadruped_unless_held() {
     let mut browser = Browser::open(&viewer.address(), (1000, 700)).unwrap();
     let drawn = |state: &Json| state["robots"][0]["drawn"] == true && state["view"]["rate"].is_number();
     until(&mut browser, "the robot is drawn", drawn);
-    // From the first motion by hand on, the page does not frame what it loads later.
+    // After the first camera motion by hand, the page no longer frames what it loads.
     browser
         .evaluate("document.querySelector('#scene canvas').dispatchEvent(new WheelEvent('wheel'))")
         .unwrap();
@@ -273,7 +273,7 @@ fn page_changes_between_light_and_dark_and_keeps_the_choice() {
     assert!(light > 200.0 && kept.is_null(), "{light}, {kept}");
     let (dark, kept) = shown("document.getElementById('theme').click()");
     assert!(dark < 60.0 && kept == "dark", "{dark}, {kept}");
-    // The system's preference is light: back to it, nothing is kept.
+    // The system's preference is light: with the same choice, nothing is stored.
     let (light, kept) = shown("document.getElementById('theme').click()");
     assert!(light > 200.0 && kept.is_null(), "{light}, {kept}");
 }

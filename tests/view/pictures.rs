@@ -145,7 +145,7 @@ fn a_played_recording_shows_its_pictures_and_depths() {
         browser.evaluate("document.querySelector('#playback button').click()").unwrap();
     }
     until(&mut browser, "it is held", |state| state["playback"]["plays"] == false);
-    // One is shown; the others are not sent until somebody opens them.
+    // One is shown; the others are not sent until they are opened.
     let shown = browser.evaluate("motorium.state().cameras.map(({ shown }) => shown)").unwrap();
     assert_eq!(shown, json!([true, false, false]));
     browser

@@ -90,7 +90,7 @@ fn a_recording_is_played_from_the_requested_time_and_speed() {
     assert_eq!((ended.status, ended.time_ns, ended.request.as_str()), (ENDED, end, ""));
     assert!(
         client.call("/motorium/play").unwrap_err().contains("plays"),
-        "an empty request says what it lacks"
+        "an empty request names the missing field"
     );
 }
 

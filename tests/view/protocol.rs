@@ -110,7 +110,7 @@ fn camera_pictures_arrive_whole_in_the_announced_form() {
     let mut client = Client::connect(viewer.port, "", SUBPROTOCOL).unwrap();
     client.await_channels(&["camera/image/image", "camera/info/calibration"]);
     assert_eq!(client.channels["camera/image/image"]["schemaName"], "foxglove.RawImage");
-    // nobody requests the form: the viewer reads it on its own
+    // no client requests the form: the viewer reads it itself
     let pictures = client.subscribe("camera/image/image");
     let mut seen = 0;
     client.hear_until("five pictures", |_, heard| {
@@ -139,7 +139,7 @@ fn camera_pictures_arrive_whole_in_the_announced_form() {
 }
 
 #[test]
-fn parameters_are_set_with_the_token_alone_and_sent_to_all() {
+fn parameters_need_the_token_and_reach_all_clients() {
     let _machine = machine();
     let (run, viewer) = viewed();
     let mut guest = Client::connect(viewer.port, "?token=wrong", SUBPROTOCOL).unwrap();
@@ -272,7 +272,7 @@ fn a_viewer_that_ends_also_ends_the_graph_it_started() {
     let started = viewer.descendants();
     let ended = viewer.end();
     assert!(ended.success(), "{ended}: {}", viewer.said());
-    await_that("all that it has started is gone", || !started.iter().any(|pid| is_alive(*pid)));
+    await_that("all processes that it started have ended", || !started.iter().any(|pid| is_alive(*pid)));
 }
 
 #[test]
@@ -312,17 +312,17 @@ fn the_port_serves_only_the_page_and_robot_files() {
     for answer in [&page, &script] {
         assert!(!answer.contains(&viewer.token), "the page does not know the token");
     }
-    assert!(Client::connect(viewer.port, "", "foxglove.websocket.v1").is_err(), "a protocol of another time");
+    assert!(Client::connect(viewer.port, "", "foxglove.websocket.v1").is_err(), "an obsolete protocol");
     let mut client = Client::connect(viewer.port, "", SUBPROTOCOL).unwrap();
     client.await_channels(&[STATE]);
     assert_eq!(client.fetch("package://arm/meshes/hand.stl"), Ok(b"solid hand".to_vec()));
-    assert!(client.fetch("package://arm/meshes/foot.stl").unwrap_err().contains("is not there"));
+    assert!(client.fetch("package://arm/meshes/foot.stl").unwrap_err().contains("not found"));
     assert!(client.fetch("file:///etc/passwd").unwrap_err().contains("names no file of a robot"));
     assert!(!viewer.said().contains("panicked"));
 }
 
 #[test]
-fn the_cost_of_a_recording_that_is_looked_at_is_measured() {
+fn cost_of_a_viewed_recording_is_measured() {
     let _machine = machine();
     let installed = installed();
     let output = std::process::Command::new(installed.path().join("motorium"))

@@ -1,10 +1,10 @@
 //! Distils the trot of `control.mpc` into a network: regression, then three rounds of DAgger.
 //!
 //! Sessions hosted inline run `graphs/policies/quadruped-trot/teacher.toml`: the quadruped, its sensors, and
-//! the teacher, which sees what the policy sees. Episodes differ in commands, pushes, friction and slope. An
-//! observation is labelled with the position targets with which the drives exert the torques of the teacher.
-//! In the first round these targets move the robot, later more and more the network's. The result does not
-//! depend on the number of sessions.
+//! the teacher, which reads the same observations as the policy. Episodes differ in commands, pushes,
+//! friction and slope. The label of an observation is the position targets at which the drives exert the
+//! teacher's torques. In the first round these targets move the robot; in later rounds the network's targets
+//! gradually replace them. The result does not depend on the number of sessions.
 //!
 //! ```console
 //! $ cargo run --release -p motorium-tools --example distil_trot -- --output graphs/policies/quadruped-trot
@@ -38,7 +38,7 @@ struct Arguments {
     /// Folder that receives policy.toml and policy.onnx
     #[arg(long, default_value = "out/quadruped-trot")]
     output: PathBuf,
-    /// Rounds of DAgger after the first, in which the teacher acts
+    /// Rounds of DAgger after the first round, in which only the teacher acts
     #[arg(long, default_value_t = 3)]
     rounds: u64,
     /// Episodes of a round
@@ -50,7 +50,7 @@ struct Arguments {
     /// Passes over all labels after a round
     #[arg(long, default_value_t = 20)]
     epochs: usize,
-    /// Sessions at a time, one on each core that the program may run on; all of those if not given
+    /// Parallel sessions, one per core [default: all cores that the program may run on]
     #[arg(long)]
     sessions: Option<usize>,
     /// Seed of episodes and network
@@ -63,11 +63,12 @@ const COMMAND: &str = "quadruped/command";
 const ACTION: &str = "quadruped/action";
 /// Probability that the teacher acts in round `i`: `DECAY^i`.
 const DECAY: f64 = 0.3;
-/// Episodes on which the network is judged after a round.
+/// Number of episodes that evaluate the network after each round.
 const JUDGED: u64 = 6;
 /// Acceleration of the reference, as in the graph [m/s2, rad/s2].
 const ACCELERATION: f64 = 1.0;
-/// Share of a period by which targets lead: drives hold them for a period while the joints move on.
+/// Lead of the targets as a fraction of a period: the drives hold a target for a period while the joints
+/// move.
 const LEAD: f64 = 0.3;
 /// Cosine of the tilt of the base beyond which the robot has fallen.
 const UPRIGHT: f64 = 0.7;
@@ -84,7 +85,7 @@ struct Scenario {
 }
 
 impl Scenario {
-    /// Draws an episode of a round.
+    /// Samples an episode of a round.
     fn draw(counter: Counter, seconds: f64) -> anyhow::Result<Self> {
         let mut draws = 0;
         let mut between = |low: f64, high: f64| {
@@ -139,7 +140,7 @@ impl Scenario {
 struct Student {
     policy: Policy,
     joints: Vec<String>,
-    /// The policy's network; the teacher alone acts without.
+    /// The policy's network; without one, only the teacher acts.
     network: Option<PolicyNetwork>,
     /// Probability that the teacher acts.
     beta: f64,
@@ -159,7 +160,7 @@ struct Rollout {
 struct Tracking {
     /// Command, limited in its acceleration as in the graph.
     reference: [f64; 3],
-    /// Sums of squares of the errors: in the plane, (m/s)^2, and of the turn rate, (rad/s)^2.
+    /// Sums of squared errors: planar velocity [(m/s)^2] and turn rate [(rad/s)^2].
     squares: [f64; 2],
     count: usize,
 }
@@ -177,13 +178,13 @@ impl Tracking {
         self.count += 1;
     }
 
-    /// Roots of the mean squares: m/s, rad/s.
+    /// Root mean square errors: m/s, rad/s.
     fn errors(&self) -> [f64; 2] {
         self.squares.map(|sum| (sum / self.count.max(1) as f64).sqrt())
     }
 }
 
-/// Position targets, in the order of the policy, with which the drives exert the torques of a command.
+/// Position targets, in the order of the policy, at which the drives exert the torques of a command.
 fn label(
     policy: &Policy,
     targets: &JointTargets,
@@ -204,7 +205,7 @@ fn label(
     Ok(label.collect())
 }
 
-/// Lets the student act in an episode, and labels its observations.
+/// Runs an episode with the student and labels its observations.
 fn roll_out(
     plan: Plan,
     core: usize,
@@ -281,7 +282,7 @@ fn roll_out(
     Ok(found)
 }
 
-/// Runs episodes on several cores; their results in order.
+/// Runs episodes on several cores and returns their results in order.
 fn roll_outs(
     teacher: &Teacher,
     student: &Student,
@@ -351,7 +352,7 @@ fn main() -> anyhow::Result<()> {
     let robot = policy.robot.clone().context("the policy names no robot")?;
     let loaded = motorium_robots::load(&robot, Path::new("."))?;
     let digest = robot_digest(&loaded, &policy.action.joints).context("the robot lacks a joint")?;
-    // the digests of the robot as it is now
+    // digests of the robot's current files
     let replaced = policy
         .robot_digest
         .map_or_else(Vec::new, |old| vec![(old.joints, digest.joints), (old.dynamics, digest.dynamics)]);
@@ -381,7 +382,7 @@ fn main() -> anyhow::Result<()> {
         std::fs::write(folder.join(&policy.network), &bytes)?;
         Ok(PolicyNetwork::new(&policy, Model::read(&bytes)?.program(1)?)?)
     };
-    // the graph is checked with a network
+    // the check of the graph requires a network
     write(&regression)?;
     let joints = loaded.model.joint_names().to_vec();
     let mut student = Student { policy: policy.clone(), joints, network: None, beta: 1.0 };

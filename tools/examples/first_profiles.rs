@@ -1,4 +1,5 @@
-//! A table of robots that stand or hold their pose and reach another with their first profile, untouched.
+//! Prints a table of the robots that stand or hold their pose, then reach another, with an unedited first
+//! profile.
 //!
 //! For each URDF and MJCF file in the folders, `motorium robot profile` writes a profile and a graph, and
 //! `motorium run` runs the graph in lockstep: the robot holds its home pose for 5 s, then reaches a pose of
@@ -18,7 +19,7 @@ use anyhow::Context as _;
 use clap::Parser as _;
 use serde_json::Value;
 
-/// Print a table of the robots that hold or stand and reach a pose with their first profile.
+/// Print a table of the robots that stand or hold their pose, then reach another, with their first profile.
 #[derive(Debug, clap::Parser)]
 struct Arguments {
     /// Folders with robots: URDF files, and MJCF files named `robot.xml`
@@ -27,10 +28,10 @@ struct Arguments {
     /// Program that writes and runs the graphs [default: `motorium` next to the folder of this example]
     #[arg(long)]
     motorium: Option<PathBuf>,
-    /// Robots at a time
+    /// Number of robots to test in parallel
     #[arg(long, default_value_t = 2)]
     jobs: usize,
-    /// Smallest number of robots that pass
+    /// Minimum number of robots that must pass
     #[arg(long, default_value_t = 0)]
     at_least: usize,
 }
@@ -90,7 +91,7 @@ fn main() -> anyhow::Result<ExitCode> {
     Ok(if passed >= arguments.at_least { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// Robot files in a folder and those below.
+/// Collects the robot files in a folder and its subfolders.
 fn find(folder: &Path, found: &mut Vec<PathBuf>) -> std::io::Result<()> {
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();
@@ -105,7 +106,7 @@ fn find(folder: &Path, found: &mut Vec<PathBuf>) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Writes profile and graph of a robot, and runs the graph.
+/// Writes a robot's profile and graph, and runs the graph.
 fn trial(program: &Path, file: &Path, scratch: &Path) -> Outcome {
     let stem = if file.file_stem().is_some_and(|stem| stem == "robot") { file.parent() } else { None };
     let name = stem.unwrap_or(file).file_stem().unwrap_or_default().to_string_lossy().into_owned();

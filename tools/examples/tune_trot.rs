@@ -1,9 +1,9 @@
 //! Tunes the trot of the quadruped: frequency, amplitude, duty factor and the phase of the knees.
 //!
-//! The search draws a generation of gaits; sessions hosted inline, one on each core, try them: each takes the
-//! place of the policy of `graphs/quadruped-trot.toml`, publishes the joint commands of its gait, and looks
-//! how far the base went. What a gait reaches does not depend on the core that tries it, nor on what was
-//! tried there before.
+//! The search samples a generation of gaits. Inline sessions, one per core, evaluate them: each replaces the
+//! policy of `graphs/quadruped-trot.toml`, publishes the joint commands of its gait, and measures the
+//! distance travelled by the base. The distance depends neither on the core nor on gaits evaluated there
+//! before.
 //!
 //! ```console
 //! $ cargo run --release --example tune_trot -- --episodes 200
@@ -28,10 +28,10 @@ use motorium_tools::{allowed_cores, registry};
 /// Tune the trot of the quadruped by a black-box search.
 #[derive(Debug, clap::Parser)]
 struct Arguments {
-    /// Gaits to try
+    /// Number of gaits to evaluate
     #[arg(long, default_value_t = 200)]
     episodes: usize,
-    /// Sessions at a time, one on each core that the program may run on; all of those if not given
+    /// Parallel sessions, one per core [default: all cores that the program may run on]
     #[arg(long)]
     sessions: Option<usize>,
     /// Simulated time of an episode, s
@@ -44,24 +44,24 @@ struct Arguments {
 
 /// Candidates of a generation.
 const GENERATION: usize = 20;
-/// The graph, and the topics of the component whose place is taken.
+/// The graph, and the topics of the component that is replaced.
 const GRAPH: &str = "graphs/quadruped-trot.toml";
 const POLICY: &str = "policy";
 const COMMAND: &str = "quadruped/joint_command";
 const BASE: &str = "quadruped/base_state";
-/// Time in which the legs go over from standing to the gait, s.
+/// Duration of the transition from standing to the gait, s.
 const EASE: f64 = 0.5;
 /// Height of the base below which the robot has fallen, m.
 const FALLEN: f64 = 0.12;
 
-/// A gait: what is searched for.
+/// A gait: the parameters of the search.
 #[derive(Debug, Clone, Copy)]
 struct Gait {
     /// Strides per second, Hz.
     frequency: f64,
     /// Factor of the amplitudes.
     amplitude: f64,
-    /// Share of a stride in which a foot stands.
+    /// Duty factor: the fraction of a stride in which a foot is in stance.
     duty: f64,
     /// Phase by which the knees lead, rad.
     phase: f64,
@@ -78,8 +78,7 @@ impl Gait {
         Self { frequency, amplitude, duty, phase }
     }
 
-    /// The phase of a foot that has done `turns` strides: 0 to pi while it stands, pi to 2 pi while it
-    /// swings.
+    /// Returns the phase of a foot after `turns` strides: 0 to pi in stance, pi to 2 pi in swing.
     fn warped(&self, turns: f64) -> f64 {
         let share = turns.rem_euclid(1.0);
         if share < self.duty {
@@ -98,10 +97,10 @@ impl Gait {
     }
 }
 
-/// One joint that takes part in the gait, as the graph file configures it.
+/// A joint of the gait, as configured in the graph file.
 #[derive(Debug, Clone, Copy)]
 struct Joint {
-    /// Its place in the commands.
+    /// Index in the commands.
     index: usize,
     is_knee: bool,
     /// Phase of its leg in the trot, rad.
@@ -174,8 +173,8 @@ impl Legs {
     }
 }
 
-/// Tries a gait in a session from its start; how far the base went forwards, m. A robot that falls has gone
-/// nowhere.
+/// Evaluates a gait in a session from its start and returns the forward travel of the base, m; 0 if the robot
+/// falls.
 fn distance(session: &mut Session<'_>, legs: &Legs, gait: &Gait, seconds: f64) -> anyhow::Result<f64> {
     session.reset(session.plan().seed)?;
     let mut command = JointCommand::default();
@@ -203,14 +202,14 @@ fn main() -> anyhow::Result<()> {
     let checked = graph::check(&file, text, &settings, &registry(), &Machine::detect())
         .map_err(|error| anyhow::anyhow!(error.render(false)))?;
     let legs = Legs::from_plan(&checked.plan)?;
-    // `taskset` leaves fewer
+    // `taskset` may restrict the cores
     let cores = allowed_cores(&Machine::detect());
     let sessions = arguments.sessions.unwrap_or(cores.len()).clamp(1, cores.len());
     let seconds = arguments.seconds.max(EASE + 0.5);
     let (mean, deviation) = (Gait::START.to_vec(), Gait::DEVIATION.to_vec());
     let settings = CrossEntropySettings { population: GENERATION, ..CrossEntropySettings::default() };
     let start = Start::new(mean, deviation, arguments.seed).within(Gait::BOUNDS.to_vec());
-    // two generations are open at a time, so that no core waits for the last gait of one
+    // two generations are open at a time, so that no core idles while the last gait of a generation runs
     let mut search = CrossEntropy::new(start, settings)?.with_open_generations(2);
     let episodes = arguments.episodes.max(1);
     let workers = Workers { threads: sessions, ahead: usize::MAX, evaluations: episodes as u64 };

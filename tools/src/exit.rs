@@ -14,7 +14,7 @@ macro_rules! codes {
         }
 
         impl Code {
-            /// All of them with their meaning, as the book has it.
+            /// All exit codes with their meaning, as in the book.
             #[cfg(test)]
             const ALL: &[(Self, &str)] = &[$((Self::$name, $meaning)),*];
         }

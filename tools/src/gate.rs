@@ -1,11 +1,11 @@
-//! The account of a command gate as text.
+//! The report of a command gate as text.
 
 use motorium::region::{GateReport, Latch, LimitKind};
 
-/// Joints and limits that a line names; the rest is in `--json`.
+/// Maximum number of joints and limits in a line; the rest is in `--json`.
 const NAMED: usize = 4;
 
-/// The reason for which a gate stays in its safe state, in two words.
+/// A short reason why a gate stays in its safe state.
 pub(crate) fn latch_words(latch: Latch) -> &'static str {
     match latch {
         Latch::Stop => "stopped",
@@ -14,7 +14,7 @@ pub(crate) fn latch_words(latch: Latch) -> &'static str {
     }
 }
 
-/// Summary of a gate as one line; `None` if every command passed as it was.
+/// Summary of a gate as one line; `None` if every command was forwarded unchanged.
 pub(crate) fn describe(gate: &GateReport) -> Option<String> {
     let mut parts = Vec::new();
     if let Some(latch) = gate.latch {

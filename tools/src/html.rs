@@ -1,4 +1,4 @@
-//! Pages in one file, which need no network.
+//! Single-file pages that need no network.
 
 use crate::draw::escape;
 
@@ -29,7 +29,7 @@ pub(crate) fn facts<'a>(rows: impl IntoIterator<Item = (&'a str, String)>) -> St
     format!("<table>\n{rows}</table>\n")
 }
 
-/// A file as the address of a picture in the page (RFC 2397, in Base64 of RFC 4648).
+/// A file as a data URL for the page (RFC 2397, in Base64 of RFC 4648).
 pub(crate) fn data_url(media_type: &str, file: &[u8]) -> String {
     const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = format!("data:{media_type};base64,");

@@ -1,4 +1,4 @@
-//! Ctrl-C and requests to end.
+//! Ctrl-C and SIGTERM.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use anyhow::Context as _;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-/// A flag that Ctrl-C and a request to end set from now on.
+/// Returns a flag that is set by Ctrl-C (SIGINT) or SIGTERM.
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! The `motorium` command: launches component graphs and looks into them.
+//! The `motorium` command: launches and inspects component graphs.
 
 mod chart;
 mod commands;
@@ -48,7 +48,7 @@ pub fn registry() -> motorium::worker::Registry {
     registry::registry()
 }
 
-/// The whole program; its `main` only adds the allocator that counts.
+/// Runs the whole program; the binary only adds the counting allocator.
 pub fn main() -> ExitCode {
     // The command that reads an argument checks it for UTF-8; it may be valid as a path.
     let arguments: Vec<String> =

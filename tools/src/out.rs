@@ -38,8 +38,8 @@ pub(crate) fn print(text: Arguments<'_>) {
     }
 }
 
-/// Prints to standard error, without colours where it is not a terminal, and broken between words where that
-/// is narrow. Failures are ignored.
+/// Prints to standard error, without colours where it is not a terminal, and wrapped between words on a
+/// narrow terminal. Failures are ignored.
 pub(crate) fn print_error(text: Arguments<'_>) {
     let mut stream = anstream::stderr().lock();
     let _ = match crate::wrap::width() {

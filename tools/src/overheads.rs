@@ -7,7 +7,7 @@ use motorium::os::machine;
 use motorium::schedule::Overheads;
 use serde::{Deserialize, Serialize};
 
-/// The machine and the kernel that something was measured on.
+/// The machine and the kernel of a measurement.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Machine {
     /// Release and version of the kernel.
@@ -19,7 +19,7 @@ pub(crate) struct Machine {
 }
 
 impl Machine {
-    /// This one.
+    /// Describes this machine.
     pub(crate) fn this() -> Self {
         let kernel = machine::Kernel::detect();
         Self {
@@ -37,15 +37,15 @@ struct Saved {
     overheads: Overheads,
 }
 
-/// Overheads, and where they come from.
+/// Overheads and their origin.
 #[derive(Debug, Clone)]
 pub(crate) struct KnownOverheads {
     pub(crate) overheads: Overheads,
-    /// In words, for the line that shows them.
+    /// Origin as text, for output lines.
     pub(crate) origin: &'static str,
 }
 
-/// The overheads that were saved for this machine, else the cautious ones that come with motorium.
+/// Loads the overheads saved for this machine, or else motorium's cautious defaults.
 pub(crate) fn load() -> KnownOverheads {
     let saved = file().and_then(|path| std::fs::read(path).ok()).map(|text| serde_json::from_slice(&text));
     let (overheads, origin) = match saved {
@@ -71,7 +71,7 @@ pub(crate) fn save(overheads: Overheads) -> anyhow::Result<PathBuf> {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     }
     let text = serde_json::to_string_pretty(&Saved { machine: Machine::this(), overheads })?;
-    // written to another file and moved into place: a full disk keeps the older file intact
+    // written to another file and moved into place, so that a full disk leaves the older file intact
     let beside = path.with_extension("new");
     std::fs::write(&beside, text).with_context(|| format!("writing {}", beside.display()))?;
     std::fs::rename(&beside, &path).with_context(|| format!("writing {}", path.display()))?;

@@ -1,8 +1,8 @@
 //! Printing of a run's events on a separate thread.
 //!
-//! A terminal that was stopped with Ctrl-S, a pager that nobody scrolls and a pipe that nobody reads hold up
-//! whatever prints to them. The launcher must not wait for them: it supervises a robot. Events go through a
-//! queue; what finds no room there is dropped, counted and reported.
+//! A terminal stopped with Ctrl-S, an idle pager and an unread pipe block the program that prints to them.
+//! The launcher must not block: it supervises a robot. Events pass through a queue; if it is full, they are
+//! dropped, counted and reported.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -16,20 +16,20 @@ use motorium::plan::Plan;
 use crate::runs::event_line;
 use crate::screen::{Plain, Screen};
 
-/// Events that wait to be printed.
+/// Capacity of the queue of events.
 const QUEUE: usize = 1024;
-/// States among them: only the newest are of interest.
+/// Maximum number of queued states: only the newest matter.
 const WAITING: u64 = 2;
 /// Time for which the end of a run waits for the last lines to be printed.
 const LAST_LINES: Duration = Duration::from_secs(1);
 
-/// A printer of events that never holds up its caller.
+/// A printer of events that never blocks its caller.
 pub(crate) struct Printer {
     sender: Sender<Message>,
     ended: Receiver<()>,
-    /// Lines that found no room.
+    /// Number of dropped lines.
     dropped: Arc<AtomicU64>,
-    /// States in the queue.
+    /// Number of states in the queue.
     states: Arc<AtomicU64>,
     wants: Box<dyn FnMut(&Status) -> bool>,
 }
@@ -117,15 +117,15 @@ impl Printer {
         }
     }
 
-    /// Waits until all is printed, for a second at most.
+    /// Waits until everything is printed, for at most a second.
     pub(crate) fn finish(self) {
         drop(self.sender);
-        // Ends at once when the thread drops its end. Unprinted events are lost with the program.
+        // Returns immediately when the thread drops its end. Unprinted events are lost with the program.
         let _ = self.ended.recv_timeout(LAST_LINES);
     }
 }
 
-/// Chooses one state in a second.
+/// Selects one state per second.
 fn once_a_second() -> impl FnMut(&Status) -> bool {
     const SECOND_NS: u64 = 1_000_000_000;
     let mut next_ns = SECOND_NS;
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn one_state_in_a_second_is_chosen() {
+    fn one_state_per_second_is_selected() {
         let mut wants = once_a_second();
         let chosen: Vec<u64> = (0..70).map(|n| n * 50).filter(|ms| wants(&status(ms * 1_000_000))).collect();
         assert_eq!(chosen, [1_000, 2_000, 3_000]);

@@ -1,9 +1,9 @@
-//! The progress of a run in one short line a second: what changed since the line before.
+//! The progress of a run in one short line per second: the changes since the previous line.
 
 use motorium::launcher::{ComponentStatus, Status};
 use motorium::region::{Misses, Phase};
 
-/// Components whose changes are printed in a line; the rest are counted.
+/// Maximum number of components whose changes are printed in a line; the rest are counted.
 const MAX_REPORTED: usize = 3;
 
 /// The last printed state of the components.

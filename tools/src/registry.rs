@@ -41,7 +41,7 @@ pub(crate) fn with_hidden() -> Registry {
     )
 }
 
-/// A registry of kinds with the robots and the files of worlds that the command reads.
+/// Creates a registry of these kinds, with the robots and the world files that the command reads.
 fn known(kinds: impl IntoIterator<Item = Kind>) -> Registry {
     let gravity = |path: &Path| {
         motorium_worlds::gravity_of_file(path).map_err(|error| ConfigError::new(error.to_string()))

@@ -15,8 +15,7 @@ use crate::progress::{Progress, causes};
 use crate::report::microseconds;
 use crate::wrap::wrapped;
 
-/// True if standard error is a terminal that can be drawn on: one with a size, which a serial console has
-/// not.
+/// Returns `true` if standard error is a terminal with a known size, unlike a serial console.
 pub(crate) fn is_drawable() -> bool {
     let is_dumb = std::env::var_os("TERM").is_none_or(|name| name == "dumb");
     let has_size = ratatui::crossterm::terminal::size().is_ok_and(|(width, height)| width > 0 && height > 0);
@@ -36,7 +35,7 @@ impl Screen {
         Ok(Self { terminal })
     }
 
-    /// Draws the state of the graph. A terminal that cannot be drawn on is no reason to stop a robot.
+    /// Draws the state of the graph. Errors of the terminal are ignored: they must not stop a robot.
     pub(crate) fn state(&mut self, status: &Status) {
         let _ = self.terminal.draw(|frame| draw(frame, status));
     }
@@ -106,7 +105,7 @@ fn cells(component: &ComponentStatus) -> [String; 8] {
     ]
 }
 
-/// Plain lines: what happens, and how things are.
+/// Plain lines: events and states.
 pub(crate) struct Plain {
     quiet: bool,
     progress: Progress,

@@ -1,8 +1,8 @@
-//! Lines broken at words, for terminals that are narrower than a message.
+//! Wraps messages between words on narrow terminals.
 
 use std::io::IsTerminal as _;
 
-/// Least width at which lines are broken: on less, the terminal does it.
+/// Minimum width at which lines are wrapped; on narrower terminals, the terminal wraps them.
 const NARROWEST: usize = 20;
 
 /// Columns of the terminal behind standard error; `None` if there is no terminal.
@@ -14,11 +14,10 @@ pub(crate) fn width() -> Option<usize> {
     Some(usize::from(columns)).filter(|columns| *columns >= NARROWEST)
 }
 
-/// The text with every line that is longer than `width` broken between words; what follows a break is
-/// indented.
+/// Wraps every line that is longer than `width` between words; continuations are indented.
 ///
 /// Excerpts of files (`12 | gain = 1`), text that moves the cursor and words without blanks stay whole.
-/// Colours take no room.
+/// Colour codes have no width.
 pub(crate) fn wrapped(text: &str, width: usize) -> String {
     if text.contains('\r') {
         return text.to_string();
@@ -49,12 +48,12 @@ fn broken(line: &str, width: usize) -> String {
     text
 }
 
-/// Characters that are seen of a text.
+/// Number of visible characters of a text.
 fn columns(text: &str) -> usize {
     anstream::adapter::strip_str(text.trim_end_matches('\n')).to_string().chars().count()
 }
 
-/// Columns before the continuation of a line: below its first word, or below the words after `= note: `.
+/// Indentation of the continuation of a line: below its first word, or below the words after `= note: `.
 fn indentation(line: &str) -> usize {
     let blanks = line.len() - line.trim_start().len();
     let note = line.find("= ").filter(|at| *at == blanks);

@@ -33,7 +33,7 @@ enum Gains {
 }
 
 impl Gains {
-    /// True if there is one for each of so many joints.
+    /// Returns `true` if they are one number, or one for each joint.
     fn fit(&self, joints: usize) -> bool {
         match self {
             Self::All(_) => true,
@@ -56,7 +56,7 @@ struct Setpoint {
     velocity: f64,
 }
 
-/// A motion to `amplitude` and back, again and again, which starts at rest: `amplitude/2 (1 - cos(phase))`.
+/// A periodic motion to `amplitude` and back, which starts at rest: `amplitude/2 (1 - cos(phase))`.
 #[derive(Debug, Clone)]
 struct Oscillation {
     amplitude: f64,
@@ -86,9 +86,9 @@ struct Controller {
     frequency: Parameter<f64>,
     config: Config,
     motion: Oscillation,
-    /// The first state that was seen: the motion is relative to it.
+    /// The first state received: the motion is relative to it.
     start: Option<JointState>,
-    /// The setpoint of the last step, and the largest error with which it was followed, rad.
+    /// The setpoint of the last step, and the largest tracking error, rad.
     last: Option<f64>,
     largest_error: f64,
 }
@@ -98,7 +98,7 @@ impl Component for Controller {
     const SUMMARY: &'static str = "moves one joint of a robot back and forth";
     type Config = Config;
 
-    // `motorium check` calls this: what is refused here is refused before anything runs.
+    // `motorium check` calls this: errors are reported before anything runs.
     fn declare(config: &Config, declare: &mut Declare) -> Result<(), ConfigError> {
         declare.input::<JointState>("state", "measured joint state");
         declare.output::<JointCommand>("command", "setpoints and gains for all joints");
@@ -143,7 +143,7 @@ impl Component for Controller {
         }
         if !self.config.kp.fit(joints) || !self.config.kd.fit(joints) {
             return Err(StepError::failed(
-                "`kp` and `kd` want one number, or one for each joint of the robot",
+                "`kp` and `kd` need one number, or one for each joint of the robot",
             ));
         }
         if let Some(last) = self.last {
@@ -228,7 +228,7 @@ mod tests {
         })
     }
 
-    // The component in a graph of its own, in simulated time: two seconds take a few milliseconds.
+    // The component alone in a graph, in simulated time: two seconds last a few milliseconds.
     #[test]
     fn commands_start_at_the_measured_pose_and_move_one_joint() {
         let commands = Probe::<JointCommand>::for_topic("command");

@@ -21,7 +21,7 @@ impl Biped {
     pub(crate) fn catalogue() -> Self {
         let humanoid = load("humanoid", Path::new(".")).expect("it is in the catalogue");
         let (model, profile) = (humanoid.model, humanoid.profile.expect("it has a profile"));
-        let q = profile.configuration(&model, "standing").expect("it stands");
+        let q = profile.configuration(&model, "standing").expect("a standing pose");
         let feet = profile.feet.iter();
         let contacts =
             feet.map(|(name, foot)| Contact::of_foot(&model, name, foot).expect("its frame exists"));

@@ -1,6 +1,6 @@
 //! Quadratic programs and whole control cycles: recorded streams solved by motorium and Clarabel,
 //! differential inverse kinematics of an arm and of a humanoid, strict priorities, inverse dynamics on two
-//! feet, the horizon of a trot; With `--peers`, the same alternating with solvers and libraries of PyPI. With
+//! feet, the horizon of a trot. With `--peers`, the same alternating with solvers and libraries of PyPI. With
 //! `--tail`, the slowest torque cycles compared with plain arithmetic.
 //!
 //! The streams are files of recorded problems (`motorium qp solve --help`): `MOTORIUM_QPS` names their

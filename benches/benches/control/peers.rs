@@ -19,7 +19,7 @@ const CYCLES: usize = 100;
 /// A row of the comparison: motorium's work, and the peers for the same work.
 struct Row<'a> {
     name: String,
-    /// Our own side.
+    /// Motorium's side.
     run: Box<dyn FnMut() + 'a>,
     /// Calls in a turn.
     calls: usize,
@@ -82,7 +82,7 @@ pub(crate) fn compare(streams: &[Stream]) {
     }
 }
 
-/// The reduced Talos, where the data of the peers are.
+/// The reduced Talos, if the data of the peers are available.
 pub(crate) fn talos() -> Result<Biped, String> {
     let files =
         Files::find(&python("MOTORIUM_PEER_PYTHON", "control"), Path::new(env!("CARGO_TARGET_TMPDIR")));

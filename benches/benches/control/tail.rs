@@ -14,7 +14,7 @@ const WARM_UP: usize = 2000;
 /// Numbers processed by the floor, as many bytes as the matrices of a problem with 60 unknowns.
 const NUMBERS: usize = 24 * 1024;
 
-/// Prints the tails of the humanoid of the catalogue and, where it is at hand, of Talos.
+/// Prints the tails of the humanoid of the catalogue and, if available, of Talos.
 pub(crate) fn measure(humanoid: &Biped, talos: Option<&Biped>) {
     println!(
         "tails, us, {CYCLES} cycles in turn with as many floors; iterations: median, those of the cycles from the 99.9th percentile on, most\n"

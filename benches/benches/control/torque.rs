@@ -59,7 +59,7 @@ pub(crate) struct TorqueCycle {
     model: Model,
     moments: Vec<Moment>,
     next: usize,
-    /// True on the way back.
+    /// `true` for the motion back.
     back: bool,
     motion: Motion,
     weight: f64,

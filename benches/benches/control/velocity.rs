@@ -51,7 +51,7 @@ fn moved(start: &Isometry3<f64>, goals: &[[f64; 3]], tick: usize) -> Isometry3<f
     Isometry3::from_parts((start.translation.vector + offset).into(), start.rotation)
 }
 
-/// A Panda whose hand runs after goals; the posture in the same sum, or a level below.
+/// A Panda whose hand tracks goals, with the posture in the same sum or, if `hard`, a level below.
 pub(crate) fn panda(hard: bool) -> impl FnMut() {
     let panda = load("panda", Path::new(".")).expect("it is in the catalogue");
     let (model, profile) = (panda.model, panda.profile.expect("it has a profile"));

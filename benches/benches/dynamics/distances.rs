@@ -10,7 +10,7 @@ use motorium_robots::{
 /// States in the ring.
 const STATES: usize = 16;
 
-/// Nearer than this \[m\] a controller wants to know.
+/// Range of the distances that a controller requires \[m\].
 const RANGE: f64 = 0.1;
 
 /// One robot with its solids.

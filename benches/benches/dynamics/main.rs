@@ -11,7 +11,7 @@ use quantities::{Bench, NAMES};
 
 fn main() {
     let scratch = std::env::temp_dir().join(format!("motorium-dynamics-{}", std::process::id()));
-    std::fs::create_dir_all(&scratch).expect("the folder for temporary files takes a new folder");
+    std::fs::create_dir_all(&scratch).expect("a writable temporary folder");
     let subjects = robots::subjects(&scratch);
     if std::env::args().any(|argument| argument == "--peers") {
         if let Err(error) = peers::compare(&subjects) {

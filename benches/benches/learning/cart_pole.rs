@@ -1,4 +1,4 @@
-//! Processor time until PPO balances the cart-pole, beside Stable-Baselines3.
+//! Processor time until PPO balances the cart-pole, compared with Stable-Baselines3.
 
 use std::path::Path;
 
@@ -36,7 +36,7 @@ fn shown(seconds: Option<f64>) -> String {
     seconds.map_or_else(|| "-".to_owned(), |seconds| format!("{seconds:.2}"))
 }
 
-/// The median of runs; those that never balance the pole take longer than all others.
+/// Returns the median of runs; a run that never balances the pole counts as longer than all others.
 fn median(runs: &[Option<f64>]) -> Option<f64> {
     let mut runs: Vec<f64> = runs.iter().map(|seconds| seconds.unwrap_or(f64::INFINITY)).collect();
     runs.sort_by(f64::total_cmp);

@@ -1,5 +1,5 @@
-//! Returns of policies after equal steps with equal settings, beside Stable-Baselines3. Both sides train and
-//! are evaluated on motorium's worlds.
+//! Returns of policies after equal steps with equal settings, compared with Stable-Baselines3. Both sides
+//! train and are evaluated on motorium's worlds.
 
 use std::fmt::Display;
 use std::path::Path;
@@ -80,7 +80,7 @@ impl Comparison {
             std::fs::read_to_string(&file).map_err(|error| format!("{}: {error}", file.display()))?;
         let mut task = Task::parse(&source).map_err(text)?;
         if algorithm == Algorithm::Dqn {
-            // as the peer, which has no double Q-learning
+            // like the peer, which has no double Q-learning
             let settings = task.algorithms.entry("dqn").or_insert_with(|| toml::Table::new().into());
             let settings = settings.as_table_mut().ok_or_else(invalid)?;
             settings.insert("double".to_owned(), false.into());

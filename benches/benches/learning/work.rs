@@ -13,7 +13,7 @@ const GENERATIONS: u32 = 200;
 const POINTS: usize = 35;
 const DIMENSIONS: usize = 6;
 
-/// Every measured iteration. The peers make the same.
+/// Every measured iteration. The peers run the same.
 pub(crate) fn all() -> Vec<Work> {
     let work = |name, run| Work { name, run };
     vec![work("cma_10", cma(10)), work("cma_50", cma(50)), work("bayesian_6_at_35", bayesian())]

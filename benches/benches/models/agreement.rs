@@ -10,7 +10,7 @@ use crate::work::{self, LATENTS, OUTPUTS, POSES};
 struct Row {
     name: &'static str,
     peer: &'static str,
-    /// The line that asks the peer for its numbers.
+    /// The line that requests the peer's numbers.
     line: String,
     ours: Vec<f64>,
     /// Largest difference that meets the target, relative to the largest number above 1.
@@ -20,7 +20,7 @@ struct Row {
 /// Prints the largest difference of every comparison.
 ///
 /// # Errors
-/// A peer does not answer with as many numbers, as text.
+/// If a peer does not answer with the expected number of values, as text.
 pub(crate) fn print(peers: &mut [Peer]) -> Result<(), String> {
     let file = std::env::temp_dir().join(format!("motorium-agreement-{}.onnx", std::process::id()));
     std::fs::write(&file, work::network_file()).map_err(|error| error.to_string())?;

@@ -33,7 +33,7 @@ pub(crate) fn print(_: bool) -> Result<(), String> {
         };
         assert!(batch.step(1e-3, STEPS).iter().all(Result::is_ok), "standing robots do not diverge");
         lap(0, STEPS);
-        // As often in a row as a world is stepped: its memory is in the caches then.
+        // As many consecutive calls as steps of a world, so that its memory is in the caches.
         for (kinematics, (q, v)) in kinematics.iter_mut().zip(states()) {
             (0..STEPS).for_each(|_| black_box(&mut *kinematics).update_with_velocity(model, q, v));
         }

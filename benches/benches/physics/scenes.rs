@@ -63,7 +63,7 @@ const SCENES: [(&str, &str, Motion); 8] = [
 /// Scenes of Talos, if available on this machine.
 const TALOS: [(&str, Motion); 2] = [("talos", Motion::Hold), ("talos, free fall", Motion::Fall)];
 
-/// The scenes whose names `chosen` admits.
+/// The scenes whose names `chosen` accepts.
 pub(crate) fn scenes(chosen: impl Fn(&str) -> bool) -> Vec<Scene> {
     let robots = SCENES.into_iter().filter(|(name, ..)| chosen(name));
     let mut scenes: Vec<_> = robots

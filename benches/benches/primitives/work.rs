@@ -16,7 +16,8 @@ pub(crate) const DIMENSIONS: usize = 14;
 pub(crate) const KERNELS: usize = 50;
 pub(crate) const SAMPLES: usize = 200;
 
-/// The movement that all learn: `sin((d + 1) pi p / 4) + p^2`, one second long. The peers make the same.
+/// The movement that all sides learn: `sin((d + 1) pi p / 4) + p^2`, one second long. The peers generate the
+/// same.
 fn positions() -> DMatrix<f64> {
     DMatrix::from_fn(SAMPLES, DIMENSIONS, |k, d| {
         let p = k as f64 / (SAMPLES - 1) as f64;
@@ -37,7 +38,7 @@ fn fitted(variant: Variant) -> DiscreteDmp {
     DiscreteDmp::new(model.expect("200 samples determine 50 kernels"))
 }
 
-/// Steps for ever: at the end it starts again.
+/// Steps endlessly: restarts at the end.
 fn stepping(variant: Variant) -> Box<dyn FnMut()> {
     let mut dmp = fitted(variant);
     let dt = 1.0 / (SAMPLES - 1) as f64;
@@ -98,7 +99,8 @@ fn gait() -> Box<dyn FnMut()> {
     })
 }
 
-/// Ten noisy demonstrations of two dimensions, 101 samples each: the peers make the same but for the noise.
+/// Ten noisy demonstrations of two dimensions, 101 samples each. The peers generate the same ones with other
+/// noise.
 fn demonstrations() -> Vec<DMatrix<f64>> {
     (0..10)
         .map(|n| {

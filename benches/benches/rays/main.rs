@@ -46,7 +46,7 @@ fn figures(times: &mut [f64]) -> String {
     format!("{:.1} / {:.1} / {:.1}", times[0], times[times.len() / 2], times[times.len() * 99 / 100])
 }
 
-/// The share of the rays that meet something.
+/// The fraction of the rays that hit something.
 fn share(hits: &[Option<RayHit>]) -> String {
     let met = hits.iter().filter(|hit| hit.is_some()).count();
     format!("{} rays, {} % hit", hits.len(), 100 * met / hits.len())

@@ -21,7 +21,7 @@ pub(crate) struct Scan {
 pub(crate) struct TableTop {
     pub(crate) scene: RayScene,
     pub(crate) scans: [Scan; 3],
-    /// The same shapes in MJCF, each a body of its own.
+    /// The same shapes in MJCF, each as a separate body.
     pub(crate) mjcf: String,
 }
 

@@ -24,7 +24,7 @@ def main():
         if event["type"] != "INPUT":
             continue
         if role == "source":
-            # 512 bytes, as the relays of motorium.
+            # 512 bytes, like the relays of motorium.
             node.send_output("out", pyarrow.array([time.monotonic_ns()] * 64, type=pyarrow.uint64()))
             sent += 1
             if sent == count + WARM_UP:

@@ -87,7 +87,7 @@ fn plan(registry: &Registry, name: &str, text: String) -> Result<Plan, MeasureEr
 
 fn run_plan(program: &Path, registry: &Registry, plan: Plan) -> Result<Ran, MeasureError> {
     let options = Options::processes(PathBuf::from(program));
-    // Mapped while the run lives: the memory stays when its name is gone.
+    // Mapped while the run lives: the mapping outlives the name.
     let mut region: Option<Region> = None;
     let mut trouble = None;
     let report = session::run(plan, registry, &options, &mut |event| match event {

@@ -106,7 +106,7 @@ pub fn panda(seconds: u32) -> String {
 }
 
 /// The Panda held by a policy in a folder: physics at 1 kHz, encoder, policy, joint targets. The policy runs
-/// at its rate of 50 Hz beside the chain, or with `in_loop` at each state as a part of it.
+/// at its rate of 50 Hz next to the chain, or with `in_loop` at each state as a part of it.
 pub fn policy(folder: &Path, in_loop: bool, seconds: u32) -> String {
     let (pace, trigger) = match in_loop {
         true => ("trigger   = \"panda/joint_state\"", "panda/action"),

@@ -40,21 +40,21 @@ pub struct FloorShare {
 /// Causes of lateness of all components of a graph, counted by their workers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Causes {
-    /// Steps whose core was taken away: ready to run, while nothing of this system ran.
+    /// Steps delayed by the host: ready to run, while nothing of this system ran.
     pub stolen: u64,
-    /// Steps that started late: others had the core, or the timer was late.
+    /// Steps that started late: other threads had the core, or the timer was late.
     pub late_wake: u64,
     /// Steps that ran too long on their core, including interrupts and stalls that the host does not report.
     pub long_step: u64,
-    /// Steps whose input came late.
+    /// Steps whose input arrived late.
     pub late_input: u64,
     /// Number of core stalls while a component was spinning and only read the clock.
     pub stalls: u64,
     /// Total duration of the stalls, ms.
     pub stalled_ms: f64,
-    /// Out of so much time of spinning, ms.
+    /// Total time of spinning, ms.
     pub watched_ms: f64,
-    /// The longest, us.
+    /// Longest stall, us.
     pub longest_stall_us: f64,
 }
 
@@ -86,7 +86,7 @@ impl Causes {
         causes
     }
 
-    /// All misses.
+    /// Number of misses.
     pub fn misses(&self) -> u64 {
         self.stolen + self.late_wake + self.long_step + self.late_input
     }

@@ -22,7 +22,7 @@ pub(super) struct Consequence {
     pub(super) hung: bool,
     /// Commands stopped for too long while an actuator was not in its safe state.
     pub(super) unsafe_outage: bool,
-    /// Outcome in words; `None` if nothing happened in time.
+    /// Outcome; `None` if nothing happened in time.
     pub(super) outcome: Option<Outcome>,
     /// Length of a pause.
     pub(super) pause: Duration,

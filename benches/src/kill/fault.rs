@@ -48,7 +48,7 @@ impl fmt::Display for Victim {
     }
 }
 
-/// A fault made by signals.
+/// A fault injected by signals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Fault {

@@ -24,7 +24,7 @@ use trial::{RunEnd, Trial};
 
 use crate::{Distribution, MeasureError};
 
-/// Faults to be made.
+/// Faults to inject.
 #[derive(Debug, Clone)]
 pub struct Settings {
     /// The motorium command.
@@ -64,8 +64,8 @@ pub struct Cell {
     pub hung: u32,
     /// Number of faults after which an actuator followed a stale command for too long.
     pub unsafe_outages: u32,
-    /// Most frequent outcome of these faults. For pauses, only those that are long for a command and short
-    /// for a watchdog count. `None` without such a fault.
+    /// Most frequent outcome of these faults. Only pauses that are long for a command and short for a
+    /// watchdog are counted. `None` without such a fault.
     pub outcome: Option<Outcome>,
 }
 
@@ -99,7 +99,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// True if every run ended in order and the robot was safe at all times.
+    /// Returns `true` if every run ended in order and the robot was safe at all times.
     pub fn is_clean(&self) -> bool {
         let counts = [self.hangs, self.strays, self.leaks, self.failed_runs, self.unsafe_outages];
         counts.iter().all(|count| *count == 0) && self.steps_beyond_a_velocity_limit == 0

@@ -41,7 +41,7 @@ pub struct Outcome {
 impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self.robot {
-            Robot::GoesOn => "goes on",
+            Robot::GoesOn => "continues",
             Robot::Safe => "safe state",
             Robot::WithoutActuator => "no actuator",
         })?;

@@ -328,7 +328,7 @@ impl Trial {
         self.seen.iter().all(Watch::has_ended)
     }
 
-    /// Ends the run, unless a fault has ended it, and inspects what it left.
+    /// Ends the run, unless a fault has ended it, and inspects its leftovers.
     pub(super) fn end(mut self) -> RunEnd {
         self.see();
         if let Ok(launcher) = Watch::new(self.child.id()) {

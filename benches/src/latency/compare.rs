@@ -51,11 +51,11 @@ pub struct Change {
     pub floor: String,
     /// The median of the old ratios.
     pub old: f64,
-    /// The lowest and the highest of them; of five and more the second lowest and the second highest.
+    /// The lowest and the highest old ratio; with five or more, the second lowest and the second highest.
     pub old_range: [f64; 2],
     /// The median of the new ratios.
     pub new: f64,
-    /// The same of them.
+    /// The same range of the new ratios.
     pub new_range: [f64; 2],
     /// `new / old`.
     pub change: f64,
@@ -75,7 +75,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// True if anything has become slower.
+    /// Returns `true` if anything has become slower.
     pub fn is_slower(&self) -> bool {
         self.changes.iter().any(|change| change.direction == Direction::Slower)
     }

@@ -20,13 +20,13 @@ pub struct Written {
     pub motorium: String,
     /// Arguments of the program, without its own name.
     pub arguments: Vec<String>,
-    /// Time of its beginning, s since 1970.
+    /// Start time, s since 1970.
     pub began_unix_s: u64,
     /// The machine it was measured on.
     pub machine: Machine,
     /// The generator of load for names that end in `.loaded`, with its options.
     pub load: String,
-    /// Duration of it all, s.
+    /// Total duration, s.
     pub seconds: f64,
     /// Descriptions of denied privileges; empty if everything ran at real-time priority on its own core.
     pub denied: Vec<String>,
@@ -38,7 +38,7 @@ pub struct Written {
     pub targets: Vec<Target>,
 }
 
-/// Something that was not measured.
+/// A measurement that failed or was skipped.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Skipped {
     /// Its name.
@@ -47,7 +47,7 @@ pub struct Skipped {
     pub reason: String,
 }
 
-/// The file is not one of a benchmark.
+/// The file is not a benchmark.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// It could not be read.
@@ -71,7 +71,7 @@ pub enum ReadError {
     Content {
         /// The file.
         file: String,
-        /// The mistake and its place.
+        /// The error and its position.
         error: serde_json::Error,
     },
 }

@@ -40,7 +40,7 @@ impl Miss {
         })
     }
 
-    /// In one line.
+    /// Describes the miss in one line.
     pub(super) fn in_words(&self) -> String {
         let mut words = vec![self.steal.clone()];
         words.extend(self.median.clone());

@@ -31,7 +31,7 @@ pub struct Bench<'a> {
     pub registry: &'a Registry,
     /// Cores to measure on.
     pub places: Places,
-    /// `SCHED_FIFO` priority to ask for.
+    /// `SCHED_FIFO` priority to request.
     pub fifo: u8,
     /// Samples of each hop.
     pub samples: usize,
@@ -54,7 +54,7 @@ pub struct Measurement {
     pub name: String,
     /// The measured value.
     pub what: String,
-    /// All of it.
+    /// Its distribution, ns.
     pub ns: Distribution,
     /// Lowest `SCHED_FIFO` priority among its processes, read back; 0 for normal time sharing.
     pub fifo: u32,

@@ -7,13 +7,13 @@ use super::Measurement;
 use super::miss::Miss;
 use super::seen::Seen;
 
-/// True if a target was reached.
+/// Verdict on a target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// It was.
+    /// The target was met.
     Met,
-    /// It was not.
+    /// The target was missed.
     Missed,
     /// A compared value was not measured in this run.
     NotMeasured,
@@ -22,7 +22,7 @@ pub enum Verdict {
 /// A target and its measured value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Target {
-    /// The two things compared.
+    /// The compared quantities.
     pub what: String,
     /// Largest value that meets the target.
     pub at_most: f64,
@@ -30,7 +30,7 @@ pub struct Target {
     pub unit: String,
     /// The measured value.
     pub measured: Option<f64>,
-    /// True if it was reached.
+    /// Verdict on the target.
     pub verdict: Verdict,
     /// For a missed target: description of the influence of the machine and its host.
     pub host: Option<String>,

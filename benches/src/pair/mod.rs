@@ -40,7 +40,7 @@ pub enum Transport {
     PlainBlocking,
     /// Like `Plain`, with the duties of every publication: check for finite numbers, clock reading, stamp.
     PlainChecked,
-    /// As `PlainBlocking`, with the same.
+    /// Like `PlainBlocking`, with the duties of `PlainChecked`.
     PlainBlockingChecked,
     /// A word and a futex only; no payload.
     Futex,

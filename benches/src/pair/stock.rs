@@ -1,4 +1,4 @@
-//! Stock iceoryx2, as its users have it: `ipc::Service` with publish-subscribe, and an event to wake the
+//! Stock iceoryx2, as applications use it: `ipc::Service` with publish-subscribe, and an event to wake the
 //! receiver.
 
 use std::path::Path;

@@ -10,7 +10,7 @@ use super::SIDES;
 use super::link::Link;
 use crate::payload::Payload;
 
-/// A topic each way.
+/// A topic in each direction.
 pub(super) struct Topics<P: Payload> {
     _endpoints: [Endpoint; 2],
     output: Output<P>,
@@ -25,7 +25,7 @@ pub(super) struct Topics<P: Payload> {
 pub(super) enum Waits {
     /// Sleeps until its trigger wakes it.
     Blocking,
-    /// It polls.
+    /// Polls.
     Spinning,
     /// Polls and yields to the sender, which is on the same core.
     Yielding,

@@ -184,7 +184,7 @@ fn read(pipe: PipeReader, stream: Stream, sender: Sender<Line>) {
             let text = String::from_utf8_lossy(&bytes);
             let text = text.trim_end_matches(['\n', '\r']).to_string();
             if sender.send(Line { text, stream, arrived }).is_err() {
-                // nobody reads any more; a writer must not block
+                // the receiver is gone; a writer must not block
                 let _ = io::copy(&mut reader.by_ref(), &mut io::sink());
                 return;
             }

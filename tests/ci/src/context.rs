@@ -1,4 +1,4 @@
-//! What a running step may use: the folders, the environment of its programs, and the printed lines.
+//! Resources of a running step: the folders, the environment of its programs, and the printed lines.
 
 use std::fs;
 use std::io;

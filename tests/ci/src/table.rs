@@ -98,7 +98,7 @@ pub(crate) const STEPS: [Step; 26] = [
     // -- tests, and everything that needs no real time
     Step {
         name: "real_time_tests",
-        about: "test programs with tests in real time, two tests at once",
+        about: "test programs with tests in real time, two tests at a time",
         needs: &[TESTS, TOOLS],
         tools: &[STRACE, CHROMIUM, ICEORYX2, MCAP, SCHEMAS, PYARROW],
         machine: Machine::Shared,

@@ -1,6 +1,6 @@
-//! Axes: from values to places, and the marks on them.
+//! Axes: mapping of values to positions, and tick marks.
 
-/// An axis: from values to positions in the plot.
+/// An axis: maps values to positions in the plot.
 #[derive(Debug, Clone)]
 pub(super) struct Axis {
     low: f64,
@@ -8,16 +8,17 @@ pub(super) struct Axis {
     log: bool,
 }
 
-/// The part of its range by which an axis of values reaches beyond them.
+/// Margin of a value axis beyond its data, as a fraction of their range.
 const MARGIN: f64 = 0.04;
 
 impl Axis {
-    /// The axis that things are drawn along, such as time: it begins and ends with them.
+    /// Creates the axis of the independent variable, such as time: it begins and ends with the data.
     pub(super) fn along(values: impl Iterator<Item = f64>, log: bool) -> Self {
         Self::fit(values, log, 0.0)
     }
 
-    /// The axis of values: it reaches a little beyond them, and to zero where they nearly do.
+    /// Creates the axis of the values: it extends a little beyond them, and to zero if they nearly reach
+    /// zero.
     pub(super) fn values(values: impl Iterator<Item = f64>, log: bool) -> Self {
         Self::fit(values, log, MARGIN)
     }
@@ -34,7 +35,7 @@ impl Axis {
             return Self { low, high, log };
         }
         if high - low <= 1e-12 * (1.0 + high.abs()) {
-            // One value: something on either side of it.
+            // A single value: add a range on either side.
             let half = if high == 0.0 { 0.5 } else { 0.1 * high.abs() };
             (low, high) = (low - half, high + half);
         }
@@ -53,13 +54,13 @@ impl Axis {
         Self { low, high, log }
     }
 
-    /// From 0 to 1 along the axis.
+    /// Returns the position along the axis, from 0 to 1.
     pub(super) fn fraction(&self, value: f64) -> f64 {
         let at = |x: f64| if self.log { x.max(self.low * 1e-3).log10() } else { x };
         ((at(value) - at(self.low)) / (at(self.high) - at(self.low))).clamp(0.0, 1.0)
     }
 
-    /// Round values within its range, and their words: about `count`, or one a decade.
+    /// Returns round values within the range, with their labels: about `count`, or one per decade.
     pub(super) fn ticks(&self, count: f64) -> Vec<(f64, String)> {
         if self.log {
             let decades = self.low.log10().round() as i32..=self.high.log10().round() as i32;
@@ -72,7 +73,7 @@ impl Axis {
         let digits = (-step.log10().floor()).max(0.0) as usize;
         let first = (self.low / step - 1e-9).ceil() as i64;
         let last = (self.high / step + 1e-9).floor() as i64;
-        // All marks of an axis have as many digits; a zero is no negative zero.
+        // All marks of an axis have the same number of digits, and zero has no sign.
         let words = |value: f64| match value.abs() {
             size if digits > 4 || size >= 1e6 => number(value),
             _ => format!("{value:.digits$}"),

@@ -50,7 +50,7 @@ pub(crate) fn braille(chart: &Chart, (columns, rows): (u16, u16), colour: bool) 
             .data(points)
     });
     let legend = legend(chart, columns.into(), colour);
-    // Title and legend belong to the rows.
+    // The rows include title and legend.
     let around = 1 + u16::try_from(legend.lines().count()).unwrap_or(u16::MAX);
     let rows = rows.saturating_sub(around).max(LEAST_ROWS);
     let area = Rect::new(0, 0, columns, rows);
@@ -81,7 +81,7 @@ pub(crate) fn braille(chart: &Chart, (columns, rows): (u16, u16), colour: bool) 
     text + &legend
 }
 
-/// The names of the lines in as many columns as there is room for, each with its colour and its last value.
+/// The legend: the name of each line with its colour and last value, in as many columns as fit.
 fn legend(chart: &Chart, columns: usize, colour: bool) -> String {
     let width = |text: &str| text.chars().count();
     let longest = chart.series.iter().map(|series| width(&series.name)).max().unwrap_or(0);
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn every_line_is_named_in_its_colour_however_many_there_are() {
+    fn legend_names_every_line_in_its_colour() {
         let series = |index: usize| Series {
             name: format!("left_joint_{index}"),
             points: vec![[0.0, index as f64, 0.0]],

@@ -14,10 +14,10 @@ pub(super) enum Group {
 pub(super) struct Family {
     pub(super) group: Group,
     pub(super) dashes: &'static str,
-    /// The class of its colours begins with this letter.
+    /// First letter of the CSS classes of its colours.
     pub(super) class: char,
     pub(super) colours: &'static [&'static str],
-    /// As many, for a dark ground.
+    /// The same number of colours, for a dark background.
     on_dark: &'static [&'static str],
     pub(super) is_member: fn(&str) -> bool,
 }
@@ -71,13 +71,13 @@ pub(super) fn is_peer(name: &str) -> bool {
     !is_floor(name) && (name.starts_with("peer.") || name.starts_with("iceoryx2."))
 }
 
-/// Returns `true` for a measurement of motorium that other systems are measured next to: blocking hand-overs
+/// Returns `true` for a measurement of motorium with a counterpart in other systems: blocking hand-overs
 /// and the caterpillar of 17 processes.
 pub(super) fn has_counterpart(name: &str) -> bool {
     name.starts_with("hop.blocking.") || name == "chain.17"
 }
 
-/// The rules of all colours on a dark ground.
+/// The CSS rules of all colours on a dark background.
 pub(super) fn on_dark() -> String {
     let mut rules = String::new();
     for family in &FAMILIES {
@@ -108,7 +108,7 @@ mod tests {
         for family in &FAMILIES {
             assert_eq!(family.on_dark.len(), family.colours.len(), "{:?}", family.group);
             for (i, colour) in family.on_dark.iter().enumerate() {
-                // as much as WCAG asks of small text
+                // the minimum that WCAG requires for small text
                 let contrast = (luminance(colour) + 0.05) / (luminance(theme::DARK) + 0.05);
                 assert!(contrast > 4.5, "{colour}: {contrast}");
                 assert!(!family.on_dark[..i].contains(colour), "{colour} twice");

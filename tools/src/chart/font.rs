@@ -1,8 +1,8 @@
-//! A font of strokes for pictures of dots: letters as lines on a grid of 5 by 9.
+//! A stroke font for raster pictures: letters as lines on a grid of 5 by 9.
 
 /// Width of a letter with the gap behind it, in units of the grid.
 pub(super) const ADVANCE: f64 = 5.6;
-/// Row of the line that letters stand on, in the same units.
+/// Row of the baseline, in the same units.
 pub(super) const BASE: f64 = 6.0;
 
 /// The strokes of a letter as points of the grid, column from 0 to 4 and row from 0, the top of a capital
@@ -14,7 +14,7 @@ pub(super) fn letter(letter: char) -> impl Iterator<Item = Vec<[f64; 2]>> {
         .map(move |stroke| stroke.as_bytes().chunks_exact(2).map(point).collect())
 }
 
-/// Each stroke is a run of points, a digit for the column and one for the row.
+/// Each stroke is a sequence of points: a digit for the column and one for the row.
 #[rustfmt::skip]
 fn strokes(letter: char) -> &'static str {
     match letter {

@@ -14,7 +14,7 @@ const LEFT: f64 = 96.0;
 /// Width of the column of labels, right of the frames.
 const RIGHT: f64 = 450.0;
 const TOP: f64 = 92.0;
-/// Height of what is below a frame: its marks and the title of its axis.
+/// Height of the tick labels and the axis title below a frame.
 const BOTTOM: f64 = 48.0;
 /// Distance between a panel and the title of the next.
 const GAP: f64 = 34.0;
@@ -24,7 +24,7 @@ const LINE: f64 = 16.0;
 const SUBTITLE: usize = 160;
 /// The longest line of a label, characters.
 const LABEL: usize = 56;
-/// Points of a curve that are nearer to each other than this are drawn as one.
+/// Distance below which points of a curve are merged.
 const NEAR: f64 = 0.7;
 
 /// The curves of one comparison.
@@ -73,7 +73,7 @@ impl Scales {
     }
 }
 
-/// The frame that the curves of a panel are drawn in.
+/// The plotting area of a panel.
 struct Frame {
     scales: Scales,
     top: f64,
@@ -94,7 +94,7 @@ impl Frame {
         self.top + self.height
     }
 
-    /// The grid, what its lines stand for, and the titles of both axes.
+    /// The grid, its tick labels, and the titles of both axes.
     fn axes(&self) -> String {
         let mut svg = String::new();
         let (top, right, bottom) = (self.top, WIDTH - RIGHT, self.bottom());
@@ -196,7 +196,7 @@ fn spread(wanted: &[f64], heights: &[f64], top: f64, bottom: f64) -> Vec<f64> {
 /// equally far apart. A curve ends at its longest sample, above the percentile that its number of samples
 /// reaches.
 pub(crate) fn plot(machine: &str, measurements: &[&Measurement]) -> String {
-    // peers that keep their samples have no curve
+    // peers that report no samples have no curve
     let has_curve = |measurement: &&&Measurement| !measurement.ns.buckets.is_empty();
     let measurements: Vec<&Measurement> = measurements.iter().filter(has_curve).copied().collect();
     let scales = Scales::around(&measurements);
@@ -218,7 +218,7 @@ pub(crate) fn plot(machine: &str, measurements: &[&Measurement]) -> String {
     svg + &body + "</svg>\n"
 }
 
-/// Sorts measurements into panels. There is always a first one.
+/// Sorts measurements into panels; the first panel always exists.
 fn panels<'a>(measurements: &[&'a Measurement]) -> Vec<Panel<'a>> {
     let mut floors = Panel { title: "motorium and the floors of this machine", curves: Vec::new() };
     let mut peers = Panel { title: "motorium and other systems", curves: Vec::new() };
@@ -360,7 +360,7 @@ mod tests {
         for text in root.descendants().filter(|node| node.has_tag_name("text")) {
             let at = |name| text.attribute(name).unwrap().parse::<f64>().unwrap();
             assert!(at("y") < height, "{:?} at {} of {height}", text.text(), at("y"));
-            // 6.6 px a character: what the widest of the usual sans-serif fonts takes at this size.
+            // 6.6 px per character: the width in the widest common sans-serif font at this size.
             let width = 6.6 * text.text().unwrap().chars().count() as f64;
             let begins = text.attribute("text-anchor").is_none();
             assert!(!begins || at("x") + width < WIDTH, "{:?}", text.text());
@@ -387,13 +387,13 @@ mod tests {
     }
 
     #[test]
-    fn a_long_line_about_the_machine_is_broken_between_words() {
+    fn long_machine_description_wraps_between_words() {
         assert_eq!(wrapped("one two three four", 9), ["one two", "three", "four"]);
         assert_eq!(wrapped("", 9), Vec::<String>::new());
     }
 
     #[test]
-    fn nothing_measured_is_an_empty_frame_and_no_fault() {
+    fn chart_without_measurements_is_an_empty_frame() {
         assert!(curves(&plot("nothing", &[])).is_empty());
     }
 

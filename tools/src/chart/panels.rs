@@ -141,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_drawing_is_well_formed_also_of_nothing_and_of_constants() {
+    fn panels_of_empty_and_constant_data_are_well_formed() {
         let mut curve = Panel::new("a < b & c");
         curve.reference(vec![(0.0, 1.0), (1.0, 2.0)]);
         curve.line(vec![(0.0, 1.0), (1.0, 1.5)]);

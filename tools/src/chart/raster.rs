@@ -1,4 +1,4 @@
-//! Charts as pictures of dots.
+//! Charts as raster pictures.
 
 use motorium_bridges::png;
 
@@ -16,7 +16,7 @@ const INK: [u8; 3] = [31, 35, 40];
 const GRID: [u8; 3] = [228, 232, 236];
 const FRAME: [u8; 3] = [87, 96, 106];
 
-/// The side of a text that is anchored.
+/// The anchored side of a text.
 #[derive(Clone, Copy)]
 enum Anchor {
     Begin,
@@ -24,12 +24,12 @@ enum Anchor {
     End,
 }
 
-/// A white picture that is drawn on.
+/// A white canvas.
 struct Canvas {
     width: usize,
     height: usize,
     pixels: Vec<u8>,
-    /// Share of each dot that the line being drawn covers, of 255.
+    /// Coverage of each dot by the current line, 0 to 255.
     cover: Vec<u8>,
 }
 
@@ -39,7 +39,7 @@ impl Canvas {
         Self { width, height, pixels: vec![255; 3 * width * height], cover: vec![0; width * height] }
     }
 
-    /// Draws lines of one colour, in units of the chart. Where they cross each other they are no darker.
+    /// Draws lines of one colour, in units of the chart. Crossings are no darker than the lines.
     fn lines(&mut self, lines: &[Vec<[f64; 2]>], width: f64, colour: [u8; 3]) {
         for line in lines {
             line.windows(2).for_each(|ends| self.segment(ends[0], ends[1], width));
@@ -106,14 +106,14 @@ impl Canvas {
     }
 }
 
-/// The colour of `#rrggbb`.
+/// Parses a colour, `#rrggbb`.
 fn colour(text: &str) -> [u8; 3] {
     let channel =
         |at: usize| text.get(at..at + 2).and_then(|two| u8::from_str_radix(two, 16).ok()).unwrap_or(0);
     [channel(1), channel(3), channel(5)]
 }
 
-/// The strokes of a line with these lengths of strokes and gaps; the line itself without any.
+/// Splits a line into dashes of these stroke and gap lengths; without lengths it stays whole.
 fn dashed(line: &[[f64; 2]], dashes: &[f64]) -> Vec<Vec<[f64; 2]>> {
     if dashes.is_empty() {
         return vec![line.to_vec()];
@@ -141,7 +141,7 @@ fn dashed(line: &[[f64; 2]], dashes: &[f64]) -> Vec<Vec<[f64; 2]>> {
 }
 
 impl Chart {
-    /// The chart as a PNG file: what [`svg`](Self::svg) draws, two dots a unit.
+    /// The chart as a PNG file: the content of [`svg`](Self::svg) at two dots per unit.
     pub(crate) fn png(&self) -> Vec<u8> {
         let layout = Layout::for_chart(self, CHARACTER);
         let Layout { left, top, width, height, .. } = layout;
@@ -168,7 +168,7 @@ impl Chart {
             let bars: Vec<_> =
                 bars.map(|[px, py, bar]| vec![[x(*px), y(py - bar)], [x(*px), y(py + bar)]]).collect();
             match series.has_band() {
-                // Of a band the edges.
+                // Only the edges of a band are drawn.
                 true => {
                     let edge = |side: usize| bars.iter().map(|bar| bar[side]).collect::<Vec<_>>();
                     canvas.lines(&[edge(0), edge(1)], 0.7, ink);

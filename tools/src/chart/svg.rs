@@ -6,21 +6,21 @@ use super::axis::Axis;
 use super::{Chart, Series, theme};
 use crate::draw::escape;
 
-/// Width of the picture, and its least height.
+/// Width and minimum height of the picture.
 const SIZE: [f64; 2] = [820.0, 440.0];
 /// Margins around the plot: left, top, bottom.
 const MARGIN: [f64; 3] = [78.0, 40.0, 56.0];
-/// Width of a character of the legend, and its widest text.
+/// Width of a character of the legend, and the longest text in characters.
 const CHARACTER: f64 = 7.2;
 const WIDEST: usize = 40;
 /// Height of a line of the legend.
 const LINE: f64 = 20.0;
-/// From as many points on errors are a band, below bars.
+/// Minimum number of points for an error band; with fewer points, errors are bars.
 const BAND: usize = 25;
-/// Below as many points each is marked.
+/// Number of points below which each one is marked.
 const MARKED: usize = 60;
 
-/// The places of a chart: its plot within the picture, its axes, and the words of its legend.
+/// Layout of a chart: the plot within the picture, the axes, and the texts of the legend.
 pub(super) struct Layout {
     pub(super) size: [f64; 2],
     pub(super) left: f64,
@@ -33,8 +33,8 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// The legend takes as much width as its longest name with letters of this width, and the picture as much
-    /// height as its lines.
+    /// Computes the layout. The legend is as wide as its longest name at this character width, and the
+    /// picture is high enough for its lines.
     pub(super) fn for_chart(chart: &Chart, character: f64) -> Self {
         let names: Vec<String> = chart.series.iter().map(|series| shortened(&series.name)).collect();
         let longest = names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
@@ -68,7 +68,7 @@ impl Layout {
     }
 }
 
-/// A name that fits the legend: the middle of a long one is left out.
+/// Shortens a name to fit the legend by omitting its middle.
 fn shortened(name: &str) -> String {
     let letters: Vec<char> = name.chars().collect();
     if letters.len() <= WIDEST {
@@ -79,12 +79,12 @@ fn shortened(name: &str) -> String {
 }
 
 impl Series {
-    /// True where the errors are drawn as a band.
+    /// Returns `true` if the errors are drawn as a band.
     pub(super) fn has_band(&self) -> bool {
         self.points.len() >= BAND && self.points.iter().any(|point| point[2] > 0.0)
     }
 
-    /// The runs of points that are numbers: a gap is a gap.
+    /// Returns the runs of consecutive finite points; anything else interrupts the line.
     pub(super) fn runs(&self) -> impl Iterator<Item = &[[f64; 3]]> {
         self.points
             .split(|point| !(point[0].is_finite() && point[1].is_finite()))
@@ -93,7 +93,7 @@ impl Series {
 }
 
 impl Chart {
-    /// The chart as an SVG picture, light or dark as its reader prefers.
+    /// The chart as an SVG picture, light or dark by the reader's preference.
     pub(crate) fn svg(&self) -> String {
         let layout = Layout::for_chart(self, CHARACTER);
         let mut svg = theme::begin(layout.size[0], layout.size[1]);
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn legends_of_long_names_and_of_many_lie_within_the_picture() {
+    fn legends_with_long_or_many_names_fit_the_picture() {
         let long = "left_leg_ankle_pitch_joint of the robot that stands at the far left";
         let names: Vec<&str> = std::iter::repeat_n(long, 40).collect();
         for character in [CHARACTER, super::super::raster::CHARACTER] {
@@ -234,8 +234,8 @@ mod tests {
     }
 
     #[test]
-    fn every_colour_stands_in_an_attribute_of_its_own() {
-        // Programs without style sheets draw what has no colour of its own black.
+    fn every_element_has_a_colour_attribute() {
+        // Programs without style sheets draw elements without a colour attribute in black.
         let svg = chart(&["one", "two"], 30).svg();
         let document = roxmltree::Document::parse(&svg).unwrap();
         for node in document.descendants().filter(|node| node.attribute("class").is_some()) {
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_in_the_numbers_is_a_gap_in_the_line() {
+    fn missing_numbers_interrupt_the_line() {
         let mut gap = chart(&["one"], 5);
         gap.series[0].points[2][1] = f64::NAN;
         let svg = gap.svg();

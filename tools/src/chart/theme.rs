@@ -1,27 +1,27 @@
-//! Colours and dashes, in light and in dark.
+//! Colours and dashes of the light and the dark theme.
 
 use std::fmt::Write as _;
 
 /// Line colours in order: distinct on white, also for most colour-blind readers.
 pub(super) const COLOURS: [&str; 8] =
     ["#1f6feb", "#d1242f", "#1a7f37", "#9a6700", "#8250df", "#0b7285", "#bf3989", "#57606a"];
-/// Line colours on a dark ground.
+/// Line colours on a dark background.
 const ON_DARK: [&str; 8] =
     ["#58a6ff", "#ff7b72", "#56d364", "#e3b341", "#bc8cff", "#39c5cf", "#f778ba", "#9da7b3"];
-/// Dashes of lines, in turn: lengths of strokes and gaps. Three repeat after 3 lines and the colours after 8,
-/// so that 24 lines differ, and neighbours do in print without colours.
+/// Dash patterns of lines, in turn: lengths of strokes and gaps. 3 patterns and 8 colours distinguish 24
+/// lines; neighbouring lines differ even in black and white.
 pub(super) const DASHES: [&[f64]; 3] = [&[], &[7.0, 3.0], &[2.0, 2.5]];
 
-/// The beginning of a picture. Every element has its colours as attributes, for all programs; programs with
+/// Starts a picture. Every element has its colours as attributes, for all programs; programs with
 /// style sheets replace them for users who prefer a dark background.
 pub(super) fn begin(width: f64, height: f64) -> String {
     begin_with(width, height, 13, "")
 }
 
-/// The dark ground.
+/// The dark background.
 pub(super) const DARK: &str = "#0d1117";
 
-/// Starts a picture with a text size, and with rules for its own classes on a dark ground.
+/// Starts a picture with a text size, and with CSS rules for its own classes on a dark background.
 pub(super) fn begin_with(width: f64, height: f64, size: u32, rules: &str) -> String {
     let mut style = format!(
         ".paper{{fill:{DARK}}}.ink{{fill:#e6edf3}}.grid{{stroke:#262c34}}.frame{{stroke:#8b949e}}.old{{stroke:#484f58}}{rules}",

@@ -13,7 +13,7 @@ pub(crate) struct Tile {
     pub(crate) found: Vec<[f64; 2]>,
 }
 
-/// Tiles in rows of `columns`: the known path in grey, the one found in blue.
+/// Tiles in rows of `columns`: the known path in grey, the computed path in blue.
 pub(crate) fn tiles(title: &str, tiles: &[Tile], columns: usize) -> String {
     const SIDE: f64 = 130.0;
     let columns = columns.max(1);
@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tiles_hold_both_paths_inside_the_picture() {
+    fn tiles_draw_both_paths_inside_the_picture() {
         let tile = Tile {
             name: "a".into(),
             known: vec![[0.0, 0.0], [1.0, 2.0]],

@@ -22,10 +22,10 @@ use crate::{draw, exit, overheads, registry, style};
 /// Longest part of a hyperperiod drawn by default.
 const LONGEST: TimeSpan = TimeSpan { ns: 1_000_000_000 };
 
-/// Check a graph file without starting anything: wiring, types, and whether its times can hold.
+/// Check a graph file without starting anything: wiring, types, and timing.
 ///
-/// The exit code is 3 if the graph cannot run, or if its budgets, rates and latencies cannot hold on the
-/// cores it is given.
+/// The exit code is 3 if the graph cannot run, or if its budgets, rates and latencies are not feasible on its
+/// cores.
 ///
 /// Example: motorium check graphs/panda-reach.toml --timeline svg --output timeline.svg
 #[derive(Debug, clap::Args)]

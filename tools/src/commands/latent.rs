@@ -64,7 +64,7 @@ enum PriorForm {
     None,
     /// Standard normal
     Normal,
-    /// From each pose to the next of a movement; one begins where `clip` changes
+    /// From each pose to the next in a movement; a change of `clip` begins a new movement
     Dynamics,
 }
 
@@ -79,7 +79,7 @@ struct TrainingOptions {
     /// The space of the back constraint
     #[arg(long, value_name = "SPACE", default_value = "human")]
     back_space: String,
-    /// Iterations at most [default: 300]
+    /// Maximum number of iterations [default: 300]
     #[arg(hide_default_value = true, long, default_value_t = 300)]
     iterations: usize,
 }
@@ -225,7 +225,7 @@ struct Transfer {
     /// The robot
     #[arg(long)]
     robot: String,
-    /// Iterations at most, for each of three starts
+    /// Maximum number of iterations for each of three starts
     #[arg(long, default_value_t = 200)]
     iterations: usize,
     /// Write here instead of to the model's file
@@ -267,7 +267,7 @@ struct Evaluate {
     /// The robot
     #[arg(long)]
     robot: String,
-    /// Parts of the poses, each left out of one training
+    /// Number of folds of the poses, each held out of one training
     #[arg(long, default_value_t = 5)]
     folds: usize,
     #[command(flatten)]

@@ -15,7 +15,7 @@ use crate::out::errln;
 
 /// Graph that runs if none is named.
 pub(crate) const DEFAULT_GRAPH: &str = "graphs/panda-reach.toml";
-/// Name for standard input.
+/// Name of standard input.
 const STDIN: &str = "-";
 /// Example identical to the default graph.
 const DEFAULT_EXAMPLE: &str = "panda-reach";

@@ -41,7 +41,7 @@ use clap::{Parser, Subcommand};
 
 /// A zero-copy shared-memory robotics runtime.
 ///
-/// Without a subcommand it runs graphs/panda-reach.toml: a robot arm under control through several processes.
+/// Without a subcommand it runs graphs/panda-reach.toml: a robot arm, controlled by several processes.
 #[derive(Debug, Parser)]
 #[command(name = "motorium", version, max_term_width = 110, arg_required_else_help = false)]
 pub(crate) struct Cli {

@@ -15,7 +15,7 @@ use super::samples::SampleArgs;
 use crate::out::errln;
 use crate::style;
 
-/// Time that the run continues after the end of the movement, s.
+/// Time for which the run continues after the end of the movement, s.
 const REST: f64 = 0.5;
 
 /// Move a simulated robot exactly along a recorded movement of its joints.
@@ -33,7 +33,7 @@ pub(crate) struct Play {
     /// A catalogue or installed robot, a URDF or MJCF file, or a folder with one
     #[arg(long, value_name = "ROBOT", add = crate::complete::robots())]
     robot: String,
-    /// Look for `package://` files in this folder first; may be repeated
+    /// Search `package://` files in this folder first; may be repeated
     #[arg(long, value_name = "FOLDER")]
     package_path: Vec<PathBuf>,
     #[command(flatten)]

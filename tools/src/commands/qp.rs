@@ -45,7 +45,7 @@ impl Qp {
 /// Example: motorium qp solve problems.json --solver clarabel --json
 #[derive(Debug, clap::Args)]
 struct Solve {
-    /// A problem, or a list of consecutive problems, as JSON; a change of size starts cold
+    /// A problem, or a list of consecutive problems, as JSON; a change of size causes a cold start
     file: PathBuf,
     /// The solver
     #[arg(long, value_enum, default_value_t = SolverName::ActiveSet)]
@@ -63,9 +63,9 @@ struct Solve {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum SolverName {
-    /// Our dense dual active-set method, which begins with the active constraints of the problem before
+    /// The built-in dense dual active-set method, warm-started with the active set of the previous problem
     ActiveSet,
-    /// The same, from nothing each time
+    /// The same, cold-started for each problem
     ActiveSetCold,
     /// Clarabel, an interior-point method
     Clarabel,

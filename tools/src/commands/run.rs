@@ -49,7 +49,7 @@ pub(crate) struct Run {
     /// The same as `--hosting threads`
     #[arg(long, conflicts_with = "hosting", hide = true)]
     in_process: bool,
-    /// In lockstep: the core of the whole run [default: the graph's]
+    /// Core of the whole run, in lockstep [default: the graph's]
     #[arg(long, hide = true)]
     core: Option<usize>,
     /// Number of episodes; each begins with a reset of all components in lockstep, without one in real time
@@ -67,7 +67,7 @@ pub(crate) struct Run {
     /// Expect a figure, such as `controller.goals_missed == 0`; may be repeated; `--no-expect`: nothing
     #[arg(long, value_name = "FIGURE CONDITION")]
     expect: Vec<Expectation>,
-    /// Expect nothing, whatever the graph expects
+    /// Ignore the expectations of the graph
     #[arg(long, conflicts_with = "expect", hide = true)]
     no_expect: bool,
     /// Run even if the budgets of the graph cannot hold, alone or together with other live runs
@@ -237,7 +237,7 @@ impl Run {
         let lockstep = plan.clock == ClockKind::Lockstep;
         let terminal = std::io::stdout().is_terminal() && std::io::stderr().is_terminal();
         let live = !self.json && !lockstep && terminal && is_drawable();
-        // a terminal that claims to support drawing but does not answer gets plain lines
+        // a terminal that claims to support drawing but does not answer receives plain lines
         let mut printer = match live.then(|| Printer::screen(&plan)) {
             Some(Ok(screen)) => screen,
             Some(Err(_)) | None => Printer::lines(self.json)?,

@@ -16,10 +16,10 @@ pub(super) struct SampleArgs {
     /// Channel of an MCAP file [default: the only one with such samples, or with joint states]
     #[arg(long, value_name = "NAME")]
     topic: Option<String>,
-    /// Column to keep (again for more) [default: all]
+    /// Column to keep; may be repeated [default: all]
     #[arg(long, value_name = "NAME")]
     channel: Vec<String>,
-    /// Samples a second of recordings without time
+    /// Samples per second of recordings without times
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
 }

@@ -20,16 +20,16 @@ const END_WITHIN: Duration = Duration::from_secs(10);
 /// Time limit for actuators to reach another state.
 const REACT_WITHIN: Duration = Duration::from_secs(1);
 
-/// End a run in good order, or stop its robot at once.
+/// End a run in good order, or stop its robot immediately.
 ///
 /// Without `--now` the launcher ends the run, as on Ctrl-C: the actuators enter their safe state first. With
-/// it every actuator goes to its safe state at its next step and stays there until `motorium resume`; the run
+/// it every actuator enters its safe state at its next step and stays there until `motorium resume`; the run
 /// continues, and its launcher is not needed.
 ///
 /// Example: motorium stop --now
 #[derive(Debug, clap::Args)]
 pub(crate) struct Stop {
-    /// Bring the robot to its safe state at once, and keep it there
+    /// Bring the robot to its safe state immediately, and keep it there
     #[arg(long)]
     now: bool,
     #[command(flatten)]

@@ -27,10 +27,10 @@ const RATE_HZ: f64 = 60.0;
 
 /// Show a running graph, or a recording: the robot in 3D, plots, parameters, a stop button.
 ///
-/// With a graph it starts the graph; a recording it plays, with playback control in the page and in Foxglove;
-/// without either it shows a running graph, and later runs of the same graph. The page and Foxglove's
-/// WebSocket protocol, for Foxglove and Lichtblick, share one port of this machine. Clients with the token
-/// may command, others may only observe.
+/// With a graph, it starts the graph. With a recording, it plays the recording, with playback control in the
+/// page and in Foxglove. Without either, it shows a running graph, and later runs of the same graph. The page
+/// and Foxglove's WebSocket protocol, for Foxglove and Lichtblick, share one port of this machine. Clients
+/// with the token may command, others may only observe.
 ///
 /// Example: motorium view graphs/panda-reach.toml
 #[derive(Debug, clap::Args)]
@@ -41,10 +41,10 @@ pub(crate) struct View {
     graph: Option<PathBuf>,
     #[command(flatten)]
     run: RunArg,
-    /// Port of this machine on which to serve; 0 for any that is free
+    /// Port of this machine to serve on; 0 selects a free one
     #[arg(long, value_name = "PORT", default_value_t = 8765)]
     port: u16,
-    /// Most samples of a topic to send a second, in Hz
+    /// Maximum rate at which samples of a topic are sent, in Hz
     #[arg(long, value_name = "HZ", default_value_t = RATE_HZ, value_parser = rate)]
     rate: f64,
     /// Open the page in a headless browser, compare its values with the run, write a screenshot to this file,
@@ -95,7 +95,7 @@ impl View {
         if let Err(problem) = programs::kinds(&program) {
             errln!("{}: {problem}", style::error("error"));
             anyhow::bail!(
-                "install the `{}` that goes with this motorium, from the same checkout: `{}`",
+                "install the `{}` that matches this motorium, from the same checkout: `{}`",
                 sibling.program,
                 registry::INSTALL_VIEWER
             );

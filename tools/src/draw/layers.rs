@@ -1,8 +1,8 @@
 //! Columns of components, from left to right along the flow of data.
 //!
 //! Method of Sugiyama, Tagawa and Toda (1981): break cycles, assign layers, order within each layer to avoid
-//! crossings. A wire that closes a loop, such as the command back to the robot, is not part of it; it is led
-//! around the picture.
+//! crossings. A wire that closes a loop, such as the command back to the robot, is not part of the layers; it
+//! is routed around the picture.
 
 use motorium::plan::Plan;
 
@@ -22,9 +22,9 @@ pub(super) enum Item {
 pub(super) struct Layers {
     /// From left to right, each from top to bottom.
     pub(super) columns: Vec<Vec<Item>>,
-    /// By component: its column.
+    /// Column of each component.
     pub(super) column_of: Vec<usize>,
-    /// By wire: true if it leads to the same column or one further left.
+    /// By wire: `true` if it leads to the same column or to the left.
     pub(super) back: Vec<bool>,
 }
 
@@ -76,8 +76,8 @@ impl Layers {
             .collect()
     }
 
-    /// Orders every column by the mean place of its neighbours, there and back, and keeps the order with the
-    /// fewest crossings.
+    /// Orders every column by the mean position of its neighbours, in sweeps to the right and left, and keeps
+    /// the order with the fewest crossings.
     fn order(&mut self, wires: &[Wire]) {
         let mut best = self.columns.clone();
         let mut fewest = self.crossings(wires);
@@ -150,8 +150,8 @@ fn back_wires(plan: &Plan, wires: &[Wire]) -> Vec<bool> {
             back[index] = true;
         }
     }
-    // Take in the others one by one, as long as they close no loop. The wires that wake their reader come
-    // first: they are the backbone of the picture.
+    // Add the others one by one unless they close a loop. Wires that wake their reader come first: they are
+    // the backbone of the picture.
     let mut left_out = vec![true; wires.len()];
     for wakes in [true, false] {
         for index in 0..wires.len() {
@@ -168,7 +168,7 @@ fn back_wires(plan: &Plan, wires: &[Wire]) -> Vec<bool> {
     back
 }
 
-/// True if data flows from one component to another along the remaining wires.
+/// Returns `true` if data flows from one component to another along the remaining wires.
 fn reaches(from: usize, to: usize, wires: &[Wire], left_out: &[bool]) -> bool {
     let mut seen = vec![from];
     let mut next = 0;

@@ -47,7 +47,7 @@ fn label(plan: &Plan, topic: usize, measured: Option<&Measured>) -> String {
     lines.join("<br/>")
 }
 
-/// Characters that mean something in a quoted Mermaid label, as entities.
+/// Escapes the special characters of a quoted Mermaid label as entities.
 fn escape(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('"', "&quot;")

@@ -1,10 +1,10 @@
-//! Graphs drawn: as Mermaid, as DOT, and as a picture with a layout of our own.
+//! Drawings of graphs: Mermaid, DOT, and an SVG picture with its own layout.
 //!
-//! * [`words`]: what is written on components and topics, the same in every format;
-//! * [`wires`]: the edges of the graph, and those that carry a latency budget;
-//! * [`layers`], [`card`], [`placement`]: columns from left to right, boxes, then places;
+//! * [`words`]: labels of components and topics, the same in every format;
+//! * [`wires`]: the edges of the graph, and their latency budgets;
+//! * [`layers`], [`card`], [`placement`]: columns from left to right, boxes, then positions;
 //! * [`mod@svg`], [`style`]: the picture;
-//! * [`timeline`], [`mod@timeline_text`], [`mod@timeline_svg`]: what runs when.
+//! * [`timeline`], [`mod@timeline_text`], [`mod@timeline_svg`]: the schedule of the cores.
 
 mod card;
 mod dot;
@@ -30,15 +30,15 @@ pub(crate) use text::escape;
 pub(crate) use timeline_svg::timeline_svg;
 pub(crate) use timeline_text::timeline_text;
 
-/// Measured values as text, for a picture of a running graph. Indices are the plan's; what
-/// is left out or shorter than the plan is not drawn.
+/// Measured values as text, for a picture of a running graph. Indices are the plan's; missing entries are not
+/// drawn.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Measured {
-    /// By component: such as `999.9 Hz`.
+    /// By component, such as `999.9 Hz`.
     pub(crate) rates: Vec<Option<String>>,
     /// By topic: latency from the source time to its publication, such as `p99 212 us`.
     pub(crate) topics: Vec<Option<String>>,
-    /// By latency budget: such as `p99 231 us, 0 missed`.
+    /// By latency budget, such as `p99 231 us, 0 missed`.
     pub(crate) latencies: Vec<Option<String>>,
 }
 

@@ -1,4 +1,4 @@
-//! Places of everything in the picture, in pixels.
+//! Positions of all parts of the picture, in pixels.
 
 use motorium::plan::Plan;
 
@@ -8,21 +8,21 @@ use super::text::width;
 use super::wires::Wire;
 use super::{Measured, words};
 
-/// Between items of a column.
+/// Gap between items of a column.
 const GAP: f64 = 30.0;
-/// Between wires that run side by side.
+/// Distance between parallel wires.
 const LANE: f64 = 11.0;
-/// The strip between two columns in which wires bend.
+/// Width of the strip between two columns in which wires bend.
 const BEND: f64 = 42.0;
 const MARGIN: f64 = 28.0;
-/// Size of type of the title.
+/// Font size of the title.
 const TITLE: f64 = 18.0;
 /// Height of title and summary.
 pub(super) const HEADER: f64 = 74.0;
 /// Height of the legend.
 const FOOTER: f64 = 46.0;
 const PASSAGE: f64 = 14.0;
-/// Rounds of evening out heights.
+/// Number of rounds that even out heights.
 const ROUNDS: usize = 24;
 
 /// A column: boxes, then the names of the topics they write, then the space where wires bend.
@@ -35,7 +35,7 @@ pub(super) struct Column {
     pub(super) bend: (f64, f64),
 }
 
-/// Everything in its place.
+/// The placed parts of the picture.
 #[derive(Debug)]
 pub(super) struct Placement {
     pub(super) width: f64,
@@ -189,7 +189,7 @@ impl Heights<'_> {
 /// isotonic regression by pooling adjacent violators. Each entry is the desired top, the height and the
 /// weight.
 fn spread(wanted: &[(f64, f64, f64)]) -> Vec<f64> {
-    // in coordinates without heights and gaps, the order is all that must hold
+    // in coordinates without heights and gaps, the order is the only constraint
     let mut pools: Vec<(f64, f64, usize)> = Vec::new();
     let mut before = 0.0;
     let mut shifts = Vec::new();
@@ -208,7 +208,7 @@ fn spread(wanted: &[(f64, f64, f64)]) -> Vec<f64> {
     flat.zip(shifts).map(|(top, shift)| top + shift).collect()
 }
 
-/// Columns from left to right; sets the place and width of every box.
+/// Columns from left to right; sets the position and width of every box.
 fn columns(cards: &mut [Card], wires: &[Wire], layers: &Layers) -> Vec<Column> {
     let lanes = |end: fn(&Wire) -> usize, column: usize| {
         let goes = |index: &usize| layers.back[*index] && layers.column_of[end(&wires[*index])] == column;

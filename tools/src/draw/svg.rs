@@ -36,7 +36,7 @@ pub(crate) fn svg(plan: &Plan, measured: Option<&Measured>) -> String {
     );
     text(&mut svg, "title", 28.0, 34.0, &plan.name);
     text(&mut svg, "fact", 28.0, 53.0, &words::summary(plan));
-    // where wires share a way, the ones that matter more lie on top
+    // where wires overlap, the more important ones are drawn on top
     let mut order: Vec<usize> = (0..wires.len()).collect();
     order.sort_by_key(|index| (wires[*index].budgeted, wires[*index].wakes));
     for index in order {

@@ -1,7 +1,7 @@
-//! Text in a picture: how wide it is, and how it is written.
+//! Text in a picture: its width, and its escaping.
 
-/// Width of a text in a sans-serif typeface of this size, in pixels. Generous: the typeface is the viewer's
-/// choice, and a box a little too wide is better than text that runs out of it.
+/// Width of a text in a sans-serif typeface of this size, in pixels. The estimate is generous because the
+/// viewer chooses the typeface, and a box that is slightly too wide is better than overflowing text.
 pub(super) fn width(text: &str, size: f64) -> f64 {
     let em: f64 = text
         .chars()
@@ -17,7 +17,7 @@ pub(super) fn width(text: &str, size: f64) -> f64 {
     em * size
 }
 
-/// Characters that mean something in XML and HTML, as entities.
+/// Escapes the special characters of XML and HTML as entities.
 pub(crate) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
@@ -26,7 +26,7 @@ pub(crate) fn escape(text: &str) -> String {
             '<' => escaped.push_str("&lt;"),
             '>' => escaped.push_str("&gt;"),
             '"' => escaped.push_str("&quot;"),
-            // XML 1.0 has no way to write these
+            // XML 1.0 cannot represent these
             c if c.is_control() => escaped.push('\u{fffd}'),
             c => escaped.push(c),
         }

@@ -2,7 +2,7 @@
 
 use super::words;
 
-/// Marks on an axis of at most this many parts.
+/// Maximum number of parts between the marks of an axis.
 const MOST_PARTS: u64 = 8;
 
 /// Distance of the marks on an axis of this length, ns: 1, 2, 2.5 or 5 times a power of ten, for about four

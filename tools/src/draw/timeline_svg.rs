@@ -24,7 +24,7 @@ const COLOURS: &str = "
 }
 ";
 
-/// Room at the edges of the page.
+/// Margin of the page.
 const MARGIN: f64 = 28.0;
 /// Height below the title at which the first core begins.
 const TOP: f64 = 72.0;
@@ -241,7 +241,7 @@ mod tests {
         assert!((number(&steps[0], "width") - AXIS / 4.0).abs() < 0.01);
         let gap = number(&spins[0], "x") - number(&steps[0], "x");
         assert!((gap - AXIS * 0.4).abs() < 0.01, "{gap}");
-        assert!(number(&steps[1], "width") >= 0.5, "a short step is still to be seen");
+        assert!(number(&steps[1], "width") >= 0.5, "a short step stays visible");
         let title =
             spins[0].descendants().find(|node| node.has_tag_name("title")).and_then(|node| node.text());
         assert_eq!(title, Some("<arm> spins from 400 ns to 500 ns"));
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn lateness_is_only_explained_where_there_is_some() {
+    fn legend_explains_lateness_only_if_present() {
         assert!(timeline_svg("g", &drawn(true)).contains("ends after its next release"));
         assert!(!timeline_svg("g", &drawn(false)).contains("ends after its next release"));
     }

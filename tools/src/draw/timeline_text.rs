@@ -1,4 +1,4 @@
-//! A timeline as text: a bar for every component, as high as the share of time it has the core.
+//! A timeline as text: a bar for every component, whose height is its share of the core.
 
 use std::fmt::Write as _;
 
@@ -8,7 +8,7 @@ use super::timeline::{mark, marks, percent};
 
 /// Cells of a bar.
 const CELLS: usize = 80;
-/// Shares of a cell in eighths; anything at all shows.
+/// Levels of a cell in eighths; any share above 0 is visible.
 const LEVELS: [char; 9] = [' ', '▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 /// A cell in which a component mostly spins.
 const SPINS: char = '░';
@@ -99,8 +99,8 @@ mod tests {
         Segment { start_ns, end_ns, activity }
     }
 
-    /// A head that spins for a tenth of the period and steps for three, one behind it, and one that hardly
-    /// steps.
+    /// A component that spins for a tenth of the period and steps for three tenths, one behind it, and one
+    /// with a very short step.
     pub(super) fn drawn() -> Timeline {
         let lane = |component: &str, segments: Vec<Segment>, late_ns: Vec<u64>| Lane {
             component: component.to_string(),
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn bars_are_drawn_where_components_have_the_core() {
+    fn bars_show_when_components_have_the_core() {
         let expected = "\
 core 1      40 % left to others
 physics     ████████████████████████                                                ░░░░░░░░

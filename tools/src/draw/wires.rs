@@ -15,9 +15,9 @@ pub(super) struct Wire {
     pub(super) reader: usize,
     /// Index of the reader's port.
     pub(super) input: usize,
-    /// True if it wakes the reader.
+    /// `true` if it wakes the reader.
     pub(super) wakes: bool,
-    /// True if a latency budget is measured along it.
+    /// `true` if a latency budget is measured along it.
     pub(super) budgeted: bool,
 }
 

@@ -1,4 +1,4 @@
-//! The failure of a command: words on standard error and, with `--json`, one object on standard output.
+//! The failure of a command: text on standard error and, with `--json`, one object on standard output.
 
 mod origin;
 
@@ -25,7 +25,7 @@ use origin::Origin;
 pub(crate) struct Failure {
     /// False: nothing was done, or not all of it.
     valid: bool,
-    /// The error and its causes in words, in one line.
+    /// The error and its causes, in one line.
     error: String,
     /// Class of the mistake.
     kind: Kind,
@@ -51,7 +51,7 @@ pub(crate) struct Failure {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Kind {
-    /// Something failed (exit code 1): a component that cannot be started, no run to look at, a file that
+    /// Something failed (exit code 1): a component that cannot be started, no run to inspect, a file that
     /// cannot be read.
     Failed,
     /// Wrong usage (exit code 2): an unknown command or option, an option that cannot be read.
@@ -83,7 +83,7 @@ pub(crate) fn arrange(arguments: &[String]) {
 }
 
 impl Failure {
-    /// A failure of a class, in words.
+    /// A failure of a class, with its message.
     pub(crate) fn new(kind: Kind, error: impl Into<String>) -> Self {
         let error = error.into();
         let (found, expected) = parts(&error);
@@ -149,7 +149,7 @@ impl Failure {
         Self { diagnostics, ..failure }
     }
 
-    /// The failure to read the command line.
+    /// The failure of an invalid command line.
     fn of_usage(error: &clap::Error) -> Self {
         let words = error.to_string();
         let first = words.lines().next().unwrap_or_default();
@@ -202,7 +202,7 @@ pub(crate) fn usage(error: &clap::Error) -> ExitCode {
     if is_answer { ExitCode::SUCCESS } else { Failure::of_usage(error).print_json() }
 }
 
-/// An error and its causes in one line. Messages that hold the words of their cause are not followed by it.
+/// An error and its causes in one line. A cause whose text is already in the message is not repeated.
 fn message(error: &anyhow::Error) -> String {
     error.chain().fold(String::new(), |message, cause| {
         let cause = cause.to_string();

@@ -1,4 +1,4 @@
-//! The place and the values in an error of a library.
+//! The position and the values in an error of a library.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use motorium_primitives::file::{PrimitiveFile, PrimitiveFileError};
 use motorium_recordings::RecordingError;
 use motorium_robots::{LoadError, MjcfError, ProfileError, UrdfError};
 
-/// File, place and values of one error in a chain; unknown ones are empty.
+/// File, position and values of one error in a chain; unknown ones are empty.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Origin {
     /// True for a mistake in an input file.
@@ -22,7 +22,7 @@ pub(super) struct Origin {
 }
 
 impl Origin {
-    /// The facts of an error of a kind known here.
+    /// Returns the facts of an error of a known type.
     pub(super) fn from_error(error: &(dyn std::error::Error + 'static)) -> Self {
         if let Some(error) = error.downcast_ref() {
             Self::of_robot(error)
@@ -158,7 +158,7 @@ impl Origin {
     }
 }
 
-/// Line and column of a fault in the text of a profile.
+/// Returns line and column of a fault in the text of a profile.
 fn place_in_profile(path: &Path, error: &ProfileError) -> Option<(usize, usize)> {
     let ProfileError::Toml(error) = error else { return None };
     let text = std::fs::read_to_string(path).ok()?;

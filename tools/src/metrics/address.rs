@@ -1,4 +1,5 @@
-//! Address at which metrics are served: `--metrics 9464` is this machine only, anything else is written out.
+//! Address at which metrics are served: `--metrics 9464` binds to this machine only; other addresses are
+//! written in full.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::str::FromStr;

@@ -1,4 +1,4 @@
-//! A run as Prometheus reads it.
+//! The metrics of a run in the format of Prometheus.
 
 use std::fmt;
 
@@ -29,7 +29,7 @@ impl Exposition {
         Self(registry)
     }
 
-    /// The present values.
+    /// The current values as text.
     pub(super) fn text(&self) -> String {
         let mut text = String::new();
         text::encode(&mut text, &self.0).expect("writing to a string does not fail");
@@ -107,19 +107,19 @@ impl<'a> View<'a> {
         let of_steps: [(_, _, _, Durations); 3] = [
             (
                 ["component_lateness", "component_lateness_max"],
-                "From release or triggering publication to the beginning of the step.",
+                "Time from release or triggering publication to the beginning of the step.",
                 "The largest lateness of the run.",
                 |c| &c.lateness,
             ),
             (
                 ["component_execution", "component_execution_max"],
-                "From the beginning to the end of the step, in wall-clock time.",
+                "Time from the beginning to the end of the step, in wall-clock time.",
                 "The largest execution time of the run.",
                 |c| &c.execution,
             ),
             (
                 ["component_cpu", "component_cpu_max"],
-                "Time of the core that a step took, without spinning.",
+                "CPU time of a step, without spinning.",
                 "The largest CPU time of a step of the run.",
                 |c| &c.cpu,
             ),
@@ -149,12 +149,12 @@ impl<'a> View<'a> {
         families.counter(
             &Family::unitless(
                 "component_deferred_releases",
-                "Releases by events that waited for their least interval.",
+                "Releases by events that waited for their minimum interval.",
             ),
             self.each(|c| c.deferred),
         )?;
         families.counter(
-            &Family::unitless("component_over_budget_steps", "Steps that took more than the budget."),
+            &Family::unitless("component_over_budget_steps", "Steps that exceeded the budget."),
             self.each(|c| c.misses.over_budget),
         )
     }
@@ -170,7 +170,7 @@ impl<'a> View<'a> {
             self.each(|c| u64_of(c.safe)),
         )?;
         families.counter(
-            &Family::unitless("component_restarts", "How often the component was started again."),
+            &Family::unitless("component_restarts", "Restarts of the component."),
             self.each(|c| c.restarts),
         )?;
         families.counter(
@@ -199,7 +199,10 @@ impl<'a> View<'a> {
 
     fn machine(&self, families: &mut Families<'_>) -> fmt::Result {
         families.gauge(
-            &Family::seconds("component_spin", "How long the component now spins before a release."),
+            &Family::seconds(
+                "component_spin",
+                "Current time for which the component spins before a release.",
+            ),
             self.each(|c| seconds(c.spin_ns)),
         )?;
         families.counter(
@@ -207,11 +210,14 @@ impl<'a> View<'a> {
             self.each(|c| seconds(c.stalls.watched_ns)),
         )?;
         families.counter(
-            &Family::unitless("component_stalls", "Times the core stood still for over 10 us meanwhile."),
+            &Family::unitless(
+                "component_stalls",
+                "Stalls of the core of over 10 us, observed while spinning.",
+            ),
             self.each(|c| c.stalls.count),
         )?;
         families.counter(
-            &Family::seconds("component_stalled", "For how long it stood still in all."),
+            &Family::seconds("component_stalled", "Total duration of these stalls."),
             self.each(|c| seconds(c.stalls.total_ns)),
         )?;
         let there = |of: fn(&super::thread::Usage) -> u64| {
@@ -236,7 +242,7 @@ impl<'a> View<'a> {
             ]
             .map(|(mode, ticks)| (vec![("core", number.as_str()), ("mode", mode)], ticks as f64 / 100.0))
         });
-        families.counter(&Family::seconds("core", "What each core of the machine did."), ticks)
+        families.counter(&Family::seconds("core", "Time of each core of the machine, by use."), ticks)
     }
 
     fn data(&self, families: &mut Families<'_>) -> fmt::Result {
@@ -265,10 +271,7 @@ impl<'a> View<'a> {
         let edges = self.plan.edges();
         let reader = |index: usize| self.plan.components[index].name.as_str();
         families.durations(
-            &Family::seconds(
-                "edge_age",
-                "Age of samples at the beginning of the step that first looked at them.",
-            ),
+            &Family::seconds("edge_age", "Age of samples at the beginning of the step that first read them."),
             edges
                 .iter()
                 .zip(&self.sample.edges)

@@ -1,4 +1,4 @@
-//! Families of metrics as the exposition format knows them: a name, a type, a unit, and one series per set of
+//! Families of metrics in the exposition format: a name, a type, a unit, and one series per set of
 //! labels.
 
 use std::fmt;
@@ -19,7 +19,7 @@ pub(super) type Labels<'a> = Vec<(&'static str, &'a str)>;
 /// Writes families of metrics.
 pub(super) struct Families<'a>(pub(super) DescriptorEncoder<'a>);
 
-/// Name, unit and explanation of a family; the text format puts the unit, and `total` for a counter, behind
+/// Name, unit and explanation of a family; the text format appends the unit, and `total` for a counter, to
 /// the name.
 pub(super) struct Family {
     pub(super) name: &'static str,
@@ -70,7 +70,7 @@ impl Families<'_> {
         Ok(())
     }
 
-    /// All durations, with the region's counts and the bounds of its buckets.
+    /// Adds a histogram of durations, with the region's counts and the bounds of its buckets.
     pub(super) fn durations<'l, 's>(
         &mut self,
         family: &Family,
@@ -93,8 +93,8 @@ pub(super) fn seconds(ns: u64) -> f64 {
 }
 
 /// Bounds of the exposed buckets, ns: two per power of two from 255 ns to 1.6 s. Each is the largest value of
-/// a bucket of [`Histogram`](motorium::telemetry::Histogram), so no value is counted on the wrong side of
-/// one.
+/// a bucket of [`Histogram`](motorium::telemetry::Histogram), so every value is counted on the correct side
+/// of a bound.
 static BOUNDS: LazyLock<Vec<u64>> =
     LazyLock::new(|| (8..=30).flat_map(|bits| [(1_u64 << bits) - 1, (3_u64 << (bits - 1)) - 1]).collect());
 

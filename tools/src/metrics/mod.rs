@@ -1,7 +1,6 @@
 //! Measurements of a running graph from outside: its region and `/proc`, and both as Prometheus text.
 //!
-//! Everything here reads memory and files. No component is asked, none waits, and no place of an observer is
-//! taken.
+//! Reading memory and files does not disturb components and uses no observer slot.
 
 mod address;
 mod client;

@@ -1,5 +1,5 @@
-//! Requests for metrics and their answers: as much of HTTP/1.1 (RFC 9110, RFC 9112) as reading one
-//! document takes.
+//! Requests for metrics and their answers: the subset of HTTP/1.1 (RFC 9110, RFC 9112) needed to read one
+//! document.
 
 use std::fmt::Write as _;
 
@@ -8,9 +8,9 @@ use std::fmt::Write as _;
 pub(super) enum Request {
     /// The metrics.
     Metrics,
-    /// The head of the answer that the metrics would be.
+    /// Only the head of the answer with the metrics.
     Head,
-    /// Something else: a status and what to do instead.
+    /// An invalid request: status and advice.
     Wrong(Status, &'static str),
 }
 
@@ -40,7 +40,7 @@ impl Status {
 pub(super) const LONGEST: usize = 8 * 1024;
 const MOST_HEADERS: usize = 64;
 
-/// Reads a request from what came of it so far; `None` if more must come.
+/// Parses a request from the bytes received so far; `None` if it is incomplete.
 pub(super) fn read(bytes: &[u8]) -> Option<Request> {
     let mut headers = [httparse::EMPTY_HEADER; MOST_HEADERS];
     let mut parsed = httparse::Request::new(&mut headers);

@@ -1,4 +1,4 @@
-//! All that is known of a running graph at one moment.
+//! Snapshots of a running graph.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -10,7 +10,7 @@ use motorium::telemetry::Snapshot;
 use super::thread::Usage;
 use crate::runs::LivingRun;
 
-/// All that is known of a running graph at one moment. Everything counts from the beginning of the run.
+/// A snapshot of a running graph. All counters start at the beginning of the run.
 #[derive(Debug, Clone)]
 pub(crate) struct Sample {
     /// Time at which it was taken, on `CLOCK_MONOTONIC`, ns.
@@ -38,7 +38,7 @@ pub(crate) struct Sample {
 pub(crate) struct ComponentSample {
     pub(crate) phase: Phase,
     pub(crate) safe: bool,
-    /// Of an actuator.
+    /// `None` for components other than actuators.
     pub(crate) gate: Option<GateReport>,
     pub(crate) pid: u32,
     pub(crate) begun: u64,
@@ -53,12 +53,12 @@ pub(crate) struct ComponentSample {
     pub(crate) errors: u64,
     pub(crate) refused: u64,
     pub(crate) restarts: u32,
-    /// Its own and foreign code's; `None` if its program does not count them.
+    /// Of the component's and of foreign code; `None` if its program does not count them.
     pub(crate) allocations: Option<(u64, u64)>,
     pub(crate) page_faults: u64,
     pub(crate) spin_ns: u64,
     pub(crate) stalls: Stalls,
-    /// Its use of the machine; `None` if its process is not there.
+    /// Its use of the machine; `None` if its process is gone.
     pub(crate) usage: Option<Usage>,
 }
 
@@ -81,7 +81,7 @@ fn load(cell: &AtomicU64) -> u64 {
 }
 
 impl Sample {
-    /// Of a run, now.
+    /// Takes a snapshot of a run.
     pub(crate) fn take(run: &LivingRun) -> Self {
         let (region, start) = (&run.region, run.start_ns());
         let started = region.header().start_ns.load(Relaxed) > 0;
@@ -139,7 +139,7 @@ impl ComponentSample {
     }
 }
 
-/// A run without processes, whose numbers a test writes.
+/// A run without processes, whose counters a test writes.
 #[cfg(test)]
 pub(crate) mod fixture {
     use std::path::Path;

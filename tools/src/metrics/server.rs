@@ -24,7 +24,8 @@ pub(crate) enum ServeError {
     Refused { address: SocketAddr, reason: io::Error },
 }
 
-/// A place where metrics will be served: taken before anything runs, so that a taken one is noticed in time.
+/// A bound address for metrics. It is bound before the run starts, so that an occupied port is reported in
+/// time.
 #[derive(Debug)]
 pub(crate) struct Server {
     listener: TcpListener,
@@ -32,7 +33,7 @@ pub(crate) struct Server {
 }
 
 impl Server {
-    /// Takes the place. Who connects before [`serve`](Self::serve) waits.
+    /// Binds the address. Clients that connect before [`serve`](Self::serve) wait.
     pub(crate) fn bind(address: Address) -> Result<Self, ServeError> {
         let refused = |reason: io::Error| match reason.kind() {
             io::ErrorKind::AddrInUse => ServeError::Taken(address.0),
@@ -48,7 +49,7 @@ impl Server {
         format!("http://{}/metrics", self.address)
     }
 
-    /// Serves the metrics of a run that this process has just made, until the process ends.
+    /// Serves the metrics of a run that this process has just created, until the process ends.
     pub(crate) fn serve_created(self, id: &str, plan: &Plan) -> anyhow::Result<()> {
         let folder = RunFolder::find(id).ok_or_else(|| anyhow::anyhow!("the run {id} is over"))?;
         let region = folder.region()?;
@@ -68,12 +69,12 @@ impl Server {
     }
 }
 
-/// Clients served at a time; a further one replaces the longest-waiting one.
+/// Maximum number of simultaneous clients; a further one replaces the longest-waiting one.
 const MOST: usize = 64;
-/// Pause after a client could not be accepted: out of file descriptors, as a rule.
+/// Pause after a client could not be accepted, usually for lack of file descriptors.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// Serves all clients in turns, none of which waits for another.
+/// Serves all clients in turn; none waits for another.
 fn serve_all(listener: &TcpListener, exposition: &Exposition) {
     let mut clients: Vec<Client> = Vec::new();
     loop {

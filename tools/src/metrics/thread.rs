@@ -10,12 +10,13 @@ pub(crate) struct Usage {
     pub(crate) thread_ns: u64,
     /// Memory of its process that is in use, bytes.
     pub(crate) resident_bytes: u64,
-    /// The part of it that is shared with others: its program's file, the shared memory of the run, bytes.
+    /// The part of it that is shared with other processes: the program file and the shared memory of the run,
+    /// bytes.
     pub(crate) shared_bytes: u64,
 }
 
 impl Usage {
-    /// Of a thread of a process; `None` if it is gone.
+    /// Reads the usage of a thread of a process; `None` if it is gone.
     pub(crate) fn read(pid: u32, thread: u32) -> Option<Self> {
         let task = format!("/proc/{pid}/task/{thread}");
         let exact = fs::read_to_string(format!("{task}/schedstat")).ok().and_then(|text| time_run(&text));
@@ -32,21 +33,22 @@ impl Usage {
 /// Length of a tick of `/proc`, ns: `USER_HZ` is 100 on every machine that Linux runs on today.
 const TICK_NS: u64 = 10_000_000;
 
-/// `schedstat` says: time run in ns, time waited, number of turns. Without scheduler information all three
+/// Parses `schedstat`: time run in ns, time waited, number of turns. Without scheduler information all three
 /// are 0.
 fn time_run(text: &str) -> Option<u64> {
     let ns = text.split_ascii_whitespace().next()?.parse().ok()?;
     (ns > 0).then_some(ns)
 }
 
-/// `stat` says: number, (name), state and 10 more, `utime`, `stime` in ticks. The name may hold anything.
+/// Parses `stat`: number, (name), state and 10 more, `utime`, `stime` in ticks. The name may contain any
+/// character.
 fn ticks(text: &str) -> Option<u64> {
     let mut words = text.rsplit_once(')')?.1.split_ascii_whitespace().skip(11);
     let mut next = || words.next()?.parse::<u64>().ok();
     Some(next()? + next()?)
 }
 
-/// Resident memory and what of it belongs to files and shared memory, bytes: lines such as `VmRSS:     5124
+/// Parses the resident memory and its part in files and shared memory, bytes: lines such as `VmRSS:     5124
 /// kB`.
 fn memory(status: &str) -> Option<(u64, u64)> {
     let of = |name: &str| {

@@ -15,7 +15,7 @@ use crate::{gate, style};
 use results::WIDTH;
 pub(crate) use results::{decimal, items, warnings};
 
-/// A table without lines, its columns apart by two blanks.
+/// A table without lines, with two blanks between columns.
 pub(crate) fn table<const N: usize>(header: [&str; N]) -> Table {
     let mut table = Table::new();
     table
@@ -50,12 +50,12 @@ pub(crate) fn short_percentiles(p: &Percentiles) -> String {
     [p.p50, p.p99, p.max].map(microseconds).join(" / ")
 }
 
-/// A counter and its words for one and for several.
+/// Formats a counter with its noun in singular or plural; `None` for 0.
 fn counted(count: u64, one: &str, several: &str) -> Option<String> {
     (count > 0).then(|| format!("{count} {}", if count == 1 { one } else { several }))
 }
 
-/// Counters of each component that are zero in a run as it should be, where they are not.
+/// Adds the counters of each component that are zero in a healthy run, if they are not zero.
 fn counters(report: &Report, text: &mut String) {
     for c in &report.components {
         let words = [
@@ -164,7 +164,8 @@ fn components(report: &Report, realtime: bool) -> String {
     }
 }
 
-/// Interrupts on cores whose steps were too long: the kernel books the time of interrupts on the step.
+/// Adds the interrupts on cores with steps that were too long: the kernel charges the time of interrupts to
+/// the step.
 fn interrupted(report: &Report, text: &mut String) {
     let long: u64 = report.components.iter().map(|component| component.misses.long_step).sum();
     for core in report.cores.iter().filter(|_| long > 0) {
@@ -183,7 +184,7 @@ fn interrupted(report: &Report, text: &mut String) {
     }
 }
 
-/// Names the cause of every missed step: one of the host is not one of ours.
+/// Lists the causes of missed steps; delays by the host are distinguished from the graph's own.
 fn missed_steps(report: &Report, text: &mut String) {
     for component in &report.components {
         let causes = causes(component);
@@ -193,12 +194,12 @@ fn missed_steps(report: &Report, text: &mut String) {
     }
 }
 
-/// What was late, deferred, tolerated or refused of a component, each with its number.
+/// Counts of late, deferred, tolerated and refused steps and samples of a component, with their causes.
 pub(crate) fn causes(component: &ComponentReport) -> Vec<String> {
     let misses = &component.misses;
     [
-        (misses.stolen, "held up by the host"),
-        (misses.late_wake, "held up by others on its core"),
+        (misses.stolen, "delayed by the host"),
+        (misses.late_wake, "delayed by others on its core"),
         (misses.long_step, "step too long"),
         (misses.late_input, "stale command, safe state applied"),
         (misses.over_budget, "over budget"),
@@ -216,7 +217,7 @@ pub(crate) fn causes(component: &ComponentReport) -> Vec<String> {
 mod tests {
     use super::*;
 
-    /// A report with the longest names and the largest figures that are met.
+    /// A report with the longest names and the largest realistic figures.
     fn large(clock: &str, figure: u64) -> Report {
         let times =
             serde_json::json!({ "p50": figure, "p99": figure * 10, "p999": figure * 10, "max": figure * 90 });

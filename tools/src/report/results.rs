@@ -2,10 +2,10 @@
 
 use serde_json::Value;
 
-/// Columns that a summary takes at most.
+/// Maximum width of a summary in columns.
 pub(super) const WIDTH: usize = 80;
 
-/// Values of a list that are printed; the rest are counted.
+/// Maximum number of list values that are printed; the rest are counted.
 const LISTED: usize = 8;
 
 /// Units that end the names of figures.
@@ -88,8 +88,8 @@ pub(crate) fn warnings(result: &Value) -> impl Iterator<Item = &str> {
     result.get(WARNINGS).and_then(Value::as_array).into_iter().flatten().filter_map(Value::as_str)
 }
 
-/// Collects the figures of a part of a `whole` result. A figure of a part that the whole has, too, under the
-/// same name and of the same value, is left out.
+/// Collects the figures of a part of a `whole` result. A figure of a part is omitted if the whole has one of
+/// the same name and value.
 fn collect(path: &str, value: &Value, whole: &Value, groups: &mut Vec<Group>) {
     let own = groups.len();
     groups.push(Group { name: path.to_string(), figures: Vec::new() });
@@ -188,7 +188,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_written_as_people_read_them() {
+    fn numbers_have_four_readable_digits() {
         for (number, text) in [
             (1.445, "1.445"),
             (0.5, "0.5"),

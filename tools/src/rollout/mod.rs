@@ -80,7 +80,7 @@ impl TryFrom<String> for Reward {
     }
 }
 
-/// A roll-out cannot be made, whatever the parameters.
+/// A roll-out is impossible with any parameters.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum RolloutError {
     /// A signal ended the run.
@@ -104,13 +104,12 @@ pub(crate) struct Rollout {
     pub(crate) set: Vec<Override>,
     /// Expectations in addition to the graph's.
     pub(crate) expect: Vec<Expectation>,
-    /// True if the graph's own expectations do not count.
+    /// `true` if the graph's own expectations are ignored.
     pub(crate) no_expect: bool,
     /// Terms of the reward.
     pub(crate) rewards: Vec<Reward>,
     pub(crate) machine: Machine,
-    /// Set by a signal. A session ends at the signals that come while it runs; this flag remembers those in
-    /// between.
+    /// Set by a signal. A session ends at a signal while it runs; this flag records signals between sessions.
     pub(crate) interrupted: Arc<AtomicBool>,
 }
 

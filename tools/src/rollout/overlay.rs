@@ -33,7 +33,7 @@ fn top_keys(registry: &Registry) -> Vec<String> {
 }
 
 /// The text of an overlay that gives keys of a graph their values. Keys are written as in `--set`. An overlay
-/// replaces lists as a whole: of a key in a list of a component's configuration the whole list is written.
+/// replaces whole lists: for a key in a list of a component's configuration, the whole list is written.
 pub(crate) fn overlay(
     plan: &Plan,
     registry: &Registry,

@@ -2,7 +2,7 @@
 
 use motorium::nearest::{nearest, suggest};
 
-/// A run that could be meant.
+/// A candidate run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Candidate {
     pub(super) id: String,
@@ -31,7 +31,7 @@ fn listed(candidates: &[Candidate]) -> String {
     candidates.iter().map(|candidate| format!("\n  {}  (graph {})", candidate.id, candidate.graph)).collect()
 }
 
-/// As [`choose`], of runs that are sorted, the newest first: the first living one unless another is named.
+/// Like [`choose`] for runs sorted from newest to oldest, with the newest living run as default.
 pub(super) fn choose_newest(wanted: Option<&str>, candidates: &[Candidate]) -> Result<usize, ChooseError> {
     match (wanted, candidates.iter().position(|candidate| candidate.alive)) {
         (None, Some(newest)) => Ok(newest),
@@ -39,7 +39,7 @@ pub(super) fn choose_newest(wanted: Option<&str>, candidates: &[Candidate]) -> R
     }
 }
 
-/// The index of the run that is meant, among all runs there are, dead ones included.
+/// Returns the index of the requested run among all runs, including ended ones.
 pub(super) fn choose(wanted: Option<&str>, candidates: &[Candidate]) -> Result<usize, ChooseError> {
     let living = |test: &dyn Fn(&Candidate) -> bool| -> Vec<usize> {
         (0..candidates.len()).filter(|&i| candidates[i].alive && test(&candidates[i])).collect()

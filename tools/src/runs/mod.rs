@@ -1,4 +1,4 @@
-//! Finding the run that a command means, and looking into it.
+//! Finds the run that a command refers to, and opens it for inspection.
 
 mod choose;
 mod events;
@@ -23,22 +23,22 @@ pub(crate) struct RunArg {
 }
 
 impl RunArg {
-    /// A run named otherwise than by `--run`.
+    /// Names a run by another option than `--run`.
     pub(crate) fn named(run: Option<&str>) -> Self {
         Self { run: run.map(str::to_string) }
     }
 
-    /// Opens the run to look at: of several the newest, unless one is named.
+    /// Opens the run to inspect: the named one, or else the newest.
     pub(crate) fn look(&self) -> anyhow::Result<LivingRun> {
         opened(newest(self.run.as_deref())?)
     }
 
-    /// Opens the run that is meant, to change something in it: of several one must be named.
+    /// Opens the run to change; one of several must be named.
     pub(crate) fn open(&self) -> anyhow::Result<LivingRun> {
         opened(pick(self.run.as_deref())?)
     }
 
-    /// The same, and a run that a crash has left behind, if its whole id is given.
+    /// Like [`look`](Self::look), but also opens a run left behind by a crash if its full id is given.
     pub(crate) fn open_even_if_over(&self) -> anyhow::Result<LivingRun> {
         match self.run.as_deref().and_then(RunFolder::find) {
             Some(folder) => opened(folder),
@@ -135,8 +135,8 @@ impl LivingRun {
     /// Keeps this process off the cores of real-time components.
     pub(crate) fn stand_aside(&self) {
         let cores = self.plan.scheduling.shared_cores.clone();
-        // Without the right to choose its cores it looks on from where it is: at normal priority it delays no
-        // one.
+        // Without permission to set its cores, the process stays where it is: at normal priority it delays no
+        // real-time thread.
         let _ = apply(&Request { class: SchedulingClass::Normal, cores, lock_memory: false });
     }
 }

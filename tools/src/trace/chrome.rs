@@ -1,4 +1,4 @@
-//! Chrome's trace events, as JSON: what Perfetto and chrome://tracing open.
+//! Chrome's trace events, as JSON for Perfetto and chrome://tracing.
 
 use std::io::{self, Write};
 
@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::flows::{HandOver, Step, hand_overs, steps};
 
-/// The number of the process that all rows belong to.
+/// Process number of all rows.
 const PROCESS: u64 = 1;
 
 /// The trace of a run.
@@ -33,7 +33,7 @@ pub(super) struct Counts {
 }
 
 impl Trace<'_> {
-    /// Writes the trace, an event a line.
+    /// Writes the trace, one event per line.
     pub(super) fn write(&self, file: &mut dyn Write) -> io::Result<Counts> {
         let components: Vec<Vec<Step>> = self.components.iter().map(|events| steps(events)).collect();
         let mut events = Events { file, any: false };

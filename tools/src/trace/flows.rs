@@ -1,4 +1,4 @@
-//! The hand-overs of a trace: which step read first what which step has published.
+//! The hand-overs of a trace: each sample with the step that published it and the step that first read it.
 
 use std::collections::HashMap;
 
@@ -42,12 +42,12 @@ pub(super) struct HandOver {
     pub(super) published_ns: u64,
     /// Within the step that read it, and not before it was published.
     pub(super) read_ns: u64,
-    /// True if the topic wakes the reader: it waited for this.
+    /// `true` if the topic wakes the reader, which waited for this sample.
     pub(super) wakes: bool,
 }
 
-/// The steps of a component. Events of a step that did not end, or whose end was overwritten, count to the
-/// next one.
+/// The steps of a component. Events of a step that did not end, or whose end was overwritten, are counted in
+/// the next one.
 pub(super) fn steps(events: &[TraceEvent]) -> Vec<Step> {
     let (mut steps, mut published, mut reads) = (Vec::new(), Vec::new(), Vec::new());
     for event in events {

@@ -25,10 +25,10 @@ use chrome::Trace;
 /// Capacity of a component's ring in events: about twenty times the events of a component at 8 kHz between
 /// two polls.
 const EVENTS: usize = 1 << 14;
-/// Time between two looks at the rings.
+/// Interval between two polls of the rings.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// The trace of a run that is to be launched.
+/// The trace of a run about to be launched.
 pub(crate) struct Tracing {
     output: PathBuf,
     file: File,
@@ -39,13 +39,13 @@ pub(crate) struct Tracing {
 }
 
 enum Message {
-    /// The run of this name has been made.
+    /// The run of this name was created.
     Created(String),
     /// The run is over.
     Ended,
 }
 
-/// Events that were read of the rings.
+/// Events read from the rings.
 #[derive(Default)]
 struct Followed {
     start_ns: u64,
@@ -55,7 +55,7 @@ struct Followed {
 }
 
 impl Tracing {
-    /// Has the run of a plan traced; the file is made at once.
+    /// Enables tracing in a plan and creates the file immediately.
     pub(crate) fn new(output: &Path, plan: &mut Plan, admission: &Admission) -> anyhow::Result<Self> {
         plan.trace_events = EVENTS;
         if let Some(folder) = output.parent() {
@@ -63,15 +63,15 @@ impl Tracing {
         }
         let file = File::create(output).with_context(|| format!("making {}", output.display()))?;
         let (messages, receiver) = channel();
-        // Made before the launcher takes its place among the cores, so that it does not share a core with a
-        // lockstep run.
+        // Created before the launcher moves to its cores, so that it does not share a core with a lockstep
+        // run.
         let follower =
             std::thread::Builder::new().name("trace".to_string()).spawn(move || follow(&receiver))?;
         let (output, plan, admission) = (output.to_path_buf(), plan.clone(), admission.clone());
         Ok(Self { output, file, plan, admission, messages, follower })
     }
 
-    /// Follows the run of this name, which has been made and has not begun.
+    /// Follows the run of this name, which was created but has not started.
     pub(crate) fn follow(&self, run: &str) {
         // A follower that has ended has panicked, which `finish` reports.
         let _ = self.messages.send(Message::Created(run.to_string()));
@@ -111,7 +111,7 @@ impl Tracing {
 fn follow(messages: &Receiver<Message>) -> Followed {
     let mut followed = Followed::default();
     let Ok(Message::Created(run)) = messages.recv() else { return followed };
-    // Mapped while the run lives: the memory stays when its name is gone.
+    // Mapped while the run lives: the mapping outlives the name.
     let Some(region) = RunFolder::find(&run).and_then(|folder| folder.region().ok()) else { return followed };
     let mut readers: Vec<TraceReader> = (0..region.components().len()).map(TraceReader::new).collect();
     followed.components = vec![Vec::new(); readers.len()];

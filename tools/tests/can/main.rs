@@ -124,7 +124,7 @@ fn log_is_decoded_by_a_database() {
         "(1735270496.930000) can0 7FF#00".to_string(),
     ];
     assert_eq!(text.lines().collect::<Vec<_>>(), expected);
-    // a database of node 0 alone knows none of them
+    // a database of node 0 alone decodes none of them
     assert!(!read(&[]).1.contains("::"));
     assert_eq!(read(&["--dbc-mask", "0x3f"]).0, Some(0));
     let (code, _, errors) = read(&["--dbc-mask", "0x1"]);

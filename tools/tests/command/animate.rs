@@ -37,7 +37,7 @@ fn same_recording_gives_the_same_moving_picture() {
     assert_eq!(animation::frames(&picture), Some(13));
     assert_eq!(animation::frames(&drawn("fast.png", &["--speed", "4", "--from", "0.5s"])), Some(2));
     assert!(picture != drawn("top.png", &["--view", "top"]));
-    // The world is in it: the ball is the one orange thing.
+    // The picture shows the world: the ball is its only orange object.
     let orange = |[r, g, b]: &[u8; 3]| *r > 150 && u16::from(*r) > 2 * u16::from(*b) && r > g;
     assert!(palette(&picture).iter().any(orange), "{:?}", palette(&picture));
 

@@ -15,8 +15,8 @@ fn text(output: &[u8]) -> String {
     String::from_utf8_lossy(output).into_owned()
 }
 
-/// Computes each percentile again, from nothing but the pairs of the histogram.
-fn is_told_by_its_buckets(name: &str, ns: &Json) {
+/// Recomputes each percentile from the pairs of the histogram alone.
+fn assert_percentiles_match_buckets(name: &str, ns: &Json) {
     let buckets: Vec<(u64, u64)> = serde_json::from_value(ns["buckets"].clone()).expect("pairs");
     let count: u64 = buckets.iter().map(|(_, count)| count).sum();
     let longest = ns["max"].as_u64().expect("a number");
@@ -80,13 +80,13 @@ fn short_bench_writes_samples_picture_and_table() {
         let gathered: u64 = buckets.iter().filter_map(|bucket| bucket[1].as_u64()).sum();
         assert_eq!(gathered, count, "{name}: every sample is in the histogram");
         let percentile = |key: &str| ns[key].as_u64().expect("a percentile");
-        is_told_by_its_buckets(name, ns);
+        assert_percentiles_match_buckets(name, ns);
         let rising = ["p50", "p99", "p99_9", "max"].map(percentile);
         assert!(rising.is_sorted() && rising[0] > 0, "{name}: {rising:?}");
         let last = buckets.last().and_then(|bucket| bucket[0].as_u64()).expect("a last bucket");
-        assert!(last >= rising[3], "{name}: the longest of {} lies beyond {last}", rising[3]);
+        assert!(last >= rising[3], "{name}: the longest of {} is beyond {last}", rising[3]);
     }
-    // What was compared is decided, all else is open; the words say the same as the file.
+    // Compared targets have a verdict, all others are open; the table agrees with the file.
     for target in written["targets"].as_array().expect("targets") {
         let (what, verdict) =
             (target["what"].as_str().expect("words"), target["verdict"].as_str().expect("one"));
@@ -137,7 +137,7 @@ fn compares_with_itself_and_with_a_slower_one(written: &Json, folder: &Path) {
     let output = crate::program::run(&["bench", "compare", &before, &after, "--json"]);
     let seen: Json = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!(seen["changes"][0]["direction"], "slower");
-    // What is not a file of a benchmark is refused.
+    // Files other than benchmarks are refused.
     let output = crate::program::run(&["bench", "compare", &before, "Cargo.toml"]);
     assert_eq!(output.status.code(), Some(3), "{}", text(&output.stderr));
 }
@@ -167,7 +167,7 @@ fn chain_of_real_processes_is_measured_end_to_end() {
 }
 
 #[test]
-fn unknown_name_is_answered_with_the_known_ones() {
+fn unknown_measurement_lists_the_known_ones() {
     let output = bench(&["--only", "hop.teleport"]);
     assert!(!output.status.success());
     let words = text(&output.stderr);
@@ -178,7 +178,7 @@ fn unknown_name_is_answered_with_the_known_ones() {
 }
 
 #[test]
-fn the_ratchet_takes_no_other_options() {
+fn ratchet_accepts_no_other_options() {
     let output = bench(&["--ratchet", "--quick"]);
     assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
 }

@@ -1,4 +1,4 @@
-//! The book says what is: its graphs can run, its component moves a robot, its tables leave nothing out.
+//! The book matches the program: its graphs run, its component moves a robot, its tables are complete.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use crate::program::printed;
 mod components;
 
 fn workspace() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tools lie in the workspace").to_path_buf()
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tools are in the workspace").to_path_buf()
 }
 
 fn read(path: impl AsRef<Path>) -> String {
@@ -38,7 +38,7 @@ fn pages() -> Vec<(PathBuf, String)> {
     pages
 }
 
-/// The fenced blocks whose first line is ```` ```KIND ````, with the page they stand in.
+/// The fenced blocks whose first line is ```` ```KIND ````, with their page.
 fn blocks(kind: &str) -> Vec<(PathBuf, String)> {
     let mut found = Vec::new();
     for (path, text) in pages() {
@@ -99,7 +99,7 @@ fn every_overlay_graph_of_the_book_can_run() {
     }
 }
 
-/// The graph of the README with the tables of a fragment in place of its own.
+/// The graph of the README, with its tables replaced by the tables of a fragment.
 fn with_fragment(fragment: &str) -> String {
     let headers: Vec<&str> = fragment.lines().filter(|line| line.starts_with('[')).collect();
     let text = read("graphs/panda-reach.toml");
@@ -109,7 +109,7 @@ fn with_fragment(fragment: &str) -> String {
             header = line.split_whitespace().next().unwrap_or(line);
             kept = !headers.contains(&header);
         }
-        // A table `[x.config]` stands for a line `config = ...` in `[x]`.
+        // A table `[x.config]` replaces a line `config = ...` in `[x]`.
         let key = line.split('=').next().unwrap_or_default().trim();
         let table = header.replace(']', &format!(".{key}]"));
         if kept && !headers.contains(&table.as_str()) {
@@ -129,7 +129,7 @@ fn graph_fragments_of_the_book_check_in_a_whole_graph() {
 }
 
 #[test]
-fn the_profile_of_the_book_is_the_one_of_the_catalogue() {
+fn book_profile_matches_the_catalogue() {
     let file = read("robots/catalogue/planar-3r/planar-3r.toml");
     assert_eq!(blocks("toml profile").into_iter().map(|(_, text)| text).collect::<Vec<_>>(), [file]);
 }
@@ -145,7 +145,7 @@ fn keys(schema: &Json, root: &Json, found: &mut BTreeSet<String>) {
     keys_within(schema, root, &mut BTreeSet::new(), found);
 }
 
-/// The same; definitions that are `known` already are left out, since some contain themselves.
+/// Like [`keys`], without the `known` definitions, because some are recursive.
 fn keys_within<'a>(
     schema: &'a Json,
     root: &'a Json,
@@ -201,7 +201,7 @@ fn every_key_of_a_graph_file_and_of_every_kind_is_in_the_book() {
         assert!(!wanted.is_empty(), "{kind} has a configuration");
         let page = format!("kinds/{}.md", kind.replace(['.', '_'], "-"));
         assert!(read("docs/src/kinds.md").contains(&format!("[`{kind}`]({page})")), "{kind} is not listed");
-        // tables that many kinds share stand in one page, to which the others lead
+        // tables shared by many kinds are on one page, to which the others link
         let text = read(format!("docs/src/{page}"));
         let shared = [
             ("(../graph-file.md#world)", "graph-file.md"),
@@ -238,7 +238,7 @@ fn tabled(text: &str) -> BTreeSet<String> {
             explains = line.starts_with("| key ");
         } else if explains && line.starts_with("| `") {
             let cell = line.split(" | ").next().unwrap_or_default();
-            // of `kind = "twin"` the key, not its value
+            // the key of `kind = "twin"`, not its value
             let names = cell.split('`').skip(1).step_by(2).filter_map(|words| words.split(" =").next());
             keys.extend(names.flat_map(|name| name.split(['.', ' ', '[', ']'])).map(str::to_string));
         }
@@ -248,7 +248,7 @@ fn tabled(text: &str) -> BTreeSet<String> {
 }
 
 #[test]
-fn every_key_that_the_page_of_a_kind_explains_exists() {
+fn keys_explained_on_kind_pages_exist() {
     let schema = json(&["schema", "graph"]);
     let rules = schema.pointer("/definitions/WholeComponent/allOf").and_then(Json::as_array);
     let mut explained = 0;
@@ -274,7 +274,7 @@ fn every_field_of_the_report_is_in_the_book() {
 }
 
 #[test]
-fn every_field_of_the_file_of_a_benchmark_is_in_the_book() {
+fn every_field_of_benchmark_files_is_in_the_book() {
     let schema = json(&["schema", "bench"]);
     let mut wanted = BTreeSet::new();
     keys(&schema, &schema, &mut wanted);
@@ -282,11 +282,11 @@ fn every_field_of_the_file_of_a_benchmark_is_in_the_book() {
     assert_documented(&wanted, &["latency.md", "report.md"]);
 }
 
-/// Compares a picture of the book with what the command that draws it prints.
+/// Compares a picture of the book with the output of the command that draws it.
 fn assert_drawn(file: &str, arguments: &[&str]) {
     let output = motorium(arguments);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    // Real-time components get the last core, whichever that is here.
+    // Real-time components run on the last core of the machine.
     let last = motorium::os::machine::online_cores().last().copied().unwrap_or(0);
     let drawn = String::from_utf8(output.stdout).expect("text").replace(&format!("core {last},"), "core 1,");
     let hint = format!("motorium {} > {file}", arguments.join(" "));
@@ -321,7 +321,7 @@ fn pictures_of_readme_and_catalogue_are_current() {
     }
 }
 
-/// The anchors that headings of a page make.
+/// The anchors of the headings of a page.
 fn anchors(text: &str) -> BTreeSet<String> {
     let headings =
         text.lines().filter_map(|line| line.strip_prefix('#')).map(|line| line.trim_start_matches('#'));
@@ -338,18 +338,18 @@ fn anchors(text: &str) -> BTreeSet<String> {
 }
 
 #[test]
-fn every_link_leads_somewhere_and_every_page_is_in_the_summary() {
+fn links_resolve_and_every_page_is_in_the_summary() {
     let summary = read("docs/src/SUMMARY.md");
     let book = workspace().join("docs/src");
     let within = book.canonicalize().expect("the book is there");
     for (path, text) in pages() {
-        let folder = path.parent().expect("a page lies in a folder");
+        let folder = path.parent().expect("a page is in a folder");
         if let Some(place) = path.strip_prefix(&book).ok().filter(|place| !place.ends_with("SUMMARY.md")) {
             assert!(summary.contains(&format!("({})", place.display())), "{} is not listed", place.display());
         }
         let prose: String = text.split("```").step_by(2).collect();
         for link in prose.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
-            // other sites are not ours
+            // links to other sites are not checked
             if link.starts_with("http") {
                 continue;
             }
@@ -394,6 +394,6 @@ fn every_row_of_the_fault_tables_names_an_existing_test() {
     let faults: Vec<&str> = matrix[2..].iter().map(|row| row[1].as_str()).collect();
     assert_eq!(faults, motorium_benches::kill::Fault::ALL.map(motorium_benches::kill::Fault::name));
     let outcome =
-        |cell: &String| ["goes on", "safe state", "no actuator"].iter().any(|o| cell.starts_with(o));
+        |cell: &String| ["continues", "safe state", "no actuator"].iter().any(|o| cell.starts_with(o));
     assert!(matrix[2..].iter().all(|row| row[2..9].iter().all(outcome)), "{matrix:?}");
 }

@@ -11,8 +11,8 @@ use crate::program::{complaint, motorium, printed};
 
 const RATES: Rates = Rates { nominal: 1_000_000, fast: 5_000_000 };
 
-/// Offers a bus while `look` looks at it: each millisecond a frame of the drive 0x123, and each that others
-/// send comes back with the next identifier. It ends with the result of `look`.
+/// Offers a bus while `look` runs, and returns its result. A frame of the drive 0x123 is sent each
+/// millisecond, and each received frame is answered with the next identifier.
 fn offered<T>(name: &str, look: impl FnOnce(&str) -> T) -> T {
     let name = format!("command-{name}-{}", std::process::id());
     let mut offer = Offer::open(Place::Socket(&name), RATES, true, false).expect("a place");
@@ -75,7 +75,7 @@ fn monitor_shows_the_frames_and_the_state_of_a_simulated_bus() {
     assert_eq!(last["ids"][0]["id"], "0x123", "{last}");
     assert!(last["ids"][0]["frames"].as_u64().is_some_and(|frames| frames > 10), "{last}");
     assert!(last["load"].as_f64().is_some(), "{last}");
-    // it may have begun before the report, or after
+    // the monitor may have started before or after the report
     if last["errors"] != 0 {
         assert_eq!(last["counters"], serde_json::json!([136, 0]), "{last}");
     }
@@ -86,7 +86,7 @@ fn log_and_send_work_on_a_simulated_bus() {
     let text = offered("log", |bus| {
         let log =
             motorium(&["can", "log", bus, "--for", "20s", "--count", "400"]).spawn().expect("it starts");
-        // until the log has begun, however long that takes
+        // retry until the log has started
         let sent =
             printed(&["can", "send", bus, "200#0102", "00000300##1AA", "--every", "20ms", "--count", "20"]);
         assert_eq!(sent, "");
@@ -97,7 +97,7 @@ fn log_and_send_work_on_a_simulated_bus() {
     let frames = |text: &str, end: &str| text.lines().filter(|line| line.ends_with(end)).count();
     assert!(text.lines().all(|line| line.contains(" unix:command-log")), "{text}");
     assert!(text.lines().filter(|line| line.contains(" 123#")).count() > 100, "{text}");
-    // what another program sends, and what answers it
+    // frames of another program, and the answers
     assert!(frames(&text, " 200#0102") > 0 && frames(&text, " 201#0102") > 0, "{text}");
     assert!(frames(&text, " 00000300##5AA") > 0, "{text}");
 }
@@ -145,7 +145,7 @@ fn scan_skips_can_fd_after_classic_frames() {
         let value: Value = serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text}"));
         value["fd_search"].clone()
     };
-    // the report of the bus may come before it was opened
+    // the report of the bus may precede the scan
     let search = searched("scan-fd", &["--fd"]);
     let outcome = search["outcome"].as_str().expect("an outcome");
     assert!(matches!(outcome, "classic" | "disturbed") && search["asked"] == 0, "{search}");

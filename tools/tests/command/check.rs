@@ -34,7 +34,7 @@ fn json_refusal_contains_the_whole_admission() {
     assert_eq!(admission["tasks"].as_array().map(Vec::len), Some(4));
     assert!(admission["cores"][0]["share"].as_f64().is_some_and(|share| share > 1.2));
     assert!(answer["plan"]["components"].is_array());
-    assert!(answer.get("timeline").is_none(), "the timeline comes only when asked for");
+    assert!(answer.get("timeline").is_none(), "the timeline is only included on request");
 }
 
 #[test]
@@ -79,7 +79,7 @@ fn topic_memory_is_printed_with_its_history() {
 }
 
 #[test]
-fn a_component_without_a_budget_is_a_warning() {
+fn component_without_a_budget_causes_a_warning() {
     let folder = tempfile::tempdir().expect("a folder");
     let graph = std::fs::read_to_string(REACH).expect("the graph");
     let path = folder.path().join("graph.toml");
@@ -92,7 +92,7 @@ fn a_component_without_a_budget_is_a_warning() {
 }
 
 #[test]
-fn the_timeline_is_text_a_picture_or_data() {
+fn timeline_is_text_picture_or_json() {
     let picture = printed(&["check", REACH, "--timeline", "svg"]);
     assert!(picture.starts_with("<svg") && picture.ends_with("</svg>\n"), "nothing but the picture");
 
@@ -147,7 +147,7 @@ fn check_uses_saved_calibration_of_this_machine() {
     let (counted, origin) = overheads(folder.path());
     assert_eq!(counted, cautious);
     assert!(origin.contains("another machine"), "{origin}");
-    // as an older motorium left it, with fewer numbers
+    // as saved by an older motorium, with fewer numbers
     std::fs::write(&file, saved.replace("timer_ns", "other_ns")).expect("written");
     let (counted, origin) = overheads(folder.path());
     assert_eq!(counted, cautious);

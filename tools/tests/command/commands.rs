@@ -45,7 +45,7 @@ fn every_command_is_in_the_page_of_the_book() {
         let section = section.unwrap_or_else(|| panic!("no section `{command}`"));
         assert!(section.contains(&format!("$ motorium {command}")), "no example of `{command}`");
         let row = [format!("| `{sub}"), format!("$ motorium {words}")];
-        assert!(row.iter().any(|row| section.contains(row)), "nothing is said of `{words}`");
+        assert!(row.iter().any(|row| section.contains(row)), "`{words}` is not described");
     }
 }
 
@@ -74,9 +74,9 @@ fn exit_codes_of_the_book_match_the_commands() {
     let listed: Vec<i32> =
         table.lines().filter_map(|line| line.strip_prefix("| ")?.split(' ').next()?.parse().ok()).collect();
     assert_eq!(listed, [0, 1, 2, 3, 4, 5, 6, 7, 8]);
-    // Wrong usage is the same to every command. 4 to 8 are seen where their causes are made: a component that
-    // dies (tests/graphs/faults.rs), a machine that is not fit (below), a hop that became slower (bench.rs),
-    // a component that loses steps (tests/graphs/hangs.rs), a missed goal (expect.rs).
+    // Usage errors are the same for every command. Codes 4 to 8 are tested next to their causes: a component
+    // that dies (tests/graphs/faults.rs), a machine that is not fit (below), a hop that became slower
+    // (bench.rs), a component that loses steps (tests/graphs/hangs.rs), a missed goal (expect.rs).
     for (words, command) in commands() {
         let mut arguments: Vec<&str> = words.split(' ').collect();
         arguments.push("--no-such-option");
@@ -155,10 +155,10 @@ fn doctor_json_agrees_with_its_exit_code() {
     assert_eq!(output.status.code(), Some(if failed { 5 } else { 0 }));
     for finding in findings {
         let passed = finding["verdict"] == "pass";
-        assert_eq!(finding["fix"].is_null(), passed, "what is not right has a fix: {finding}");
+        assert_eq!(finding["fix"].is_null(), passed, "every problem has a fix: {finding}");
     }
     assert_eq!(answer["wakeup"]["count"], 20);
-    assert_eq!(answer["removed"], serde_json::json!([]), "nothing is removed unasked");
+    assert_eq!(answer["removed"], serde_json::json!([]), "nothing is removed without --clean");
 }
 
 #[test]
@@ -172,7 +172,7 @@ fn colours_are_off_in_pipes_unless_forced() {
     assert!(!refused.stdout.contains(&0x1b));
 }
 
-/// Commands whose reader takes one byte, though they print more than a pipe holds.
+/// The reader closes the pipe after one byte, although the commands print more than a pipe holds.
 #[test]
 fn closed_pipe_keeps_the_exit_code() {
     let overloaded = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/broken/overloaded.toml");
@@ -189,7 +189,7 @@ fn closed_pipe_keeps_the_exit_code() {
     for (arguments, code) in commands {
         let mut child = motorium(arguments).spawn().expect("it starts");
         let mut stdout = child.stdout.take().expect("a pipe");
-        // some print all they have before they are read
+        // some finish printing before they are read
         let _ = stdout.read(&mut [0; 1]).expect("readable");
         drop(stdout);
         let output = child.wait_with_output().expect("it ends");
@@ -210,7 +210,7 @@ fn closed_output_streams_do_not_cause_a_panic() {
     }
 }
 
-/// Arguments with which a command cannot succeed, and does not begin anything that takes long.
+/// Arguments with which a command fails before it starts any long operation.
 fn hopeless(words: &str, command: &clap::Command) -> Vec<String> {
     let mut arguments: Vec<String> = words.split(' ').map(str::to_string).collect();
     let mut options = Vec::new();
@@ -246,7 +246,7 @@ fn json_errors_follow_the_error_schema() {
         let output = run(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         let message = format!("{arguments:?}: {text}{}", String::from_utf8_lossy(&output.stderr));
-        // an answer, with the code of what it found: the doctor's 5
+        // a result with the exit code of its findings: the doctor's 5
         if matches!(output.status.code(), Some(0 | 4..)) {
             return (0, serde_json::Value::Null, message);
         }
@@ -272,7 +272,7 @@ fn json_errors_follow_the_error_schema() {
         let (code, object, message) = read(&wrong);
         assert_eq!((code, &object["kind"]), (2, &"usage".into()), "{message}");
         assert_eq!(object["found"], "--no-such-option", "{message}");
-        // what looks at the machine alone has nothing to fail on
+        // commands that only inspect the machine cannot fail
         let (code, object, message) = read(&hopeless(&words, &command));
         match code {
             0 => succeeded.push(words),

@@ -1,41 +1,46 @@
-//! The crates behind the command: how many there are, their licences and their sources.
+//! The crates of the command: their number, licences and sources.
 //!
-//! `cargo deny check licenses bans sources` checks more, where it is installed; this needs nothing but cargo
-//! itself.
+//! `cargo deny check licenses bans sources` checks more, where it is installed; this test needs only cargo.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 use serde::Deserialize;
 
-/// Crates that `cargo build --release` may compile for the command, procedural macros and the project's own
-/// included. A change that needs more says so here, and why it is worth it. The last were `shlex` and
-/// `is_executable`, with which shells complete runs, topics and parameters; the channels and queues of
-/// crossbeam (three crates in place of one), which the launcher, the printers and programs that drive several
-/// sessions share; a crate of the project, the drives on CAN buses, a wing of their own; `mcap` and
-/// `foxglove` without compression and server (27 crates): recordings that every viewer and reader of robotics
-/// opens; `socketcan`, with which drives reach the kernel's buses (seven crates); and `can-dbc`, which reads
-/// the databases of their messages (14 crates: a grammar for `pest`, and the encodings of old files); and
-/// `miniz_oxide`, which unpacks pictures that are terrain (two crates; the crate `png` brings four more); and
-/// `serde_path_to_error`, which names the key of a configuration that cannot be read: all are read in one way
-/// since, where other ways were nearly a third of the code of `motorium-sensors`; and a crate of the project,
-/// the algebra that models and the motion library share; and `ruzstd` and `lz4_flex`, which unpack the chunks
-/// of recordings by other programs; and `serde-saphyr`, which reads the YAML files that Isaac Lab and LEAPP
-/// write next to a trained policy (four crates: a parser, its ring buffer and its decoder of encodings); and
-/// four crates of the project: the QP solvers, a leaf below the controllers, the controllers of moving bases,
-/// the setpoint of a joint, a leaf below everything that commands one, and worlds, which robots do not need.
+/// Maximum number of crates that `cargo build --release` compiles for the command, including procedural
+/// macros and the project's own. A change that raises it adds its reason here:
+///
+/// * `shlex` and `is_executable`: shells complete runs, topics and parameters;
+/// * the channels and queues of crossbeam (three crates in place of one), shared by the launcher, the
+///   printers and programs that drive several sessions;
+/// * a crate of the project: the drives on CAN buses;
+/// * `mcap` and `foxglove` without compression and server (27 crates): recordings that every viewer and
+///   reader of robotics opens;
+/// * `socketcan` (seven crates): drives on the kernel's buses;
+/// * `can-dbc` (14 crates: a grammar for `pest`, and the encodings of old files): databases of CAN messages;
+/// * `miniz_oxide` (two crates; the crate `png` would add four more): pictures as terrain;
+/// * `serde_path_to_error`: names the key of an unreadable configuration. All configurations are read in this
+///   way; separate ways were nearly a third of the code of `motorium-sensors`;
+/// * a crate of the project: the algebra shared by models and the motion library;
+/// * `ruzstd` and `lz4_flex`: compressed chunks of recordings by other programs;
+/// * `serde-saphyr` (four crates: a parser, its ring buffer and its decoder of encodings): the YAML files
+///   that Isaac Lab and LEAPP write next to a trained policy;
+/// * four crates of the project: the QP solvers, a leaf below the controllers; the controllers of moving
+///   bases; the setpoint of a joint, a leaf below everything that commands one; worlds, which robots do not
+///   need.
+///
 /// `toml` and `signal-hook` are in the tree once, shared with iceoryx2 and the screen.
 ///
-/// What goes with each subtree, where all others stay: iceoryx2 32, `mcap` and `foxglove` 26, `ratatui` 25,
+/// Crates saved by removing each subtree alone: iceoryx2 32, `mcap` and `foxglove` 26, `ratatui` 25,
 /// serde, its formats and schemas 18, the crates of the project 22, `parry3d` and `rapier3d` 15, clap 14,
 /// `can-dbc` 14, `clarabel` 14, `urdf-rs` 9, `nalgebra` 7, `socketcan` 7, `indicatif` 4, `serde-saphyr` 4,
 /// `prometheus-client` 3. Without the screen of `top`, databases of CAN messages, cones, URDF, the kernel's
 /// buses and metrics, 74 crates fewer, there are still 212.
 const CEILING: usize = 290;
 
-/// Crates that `cargo build --release -p motorium-view` may compile, counted in the same way. It is a program
-/// of its own for their sake: Foxglove's server runs on tokio. Robots have networks as actuators, which bring
-/// `pulp` and three more.
+/// Crates that `cargo build --release -p motorium-view` may compile, counted in the same way. The viewer is a
+/// separate program because of them: Foxglove's server runs on tokio. Actuator networks of robots add `pulp`
+/// and three more.
 const VIEWER: usize = 220;
 
 /// Standard output of cargo with these arguments, run in the workspace without the network.
@@ -51,10 +56,10 @@ fn cargo(arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// Names and versions of the crates behind one of the project, itself included.
+/// Names and versions of the crates that one of the project depends on, including itself.
 fn behind(package: &str) -> BTreeSet<String> {
     let tree = cargo(&["tree", "-p", package, "-e", "normal", "--prefix", "none", "--format", "{p}"]);
-    // A procedural macro and a crate that was listed before have a remark behind their version.
+    // Procedural macros and repeated crates have a remark after the version.
     let crates: BTreeSet<String> = tree
         .lines()
         .map(|line| line.splitn(3, ' ').take(2).collect::<Vec<_>>().join(" "))
@@ -69,7 +74,7 @@ fn command_stays_below_its_crate_ceiling() {
     let crates = behind("motorium-tools");
     assert!(
         crates.len() <= CEILING,
-        "{} crates stand behind the command, at most {CEILING} may",
+        "{} crates are compiled for the command, expected at most {CEILING}",
         crates.len()
     );
 }
@@ -77,7 +82,11 @@ fn command_stays_below_its_crate_ceiling() {
 #[test]
 fn viewer_stays_below_its_crate_ceiling() {
     let (viewer, command) = (behind("motorium-view"), behind("motorium-tools"));
-    assert!(viewer.len() <= VIEWER, "{} crates stand behind the viewer, at most {VIEWER} may", viewer.len());
+    assert!(
+        viewer.len() <= VIEWER,
+        "{} crates are compiled for the viewer, expected at most {VIEWER}",
+        viewer.len()
+    );
     for name in ["tokio", "tungstenite", "motorium-view"] {
         let has = |crates: &BTreeSet<String>| crates.iter().any(|it| it.starts_with(&format!("{name} ")));
         assert!(has(&viewer) && !has(&command), "{name}");
@@ -95,10 +104,10 @@ struct Licences {
     allow: BTreeSet<String>,
 }
 
-/// True if an SPDX expression can be met with the licences allowed. `AND` binds closer than `OR`, which old
+/// Returns `true` if the allowed licences satisfy an SPDX expression. `AND` binds closer than `OR`, which old
 /// manifests write as `/`.
 fn is_met(expression: &str, allowed: &BTreeSet<String>) -> bool {
-    /// The parts between a word that stands outside all parentheses.
+    /// Splits at a word outside of all parentheses.
     fn parts<'a>(expression: &'a str, word: &str) -> Vec<&'a str> {
         let (mut parts, mut start, mut depth) = (Vec::new(), 0, 0);
         for (at, character) in expression.char_indices() {
@@ -135,7 +144,7 @@ fn is_met(expression: &str, allowed: &BTreeSet<String>) -> bool {
 fn crate_licences_are_allowed_and_needed() {
     let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../deny.toml")).expect("a file");
     let allowed = toml::from_str::<Deny>(&text).expect("TOML").licenses.allow;
-    // As cargo deny does by default: tests may use what is not shipped.
+    // Like cargo deny by default: tests may use crates that are not shipped.
     let listed =
         cargo(&["tree", "--workspace", "-e", "normal,build", "--prefix", "none", "--format", "{l}|{p}"]);
     let mut seen = String::new();
@@ -161,7 +170,7 @@ fn licence_expressions_are_read_as_in_spdx() {
     }
 }
 
-/// `Cargo.lock`, as far as it is read here.
+/// The part of `Cargo.lock` that is read here.
 #[derive(Deserialize)]
 struct Lock {
     package: Vec<Locked>,

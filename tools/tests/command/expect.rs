@@ -4,7 +4,7 @@ use crate::program::{motorium, run};
 
 const REACH: &str = "../graphs/panda-reach.toml";
 
-/// Runs the shipped graph in lockstep; exit code, report, standard error.
+/// Runs the shipped graph in lockstep and returns exit code, report and standard error.
 fn reach(arguments: &[&str]) -> (Option<i32>, serde_json::Value, String) {
     let fixed = ["run", REACH, "--clock", "lockstep", "--hosting", "inline", "--for", "5 s", "--json"];
     let output = run(&[&fixed[..], arguments].concat());

@@ -1,4 +1,4 @@
-//! Mistakes of a first day: each ends in an error or a warning that names it.
+//! Typical mistakes on the first day: each causes an error or a warning that names it.
 //!
 //! In graphs: a goal out of reach, a start out of limits, a wrong frame, no unit and a wrong one, numbers of
 //! another type and count, degrees, keys that are misspelt or missing. On the command line: a wrong option, a
@@ -41,13 +41,13 @@ fn broken_graph_is_refused_with_value_and_advice() {
         // A frame that does not exist, and one that no joint moves.
         ("policy.config.frame=panda_hnad", &["did you mean \"panda_hand\"?"]),
         ("policy.config.frame=panda_link0", &["no joint moves it", "panda_hand_tcp"]),
-        // Joints that do not exist, and one that is to move and to be held.
+        // A joint that does not exist, and one that is held outside its limits.
         (
             "robot.panda.joints=[\"panda_joint11\"]",
             &["no joint `panda_joint11`", "did you mean `panda_joint1`?"],
         ),
         ("robot.panda.fixed={panda_finger_joint1=0.5}", &["held at 0.5, outside its limits 0 to 0.04"]),
-        // A model that is in no MJCF file, and two models.
+        // Two models.
         ("robot.panda.mjcf=\"panda\"", &["robot `panda` has two models", "keep one of `urdf` and `mjcf`"]),
         // No unit, and a wrong one.
         ("policy.config.goals=[{offset=[0.1,0.0,0.0],duration=1}]", &["expected a time with its unit"]),
@@ -67,7 +67,7 @@ fn broken_graph_is_refused_with_value_and_advice() {
             "policy.config.goals=[{offset=[0.1,0.0],duration=\"1 s\"}]",
             &["found 2 values, expected a list of 3"],
         ),
-        // Keys that are misspelt, missing, or of another place.
+        // Keys that are misspelt, missing, or in the wrong table.
         ("policy.config.goals=[{offset=[0.1,0.0,0.0],duraton=\"1 s\"}]", &["did you mean `duration`?"]),
         ("policy.config={}", &["key `goals` is missing"]),
         ("controller.config.tasks=[{cartesain={}}]", &["found `cartesain`", "did you mean `cartesian`?"]),
@@ -75,7 +75,7 @@ fn broken_graph_is_refused_with_value_and_advice() {
     ] {
         let (code, errors) = tried(&["check", REACH, "--set", mistake]);
         assert_eq!(code, Some(3), "{mistake}: {errors}");
-        // Long lines are broken between words.
+        // Long lines wrap between words.
         let errors = errors.split_whitespace().collect::<Vec<_>>().join(" ");
         assert!(words.iter().all(|words| errors.contains(words)), "{mistake}: {errors}");
     }
@@ -110,14 +110,14 @@ fn limits_in_degrees_are_reported_in_radians() {
     assert!(code == Some(0) && message.contains("if these are degrees, write -1.5708 to 3.1416"), "{errors}");
 }
 
-/// Writes a file into a folder; its path.
+/// Writes a file into a folder and returns its path.
 pub(crate) fn file(folder: &Path, name: &str, text: &str) -> String {
     let path = folder.join(name);
     std::fs::write(&path, text).expect("the folder takes files");
     path.to_str().expect("a plain path").to_string()
 }
 
-/// A robot without shapes or a profile, above a table that stands beside nothing else.
+/// A robot without shapes or a profile, and a graph with it and a table.
 pub(crate) fn bare_robot(folder: &Path) -> [String; 2] {
     let urdf = r#"<robot name="bare"><link name="base"/><link name="arm"><inertial><mass value="1"/>
         <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
@@ -229,7 +229,7 @@ fn wrong_files_and_untimed_recordings_are_reported() {
     }
 }
 
-/// A robot whose only shape is a missing mesh file, as URDF and as MJCF, each with a graph beside it.
+/// A robot whose only shape is a missing mesh file, as URDF and as MJCF, each with a graph.
 fn robots_of_a_missing_mesh(folder: &Path) -> [[String; 2]; 2] {
     let urdf = r#"<robot name="mesh"><link name="base"/><link name="arm"><inertial><mass value="1"/>
         <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry>
@@ -298,7 +298,7 @@ fn every_command_warns_of_a_missing_mesh() {
     }
 }
 
-/// A robot that collides by one mesh and is seen by that and another one, as URDF and as MJCF.
+/// A robot with one mesh for collisions, and that mesh and another one as visuals, as URDF and as MJCF.
 fn robots_of_seen_meshes(folder: &Path) -> [String; 2] {
     let shape =
         |kind: &str, mesh: &str| format!("<{kind}><geometry><mesh filename=\"{mesh}\"/></geometry></{kind}>");

@@ -1,4 +1,4 @@
-//! `motorium kinds`: what is known of a kind agrees with what graphs may say.
+//! `motorium kinds`: the descriptions of kinds agree with their use in graphs.
 
 use crate::program::{complaint, json, printed, run};
 use serde_json::Value;
@@ -11,20 +11,20 @@ fn sheets() -> Vec<Value> {
     listed.iter().map(|line| json(&["kinds", line["kind"].as_str().expect("a name"), "--json"])).collect()
 }
 
-/// True for a kind that needs a library which is not on this machine, and says how to install it.
+/// Returns `true` if a kind needs a library that is missing on this machine, and reports how to install it.
 fn lacks_its_library(sheet: &Value) -> bool {
     let lacks = sheet["refused"].as_str().is_some_and(|why| why.contains("`pip install mujoco==3.17.0`"));
     lacks && sheet["kind"] == "physics.mujoco"
 }
 
-/// Kinds whose configuration names files that only users have, and the file that their refusal names.
+/// Kinds whose configuration names a user's file, and the file in their error.
 const NEEDS_A_FILE: [(&str, &str); 3] = [
     ("learner.task", "balance.toml: No such file"),
     ("policy.latent", "arms.latent: No such file"),
     ("policy.network", "policies/quadruped-trot/policy.toml"),
 ];
 
-/// True for a kind that refuses its example because the file of a user is missing.
+/// Returns `true` if a kind refuses its example because a user's file is missing.
 fn needs_a_file(sheet: &Value) -> bool {
     let refused = sheet["refused"].as_str().unwrap_or_default();
     NEEDS_A_FILE.iter().any(|(kind, file)| sheet["kind"] == *kind && refused.contains(file))

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::program::{json, run};
 
-/// Poses that follow two hidden causes.
+/// Poses that depend on two latent variables.
 fn poses(path: &Path, columns: usize, phase: f64) {
     let names: Vec<String> = (0..columns).map(|c| format!("joint{c}")).collect();
     let mut text = names.join(",") + "\n";

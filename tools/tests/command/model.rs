@@ -7,7 +7,7 @@ use motorium_models::safetensors::{self, Tensor, Tensors};
 use crate::program::{complaint, json, printed, run};
 
 #[test]
-fn a_network_gives_its_outputs_for_inputs_in_json() {
+fn network_computes_outputs_for_json_inputs() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = |name: &str, content: &[u8]| {
         let path = folder.path().join(name);
@@ -108,7 +108,7 @@ fn kinds_of_models_are_listed_with_their_properties() {
 }
 
 #[test]
-fn a_file_of_mjlab_becomes_a_policy_folder() {
+fn mjlab_file_becomes_a_policy_folder() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name).to_str().expect("a plain path").to_owned();
     let metadata = [
@@ -351,7 +351,7 @@ fn mistakes_in_yaml_have_a_line_and_a_column() {
             &output,
         ]);
         assert!(found.contains(part), "{to}: {found}");
-        // a missing gain is no mistake of one entry
+        // a missing gain has no single faulty entry
         let is_named = found.contains("changed.yaml: line ");
         assert_eq!(is_named, !part.contains("stiffness") && !part.contains("descriptors"), "{found}");
     }
@@ -384,7 +384,7 @@ fn mistakes_in_yaml_have_a_line_and_a_column() {
 }
 
 #[test]
-fn height_scans_of_mjlab_are_served() {
+fn mjlab_height_scans_are_supported() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name).to_str().expect("a plain path").to_owned();
     let metadata = [
@@ -440,7 +440,7 @@ fn robots_are_compared_with_the_digest() {
 }
 
 #[test]
-fn the_file_of_mjlab_fits_the_quadruped() {
+fn mjlab_file_fits_the_quadruped() {
     let folder = tempfile::tempdir().expect("a folder");
     let policy = folder.path().join("go1").to_str().expect("a plain path").to_owned();
     printed(&["model", "import", &fixture("mjlab-go1.onnx"), "--output", &policy]);

@@ -222,7 +222,7 @@ fn kernelised_and_polynomial_primitives_round_trip() {
     assert!(errors.contains("a polynomial primitive has a duration: no start, goal"), "{errors}");
 }
 
-/// Fits a table of one formula for each column; the outcome, output and errors together.
+/// Fits a table with one formula per column; returns the success, and output and errors together.
 fn fitted(columns: &str, row: impl Fn(f64) -> String, options: &[&str]) -> (bool, String) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("shown.csv");

@@ -7,7 +7,7 @@ use std::process::{Command, Output, Stdio};
 
 use crate::MOTORIUM;
 
-/// The machine, for one test in real time.
+/// Exclusive use of the machine by one real-time test.
 #[must_use = "the machine is free again as soon as this is dropped"]
 pub(crate) fn machine() -> File {
     motorium::testing::machine(env!("CARGO_TARGET_TMPDIR"))
@@ -44,11 +44,11 @@ pub(crate) fn json(arguments: &[&str]) -> serde_json::Value {
 pub(crate) fn complaint(arguments: &[&str]) -> String {
     let output = run(arguments);
     assert!(!output.status.success(), "motorium {} succeeds", arguments.join(" "));
-    assert!(output.stdout.is_empty(), "complaints do not go to standard output");
+    assert!(output.stdout.is_empty(), "errors are not printed to standard output");
     String::from_utf8(output.stderr).expect("text")
 }
 
-/// The words that a shell is offered in place of the last one.
+/// The completions offered to a shell for the last word.
 pub(crate) fn completed(words: &[&str]) -> Vec<String> {
     let mut command = motorium(&[&["--", "motorium"], words].concat());
     let output = command.env("COMPLETE", "fish").output().expect("the program starts");

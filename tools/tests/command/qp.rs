@@ -2,7 +2,7 @@
 
 use crate::program::run;
 
-/// Two problems a tick apart, and one that nothing satisfies.
+/// Two problems a tick apart, and an infeasible one.
 const PROBLEMS: &str = r#"[
     { "P": [[1, 0], [0, 1]], "q": [-2.0, -0.5], "lb": [0, 0], "ub": [1, 1], "G": [[1, 1]], "ug": [10] },
     { "P": [[1, 0], [0, 1]], "q": [-2.1, -0.4], "lb": [0, 0], "ub": [1, 1], "G": [[1, 1]], "ug": [10] },

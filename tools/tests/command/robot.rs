@@ -6,7 +6,7 @@ use crate::program::{complaint, json, motorium, printed, run};
 use serde_json::{Value, json};
 
 fn workspace() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tools lie in the workspace").to_path_buf()
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tools are in the workspace").to_path_buf()
 }
 
 /// Pinocchio's results for a robot of the catalogue.
@@ -188,7 +188,7 @@ fn flatten(value: &Value, numbers: &mut Vec<f64>) {
     }
 }
 
-/// Every number of `theirs` stands at the same place in `ours`.
+/// Asserts that every number of `theirs` is at the same position in `ours`.
 fn assert_holds(ours: &Value, theirs: &Value, place: &str) {
     match theirs {
         Value::Object(entries) => {
@@ -210,7 +210,7 @@ fn assert_holds(ours: &Value, theirs: &Value, place: &str) {
 }
 
 #[test]
-fn golden_vectors_read_as_states_give_their_own_values() {
+fn golden_states_reproduce_their_results() {
     for robot in ["panda", "pendulum", "quadruped", "mobile-manipulator"] {
         let file = golden(robot);
         let theirs: Value =
@@ -252,7 +252,7 @@ fn states_may_name_omit_and_reorder_joints() {
         json(&[&["robot", "eval", robot, "--states", &file, "--json"], more].concat())
     };
     let named = eval("panda", json!({ "cases": [{ "joint_positions": { "panda_joint4": -1.5 } }] }), &[]);
-    assert_eq!(named["nv"], 9, "mimic joints are independent unless the states have it otherwise");
+    assert_eq!(named["nv"], 9, "mimic joints are independent by default");
     assert_eq!(named["cases"][0]["joint_positions"]["panda_joint4"], -1.5);
     assert_eq!(named["cases"][0]["rnea"], named["cases"][0]["gravity"], "v and a are zero");
     let list = json!({ "joints": ["joint2", "joint1"], "cases": [{ "q": [0.3, 0.1], "v": [1.0, 2.0] }] });
@@ -263,7 +263,7 @@ fn states_may_name_omit_and_reorder_joints() {
         columns[0][0].as_f64().expect("a number") < columns[0][1].as_f64().expect("a number"),
         "{columns}"
     );
-    assert!(swapped["cases"][0]["frames"]["link3"].get("J_lwa").is_none(), "not asked for");
+    assert!(swapped["cases"][0]["frames"]["link3"].get("J_lwa").is_none(), "not requested");
     let floating =
         eval("pendulum", json!({ "cases": [{ "q": [0, 0, 1, 0, 0, 0, 1, 1, 0] }] }), &["--floating-base"]);
     assert_eq!((&floating["nq"], &floating["nv"]), (&json!(9), &json!(7)));
@@ -272,7 +272,7 @@ fn states_may_name_omit_and_reorder_joints() {
 }
 
 #[test]
-fn states_with_a_fault_are_refused_by_case_and_key() {
+fn invalid_state_error_names_case_and_key() {
     let folder = tempfile::tempdir().expect("a folder");
     for (states, fault) in [
         (json!({ "states": [] }), "no list `cases`"),
@@ -292,7 +292,7 @@ fn states_with_a_fault_are_refused_by_case_and_key() {
     assert!(complaint(&["robot", "eval", "rrbot", "--states", &file]).contains("is not JSON"));
 }
 
-/// A program that takes pip's place: it unpacks one robot, or fails.
+/// A substitute for pip: it unpacks one robot, or fails.
 #[cfg(unix)]
 fn pip(folder: &Path, script: &str) -> String {
     use std::os::unix::fs::PermissionsExt as _;
@@ -334,7 +334,7 @@ fn installed_robots_are_found_by_name() {
 }
 
 #[test]
-fn without_pip_or_the_package_the_error_says_what_to_do() {
+fn missing_pip_or_package_error_gives_advice() {
     let folder = tempfile::tempdir().expect("a folder");
     let into = folder.path().join("robots");
     let into = into.to_str().expect("a plain path");
@@ -394,7 +394,7 @@ fn states_of_an_mjcf_robot_name_joints() {
 }
 
 #[test]
-fn the_mass_of_fixed_links_is_printed_too() {
+fn mass_of_fixed_links_is_printed() {
     let folder = tempfile::tempdir().expect("a folder");
     let heavy = r#"<link name="base"><inertial><mass value="3"/>
         <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>"#;

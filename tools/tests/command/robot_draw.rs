@@ -1,10 +1,10 @@
-//! `motorium robot draw`: faces with colours of their own, and visuals.
+//! `motorium robot draw`: coloured faces, and visuals.
 
 use std::fmt::Write as _;
 
 use crate::program::{complaint, printed};
 
-/// A robot whose link collides as a box and is seen as a bent plate, which no hull is.
+/// A robot whose link has a box for collisions and a bent, non-convex plate as visual.
 fn robot(folder: &std::path::Path) -> String {
     let plate =
         "v 0 0 0\nv 1 0 0\nv 1 0 0.1\nv 0 0 0.1\nv 0 1 0\nv 0 1 0.1\nf 1 2 3\nf 1 3 4\nf 1 5 6\nf 1 6 4\n";
@@ -43,14 +43,14 @@ fn every_face_has_its_own_fill() {
 }
 
 #[test]
-fn visuals_are_drawn_with_their_meshes_as_they_are() {
+fn visual_meshes_are_drawn_unchanged() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = robot(folder.path());
     let fixed = ["robot", "draw", &file, "--no-ground", "--frames", "none", "--view", "45,30"];
     let collision = faces(&printed(&fixed));
     assert_eq!(collision.len(), 3, "three sides of a box: {collision:?}");
     let visual = faces(&printed(&[&fixed[..], &["--visual"]].concat()));
-    // Of the plate the side that faces the eye: one of two parts, of two triangles.
+    // Only the side of the plate that faces the camera: one of two parts, of two triangles.
     assert!((1..=4).contains(&visual.len()), "{visual:?}");
     let red = |fill: &String| {
         let channel = |at: usize| u8::from_str_radix(&fill[at..at + 2], 16).expect("a colour");

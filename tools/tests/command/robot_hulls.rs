@@ -28,7 +28,7 @@ fn angle() -> String {
     corners + &faces
 }
 
-/// A robot with a swinging L that only its visual shows, and a base with a missing mesh.
+/// A robot with a swinging L that is only a visual, and a base with a missing mesh.
 fn robot(folder: &Path) -> String {
     let inertial = "<inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial>";
     let text = format!(
@@ -72,7 +72,7 @@ fn visual_only_link_gets_a_hull_or_parts() {
     let files = parts["meshes"][0]["files"].as_array().expect("files").len();
     assert!((2..=8).contains(&files), "{parts}");
 
-    // The L is 2 m long, 0.5 m above its link: between its legs there is nothing but the hull of both.
+    // The L is 2 m long, 0.5 m above its link: only the hull fills the space between its legs.
     let (between, inside) = ([0.8, 0.2, 0.5 + 0.8], [0.2, 0.2, 0.5 + 1.0]);
     let (hull, cut) = (loaded(&to("hull/swing.urdf")), loaded(&to("parts/swing.urdf")));
     assert!(distance(&hull, between) < -0.05, "the hull fills the hollow");
@@ -91,7 +91,7 @@ fn missing_meshes_are_named_and_required() {
     assert!(output.status.success() && errors.contains("mesh no.stl is nowhere"), "{errors}");
     let own = folder.path().to_str().expect("text");
     assert!(complaint(&["robot", "hulls", &file, "--output", own]).contains("is the robot itself"));
-    assert_eq!(loaded(&file).bodies()[0].shapes.len(), 0, "the robot is as it was");
+    assert_eq!(loaded(&file).bodies()[0].shapes.len(), 0, "the robot is unchanged");
     let message = complaint(&["robot", "hulls", "panda", "--output", out]);
     assert!(message.contains("no link of robot `panda` has a mesh"), "{message}");
     assert!(!PathBuf::from(out).join("panda.urdf").exists());
@@ -109,12 +109,12 @@ fn angle_parts_keep_the_volume_and_its_hull_exceeds_it() {
     let parts = angle.convex_parts(8, 64);
     let volume: f64 = parts.iter().map(TriangleMesh::volume).sum();
     assert!((2..=8).contains(&parts.len()), "{} parts", parts.len());
-    // Each side may stand out by one of 64 voxels.
+    // Each side may grow by one of 64 voxels.
     let thick = 0.2 + 2.0 / 64.0;
     let grown = (1.0 + 2.0 / 64.0) * thick * thick + 0.8 * thick * thick;
     assert!((0.072..grown).contains(&volume), "{volume} m3, expected less than {grown}");
     assert!(parts.iter().all(|part| part.points.len() <= 64));
     std::fs::write(&file, hull[0].to_obj()).expect("written");
     let read = TriangleMesh::read(&file).expect("a mesh");
-    assert_eq!(read.triangles, hull[0].triangles, "a mesh that is written is read as it was");
+    assert_eq!(read.triangles, hull[0].triangles, "a written mesh is read unchanged");
 }

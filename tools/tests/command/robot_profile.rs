@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::program::{complaint, json, printed, run};
 use serde_json::Value;
 
-/// A folder with a robot's file, without the profile that the tests' robots come with.
+/// A folder with a robot's file, without the profile of the test robot.
 struct Folder(tempfile::TempDir);
 
 impl Folder {
@@ -36,8 +36,7 @@ impl Folder {
         assert!(message.contains("profile = ") && message.contains("first.toml"), "{message}");
     }
 
-    /// A graph that holds the home pose by the controller, with the file and the profile in folders of their
-    /// own.
+    /// A graph that holds the home pose by the controller, with the file and the profile in separate folders.
     fn graph(&self) -> String {
         let graph = r#"
             name = "hold"

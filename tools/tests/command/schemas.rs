@@ -1,4 +1,4 @@
-//! The JSON Schemas in `docs/schema` are those that the program prints.
+//! The JSON Schemas in `docs/schema` match the output of the program.
 
 use std::path::Path;
 

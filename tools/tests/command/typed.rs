@@ -1,4 +1,4 @@
-//! Mistakes on the command line of a first day: each is reported once, with the typed option or file.
+//! Typical mistakes on the command line: each is reported once, with the typed option or file.
 
 use std::os::unix::ffi::OsStrExt as _;
 use std::path::Path;

@@ -1,5 +1,5 @@
 // Builds the page: `npm ci && npm run build`. The files of dist/ are part of the program, and of the repository, so that
-// whoever builds the program needs neither Node nor the network.
+// building the program needs neither Node nor the network.
 
 import { build } from "esbuild";
 import { mkdirSync, readFileSync, readdirSync, writeFileSync } from "node:fs";
@@ -31,12 +31,12 @@ const style = await build({
   write: false,
   logLevel: "warning",
 });
-// One style sheet: that of the plots, which the modules bring, and the page's own.
+// One style sheet: the one of the plots, imported by the modules, and the page's own.
 const plots = readFileSync(join(dist, "page.css"), "utf8");
 writeFileSync(join(dist, "page.css"), plots + style.outputFiles[0].text);
 writeFileSync(join(dist, "index.html"), readFileSync(join(here, "index.html")));
 
-// The licences of all that is in the bundle: the file of the package, else the one in licences/.
+// The licences of all packages in the bundle: the file of the package, or else the one in licences/.
 const names = new Set();
 for (const input of Object.keys(metafile.inputs)) {
   const path = input.split("node_modules/").at(-1);

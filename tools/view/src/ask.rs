@@ -22,9 +22,9 @@ use crate::rights::Rights;
 pub(crate) enum Ask {
     /// The values of these parameters, or of all if none is named.
     Get(Vec<String>, GetParametersResponder),
-    /// Sets parameters; the client has the right to.
+    /// Sets parameters for a client with the right to command.
     Set(Vec<Parameter>, AnyClient, SetParametersResponder),
-    /// A command, with the right to.
+    /// A command of a client with the right to command.
     Command(Command, Responder),
     /// Sends the constant messages of a topic to which the client has subscribed.
     Latched(String, Option<SinkId>),
@@ -62,7 +62,7 @@ impl Command {
 pub(crate) struct Asks {
     pub(crate) sender: Sender<Ask>,
     pub(crate) rights: Arc<Rights>,
-    /// Of a recording.
+    /// Player of a recording; `None` for a run.
     pub(crate) player: Option<Shared>,
 }
 
@@ -74,7 +74,7 @@ impl Asks {
     }
 }
 
-/// The words for a client without the right to command.
+/// The message for a client without the right to command.
 const REFUSED: &str = "commands need the token: connect to the address that `motorium view` printed, or set the parameter \
                        `motorium/token` to it";
 
@@ -137,7 +137,7 @@ pub(crate) struct Play(pub(crate) Shared);
 #[serde(deny_unknown_fields)]
 struct PlayRequest {
     plays: bool,
-    /// As before if not given.
+    /// Unchanged if not given.
     speed: Option<f64>,
     /// Time since the start, s.
     place_s: Option<f64>,
@@ -190,7 +190,7 @@ const fn most_points() -> usize {
 impl Handler for Curves {
     fn call(&self, request: Request, responder: Responder) {
         let recording = self.0.clone();
-        // A long recording is read for seconds; the server continues meanwhile.
+        // Reading a long recording lasts seconds; the server continues meanwhile.
         std::thread::spawn(move || match read_curves(&recording, request.payload()) {
             Ok(answer) => responder.respond_ok(answer.to_string()),
             Err(error) => responder.respond_err(error),

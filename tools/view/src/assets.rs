@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 
 use motorium_robots::PackagePath;
 
-/// The longest file that is sent, bytes.
+/// Maximum size of a file that is sent, bytes.
 const LONGEST: u64 = 64 * 1024 * 1024;
-/// The kinds of files that are sent: meshes, their materials and textures, descriptions of robots.
+/// Extensions of the files that are sent: meshes, their materials and textures, descriptions of robots.
 const KINDS: [&str; 12] =
     ["dae", "stl", "obj", "glb", "gltf", "mtl", "png", "jpg", "jpeg", "bin", "urdf", "xml"];
 
-/// Places that are searched for files of the robots of a run.
+/// Search paths for files of the robots of a run.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Assets {
     packages: PackagePath,
@@ -26,7 +26,7 @@ pub(crate) struct Assets {
 pub(crate) enum AssetError {
     #[error("`{uri}` names no file of a robot; expected `package://PACKAGE/PATH` or `file://PATH`, of one of the kinds {}", KINDS.join(", "))]
     Kind { uri: String },
-    #[error("`{uri}` is not there; searched in {}", searched(.tried))]
+    #[error("`{uri}` not found; searched in {}", searched(.tried))]
     Missing { uri: String, tried: Vec<PathBuf> },
     #[error("`{uri}` is outside of the folders of the robots")]
     Outside { uri: String },

@@ -24,7 +24,7 @@ const ANSWER_WITHIN: Duration = Duration::from_secs(60);
 /// The browser is missing or does not follow a command.
 #[derive(Debug, thiserror::Error)]
 pub enum BrowserError {
-    /// None is installed.
+    /// No browser is installed.
     #[error("no Chromium on PATH ({}); install it: `apt-get install chromium`", NAMES.join(", "))]
     Missing,
     /// It cannot be started.
@@ -41,7 +41,7 @@ pub enum BrowserError {
     /// The browser rejected a command, or the page threw an error.
     #[error("the browser refuses `{method}`: {reason}")]
     Refused {
-        /// The order.
+        /// The command.
         method: String,
         /// Its reason.
         reason: String,
@@ -157,7 +157,7 @@ impl Browser {
         })
     }
 
-    /// Gives an order and waits for its answer.
+    /// Sends a command and waits for its answer.
     fn order(&mut self, method: &str, parameters: Json) -> Result<Json, BrowserError> {
         self.number += 1;
         let mut order = json!({ "id": self.number, "method": method, "params": parameters });

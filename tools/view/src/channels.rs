@@ -67,7 +67,7 @@ impl Channels {
         Ok(Self { topics, latched, message: Vec::with_capacity(16 * 1024) })
     }
 
-    /// Returns `true` if somebody has subscribed to a topic, or to images whose form it describes.
+    /// Returns `true` if a client has subscribed to a topic, or to images whose form it describes.
     pub(crate) fn is_watched(&self, topic: usize) -> bool {
         let mut watched = self.topics.iter().flatten().filter(|(_, raw)| raw.has_sinks());
         watched.any(|(channel, _)| channel.topic == topic || channel.form_topic() == Some(topic))

@@ -71,7 +71,7 @@ pub(crate) fn check(
     println!("{rate:.1} pictures a second of {triangles} triangles by {}", renderer.as_str().unwrap_or("?"));
     let level = browser.evaluate("motorium.state().view.level")?;
     println!("quality of the pictures, by their rate: {}", level.as_str().unwrap_or("?"));
-    // Joints and transforms come in two messages, which sometimes belong to the same sample.
+    // Joints and transforms arrive in two messages, which sometimes belong to the same sample.
     let state = await_state(
         &mut browser,
         "joints and transforms of one sample",

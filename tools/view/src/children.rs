@@ -118,7 +118,7 @@ impl Times {
         let (sender, lines) = mpsc::channel();
         std::thread::spawn(move || {
             let read = BufReader::new(output).lines().map_while(Result::ok);
-            // The receiver is gone once nobody reads it.
+            // The receiver is dropped once its output is no longer read.
             let _ = read.into_iter().try_for_each(|line| sender.send(line));
         });
         Ok(Self { child, lines })

@@ -4,7 +4,7 @@ use rustix::process::Pid;
 use rustix::thread::{CpuSet, sched_setaffinity};
 
 /// Moves all threads of this process to these cores, including threads created later. Without the privilege
-/// they stay where they are; at normal priority they delay nobody.
+/// they stay where they are; at normal priority they delay no component.
 pub(crate) fn stand_aside(cores: &[usize]) {
     let mut set = CpuSet::new();
     cores.iter().filter(|core| **core < CpuSet::MAX_CPU).for_each(|core| set.set(*core));

@@ -223,7 +223,7 @@ impl Follower {
         self.run_channel.log(self.state().as_bytes());
     }
 
-    /// Reports parameters whose value has changed, whoever set them.
+    /// Reports parameters whose value has changed, by any program.
     fn tell_parameters(&mut self) {
         let Some(joined) = &self.joined else { return };
         let all = parameters::all(&joined.parameters);

@@ -70,8 +70,8 @@ pub(crate) fn describe(run: &str, plan: &Plan, overheads: &Overheads) -> Json {
     })
 }
 
-/// Units of the fields of a topic, and names of the entries of their arrays, where there are any. Names of
-/// joints, which all fields of such a topic share, stand once, for the field `""`.
+/// Units of the fields of a topic, and names of the entries of their arrays, if any. Names of joints, which
+/// all fields of such a topic share, are listed once, for the field `""`.
 fn fields(plan: &Plan, topic: usize) -> Json {
     let layout = &plan.topics[topic].layout;
     let mut quantities = serde_json::Map::new();

@@ -21,7 +21,7 @@ use crate::server::Server;
 
 /// Delay before a topic that could not be joined is retried; all its tap slots were occupied.
 const AGAIN: Duration = Duration::from_secs(1);
-/// Most samples of a stream that are sent in one go.
+/// Maximum number of samples of a stream that are sent per poll.
 const MOST: usize = 256;
 
 /// A run, its channels, and the taps of topics with subscribers.
@@ -34,7 +34,7 @@ pub(crate) struct Joined {
     domain: Domain,
     channels: Channels,
     topics: Vec<Topic>,
-    /// Added to times of the run's clock: ns since 1970.
+    /// Offset from times of the run's clock to the time since 1970, ns.
     offset_ns: u64,
 }
 
@@ -91,7 +91,7 @@ impl Joined {
     pub(crate) fn send(&mut self) {
         for (index, topic) in self.topics.iter_mut().enumerate() {
             if !self.channels.is_watched(index) {
-                // Its place is free for others.
+                // Its slot is free for other observers.
                 topic.source = None;
                 continue;
             }
@@ -158,7 +158,7 @@ fn offset_ns(plan: &Plan, region: &Region) -> u64 {
     wall_ns.saturating_sub(run_ns)
 }
 
-/// The newest run that is alive and fits.
+/// The newest live run that matches.
 pub(crate) fn newest(fits: impl Fn(&RunFolder) -> bool) -> Option<RunFolder> {
     let goes_on = |folder: &RunFolder| {
         folder.region().is_ok_and(|region| region.header().command() != Command::Stop) && folder.is_alive()

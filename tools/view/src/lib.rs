@@ -1,21 +1,21 @@
-//! The viewer of motorium: a program beside `motorium`, which starts it by `motorium view`.
+//! The viewer of motorium: a separate program that `motorium view` starts.
 //!
-//! It serves one port of the loopback interface: a page of its own over HTTP, and Foxglove's WebSocket
-//! protocol (`foxglove.sdk.v1`), which the page speaks as Foxglove and Lichtblick do. What it sends it reads
-//! from the shared memory of the run by taps, from the shared cores, at most [`Request::rate_hz`] times a
-//! second, and only while somebody looks: no component waits for it or does anything for it.
+//! It serves one port of the loopback interface: its own page over HTTP, and Foxglove's WebSocket
+//! protocol (`foxglove.sdk.v1`), which the page speaks as Foxglove and Lichtblick do. It reads the shared
+//! memory of the run by taps, on the shared cores, at most [`Request::rate_hz`] times a second, and only for
+//! subscribed clients. No component waits for it or does any work for it.
 //!
 //! | module | contents |
 //! |---|---|
-//! | `request` | the order of `motorium view` |
+//! | `request` | the request of `motorium view` |
 //! | `front` | the port: files of the page, WebSockets |
 //! | `server`, `ask`, `rights`, `assets` | protocol server: channels, services, parameters, files, token |
 //! | `follow`, `joined`, `parameters` | the run: finding it, reading it |
-//! | `playback`, `player` | a recording in place of a run, and the place in it |
+//! | `playback`, `player` | a recording instead of a run, and the position in it |
 //! | `channels`, `schemas`, `graph`, `world` | the description of a graph and its topics |
 //! | `children`, `cores` | commands of `motorium` that it starts; keeping off the real-time cores |
-//! | `watch` | a client that looks at everything, for measurements |
-//! | `browser`, `check` | a look at the page in a headless browser |
+//! | `watch` | a client that subscribes to everything, for measurements |
+//! | `browser`, `check` | a check of the page in a headless browser |
 
 mod ask;
 mod assets;
@@ -67,7 +67,7 @@ pub fn main() -> ExitCode {
     match served {
         Ok(code) => code,
         Err(error) => {
-            // Its words are on the screen, and its exit code says which mistake it is.
+            // Its message is already on the screen, and its exit code names the class of the failure.
             if let Some(children::NeverSeen::Failed(code)) = error.downcast_ref() {
                 return ExitCode::from(*code);
             }
@@ -121,7 +121,7 @@ fn serve(request: Request) -> anyhow::Result<ExitCode> {
         let over = over.clone();
         std::thread::spawn(move || {
             if let Err(error) = watch::watch(port, &over) {
-                eprintln!("the client that looks at everything has left: {error:#}");
+                eprintln!("the client that subscribes to everything has ended: {error:#}");
             }
         });
     }

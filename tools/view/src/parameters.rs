@@ -24,7 +24,7 @@ pub(crate) fn shown(name: String, value: &ParameterValue) -> Parameter {
     }
 }
 
-/// The value of a parameter that a viewer sets, in the type that is declared where numbers could be of two.
+/// Converts the value that a viewer sets; a number that fits two types gets the declared one.
 pub(crate) fn given(
     declaration: Option<&ParameterDeclaration>,
     parameter: &Parameter,
@@ -34,7 +34,7 @@ pub(crate) fn given(
     Ok(match parameter.value.as_ref().ok_or_else(unknown)? {
         Shown::Bool(value) => ParameterValue::Boolean(*value),
         Shown::Integer(value) => ParameterValue::Integer(*value),
-        // Programs in JavaScript write every number alike.
+        // JavaScript does not distinguish integers from other numbers.
         Shown::Float64(value) if kind == Some(ParameterKind::Integer) && value.fract() == 0.0 => {
             ParameterValue::Integer(*value as i64)
         }
@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_comes_back_as_it_was_shown() {
+    fn displayed_value_is_accepted_unchanged() {
         let values = [true.into(), 3_i64.into(), 2.5.into(), "walk".into(), [1.0, -2.5].into()];
         for value in values {
             let declared = declaration(value);
@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn a_whole_number_may_be_written_as_any_number_is() {
+    fn whole_float_is_accepted_for_an_integer() {
         let parameter = Parameter::float64("c.gain", 3.0);
         assert_eq!(given(Some(&declaration(1_i64.into())), &parameter), Ok(3_i64.into()));
         assert_eq!(given(Some(&declaration(1.0.into())), &parameter), Ok(3.0.into()));
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_and_tables_are_no_values() {
+    fn bytes_and_tables_are_refused() {
         for parameter in [Parameter::empty("c.gain"), Parameter::byte_array("c.gain", b"a")] {
             assert!(given(None, &parameter).unwrap_err().contains("c.gain"));
         }

@@ -22,37 +22,37 @@ use crate::request::Request;
 use crate::schemas::{PLACE_SCHEMA, RUN, RUN_SCHEMA};
 use crate::server::Server;
 
-/// Time between two reports of the place that is shown.
+/// Interval between two reports of the displayed position.
 const REPORT_PERIOD: Duration = Duration::from_millis(100);
 const PLACE: &str = "/motorium/playback";
 const NO_RUN: &str = "this is a recording: nothing runs";
 
-/// A recording that is shown.
+/// A displayed recording.
 struct Playback<'r> {
     recording: &'r Recording,
     plan: Plan,
     channels: Channels,
-    /// The topic of the plan for each of the recording.
+    /// The topic of the plan for each topic of the recording.
     topics: Vec<Option<usize>>,
     /// The topic of the plan for the pictures of each camera of the recording.
     pictures: Vec<Option<usize>>,
     rest: Entries<'r>,
-    /// The first entry that is later than the place that is shown.
+    /// The first entry after the displayed position.
     later: Option<Entry>,
     /// The newest entry of each topic of the plan.
     newest: Vec<Option<Entry>>,
-    /// True for a state or a picture that has changed since it was sent.
+    /// `true` for a state or a picture that has changed since it was sent.
     changed: Vec<bool>,
 }
 
-/// Opens a recording; its times.
+/// Opens a recording and returns it with its times.
 pub(crate) fn open(path: &Path) -> anyhow::Result<(Recording, (u64, u64))> {
     let recording = Recording::open(path)?;
     let times = recording.times().with_context(|| format!("{}: it holds no samples", path.display()))?;
     Ok((recording, times))
 }
 
-/// Plays a recording until `over` or `interrupted` says so.
+/// Plays a recording until `over` or `interrupted` is set.
 pub(crate) fn play(
     request: &Request,
     recording: &Recording,
@@ -81,7 +81,7 @@ pub(crate) fn play(
             Err(RecvTimeoutError::Disconnected) => break,
         }
         let now = Instant::now();
-        // Periods that were lost are not made up for.
+        // Missed periods are skipped.
         next = (next + period).max(now);
         let moved = player().step(now - last);
         last = now;
@@ -114,7 +114,7 @@ impl<'r> Playback<'r> {
         let id = recording.path().display().to_string();
         let overheads = request.overheads.unwrap_or_default();
         let is_recorded = |index: usize| topics.contains(&Some(index)) || pictures.contains(&Some(index));
-        // Its files may have gone or changed since.
+        // Its files may have been removed or changed since.
         let scene = match recording.latched(WORLD_SCENE) {
             Some(message) => Some((Schema::of::<SceneUpdate>(), message.to_vec())),
             None => world_scene(&plan),

@@ -1,4 +1,4 @@
-//! The place in a recording that is shown, and how it moves.
+//! The displayed position in a recording, and its playback.
 
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -8,7 +8,7 @@ use foxglove::websocket::{PlaybackCommand, PlaybackControlRequest, PlaybackState
 /// Slowest and fastest speed, relative to the recording.
 const SPEEDS: [f64; 2] = [0.01, 100.0];
 
-/// A place in a recording that moves as time passes, and as viewers ask.
+/// A position in a recording that advances with time, and on request of viewers.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Player {
     start_ns: u64,
@@ -30,7 +30,7 @@ pub(crate) struct Moved {
     pub(crate) to_ns: u64,
     /// `true` after a seek: viewers must discard earlier data.
     pub(crate) sought: bool,
-    /// True if this step came to the end.
+    /// `true` if this step reached the end.
     pub(crate) ended: bool,
 }
 
@@ -40,7 +40,7 @@ impl Player {
         Self { start_ns, end_ns, place: 0.0, speed: 1.0, plays: true, waits: true, sought: true }
     }
 
-    /// Moves on by a time of the viewer.
+    /// Advances by a time of the viewer.
     pub(crate) fn step(&mut self, passed: Duration) -> Moved {
         let length = self.length();
         let was = self.place;

@@ -1,4 +1,4 @@
-//! The order of `motorium view` to this program.
+//! The request of `motorium view` to this program.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ use serde::Deserialize;
 /// First argument of the program when started by `motorium view`; the second is the request as JSON.
 pub const SERVE: &str = "motorium-view";
 
-/// The order of `motorium view`.
+/// A request of `motorium view`.
 ///
 /// ```
 /// use motorium_view::Request;
@@ -36,9 +36,9 @@ pub struct Request {
     /// newest run.
     #[serde(default)]
     pub run: Option<String>,
-    /// Port on the loopback interface; 0 for any that is free.
+    /// Port on the loopback interface; 0 for any free port.
     pub port: u16,
-    /// Most samples of a topic that are sent a second.
+    /// Maximum rate at which samples of a topic are sent, Hz.
     pub rate_hz: f64,
     /// File for a screenshot from a headless browser that also checks the page; `None` to serve.
     #[serde(default)]

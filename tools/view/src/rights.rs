@@ -42,7 +42,7 @@ impl Rights {
         right
     }
 
-    /// True if a client may command.
+    /// Returns `true` if a client may command.
     pub(crate) fn may_command(&self, client: ClientId) -> bool {
         self.holders().contains(&client)
     }
@@ -73,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tokens_differ_and_only_the_whole_one_is_right() {
+    fn tokens_differ_and_only_the_full_one_is_accepted() {
         let token = new_token().unwrap();
         assert_ne!(token, new_token().unwrap());
         assert_eq!(token.len(), 32);

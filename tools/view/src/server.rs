@@ -138,7 +138,7 @@ const PLAY: &str = r#"{
   "properties": {
     "plays": { "type": "boolean", "description": "True to play, false to hold" },
     "speed": { "type": "number", "description": "Speed, relative to the recording" },
-    "place_s": { "type": "number", "description": "Place to go to: time since the start, s" }
+    "place_s": { "type": "number", "description": "Position to seek: time since the start, s" }
   }
 }"#;
 
@@ -174,7 +174,7 @@ const OUTCOME: &str = r#"{
   "type": "object",
   "required": ["done", "message"],
   "properties": {
-    "done": { "type": "boolean", "description": "True if what was asked for is so" },
-    "message": { "type": "string", "description": "The outcome in words" }
+    "done": { "type": "boolean", "description": "True if the request was fulfilled" },
+    "message": { "type": "string", "description": "The outcome as text" }
   }
 }"#;

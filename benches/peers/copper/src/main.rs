@@ -7,10 +7,10 @@ use std::sync::Mutex;
 use cu29::curuntime::LoopRateLimiter;
 use cu29::prelude::*;
 
-/// 512 bytes, as the relays of motorium.
+/// 512 bytes, like the relays of motorium.
 type Payload = CuArray<u64, 64>;
 
-/// Iterations before those that count.
+/// Number of warm-up iterations.
 const WARM_UP: usize = 1_000;
 
 static SAMPLES: Mutex<Vec<u64>> = Mutex::new(Vec::new());

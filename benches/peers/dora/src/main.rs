@@ -6,7 +6,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use dora_node_api::{DoraNode, Event, into_vec};
 
-/// Messages before those that count.
+/// Number of warm-up messages.
 const WARM_UP: usize = 100;
 
 fn now() -> Result<u64, Box<dyn Error>> {

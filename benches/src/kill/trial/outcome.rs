@@ -8,7 +8,7 @@ use crate::kill::fault::{Fault, Victim};
 use crate::kill::outcome::{After, Outcome, Robot};
 
 impl Trial {
-    /// The outcome of a fault in words.
+    /// Determines the outcome of a fault.
     pub(super) fn outcome(
         &self,
         victim: &Victim,

@@ -61,7 +61,7 @@ impl Report {
     /// The state hash of the run.
     ///
     /// # Errors
-    /// There is none.
+    /// The report has no state hash.
     pub(crate) fn state_hash(&self) -> Result<&str, Failure> {
         self.text("/state_hash")
     }

@@ -29,7 +29,7 @@ const BROWSERS: [&str; 5] =
 /// Installs the tools if permitted, and reports the missing ones. Never fails.
 pub(crate) fn install(context: &Context<'_>) -> Result<Outcome, Failure> {
     let mut missing = Vec::new();
-    // the steps with the tests count those that are skipped; this names the cause
+    // the steps with tests count the skipped ones; this names the cause
     let mut note = |tool: &str, reason: String| {
         missing.push(format!("{tool} is missing, the tests that need it are not run: {reason}"));
     };

@@ -29,7 +29,7 @@ pub(crate) struct Compare {
     /// More files from after the change
     #[arg(long, value_name = "FILE", num_args = 1..)]
     more_new: Vec<PathBuf>,
-    /// Print all of it as JSON
+    /// Print everything as JSON
     #[arg(long)]
     json: bool,
 }

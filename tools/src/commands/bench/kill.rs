@@ -42,14 +42,14 @@ pub(crate) struct Kill {
     #[arg(long, value_name = "FAULT", num_args = 1..,
           value_parser = ["kill", "abort", "segfault", "terminate", "hang", "pause"])]
     fault: Vec<String>,
-    /// Print all of it as JSON; the table then goes to standard error
+    /// Print everything as JSON; the table is then printed to standard error
     #[arg(long)]
     json: bool,
     /// Print the table as Markdown
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
-    /// Print the outcome of each fault in each process as Markdown, as in the book; the table then goes to
-    /// standard error
+    /// Print the outcome of each fault in each process as Markdown, as in the book; the table is then printed
+    /// to standard error
     #[arg(long, conflicts_with_all = ["json", "markdown"])]
     matrix: bool,
 }

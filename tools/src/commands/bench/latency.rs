@@ -30,7 +30,7 @@ const FIFO: u8 = 80;
 #[derive(Debug, clap::Args)]
 pub(crate) struct Latency {
     /// Print the raw histograms, the machine and the table of targets as JSON (to the file of `--output`, if
-    /// that is given); the tables then go to standard error
+    /// given); the tables are then printed to standard error
     #[arg(long)]
     json: bool,
     /// Write the JSON to this file; the tables stay on standard output

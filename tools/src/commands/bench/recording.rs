@@ -44,7 +44,7 @@ pub(crate) struct Recording {
     /// Also view all channels of the recorded runs through `motorium view`
     #[arg(long)]
     view: bool,
-    /// Print all of it as JSON
+    /// Print everything as JSON
     #[arg(long)]
     json: bool,
 }

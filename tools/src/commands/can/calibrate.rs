@@ -105,7 +105,7 @@ fn value(calibrated: &Calibrated) -> Value {
 }
 
 fn describe(offsets: &[Calibrated]) -> String {
-    let mut rows = table(["joint", "stands at", "by the offset", "to be written", "spread", "answers"]);
+    let mut rows = table(["joint", "measured", "with the offset", "to be written", "spread", "answers"]);
     for calibrated in offsets {
         rows.add_row([
             calibrated.joint.clone(),

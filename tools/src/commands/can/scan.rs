@@ -20,12 +20,13 @@ use crate::report::table;
 ///
 /// With `--fd` it reads the registers of moteus 1 to 126 as well, by frames of CAN FD. A classic-only node
 /// disturbs them until the interface is bus-off: use it only if every node supports CAN FD, and while no
-/// robot runs on the bus. None is sent after a classic frame or an error, and no more after the first error.
+/// robot runs on the bus. The search does not start after a classic frame or an error, and stops at the first
+/// error.
 ///
 /// A path is a serial line. An slcan adapter is detected by its version, and its bus is scanned with
 /// `--bitrate`. On any other line servos are searched at several speeds, by polling each number.
 ///
-/// The exit code is 1 if there is no interface, or no device on the one that is named.
+/// The exit code is 1 if no interface exists, or no device is found on the named one.
 ///
 /// Example: motorium can scan can0
 #[derive(Debug, clap::Args)]

@@ -11,10 +11,10 @@ use crate::out::errln;
 /// Options for the database of a command.
 #[derive(Debug, clap::Args)]
 pub(super) struct Words {
-    /// A DBC file: the names, units and values of what frames carry
+    /// A DBC file with the names, units and values of the signals in frames
     #[arg(long, value_name = "FILE")]
     dbc: Option<PathBuf>,
-    /// Identifier bits that count, such as 0x1F for ODrives, whose database is for node 0
+    /// Mask of the identifier bits to compare, such as 0x1F for ODrives, whose database is for node 0
     #[arg(long, value_name = "BITS", requires = "dbc", value_parser = mask)]
     dbc_mask: Option<u32>,
 }

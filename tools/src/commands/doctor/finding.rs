@@ -43,7 +43,7 @@ impl Finding {
     }
 }
 
-/// Findings as lines: verdict, name, what was found; the fix below.
+/// Findings as lines: verdict, name, finding; the fix below.
 pub(super) fn lines(findings: &[Finding]) -> String {
     let width = findings.iter().map(|finding| finding.name.len()).max().unwrap_or(0);
     let mut text = String::new();

@@ -132,7 +132,7 @@ fn check_preemption(preemption: Preemption) -> Finding {
         }
         Preemption::Voluntary => "voluntary: a real-time thread waits for others to leave the kernel",
         Preemption::None => "none: a real-time thread waits until others leave the kernel",
-        Preemption::Unknown => "chosen at boot, which way cannot be read as this user",
+        Preemption::Unknown => "chosen at boot, but not readable as this user",
     };
     Finding::warn(name, found, better)
 }
@@ -178,7 +178,7 @@ fn check_throttling(runtime: &str, period: &str) -> Finding {
     let off =
         "sudo sysctl kernel.sched_rt_runtime_us=-1   (a runaway real-time thread can then block its core)";
     match runtime {
-        ..0 => Finding::pass(name, "off: real-time threads may use their cores whole"),
+        ..0 => Finding::pass(name, "off: real-time threads may use their cores fully"),
         0 => Finding::fail(
             name,
             "real-time threads get no time at all",

@@ -119,7 +119,7 @@ fn check_place(place: Result<PathBuf, RunFolderError>) -> Finding {
         Err(RunFolderError::NotPrivate { path, found, advice }) => {
             Finding::fail(name, format!("{} is {found}: nothing can run", path.display()), advice)
         }
-        Err(error) => Finding::fail(name, error.to_string(), "look who owns that folder"),
+        Err(error) => Finding::fail(name, error.to_string(), "check the owner of that folder"),
     }
 }
 
@@ -130,18 +130,14 @@ fn check_own(runs: &[RunFolder], objects: &[PathBuf], removed: &[PathBuf]) -> Fi
         count => format!("; {count} files and folders removed"),
     };
     if runs.is_empty() && objects.is_empty() {
-        return Finding::pass(name, format!("none of runs that are gone{gone}"));
+        return Finding::pass(name, format!("none of ended runs{gone}"));
     }
     let mut parts: Vec<String> = runs.iter().map(|run| format!("run {}", run.id())).collect();
     if !objects.is_empty() {
         let first = objects[0].display();
         parts.push(format!("{} objects that belong to no run ({first} ...)", objects.len()));
     }
-    Finding::warn(
-        name,
-        format!("left by runs that are gone: {}{gone}", parts.join(", ")),
-        "motorium doctor --clean",
-    )
+    Finding::warn(name, format!("left by ended runs: {}{gone}", parts.join(", ")), "motorium doctor --clean")
 }
 
 fn check_foreign(foreign: &[PathBuf]) -> Finding {

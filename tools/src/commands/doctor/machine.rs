@@ -41,8 +41,8 @@ fn check_virtual(hypervisor: bool, product: &[String; 2], container: bool) -> Fi
         let product = product.trim();
         let kind = if product.is_empty() { String::new() } else { format!(" ({product})") };
         let found = format!(
-            "virtual{kind}{inside}: its host may take the cores away at any time; what is measured below is not \
-             the hardware's"
+            "virtual{kind}{inside}: its host may take the cores away at any time; the measurements below \
+             are not the hardware's"
         );
         return Finding::warn(name, found, "run robots on a physical machine; for development this is fine");
     }
@@ -135,7 +135,7 @@ fn check_idle(states: &[IdleState], limit_us: Option<u64>, may_limit: bool) -> F
         None => "; cpu_dma_latency cannot be read as this user".to_string(),
     };
     let Some(deepest) = allowed.max_by_key(|state| state.latency_us) else {
-        return Finding::pass(name, format!("none to wake up from{limit}"));
+        return Finding::pass(name, format!("none is enabled{limit}"));
     };
     let found = format!("the deepest, {}, takes {} us to leave{limit}", deepest.name, deepest.latency_us);
     if deepest.latency_us <= 20 {

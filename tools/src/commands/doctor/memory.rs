@@ -58,7 +58,7 @@ fn check_swap(swaps: &str) -> Finding {
     if areas.is_empty() {
         return Finding::pass(name, "none");
     }
-    let found = format!("{}: memory that is not locked may be slow to come back", areas.join(", "));
+    let found = format!("{}: unlocked memory may be paged out", areas.join(", "));
     Finding::warn(name, found, "sudo swapoff -a")
 }
 

@@ -23,9 +23,9 @@ use crate::{exit, style};
 use finding::{Finding, Verdict};
 use leftovers::Leftovers;
 
-/// Is this machine fit for real time? What to change, and how.
+/// Check whether this machine is fit for real time, and print what to change.
 ///
-/// It changes nothing without --clean. The exit code is 0 if nothing failed, else 5.
+/// Without --clean, nothing is changed. The exit code is 0 if nothing failed, else 5.
 ///
 /// Example: motorium doctor --measure 60s
 #[derive(Debug, clap::Args)]

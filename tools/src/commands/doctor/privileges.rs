@@ -153,7 +153,7 @@ fn check_limits(limits: &Limits, capabilities: u64) -> Finding {
         .filter_map(|(capability, name)| has(capability).then_some(name))
         .collect();
     if !passes.is_empty() {
-        found += &format!(" (passed over by {})", passes.join(" and "));
+        found += &format!(" (overridden by {})", passes.join(" and "));
     }
     if limits.files.is_some_and(|files| files < 1024) {
         return Finding::warn(name, found, "ulimit -n 1024");
@@ -185,7 +185,7 @@ mod tests {
         assert!(user.fix.unwrap().contains("limits.d"));
         let root = check_limits(&limits, u64::MAX);
         assert_eq!(root.verdict, Verdict::Pass);
-        assert!(root.found.ends_with("(passed over by CAP_SYS_NICE and CAP_IPC_LOCK)"), "{}", root.found);
+        assert!(root.found.ends_with("(overridden by CAP_SYS_NICE and CAP_IPC_LOCK)"), "{}", root.found);
         let raised = Limits { priority: Some(98), memory: None, files: None };
         assert_eq!(check_limits(&raised, 0).verdict, Verdict::Pass);
         let few = Limits { files: Some(256), ..raised };

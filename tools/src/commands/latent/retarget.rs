@@ -13,10 +13,10 @@ use serde_json::json;
 
 use crate::out::outln;
 
-/// Find poses of a robot whose limbs point where a human's do in a recorded movement.
+/// Compute poses of a robot whose limbs point in the same directions as a human's in a recorded movement.
 ///
-/// TAKE holds joint angles (.bvh; .amc, or a table of its values, with --skeleton), or a table of directions
-/// of limbs.
+/// TAKE is a file of joint angles (.bvh; .amc, or a table of its values, with --skeleton), or a table of limb
+/// directions.
 ///
 /// Example: motorium latent retarget take.amc --skeleton subject.asf --robot panda --limb
 /// right_upperarm=panda_link2:panda_link4 --limb right_forearm=panda_link4:panda_link6 --output panda.csv
@@ -27,13 +27,13 @@ pub(super) struct Retarget {
     /// Skeleton of the human, .asf
     #[arg(long, value_name = "FILE")]
     skeleton: Option<PathBuf>,
-    /// Samples a second, of files without times
+    /// Samples per second of files without times
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
     /// Limb of the human by its joints, NAME=FROM:TO; may be repeated [default: CMU's arms]
     #[arg(long, value_name = "LIMB", value_parser = limb)]
     body: Vec<Limb>,
-    /// Joint in whose frame directions are, and its axes forward and up in the rest pose
+    /// Joint in whose frame directions are expressed, and its forward and up axes in the rest pose
     #[arg(long, value_name = "JOINT,AXIS,AXIS", default_value = "thorax,z,y", value_parser = trunk)]
     trunk: Trunk,
     /// The robot
@@ -126,7 +126,7 @@ impl Retarget {
                 (Some(skeleton), take)
             }
             ("amc", Some(skeleton)) => {
-                let rate = self.rate.context("a file .amc holds no times\nhelp: add `--rate 120`")?;
+                let rate = self.rate.context("an .amc file has no times\nhelp: add `--rate 120`")?;
                 let take = skeleton.read_amc(&shown, &text(&self.take)?, rate)?;
                 (Some(skeleton), take)
             }
@@ -196,7 +196,7 @@ impl Retarget {
         }
         outln!("{} samples of {} joints", found.positions.samples(), found.positions.names().len());
         for (limb, angle) in limbs.iter().zip(&degrees) {
-            outln!("{:<16} {angle:.2} deg off in the median", limb.name);
+            outln!("{:<16} median error {angle:.2} deg", limb.name);
         }
         for change in &found.branches {
             outln!("sample {}: {} changes its branch by {:.2}", change.sample, change.joint, change.step);

@@ -14,7 +14,7 @@ pub(super) const PAGE: &str = "report.html";
 /// A table of numbers by update or iteration.
 struct Table {
     head: Vec<String>,
-    /// Empty cells have no number.
+    /// `None` for empty cells.
     rows: Vec<Vec<Option<f64>>>,
 }
 

@@ -12,8 +12,7 @@ mod warnings;
 
 use std::process::ExitCode;
 
-/// Policies that learn a task: train one, continue a training run, evaluate and compare policies, list tasks;
-/// tune a graph.
+/// Train policies on tasks: train, resume, evaluate and compare policies, list tasks; tune a graph.
 ///
 /// Example: motorium learn train tasks/cart-pole.toml --seed 1 --output out/cart-pole
 #[derive(Debug, clap::Args)]

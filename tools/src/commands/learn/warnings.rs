@@ -4,7 +4,7 @@ use motorium_robots::ModelWarning;
 
 use crate::out::errln;
 
-/// Prints the warnings of elements of the world's file that are left out.
+/// Prints the warnings about omitted elements of the world's file.
 pub(super) fn warn(warnings: &[ModelWarning]) {
     for warning in warnings {
         errln!("warning: world: {warning}");

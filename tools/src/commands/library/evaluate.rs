@@ -26,8 +26,8 @@ pub(super) struct Evaluate {
     /// Hold out every K-th recording of each label
     #[arg(long, default_value_t = 5, value_name = "K")]
     hold_out: usize,
-    /// Hold out a K-th of all recordings at random instead, N times; errors are means over the N, with their
-    /// spread
+    /// Hold out 1/K of all recordings at random instead, N times; errors are means over the splits, with
+    /// their spread
     #[arg(long, value_name = "N")]
     splits: Option<u64>,
     /// Numbers of weights

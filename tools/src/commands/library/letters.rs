@@ -10,7 +10,7 @@ use motorium_library::letters::{ALPHABET, Variation, letters};
 use crate::chart::{Tile, tiles};
 use crate::out::outln;
 
-/// Write letters of our own strokes, with seeded variation, as recordings.
+/// Generate letters from built-in strokes, with seeded variation, as recordings.
 ///
 /// Example: motorium library letters --output letters.jsonl
 #[derive(Debug, clap::Args)]
@@ -21,7 +21,7 @@ pub(super) struct Letters {
     /// Variations of each letter
     #[arg(long, default_value_t = 10)]
     each: usize,
-    /// The seed: the same letters for the same seed
+    /// Seed; equal seeds give equal letters
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Draw the first of each into this SVG file

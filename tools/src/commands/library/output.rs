@@ -36,7 +36,7 @@ pub(super) fn summary(library: &MotionLibrary, path: Option<&PathBuf>) -> serde_
     })
 }
 
-/// Prints a summary: as JSON, or in words.
+/// Prints a summary as JSON or as text.
 pub(super) fn show(library: &MotionLibrary, path: Option<&PathBuf>, json: bool) -> anyhow::Result<ExitCode> {
     let summary = summary(library, path);
     if json {

@@ -20,8 +20,7 @@ use crate::style;
 pub(super) struct Split {
     /// The library
     file: PathBuf,
-    /// Parts: NAME=PATTERN[,PATTERN...], a pattern being the name of a degree of freedom, or its beginning
-    /// and `*`
+    /// Parts: NAME=PATTERN[,PATTERN...]; a pattern is the name of a degree of freedom, or a prefix and `*`
     #[arg(required = true)]
     parts: Vec<String>,
     /// The folder to write to: NAME.library for each part
@@ -110,10 +109,10 @@ pub(super) struct Update {
     /// The file to write
     #[arg(long, short)]
     output: PathBuf,
-    /// The most eigenforces to keep: about twice as many as are used
+    /// Maximum number of eigenforces to keep: about twice the number in use
     #[arg(long, default_value_t = 50)]
     capacity: usize,
-    /// Factor on the weight of earlier movements with each further one: 1 forgets nothing
+    /// Factor on the weight of earlier movements with each new one: 1 forgets nothing
     #[arg(long, default_value_t = 1.0)]
     forgetting: f64,
     /// Print as JSON

@@ -50,7 +50,7 @@ impl Source {
 /// Options of the conversion of recordings into forces.
 #[derive(Debug, clap::Args)]
 pub(super) struct Shape {
-    /// Samples of each movement, evenly over its duration
+    /// Number of evenly spaced samples of each movement
     #[arg(long, default_value_t = 200)]
     samples: usize,
     /// Damping D of the spring; its stiffness is D^2 / 4

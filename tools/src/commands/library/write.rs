@@ -12,8 +12,8 @@ use crate::out::{out, outln};
 
 /// Write a letter from its picture, by a coupling that `motorium library couple` trained.
 ///
-/// A picture does not show a speed: the pen goes evenly along the stroke, as fast on average as in the
-/// letters learned, or at `--pen-speed`.
+/// A picture shows no speed: the pen moves evenly along the stroke, at the average speed of the learned
+/// letters or at `--pen-speed`.
 ///
 /// Example: motorium library write letters.coupling a.pgm --size 0.1 --output a.csv
 #[derive(Debug, clap::Args)]

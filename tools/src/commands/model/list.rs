@@ -8,7 +8,7 @@ use crate::out::outln;
 
 /// List the kinds of models with their properties: parameters, distributions, scope, and the data they need.
 ///
-/// The columns are those of table 2.4 of Delhaisse's thesis (2019).
+/// The columns follow table 2.4 of Delhaisse's thesis (2019).
 ///
 /// Example: motorium model list
 #[derive(Debug, clap::Args)]

@@ -71,15 +71,17 @@ struct Get {
     json: bool,
 }
 
-/// Change a parameter, or several at once.
+/// Change one or several parameters.
 ///
-/// Parameters of one component that are set together take effect together. If one cannot be set, none is.
+/// Parameters of one component that are set together take effect together. If one is refused, none is
+/// changed.
 ///
 /// Example: motorium param set policy.gait=trot policy.frequency=1.5
 #[derive(Debug, clap::Args)]
 struct Set {
     /// The parameter and its value, or each as COMPONENT.PARAMETER=VALUE. A value is a number, `true` or
-    /// `false`, one of the choices, or an array such as `[0, 0.5]`, for which one number stands for all
+    /// `false`, one of the choices, or an array such as `[0, 0.5]`, for which a single number applies to all
+    /// entries
     #[arg(value_name = "COMPONENT.PARAMETER VALUE", required = true, num_args = 1.., allow_negative_numbers = true,
           add = crate::complete::parameters())]
     values: Vec<String>,

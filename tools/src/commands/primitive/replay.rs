@@ -19,7 +19,7 @@ const FAR: f64 = 6.0;
 
 /// Run a primitive: as demonstrated, or with another start, goal, duration or via points.
 ///
-/// Prints the movement as CSV unless it goes to a file.
+/// Prints the movement as CSV unless it is written to a file.
 ///
 /// Example: motorium primitive replay reach.json --goal 0.5,0.2,0.4 --duration 3 --plot there.svg
 #[derive(Debug, clap::Args)]
@@ -31,16 +31,16 @@ pub(super) struct Replay {
     /// Start position, a number for each dimension
     #[arg(long, value_name = "X,..", value_parser = numbers, allow_hyphen_values = true)]
     start: Option<Numbers>,
-    /// Goal position (of a rhythm: its centre)
+    /// Goal position, or the centre of a rhythm
     #[arg(long, value_name = "X,..", value_parser = numbers, allow_hyphen_values = true)]
     goal: Option<Numbers>,
-    /// Velocity at the goal, of a primitive of the variant final-velocity
+    /// Velocity at the goal, for a primitive of the variant final-velocity
     #[arg(long, value_name = "V,..", value_parser = numbers, allow_hyphen_values = true)]
     final_velocity: Option<Numbers>,
-    /// Seconds to take (of a rhythm: its period)
+    /// Duration, or the period of a rhythm, s
     #[arg(long, value_name = "S", value_parser = positive)]
     duration: Option<f64>,
-    /// Place to pass, of a probabilistic primitive: phase:X,.. or phase:X,..:deviation (again for more)
+    /// Via point of a probabilistic primitive: phase:X,.. or phase:X,..:deviation; may be repeated
     #[arg(long, value_name = "P:X,..", value_parser = via, allow_hyphen_values = true)]
     via: Vec<ViaPoint>,
     /// Periods of a rhythm [default: 2]
@@ -49,7 +49,7 @@ pub(super) struct Replay {
     /// Amplitude of a rhythm; 1 is the demonstration's
     #[arg(long, value_name = "R", value_parser = positive)]
     amplitude: Option<f64>,
-    /// Samples a second
+    /// Samples per second
     #[arg(long, value_name = "HZ", default_value_t = 100.0, value_parser = positive)]
     rate: f64,
     /// Write the movement to a file: .csv, .json or .jsonl

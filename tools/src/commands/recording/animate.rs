@@ -12,13 +12,13 @@ use crate::commands::robot::{OBLIQUE, Pictures, View, size};
 use crate::out::errln;
 use crate::output::format;
 
-/// Most dots of all pictures, in millions: they are in memory together, since they share their colours.
+/// Maximum number of dots of all pictures, in millions: all are in memory, because they share a palette.
 const MOST: f64 = 200.0;
 
 /// Write a moving picture of a recording: the robots and their world, as an animated PNG file (.png).
 ///
-/// The camera sees the whole motion of robots with a fixed base, and follows those with floating bases. The
-/// same recording gives the same file.
+/// The camera sees the whole motion of robots with a fixed base, and follows those with floating bases. Equal
+/// recordings give equal files.
 ///
 /// Example: motorium animate out/a.mcap --to 4s --output out/a.png
 #[derive(Debug, clap::Args)]

@@ -26,8 +26,8 @@ const DESCRIPTION: &str = "meta/info.json";
 /// MCAP files of other programs become tables of the channels that can be decoded: JSON, ROS 2 CDR and
 /// protobuf.
 ///
-/// `--format lerobot` writes a LeRobotDataset of version 3.0: a frame of the state, the action and the
-/// pictures at a fixed rate, an episode of it for each of the recording.
+/// `--format lerobot` writes a LeRobotDataset of version 3.0: frames of state, action and pictures at a fixed
+/// rate, with one episode for each episode of the recording.
 ///
 /// Example: motorium export out/a.mcap --topic panda/joint_state --output out/a
 #[derive(Debug, clap::Args)]
@@ -38,7 +38,7 @@ pub(crate) struct Export {
     /// `csv`, `parquet`, or `lerobot`
     #[arg(long, value_enum, default_value_t, hide_possible_values = true)]
     format: Format,
-    /// A topic, in whose name `*` stands for any characters; may be repeated [default: all]
+    /// A topic; `*` matches any characters; may be repeated [default: all]
     #[arg(long, value_name = "TOPIC")]
     topic: Vec<String>,
     /// The folder of the tables [default: FILE without `.mcap`]
@@ -60,10 +60,10 @@ pub(crate) struct Export {
     /// LeRobot: a topic of pictures, of 8 bits a colour; may be repeated [default: all]
     #[arg(long, value_name = "TOPIC", conflicts_with = "no_pictures")]
     pictures: Vec<String>,
-    /// LeRobot: leave out pictures
+    /// LeRobot: omit pictures
     #[arg(long)]
     no_pictures: bool,
-    /// LeRobot: the task in words [default: the name of the graph]
+    /// LeRobot: description of the task [default: the name of the graph]
     #[arg(long, value_name = "TEXT")]
     task: Option<String>,
 }
@@ -113,7 +113,7 @@ impl Export {
         }
     }
 
-    /// Writes a table for each channel that can be decoded, and names the others.
+    /// Writes a table for each channel that can be decoded, and reports the others.
     fn tables_of_other(&self, log: &OtherLog, folder: &Path) -> anyhow::Result<ExitCode> {
         let names: Vec<String> = log.channels().iter().map(|channel| channel.topic.clone()).collect();
         let mut written = 0;
@@ -147,7 +147,7 @@ impl Export {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// Writes a table to a file; returns the number of its rows.
+    /// Writes a table to a file and returns its number of rows.
     fn table(
         &self,
         path: &Path,
@@ -160,7 +160,7 @@ impl Export {
         Ok(rows)
     }
 
-    /// The files of the chosen topics, with the indices of the topics. Makes their folder.
+    /// Creates the folder and returns the files of the chosen topics, with the indices of the topics.
     fn files(&self, names: &[String], folder: &Path) -> anyhow::Result<Vec<(usize, PathBuf)>> {
         let chosen = match self.topic.as_slice() {
             [] => Taps::new(["*"], core::time::Duration::ZERO),

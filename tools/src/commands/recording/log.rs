@@ -1,4 +1,4 @@
-//! The page about an MCAP file of another program: its channels, and their numbers over time.
+//! Report page of an MCAP file of another program: its channels, and their numbers over time.
 
 use std::fmt::Write as _;
 
@@ -9,11 +9,11 @@ use crate::draw::escape;
 use crate::html;
 use crate::report::microseconds;
 
-/// Most curves of a chart.
+/// Maximum number of curves of a chart.
 const CURVES: usize = 12;
-/// Most charts of a channel.
+/// Maximum number of charts of a channel.
 const CHARTS: usize = 12;
-/// Most points of a curve.
+/// Maximum number of points of a curve.
 const POINTS: usize = 1000;
 
 /// The page of a file.

@@ -31,14 +31,14 @@ use crate::out::errln;
 use crate::output::{format, refuse_existing};
 use crate::{overheads, style};
 
-/// Opens a recording, and warns of what is missing or damaged.
+/// Opens a recording, and warns of missing or damaged parts.
 pub(super) fn opened(file: &Path) -> anyhow::Result<Recording> {
     let recording = Recording::open(file)?;
     warn(file, recording.faults());
     Ok(recording)
 }
 
-/// Opens a recording or an MCAP file of another program, and warns of what is missing or damaged.
+/// Opens a recording or an MCAP file of another program, and warns of missing or damaged parts.
 fn opened_any(file: &Path) -> anyhow::Result<Opened> {
     let opened = open(file)?;
     warn(
@@ -66,7 +66,7 @@ pub(super) struct Temporary(PathBuf);
 impl Temporary {
     /// Writes a file that only this user reads.
     pub(super) fn write(extension: &str, text: &str) -> anyhow::Result<Self> {
-        // A name that nobody can guess, of a file that was not there: others write into this folder, too.
+        // An unguessable name and a new file, because other users write into this folder, too.
         let name: String = random_bytes::<8>()?.iter().map(|byte| format!("{byte:02x}")).collect();
         let path = std::env::temp_dir().join(format!("motorium-{name}.{extension}"));
         let file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(&path);
@@ -88,7 +88,7 @@ impl Drop for Temporary {
     }
 }
 
-/// A file to lay over a graph that adds a recorder of all its topics.
+/// An overlay that adds a recorder of all topics to a graph.
 pub(super) struct Overlay(Temporary);
 
 impl Overlay {
@@ -112,7 +112,7 @@ impl Overlay {
         if let Some(calibration) = overheads::file().filter(|file| file.exists()) {
             config.insert("attach".to_string(), vec![absolute(&calibration)?].into());
         }
-        // What becomes of a recording is no concern of the robot.
+        // A failure of the recorder must not stop the robot.
         let text = format!(
             "[component.{RECORDER}]\nkind = \"log.record\"\nrate = \"10 Hz\"\nschedule = \"normal\"\n\
              on_failure = \"ignore\"\n\n[component.{RECORDER}.config]\n{config}"

@@ -12,7 +12,7 @@ use crate::chart::{Chart, Series, braille};
 use crate::out::{errln, out};
 use crate::output::format;
 
-/// Most points of a curve in a picture: more than it has columns.
+/// Maximum number of points of a curve in a picture: more than the picture has columns.
 const POINTS: usize = 2000;
 
 /// The formats of a file: pictures, and a table.
@@ -35,7 +35,7 @@ pub(crate) struct Plot {
     /// Write a picture (.svg or .png), or the numbers (.csv)
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Beginning of the time that is drawn, s since the recording began
+    /// Start of the drawn time, s since the start of the recording
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     from: f64,
     /// End of the drawn time, s; default: the recording's
@@ -97,8 +97,7 @@ impl Plot {
     }
 }
 
-/// The name of the values, with their unit where it is known: where all signals are one field of one
-/// quantity.
+/// Name of the values, with their unit if it is known: if all signals are one field of one quantity.
 fn values(recording: Option<&Recording>, signals: &[Signal]) -> String {
     let Some(field) = signals[0].field.as_deref() else { return String::new() };
     let unit = |signal: &Signal| {
@@ -140,7 +139,7 @@ fn label(recording: Option<&Recording>, curve: &Curve, signals: &[Signal]) -> St
     }
 }
 
-/// Columns and rows of the terminal, at most those that are pleasant to read.
+/// Columns and rows of the terminal, limited to a readable size.
 fn size() -> (u16, u16) {
     let (columns, rows) = ratatui::crossterm::terminal::size().unwrap_or((100, 30));
     (columns.clamp(40, 160), rows.saturating_sub(2).clamp(12, 40))

@@ -10,9 +10,9 @@ use crate::{exit, style};
 
 /// Repair a recording that was cut short by a power failure or a full disk, or whose bytes have changed.
 ///
-/// Writes the readable part to a new file with index and end; reading continues behind damage. The torn file
-/// is not changed. Messages of damaged chunks are copied without a checksum, and the new file lists damaged
-/// and missing parts.
+/// Writes the readable part to a new file with index and end; reading continues after damaged parts. The torn
+/// file is not changed. Messages of damaged chunks are copied without a checksum, and the new file lists
+/// damaged and missing parts.
 ///
 /// Exit code 7 if messages are missing or damaged; 0 if only the unfinished end was lost.
 ///

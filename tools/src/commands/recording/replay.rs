@@ -1,4 +1,4 @@
-//! `motorium replay`: a recorded run once more.
+//! `motorium replay`: replays a recorded run.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -42,13 +42,13 @@ pub(crate) struct Replay {
     /// A component to run instead of its recording; may be repeated [default: none]
     #[arg(long, value_name = "COMPONENT")]
     live: Vec<String>,
-    /// Recorded time per real time; `0` for as fast as the machine allows
+    /// Recorded time per real time; `0`: as fast as the machine allows
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     speed: f64,
     /// Index of the episode to replay, from 0 [default: all]
     #[arg(long, value_name = "INDEX", conflicts_with = "verify")]
     episode: Option<u64>,
-    /// Hold time at the start, until `motorium step`
+    /// Pause simulated time at the start, until `motorium step`
     #[arg(long)]
     paused: bool,
     /// Run in real time, with the cores, priorities and budgets of the graph, as required by real
@@ -151,7 +151,7 @@ impl Replay {
         })
     }
 
-    /// Lets robots that run themselves come to the start pose, and to rest.
+    /// Eases live robots into the first recorded pose, and to rest after the last command.
     fn ease_in(&self, plan: &mut Plan) {
         let moves = |name: &String| plan.components.iter().any(|it| it.name == *name && it.actuator);
         let Some(robot) = self.live.iter().find(|name| moves(name)).filter(|_| self.ease_in.ns > 0) else {
@@ -180,7 +180,7 @@ impl Replay {
         for component in plan.components.iter().filter(|_| !self.allow_programs) {
             let path = match &component.program {
                 Program::Exec { path } => path,
-                // Programs beside this one were installed with it.
+                // Programs in the folder of this one were installed with it.
                 Program::Sibling { path, .. } if !is_beside(path, &own) => path,
                 Program::Builtin { .. } | Program::Sibling { .. } => continue,
             };
@@ -203,7 +203,7 @@ impl Replay {
     }
 }
 
-/// True if two programs are in the same folder, links resolved.
+/// Returns `true` if two programs are in the same folder, after links are resolved.
 fn is_beside(path: &Path, own: &Path) -> bool {
     let folder = |path: &Path| path.canonicalize().ok()?.parent().map(Path::to_path_buf);
     folder(path).is_some_and(|found| folder(own) == Some(found))

@@ -1,4 +1,4 @@
-//! `motorium score`: what a recorded run has reached.
+//! `motorium score`: scores a recorded run.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -33,7 +33,7 @@ pub(crate) struct Score {
 fn tolerance(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(tolerance) if tolerance >= 0.0 => Ok(tolerance),
-        _ => Err("expected a number from 0".to_string()),
+        _ => Err("expected a number of at least 0".to_string()),
     }
 }
 

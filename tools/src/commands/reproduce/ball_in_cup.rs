@@ -17,7 +17,7 @@ use crate::commands::learn::threads::threads;
 
 /// Catching a ball in a cup by PoWER, on weights of a motion library and of radial kernels.
 ///
-/// Each search starts from the mean of a demonstrator's attempts and learns from one episode a rollout.
+/// Each search starts from the mean of a demonstrator's attempts and learns from one episode per rollout.
 /// Writes the returns as CSV and SVG (bars: standard errors over seeds), and reports which claims hold.
 ///
 /// Example: motorium reproduce ball-in-cup --output out/
@@ -29,7 +29,7 @@ pub(super) struct BallInCup {
     /// File of the task
     #[arg(long, value_name = "FILE", default_value = "tasks/ball-in-cup.toml")]
     task: PathBuf,
-    /// Seeds: each is a search in every space
+    /// Number of seeds; each gives one search in every space
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(2..=1000))]
     seeds: u64,
     /// First seed
@@ -129,7 +129,7 @@ fn chart(study: &Study, settings: &StudySettings, y: &str, value: Value) -> Char
     }
 }
 
-/// One line an evaluation.
+/// One line per evaluation.
 fn table(study: &Study) -> String {
     let mut table = "weights,count,seed,rollouts,mean_return,caught\n".to_owned();
     for Trial { weights, count, seed, curve } in &study.trials {

@@ -31,7 +31,7 @@ pub(super) struct Cartpole {
     /// The folder to write to
     #[arg(long, short, value_name = "DIR", default_value = "out")]
     output: PathBuf,
-    /// Seeds: each is a trial of every method, with and without imitation
+    /// Number of seeds; each gives one trial of every method, with and without imitation
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(2..=1000))]
     seeds: u64,
     /// First seed
@@ -80,7 +80,7 @@ impl Cartpole {
                 "beginning": beginning,
                 "first_return": study.starts(method, beginning),
                 "last_return": study.ends(method, beginning),
-                // `null` where a seed never gets there
+                // `null` for a seed that never reaches it
                 "experience_to_475": study.experience_to(SOLVED, method, beginning),
             })
         };
@@ -128,7 +128,7 @@ fn chart(study: &Study, method: Method) -> Chart {
     }
 }
 
-/// One line an evaluation.
+/// One line per evaluation.
 fn table(study: &Study) -> String {
     let mut table = "method,beginning,seed,experience,mean_return\n".to_owned();
     for Trial { method, beginning, seed, curve } in &study.trials {

@@ -11,8 +11,8 @@ use super::{body, letters, perception, search};
 
 /// The motion library of Delhaisse's thesis (2019), chapter 3: figures 3.9 to 3.12 and 3.14 to 3.19.
 ///
-/// Writes each as CSV and SVG (bars: standard errors), and reports which claims hold on these data. A run
-/// that was interrupted continues after an interruption when started again with the same options.
+/// Writes each as CSV and SVG (bars: standard errors), and reports which claims hold on these data. An
+/// interrupted run continues when started again with the same options.
 ///
 /// Example: motorium reproduce chapter3 --data recordings/ --output out/
 #[derive(Debug, clap::Args)]
@@ -38,7 +38,7 @@ pub(super) struct Chapter3 {
     /// Random splits of the letters over which errors of position are averaged
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100))]
     splits: u64,
-    /// Do again what an earlier run in this folder has done
+    /// Discard the parts that an earlier run in this folder finished
     #[arg(long)]
     restart: bool,
     /// Print as JSON

@@ -28,10 +28,10 @@ pub(super) struct Chapter4 {
     /// The folder to write to
     #[arg(long, short, value_name = "DIR", default_value = "out")]
     output: PathBuf,
-    /// Splits of the poses: each holds out others
+    /// Number of splits of the poses, each with other held-out poses
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(2..=20))]
     splits: u64,
-    /// Iterations of each training at most
+    /// Maximum number of iterations of each training
     #[arg(long, default_value_t = 300)]
     iterations: usize,
     /// Discard the parts that an earlier run in this folder finished

@@ -1,4 +1,4 @@
-//! Figures 3.9, 3.11, 3.12 and 3.14, eigenforces themselves and recognition: letters.
+//! Letters: figures 3.9, 3.11, 3.12 and 3.14, the eigenforces, and recognition.
 //!
 //! Figures whose number is not certain are named by their content.
 
@@ -77,7 +77,7 @@ fn eigenforces(writer: &mut FigureWriter, library: &MotionLibrary) -> anyhow::Re
     Ok(())
 }
 
-/// The path of a held-out letter by the first `n` eigenforces, beside its own.
+/// The path of a held-out letter by the first `n` eigenforces, next to its own.
 fn drawn(library: &MotionLibrary, letter: &motorium_library::Trajectory, n: usize) -> Tile {
     let movement = Movement::from_trajectory(letter, library.spring());
     let weights = library.project(&movement.forces);

@@ -25,7 +25,7 @@ use crate::rollout::{Rollout, allowed_cores, overlay};
 
 /// The graph: its policy is a pattern generator.
 const GRAPH: &str = "quadruped-trot";
-/// Least height of the base of a robot that has not fallen.
+/// Condition on the base height of a robot that has not fallen.
 const UPRIGHT: &str = "physics.base_height_lowest_m > 0.12";
 
 /// Walking by Bayesian optimisation, Delhaisse's thesis (2019), figures 2.30 and 2.31: six numbers of the
@@ -41,7 +41,7 @@ pub(super) struct Locomotion {
     /// The folder to write to
     #[arg(long, short, value_name = "DIR", default_value = "out")]
     output: PathBuf,
-    /// Seeds: each is a search with each method
+    /// Number of seeds; each gives one search with each method
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(2..=1000))]
     seeds: u64,
     /// First seed
@@ -182,7 +182,7 @@ fn charts(writer: &mut FigureWriter, study: &Study) -> anyhow::Result<()> {
     writer.chart("locomotion-distance", &chart(title, "distance, ranges", distances))
 }
 
-/// One line an evaluation.
+/// One line per evaluation.
 fn table(study: &Study) -> String {
     let names = PARAMETERS.map(|parameter| format!("\"{}\"", parameter.name)).join(",");
     let mut table = format!("method,seed,evaluation,outcome,\"speed, m/s\",{names}\n");

@@ -26,7 +26,7 @@ use crate::style;
 pub(super) struct Bench {
     #[command(flatten)]
     robot: RobotArgs,
-    /// Number of samples of each
+    /// Number of samples of each algorithm
     #[arg(long, default_value_t = 500, value_parser = clap::value_parser!(u32).range(10..=1_000_000))]
     samples: u32,
     /// Frame of the frame Jacobian [default: an end effector or foot, or the tip of the longest chain]

@@ -10,7 +10,7 @@ use super::source::RobotArgs;
 use crate::out::{errln, outln};
 use crate::{exit, style};
 
-/// Check a robot's URDF or MJCF: every defect, named with its link or joint.
+/// Check a robot's URDF or MJCF, and report every defect with its link or joint.
 ///
 /// A fault that prevents loading is reported with line and column, and exit code 3. Common defects of real
 /// robot files are warnings, and so are values that are probably in degrees or millimetres, and meshes that

@@ -29,10 +29,10 @@ pub(super) struct Hulls {
     /// Folder to write to
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
-    /// Most convex parts into which a mesh is cut; 1 for its hull
+    /// Maximum number of convex parts per mesh; 1 for its hull
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=256))]
     parts: u32,
-    /// Most corners of a part
+    /// Maximum number of corners of a part
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(4..=1024))]
     corners: u32,
     /// Print JSON

@@ -1,4 +1,4 @@
-//! `motorium robot list`: the catalogue and what is installed.
+//! `motorium robot list`: the catalogue and the installed robots.
 
 use std::process::ExitCode;
 

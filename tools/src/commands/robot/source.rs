@@ -18,13 +18,13 @@ pub(super) struct RobotArgs {
     /// A catalogue or installed robot, a URDF or MJCF file, or a folder with one
     #[arg(value_name = "ROBOT", add = crate::complete::robots())]
     pub(super) robot: String,
-    /// Let the root link move freely, whatever its files say
+    /// Let the root link move freely, overriding the robot's files
     #[arg(long, conflicts_with = "fixed_base")]
     pub(super) floating_base: bool,
-    /// Fix the root link to the world, whatever the profile says
+    /// Fix the root link to the world, overriding the profile
     #[arg(long)]
     pub(super) fixed_base: bool,
-    /// Look for `package://` files in this folder first; may be repeated
+    /// Search `package://` files in this folder first; may be repeated
     #[arg(long, value_name = "FOLDER")]
     pub(super) package_path: Vec<PathBuf>,
 }

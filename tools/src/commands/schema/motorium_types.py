@@ -13,7 +13,7 @@ import iceoryx2
 
 
 def join(run):
-    """A node in the domain of a running graph: by the run's name, or by the beginning of it."""
+    """A node in the domain of a running graph: by the run's name, or a prefix of it."""
     user = os.getuid()
     places = [pathlib.Path(os.environ.get("XDG_RUNTIME_DIR", f"/run/user/{user}")) / "motorium"]
     places.append(pathlib.Path(f"/dev/shm/motorium-{user}"))

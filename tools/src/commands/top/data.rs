@@ -60,7 +60,7 @@ pub(crate) struct ComponentTop {
     pub(crate) name: String,
     /// Phase of its life.
     pub(crate) phase: Phase,
-    /// True if it is an actuator in its safe state.
+    /// `true` for an actuator in its safe state.
     pub(crate) safe: bool,
     /// The account of an actuator's command gate over the whole run; `null` for other components.
     pub(crate) gate: Option<GateReport>,
@@ -70,13 +70,13 @@ pub(crate) struct ComponentTop {
     pub(crate) core: Option<usize>,
     /// Share of a core that its stepping thread used in the interval, spinning included; `null` if unknown.
     pub(crate) core_share: Option<f64>,
-    /// Share of a core that its steps took in the interval, without spinning.
+    /// Share of a core that its steps used in the interval, without spinning.
     pub(crate) step_share: f64,
-    /// Memory of its process in use, bytes; `null` if it is not there.
+    /// Memory of its process in use, bytes; `null` if the process is gone.
     pub(crate) resident_bytes: Option<u64>,
-    /// The part of it that belongs to files and shared memory, bytes.
+    /// The part of it in files and shared memory, bytes.
     pub(crate) shared_bytes: Option<u64>,
-    /// Present length of spinning before a release, ns.
+    /// Current length of spinning before a release, ns.
     pub(crate) spin_ns: u64,
     /// Stalls of the machine seen while it spun.
     pub(crate) stalls: Stalls,
@@ -91,15 +91,15 @@ pub(crate) struct ComponentTop {
 /// Steps, times and misses of a component in a span of time.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct ComponentSpan {
-    /// Steps done.
+    /// Number of steps.
     pub(crate) steps: u64,
-    /// Steps a second of the run's clock, from the first to the last of them; 0 if it made none.
+    /// Steps per second of the run's clock, from the first to the last step; 0 without steps.
     pub(crate) rate_hz: f64,
     /// From release (or triggering publication) to the beginning of the step, ns.
     pub(crate) lateness_ns: Percentiles,
     /// From the beginning to the end of the step, in wall-clock time, ns.
     pub(crate) execution_ns: Percentiles,
-    /// Time of the core that each step took, without spinning, ns.
+    /// CPU time of each step, without spinning, ns.
     pub(crate) cpu_ns: Percentiles,
     /// Missed steps by cause, and their consequences.
     pub(crate) misses: Misses,
@@ -135,7 +135,7 @@ pub(crate) struct LatencyTop {
 /// Latencies in a span of time.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct LatencySpan {
-    /// Measurements in all.
+    /// Number of measurements.
     pub(crate) count: u64,
     /// Measurements above the budget.
     pub(crate) missed: u64,
@@ -172,7 +172,7 @@ pub(crate) struct CoreTop {
     pub(crate) core: usize,
     /// Programs.
     pub(crate) user: f64,
-    /// The kernel for programs.
+    /// The kernel, on behalf of programs.
     pub(crate) system: f64,
     /// Interrupts.
     pub(crate) interrupts: f64,

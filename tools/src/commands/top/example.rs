@@ -1,4 +1,4 @@
-//! A graph of three components for the tests of what is shown.
+//! A graph of three components for the tests of the display.
 
 use motorium::launcher::LoggedEvent;
 use motorium::plan::ClockKind;

@@ -29,7 +29,7 @@ use interval::{End, LONGEST, SHORTEST, wait};
 use order::Order;
 use view::View;
 
-/// Show how a running graph keeps its times: rates, lateness, latencies, misses and their causes, cores,
+/// Show the timing of a running graph: rates, lateness, latencies, misses and their causes, cores,
 /// memory.
 ///
 /// It reads shared memory and /proc from the shared cores. No component waits for it.
@@ -52,7 +52,7 @@ pub(crate) struct Top {
     /// Sort key of components
     #[arg(long, value_enum, default_value_t = Order::Graph)]
     sort: Order,
-    /// Print one table, over one interval, and end
+    /// Print one table, over one interval, and exit
     #[arg(long)]
     once: bool,
     /// Print JSON: an object per interval and line, or with --once one for reading; the whole run and the
@@ -113,7 +113,7 @@ fn once(
     match wait(run, interval, interrupted) {
         None => {}
         Some(End::Asked) => anyhow::bail!("interrupted before the interval was over"),
-        Some(End::RunOver) => anyhow::bail!("run {} ended while it was looked at", run.folder.id()),
+        Some(End::RunOver) => anyhow::bail!("run {} ended before the interval was over", run.folder.id()),
     }
     let top = Data::between(run, &before, &Sample::take(run));
     if json {

@@ -4,7 +4,7 @@ use core::cmp::Ordering;
 
 use super::data::{ComponentSpan, ComponentTop, Span};
 
-/// Sort key of components: names from A to Z, numbers from the largest on.
+/// Sort key of components: names from A to Z, numbers in descending order.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 pub(super) enum Order {
     /// As in the graph file
@@ -42,7 +42,7 @@ impl Order {
         ('b', Self::Memory, "memory"),
     ];
 
-    /// Sorts components; those that are equal stay in the order of the graph.
+    /// Sorts components; equal ones stay in the order of the graph.
     pub(super) fn sort(self, components: &mut [&ComponentTop], span: Span, reversed: bool) {
         let by = |key: fn(&ComponentSpan) -> u64, a: &ComponentTop, b: &ComponentTop| {
             key(b.over(span)).cmp(&key(a.over(span)))

@@ -34,10 +34,10 @@ pub(super) struct Echo {
     /// Stop after this many samples
     #[arg(long, short = 'n', value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
-    /// Show the newest sample at most this often, in Hz [default: 10]
+    /// Maximum rate at which the newest sample is shown, in Hz [default: 10]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// Show every sample, as far as history keeps them
+    /// Show every sample that is still in the history of the topic
     #[arg(long, conflicts_with = "rate")]
     every: bool,
     /// Print one JSON object a line
@@ -112,8 +112,8 @@ impl Echo {
         Ok(end)
     }
 
-    /// Prints the sample with this number. Returns that enough was printed if the reader has closed the pipe,
-    /// or at `--count`.
+    /// Prints the sample with this number. Returns [`Look::Enough`] at `--count`, or if the reader has closed
+    /// the pipe.
     fn print(&self, shown: &Shown<'_>, stamp: &Stamp, bytes: &[u8], number: u64) -> anyhow::Result<Look> {
         let Shown { run, topic, decoder, joints } = *shown;
         let is_last = self.count == Some(number);
@@ -161,7 +161,7 @@ impl Echo {
     fn log(&self, run: &LivingRun) -> anyhow::Result<ExitCode> {
         anyhow::ensure!(
             self.rate.is_none(),
-            "each event of `{}` is shown, whenever it comes; leave out --rate",
+            "each event of `{}` is shown as it arrives; remove --rate",
             log::TOPIC
         );
         run.stand_aside();

@@ -102,7 +102,7 @@ fn describe(measured: &Measured<'_>) -> String {
         text += &format!("  interval  p50 {p50} us, p99 {p99} us, p99.9 {p999} us, max {max} us\n");
     }
     text + &format!(
-        "  samples   {} received, {} overwritten before this command looked\n",
+        "  samples   {} received, {} overwritten before this command read them\n",
         measured.received, measured.lost
     )
 }

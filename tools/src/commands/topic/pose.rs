@@ -12,8 +12,7 @@ const LENGTHS: core::ops::Range<f64> = 0.5..2.0;
 /// value. Values of other types stay as they are.
 ///
 /// # Errors
-/// If the topic has no value yet from which to take the orientation, or the orientation is not a unit
-/// quaternion.
+/// If the topic has no value with an orientation yet, or the orientation is not a unit quaternion.
 pub(super) fn complete(topic: &TopicPlan, bytes: &mut [u8], newest: &mut TopicReader) -> anyhow::Result<()> {
     if topic.layout.type_name != PoseTarget::NAME {
         return Ok(());

@@ -39,7 +39,7 @@ pub(super) struct Pub {
     fields: Vec<String>,
     #[command(flatten)]
     run: RunArg,
-    /// Publish this often, in Hz, until Ctrl-C or the end of `--for` [default: once]
+    /// Publish at this rate, in Hz, until Ctrl-C or the end of `--for` [default: once]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
     /// Time for which to publish

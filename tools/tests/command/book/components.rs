@@ -1,4 +1,4 @@
-//! The components of the book are those that are tested here, and do in graphs what their chapters say.
+//! The book shows the components that are tested here; in graphs they behave as their chapters describe.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use motorium::worker::{Kind, Registry, RobotSource};
 
 use super::{blocks, read, workspace};
 
-/// The component of the chapter on writing one, as it stands there.
+/// The component of the chapter on writing one, verbatim.
 #[allow(dead_code)] // its `main`, which a test does not call
 mod circle {
     include!("circle.rs");
@@ -19,7 +19,7 @@ mod circle {
     }
 }
 
-/// The component of the chapter on one with a robot in it, with the test that stands there.
+/// The component of the chapter on one with a robot, with the test of that chapter.
 #[allow(dead_code, unreachable_pub)] // a library to the programs that the chapter describes
 #[allow(clippy::approx_constant)] // angles as the profile of the Panda states them
 mod admittance {

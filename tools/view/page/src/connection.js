@@ -1,5 +1,5 @@
-// A connection to the viewer that is made again whenever it is lost: channels by topic, decoded messages, parameters,
-// services, files.
+// A connection to the viewer that reconnects whenever it is lost: channels by topic, decoded messages,
+// parameters, services, files.
 
 import { FoxgloveClient } from "@foxglove/ws-protocol";
 import { ScalarType, createFileRegistry, fromBinary } from "@bufbuild/protobuf";
@@ -8,14 +8,14 @@ import { FileDescriptorSetSchema } from "@bufbuild/protobuf/wkt";
 const SUBPROTOCOL = "foxglove.sdk.v1";
 const AGAIN_MS = 500;
 
-// What the server answers to a subscription to a channel that it does not have.
+// The server's answer to a subscription to a channel that does not exist.
 const UNKNOWN_CHANNEL = /^Unknown channel ID: (\d+)$/;
 
 const bytesOf = (base64) => Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
 
 const NO_NUMBERS = [ScalarType.BOOL, ScalarType.STRING, ScalarType.BYTES];
 
-/** The fields of a schema that hold numbers: their names, those in an object of a message, and whether they are lists. */
+/** Numeric fields of a schema: name, name in a message object, and `isList`. */
 function numbersOf(schema) {
   const numbers = schema.fields.filter(({ fieldKind, listKind, scalar }) => {
     return (fieldKind === "scalar" || (fieldKind === "list" && listKind === "scalar")) && !NO_NUMBERS.includes(scalar);
@@ -23,7 +23,7 @@ function numbersOf(schema) {
   return numbers.map(({ name, localName, fieldKind }) => ({ name: name.replaceAll("__", "."), local: localName, isList: fieldKind === "list" }));
 }
 
-/** The fields of a channel that hold numbers, and a function that makes an object of the bytes of a message. */
+/** Numeric fields of a channel, and a function that decodes the bytes of a message. */
 function decoder(channel) {
   if (channel.encoding === "json") {
     const text = new TextDecoder();
@@ -45,7 +45,7 @@ export class Connection extends EventTarget {
   #subscribed = new Map(); // by topic: subscription
   #services = new Map(); // by name
   #answers = new Map(); // by number of the call or the request
-  #parameters = new Set(); // names of those whose changes are told
+  #parameters = new Set(); // names of those with subscribed changes
   #number = 0;
   #session;
 
@@ -63,7 +63,7 @@ export class Connection extends EventTarget {
     return this.#client !== undefined;
   }
 
-  /** Hands every message of a topic to `listener`, with its time and its fields of numbers, whenever there is a channel of this name. */
+  /** Calls `listener` with every message of a topic, its time and its numeric fields, while the channel exists. */
   subscribe(topic, listener) {
     if (!this.#listeners.has(topic)) this.#listeners.set(topic, new Set());
     this.#listeners.get(topic).add(listener);
@@ -82,7 +82,7 @@ export class Connection extends EventTarget {
     this.#client?.unsubscribe(subscription);
   }
 
-  /** Asks for a message that never changes once more: a page that was busy for long may have lost it. */
+  /** Requests a constant message again: a page that was busy for long may have lost it. */
   again(topic) {
     const subscription = this.#subscribed.get(topic);
     if (subscription === undefined) return;
@@ -96,12 +96,12 @@ export class Connection extends EventTarget {
     this.#client?.setParameters([{ name, value, type }], `set ${++this.#number}`);
   }
 
-  /** Asks for the values of all parameters; they come as an event. */
+  /** Requests the values of all parameters; they arrive as an event. */
   getParameters() {
     this.#client?.getParameters([], `get ${++this.#number}`);
   }
 
-  /** Calls a service; the answer, or an error in words. */
+  /** Calls a service; resolves with the answer, or rejects with a message. */
   call(name, request = {}) {
     const service = this.#services.get(name);
     if (!this.#client || !service) return Promise.reject(new Error("no connection"));
@@ -142,9 +142,9 @@ export class Connection extends EventTarget {
       if (was) this.#emit("close");
       setTimeout(() => this.#connect(), AGAIN_MS);
     });
-    client.on("error", () => {}); // what follows is "close"
+    client.on("error", () => {}); // "close" follows
     client.on("serverInfo", (info) => {
-      // Another run: what was known of the one before is of no use any more.
+      // Another run: the state of the previous one is obsolete.
       if (this.#session !== undefined && this.#session !== info.sessionId) this.#emit("session");
       this.#session = info.sessionId;
       this.#parameters.clear();
@@ -184,7 +184,7 @@ export class Connection extends EventTarget {
     client.on("status", (status) => {
       const unknown = UNKNOWN_CHANNEL.exec(status.message);
       if (!unknown) return this.#emit("status", status);
-      // A channel may end while it is subscribed to, as at the end of a run. That it ended may be told after this.
+      // A channel may end while a subscription is pending, as at the end of a run; its end may be reported later.
       const isThere = () => this.channels.some(({ id }) => id === Number(unknown[1]));
       setTimeout(() => isThere() && this.#emit("status", status), AGAIN_MS);
     });

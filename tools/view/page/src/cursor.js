@@ -1,4 +1,4 @@
-// The cursor of a recording: times on a plot of all of it.
+// The cursor of a recording: times on a plot of the whole recording.
 
 /** The time at a pixel of a plot of this width that shows a recording of this length, s, within the recording. */
 export function timeAt(pixel, width, length) {

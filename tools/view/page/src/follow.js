@@ -1,8 +1,8 @@
 // Geometry of the camera: the distance that frames points, and the motion that follows a base.
 
-/** Time in which the camera makes up for two thirds of its distance from the base, s. */
+/** Time constant: the camera covers about two thirds of its distance from the base in this time, s. */
 const TIME_CONSTANT = 0.25;
-/** A base that moves further between two frames was placed elsewhere, m: the camera is there at once. */
+/** Motion between two frames from which a base was placed elsewhere, m: the camera follows immediately. */
 const JUMP = 2;
 
 const dot = (one, other) => one.reduce((sum, x, i) => sum + x * other[i], 0);
@@ -10,8 +10,9 @@ const cross = ([a, b, c], [x, y, z]) => [b * z - c * y, c * x - a * z, a * y - b
 const unit = (v) => v.map((x) => x / Math.hypot(...v));
 
 /**
- * Distance of a camera that sees points, [x, y, z] in m relative to the point that it looks at: each within a part `filled` of
- * the picture. `from` is the direction to the camera, `degrees` its vertical angle, `aspect` width / height; z is up.
+ * Distance at which a camera sees all points, [x, y, z] in m relative to its target, within the fraction `filled`
+ * of the picture. `from` is the direction to the camera, `degrees` its vertical angle, `aspect` width / height; z
+ * is up.
  */
 export function framingDistance(points, from, degrees, aspect, filled = 1) {
   const back = unit(from);
@@ -30,7 +31,7 @@ export class Follow {
   #at; // the followed point, smoothed
   #target; // the newest point
 
-  /** Begins at a point, [x, y, z] in m: nothing is made up for. */
+  /** Starts at a point, [x, y, z] in m, without a transition. */
   begin(point) {
     this.#at = [...point];
     this.#target = [...point];

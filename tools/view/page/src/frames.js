@@ -1,4 +1,4 @@
-// The tree of frames, as transforms tell it.
+// The tree of frames, built from transforms.
 
 import { Matrix4, Quaternion, Vector3 } from "three";
 
@@ -7,7 +7,7 @@ const ROOT = "world";
 export class Frames {
   #parents = new Map(); // by child: the parent and the pose in it
 
-  /** Takes the transforms of one message. */
+  /** Applies the transforms of a message. */
   take({ transforms }) {
     for (const { parentFrameId, childFrameId, translation: t, rotation: r } of transforms) {
       const pose = new Matrix4().compose(
@@ -19,7 +19,7 @@ export class Frames {
     }
   }
 
-  /** The pose of a frame in the world; undefined if nobody has told it. */
+  /** The pose of a frame in the world; undefined if unknown. */
   inWorld(frame) {
     const pose = new Matrix4();
     for (let steps = 0; frame !== ROOT; steps += 1) {

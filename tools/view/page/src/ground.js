@@ -1,4 +1,4 @@
-// Ground, horizon and sky without an end, behind everything, and the shadows that lie on the ground.
+// Unbounded ground, horizon and sky behind everything, and the shadows on the ground.
 
 import {
   BufferGeometry, Color, DoubleSide, Float32BufferAttribute, FrontSide, LinearFilter, LineSegments, Mesh, NoBlending,
@@ -7,7 +7,7 @@ import {
 } from "three";
 import { colour, isDark } from "./theme.js";
 
-/** Layer of the things that cast a contact shadow, besides the layer of everything. */
+/** Additional layer of the objects that cast a contact shadow. */
 export const CASTERS = 1;
 /** Height above the ground at which a contact shadow ends, m. */
 const REACH = 0.35;
@@ -16,18 +16,18 @@ const CONTACT_PIXELS = 192;
 /** Pictures between two contact shadows. */
 const CONTACT_EVERY = 2;
 
-/** Elevations of the rings of the sky, degrees, and the part of the way from the horizon to the zenith in their colours. */
+/** Elevations of the rings of the sky, degrees, and their colour between horizon (0) and zenith (1). */
 const SKY = [[-90, 0], [-0.5, 0], [0, 0], [2, 0.14], [5, 0.28], [10, 0.45], [18, 0.62], [32, 0.8], [55, 0.95], [90, 1]];
-/** Radii of the rings of the ground, and how much of the light in the middle and of the haze far away they have. */
+/** Radii of the rings of the ground, and their shares of central light and of distant haze. */
 const FLOOR = [[0, 1, 0], [0.7, 0.93, 0], [1.4, 0.7, 0], [2.2, 0.42, 0.02], [3.2, 0.18, 0.06], [4.5, 0.05, 0.13], [7, 0, 0.28],
   [11, 0, 0.47], [18, 0, 0.7], [32, 0, 0.9], [70, 0, 1], [400, 0, 1]];
 const SEGMENTS = 40;
-/** Lines of the grid: distance, half of the side of its square, and parts of a line that fade on their own, m. */
+/** The grid: distance of lines, half of the side of the square, and length of separately fading parts, m. */
 const FINE = { apart: 0.25, half: 5, part: 0.5 };
 const COARSE = { apart: 1, half: 16, part: 1 };
 const AXES = { apart: 100, half: 60, part: 1 };
 
-// Everything of these lies as far away as can be: nothing is hidden by it, and what is covered costs little.
+// These are drawn at the far plane: they hide nothing, and covered parts cost little.
 const FAR_VERTEX = /* glsl */ `
 attribute vec4 shade;
 uniform vec3 colours[5];
@@ -105,7 +105,7 @@ void main() {
   gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
 }`;
 
-// From below the height of a thing above the ground is the distance from the camera: the closer, the darker.
+// Seen from below, the height of an object above the ground is its distance from the camera: closer is darker.
 const CONTACT_FRAGMENT = /* glsl */ `
 void main() {
   float near = 1.0 - gl_FragCoord.z;
@@ -175,7 +175,7 @@ export class Ground {
     this.coarse = this.#far(new LineSegments(), { LINES: "" }, grid(COARSE), 22);
     this.axes = this.#far(new LineSegments(), { LINES: "" }, grid(AXES), 30);
     const all = [this.#far(new Mesh(sky), { SKY: "" }), this.floor, this.fine, this.coarse, this.axes];
-    all.forEach((one, order) => (one.renderOrder = 1000 + order)); // after all that is opaque
+    all.forEach((one, order) => (one.renderOrder = 1000 + order)); // after all opaque objects
     scene.add(...all);
     const lying = { transparent: true, depthWrite: false, polygonOffset: true, polygonOffsetFactor: -2, polygonOffsetUnits: -2 };
     this.catcher = new Mesh(new PlaneGeometry(1, 1), new ShadowMaterial(lying));
@@ -216,7 +216,7 @@ export class Ground {
     this.blurring = new Scene().add(quad);
   }
 
-  /** Takes the colours of the theme; the ground's are mixed with the colour of the world's ground, if it has one. */
+  /** Applies the colours of the theme, mixed with the colour of the world's ground, if it has one. */
   paint() {
     const srgb = (name) => new Color(colour(name)).convertLinearToSRGB();
     ["--zenith", "--horizon", "--floor", "--lit"].forEach((name, index) => this.colours[index].copy(srgb(name)));
@@ -254,7 +254,7 @@ export class Ground {
     this.paint();
   }
 
-  /** Looks at the surroundings of a point within a radius, m. `shadows` and `contact` say which shadows are drawn. */
+  /** Centres the ground on a point, within a radius, m. `shadows` and `contact` select the shadows. */
   focus(centre, radius, { shadows, contact }) {
     this.uniforms.focus.value.set(centre.x, centre.y);
     const reach = Math.max(radius, 0.4);
@@ -274,7 +274,7 @@ export class Ground {
     this.below.updateProjectionMatrix();
   }
 
-  /** Draws the contact shadow of what is close to the ground. */
+  /** Draws the contact shadow of objects close to the ground. */
   renderContact(renderer) {
     this.#pictures += 1;
     if (!this.contact.visible || this.#pictures % CONTACT_EVERY !== 0) return;

@@ -1,4 +1,4 @@
-// The page of motorium view: what comes from the run, shown; what the user does, sent to it.
+// The page of motorium view: displays data of the run, and sends it the user's input.
 
 import { Box3, Vector3 } from "three";
 import "uplot/dist/uPlot.min.css";
@@ -19,8 +19,8 @@ const SCENES = ["foxglove.SceneUpdate"];
 const PICTURES = "foxglove.RawImage";
 const TABLE_MS = 100;
 const LOOK_MS = 3000;
-/** Time between two pictures while the first robot is on its way, and the longest that it may take, ms after the page began:
- * a processor that draws has to load the page, too. */
+/** Time between two pictures until the first robot is loaded, and the limit of this phase, ms after the page
+ * started: with software rendering, drawing delays loading. */
 const EMPTY_MS = 300;
 const START_MS = 8000;
 
@@ -46,7 +46,7 @@ let graph;
 let run = { state: "waiting" };
 let first; // the time of the first picture of the robots
 let pictures = 0;
-let looked; // the time of the first look at the robots, and the number of things in the picture then
+let looked; // the time at which the robots were framed first, and the number of objects in that picture
 const exact = new Map(); // by topic: the newest exact joint state
 const errors = [];
 const subscribed = new Map(); // by topic: the listener
@@ -64,7 +64,7 @@ function listen(topic, listener) {
   connection.subscribe(topic, listener);
 }
 
-/** Forgets the run that was shown; its last picture stays until another begins. */
+/** Discards the displayed run; its last picture stays until another run starts. */
 function forget() {
   for (const [topic, listener] of subscribed) connection.unsubscribe(topic, listener);
   subscribed.clear();
@@ -88,7 +88,7 @@ function begin(about) {
       shown.told(told);
     });
     listen(robot.odometry, ({ frameId, bodyFrameId, pose }) => {
-      // The true place of a base is better than the one that its wheels tell.
+      // The true pose of a base takes precedence over its wheel odometry.
       if (robot.base || !pose) return;
       const { position: translation, orientation: rotation } = pose;
       frames.take({ transforms: [{ parentFrameId: frameId, childFrameId: bodyFrameId, translation, rotation }] });
@@ -101,7 +101,7 @@ function begin(about) {
   channels();
 }
 
-/** Listens to what can be drawn, and offers what can be plotted. */
+/** Subscribes to drawable topics, and offers topics with numbers for plots. */
 function channels() {
   if (!graph) return;
   for (const { topic, schemaName } of connection.channels) {
@@ -132,7 +132,7 @@ function showRun() {
   $("start").hidden = lost || !run.can_start;
   const recorded = run.state === "playback";
   $("stop").hidden = recorded;
-  // What runs has times and can be tuned; what was recorded has not.
+  // Only a live run has times and parameters.
   $("times").hidden = $("tuning").hidden = recorded;
   playback.show(recorded);
 }
@@ -149,7 +149,7 @@ async function command(name) {
 for (const name of ["stop", "resume", "end", "start"]) $(name).addEventListener("click", () => command(name));
 $("theme").addEventListener("click", toggleTheme);
 
-/** Follows a base that moves, or leaves the camera where it is. */
+/** Follows a moving base, or keeps the camera fixed. */
 function follow(follows = !view.follows) {
   view.follows = follows;
   $("follow").setAttribute("aria-pressed", follows);
@@ -193,13 +193,13 @@ connection.subscribe("/motorium/top", (top) => {
   $("time").textContent = `${top.elapsed_s.toFixed(1)} s`;
 });
 
-/** Brings the robots and the things around them into the picture. */
+/** Frames the robots and the objects around them. */
 function look() {
   const shown = robots.filter((robot) => robot.isShown);
   if (shown.length) view.look(shown.reduce((box, robot) => box.union(robot.box), new Box3()), frames);
 }
 
-/** Shows how many meshes of the robots are loaded, while some are not. */
+/** Shows the number of loaded meshes until all are loaded. */
 function showProgress() {
   const [loaded, all] = robots.map(({ progress }) => progress).reduce(([a, b], [c, d]) => [a + c, b + d], [0, 0]);
   $("progress").hidden = loaded === all;
@@ -219,7 +219,7 @@ function picture(now) {
     if (now - emptied < EMPTY_MS) return;
     emptied = now;
   }
-  // Meshes and things around the robots come a moment later: they are looked at, too.
+  // Meshes and objects around the robots arrive later: frame them, too.
   const isLate = looked && now - looked.time < LOOK_MS && !view.moved && (view.count > looked.count || drawn !== looked.drawn);
   if (shown && (!looked || isLate)) {
     looked = { time: looked?.time ?? now, count: view.count, drawn };
@@ -240,9 +240,9 @@ function picture(now) {
 requestAnimationFrame(picture);
 showRun();
 
-/** What the page shows, for programs that look at it. */
+/** The state of the page, for programs that inspect it. */
 globalThis.motorium = {
-  /** The run, and the time of the first picture of the robots, ms since 1970: the rest is work for a page that still starts. */
+  /** The run, and the time of the first picture of the robots, ms since 1970; cheap while the page starts. */
   begun: () => ({ run, first_picture_ms: first ?? null }),
   state: () => ({
     connected: connection.connected,
@@ -272,7 +272,7 @@ globalThis.motorium = {
     errors,
   }),
   pixel: (topic, x, y) => cameras.pixel(topic, x, y),
-  /** Draws as well as the page can, whatever that costs; resolves once such a picture is shown. */
+  /** Draws at the best quality regardless of cost; resolves once such a picture is shown. */
   finest: async () => {
     view.finest();
     for (let count = 0; count < 3; count += 1) await new Promise(requestAnimationFrame);

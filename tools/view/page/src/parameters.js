@@ -1,4 +1,5 @@
-// Parameters: a slider for a number with a range, a field for one without, a list for a choice, a box for true and false.
+// Parameters: a slider for a bounded number, a field for an unbounded one, a list for a choice, a check box for
+// a boolean.
 
 import { isLogarithmic, readable, scaleOf } from "./sliders.js";
 
@@ -8,7 +9,7 @@ function element(tag, properties) {
   return Object.assign(document.createElement(tag), properties);
 }
 
-/** The inputs of one parameter: `show` a value, and `changed` is told of one that the user gives. */
+/** The inputs of one parameter: `show` displays a value; `changed` is called with the user's values. */
 function inputs(parameter, changed) {
   const { default: initial, min, max, choices = [] } = parameter;
   if (typeof initial === "boolean") {
@@ -30,7 +31,7 @@ function inputs(parameter, changed) {
     });
     return { elements: [field], show: (value) => (field.value = value.join(", ")) };
   }
-  // A whole number as JSON has it may be a float with no fraction: the server knows which it is.
+  // A whole number in JSON may be a float without a fraction: the server knows the type.
   const field = element("input", { type: "number", min: min ?? "", max: max ?? "", step: "any" });
   field.addEventListener("change", () => field.value !== "" && changed(Number(field.value)));
   const exact = (value) => (field.value = Number(value.toPrecision(12)));
@@ -62,7 +63,7 @@ export class Parameters {
     connection.addEventListener("parameters", ({ detail }) => this.take(detail));
   }
 
-  /** Makes the inputs for the parameters of a graph. */
+  /** Creates the inputs for the parameters of a graph. */
   plan({ components }) {
     this.#shown.clear();
     this.place.replaceChildren();
@@ -88,7 +89,7 @@ export class Parameters {
   take(parameters) {
     for (const { name, value } of parameters) {
       this.values[name] = value;
-      // What the user has in his hand is not taken from it.
+      // An input in use is not changed.
       const line = document.activeElement?.closest?.("[data-parameter]");
       if (line?.dataset.parameter === name && this.#moving) continue;
       this.#shown.get(name)?.(value);
@@ -98,7 +99,7 @@ export class Parameters {
   #moving = false;
   #pending;
 
-  /** Sends a value; of a slider that moves the newest, at most twenty a second. */
+  /** Sends a value; while a slider moves, the newest one, at most 20 per second. */
   #set(name, value, type) {
     const begin = this.#pending === undefined;
     this.#moving = true;

@@ -2,7 +2,7 @@
 
 import { COLOURS } from "./turbo.js";
 
-/** By encoding: bytes of a pixel, and which of them are its red, green and blue. */
+/** By encoding: bytes per pixel, and the indices of red, green and blue. */
 const ENCODINGS = {
   rgb8: { bytes: 3, places: [0, 1, 2] },
   bgr8: { bytes: 3, places: [2, 1, 0] },
@@ -11,7 +11,7 @@ const ENCODINGS = {
 const DEPTH = "32FC1";
 const NONE = [40, 40, 40]; // a pixel without a depth
 
-/** The depths of a picture, row by row, m; 0 where there is none. */
+/** The depths of a picture, row by row, m; 0 for no depth. */
 function depthsOf({ width, height, step, data }) {
   const view = new DataView(data.buffer, data.byteOffset, data.byteLength);
   const depths = new Float32Array(width * height);
@@ -33,7 +33,7 @@ function paintBytes({ width, height, step, data }, { bytes, places: [red, green,
   }
 }
 
-/** Writes depths as pixels of a canvas; the least and the greatest, m. */
+/** Writes depths as pixels of a canvas; returns the smallest and the largest depth, m. */
 function paintDepths(depths, pixels) {
   let [near, far] = [Infinity, 0];
   for (const depth of depths) {
@@ -74,7 +74,7 @@ class Camera {
     this.caption.textContent = "no picture yet";
     this.element.append(name, this.canvas, this.caption);
     this.take = (message) => (this.#newest = message);
-    // Pictures that nobody looks at are not sent.
+    // Hidden pictures are not subscribed.
     const listen = () => (this.element.open ? connection.subscribe : connection.unsubscribe).call(connection, topic, this.take);
     this.element.addEventListener("toggle", listen);
     if (isOpen) listen();
@@ -90,7 +90,7 @@ class Camera {
     this.element.remove();
   }
 
-  /** Paints the newest picture, if it is not on the page already. */
+  /** Paints the newest picture unless it is already on the page. */
   paint() {
     const picture = this.#newest;
     if (!picture || picture === this.#painted || !this.element.open) return;
@@ -117,7 +117,7 @@ class Camera {
     this.#point();
   }
 
-  /** The pixel of the picture on the page: its colours, or its depth in m. */
+  /** A pixel of the displayed picture: its colours, or its depth in m. */
   pixel(x, y) {
     const { width, height, step, encoding, data } = this.#painted ?? { width: 0, height: 0 };
     if (x < 0 || y < 0 || x >= width || y >= height) return undefined;
@@ -149,7 +149,7 @@ export class Pictures {
     this.section = section;
   }
 
-  /** Offers the pictures of these topics, the first of them opened. */
+  /** Offers the pictures of these topics, with the first one open. */
   offer(topics) {
     for (const [topic, camera] of this.#cameras) {
       if (topics.includes(topic)) continue;

@@ -1,13 +1,13 @@
-// The bar of a recording: play and hold, the place in it, the speed.
+// The playback bar of a recording: play and pause, position, speed.
 
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 
 export class Playback {
   #told;
   #held = false; // true while the user moves the slider
-  #sought; // the place that was asked for last, until the answer
+  #sought; // the position requested last, until the answer
 
-  /** `moved` is told of the place that is shown, s, and of the length of the recording. */
+  /** `moved` is called with the displayed position, s, and the length of the recording. */
   constructor(connection, bar, failed, moved) {
     this.moved = moved;
     this.connection = connection;
@@ -27,12 +27,12 @@ export class Playback {
     return this.#told ?? null;
   }
 
-  /** Plays what is held, and the other way round. */
+  /** Toggles between play and pause. */
   toggle() {
     this.#ask({ plays: !this.#told?.plays });
   }
 
-  /** Shows another place of the recording, s; of places that follow each other fast only the last ones. */
+  /** Seeks a position, s; of requests in fast succession, only the last ones are sent. */
   async seek(place_s) {
     const busy = this.#sought !== undefined;
     this.#sought = place_s;
@@ -44,7 +44,7 @@ export class Playback {
     }
   }
 
-  /** The bar is there for recordings only. */
+  /** The bar is only shown for recordings. */
   show(is_recording) {
     this.bar.hidden = !is_recording;
   }

@@ -1,5 +1,5 @@
-// Plots of the entries of one field of one topic, with their names, units and newest values: live over the last seconds, or
-// of a whole recording, with a cursor at the place that is shown.
+// Plots of the entries of one field of a topic, with names, units and newest values: live over the last seconds,
+// or of a whole recording, with a cursor at the displayed position.
 
 import uPlot from "uplot";
 import { aligned, newestAt, timeAt } from "./cursor.js";
@@ -8,16 +8,16 @@ import { colour, onTheme } from "./theme.js";
 const SECONDS = 10;
 const REDRAW_MS = 100;
 const HEIGHT = 200;
-/** Height of the plot of a recording, which has the place of the parameters. */
+/** Height of the plot of a recording, which also uses the space of the parameters. */
 const WHOLE_HEIGHT = 300;
 const MOST = 8; // lines
 const COLOURS = ["#3b82d6", "#f08a24", "#3fa35b", "#dc4b4b", "#9a6fd0", "#a0705a", "#dd77b4", "#22a9b8"];
-/** Points of a line of a whole recording: more than there are pixels. */
+/** Points of a line of a whole recording: more than the pixels of the plot. */
 const POINTS = 1200;
-/** Time after which curves that did not come are requested again, ms. */
+/** Time after which missing curves are requested again, ms. */
 const AGAIN_MS = 1000;
 
-/** A number in seven characters or so. */
+/** A number in about seven characters. */
 function short(value) {
   if (value == null || Number.isNaN(value)) return "-";
   const size = Math.abs(value);
@@ -30,11 +30,11 @@ export class Plot {
   #topic;
   #field;
   #first = 0; // entry of the first line
-  #offered = 0; // entries among which one can choose
+  #offered = 0; // number of entries on offer
   #fields = "";
   #about = new Map(); // by topic: units and names of its fields
-  #recording; // place and length of a recording, s, if one is shown
-  #whole; // what the curves of the whole recording show: topic, field, first entry
+  #recording; // position and length of the displayed recording, s
+  #whole; // content of the curves of the whole recording: topic, field, first entry
   #wholeAt = -Infinity; // time of the last request of curves
 
   constructor(connection, element, { topic, field, entries, legend, seek }) {
@@ -88,7 +88,7 @@ export class Plot {
     this.connection.subscribe(topic, this.take);
   }
 
-  /** Shows the whole of a recording of this length, s, with the cursor at this place. */
+  /** Shows a whole recording of this length, s, with the cursor at this position. */
   cursor(place, length) {
     this.#recording = { place, length };
     if (this.#field !== undefined) this.#request();
@@ -123,7 +123,7 @@ export class Plot {
     this.legend.replaceChildren();
   }
 
-  /** Requests the curves of the whole recording, unless they are shown or on their way. */
+  /** Requests the curves of the whole recording unless they are shown or pending. */
   async #request() {
     const now = performance.now();
     if (this.#whole || now - this.#wholeAt < AGAIN_MS) return;
@@ -139,11 +139,11 @@ export class Plot {
       this.#end();
       if (curves.length) this.#chart(curves.length);
     } catch {
-      // The connection is lost, or the field holds no numbers: the plot stays empty.
+      // The connection is lost, or the field has no numbers: the plot stays empty.
     }
   }
 
-  /** Offers the entries of a long array by groups of as many as are drawn at a time. */
+  /** Offers the entries of a long array in groups that are drawn together. */
   #offerEntries(count) {
     if (count <= this.#offered) return;
     this.#offered = count;
@@ -199,7 +199,7 @@ export class Plot {
     this.#tell();
   }
 
-  /** Adds the line at the place that is shown; dragging it, or anywhere, shows another place. */
+  /** Adds the line at the displayed position; dragging it or the plot seeks another position. */
   #addCursor() {
     const { over } = this.chart;
     this.line = Object.assign(document.createElement("div"), { className: "cursor", title: "the place that is shown: drag" });
@@ -223,18 +223,18 @@ export class Plot {
     this.line.style.left = `${length > 0 ? (100 * place) / length : 0}%`;
   }
 
-  /** Index of the values that are shown beside the names unless the pointer is on the plot. */
+  /** Index of the values shown next to the names while the pointer is off the plot. */
   #now() {
     return this.#whole ? newestAt(this.#data[0], this.#recording.place) : this.#data[0].length - 1;
   }
 
-  /** Writes the values under the pointer into the legend, else those of now. */
+  /** Writes the values under the pointer into the legend, or else the current ones. */
   #tell() {
     const at = this.chart?.cursor.idx ?? this.#now();
     [...this.legend.children].forEach((line, index) => {
       const values = this.#data[index + 1];
       let from = at;
-      // Lines of a recording have values at their own times.
+      // Lines of a recording have values at different times: use the latest one.
       while (this.#whole && from > 0 && values?.[from] == null) from -= 1;
       line.lastChild.textContent = short(values?.[from]);
     });
@@ -257,14 +257,14 @@ export class Plot {
     const all = [message[field.local]].flat();
     const values = all.slice(this.#first, this.#first + MOST).map(Number);
     const time = Number(timestamp) * 1e-9;
-    // Time that goes back, as at a reset: the lines begin again.
+    // Time jumped back, as at a reset: restart the lines.
     if (time < (this.#data[0].at(-1) ?? Infinity) + (this.zero ?? 0)) {
       this.zero = time;
       this.#data = [[], ...this.#data.slice(1).map(() => [])];
     }
     this.#offerEntries(all.length);
     if (values.length > this.#data.length - 1 || !this.chart) {
-      // Entries that were not there before have no line there.
+      // New entries have no earlier line.
       const none = () => this.#data[0].map(() => null);
       this.#data.push(...values.slice(this.#data.length - 1).map(none));
       this.#end();

@@ -1,6 +1,6 @@
 // The quality of the picture: as high as the measured frame rate allows.
 
-/** Levels from the cheapest to the best: pixels per pixel of the screen at most, contact shadows, size of the shadow map. */
+/** Levels from the cheapest to the best: maximum pixel ratio, contact shadows, size of the shadow map. */
 export const LEVELS = [
   { name: "reduced", ratio: 0.75, contact: false, shadow: 0 },
   { name: "plain", ratio: 1, contact: false, shadow: 0 },
@@ -9,23 +9,23 @@ export const LEVELS = [
   { name: "full", ratio: 2, contact: true, shadow: 2048 },
 ];
 
-/** Frames per second below which the level falls, and above which a better one is tried. */
+/** Frame rates below which the level falls, and above which a better one is tried, Hz. */
 export const SLOW = 12;
 export const FAST = 45;
-/** Time over which frames are counted, ms. */
+/** Window of the frame rate, ms. */
 export const WINDOW_MS = 1000;
 /** Time of fast frames before a better level is tried, ms; doubled each time that the level did not last. */
 const PATIENCE_MS = 3000;
 const MOST_PATIENCE_MS = 300_000;
-/** A level that falls again within this time did not last, ms. */
+/** Minimum time for which a level must last, ms. */
 const LASTING_MS = 15_000;
-/** A longer pause between two frames is no measurement: the page was hidden, ms. */
+/** Pause between two frames above which the page was hidden, ms; it is not measured. */
 const PAUSE_MS = 2000;
 
 export class Quality {
   #level;
   #frames = 0;
-  #since; // begin of the window
+  #since; // start of the window
   #last; // previous frame
   #fastSince;
   #patience = PATIENCE_MS;

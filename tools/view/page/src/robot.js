@@ -10,7 +10,7 @@ import URDFLoader from "urdf-loader";
 import { shadowed, smoothed } from "./shapes.js";
 import { fromFile, fromUrdf, surface } from "./surfaces.js";
 
-/** What a link collides with, until its meshes are loaded. */
+/** Collision shapes of a link, shown until its meshes are loaded. */
 const HULL = surface({ r: 0.62, g: 0.66, b: 0.71 });
 
 /** The object of a mesh file. */
@@ -47,7 +47,7 @@ function meshesIn(text, kind) {
   return new Set(elements.map((element) => element.getAttribute("filename")));
 }
 
-/** Makes materials and shadows of a loaded object those of the page. */
+/** Gives a loaded object the materials and shadows of the page. */
 function finished(object, material) {
   object.traverse((child) => {
     if (!child.isMesh) return;
@@ -60,7 +60,7 @@ export class Robot {
   #missing = 0;
   #meshes = 0;
 
-  /** `about` is the robot's entry in the graph; `failed` is told of meshes that cannot be drawn. */
+  /** `about` is the robot's entry in the graph; `failed` is called for meshes that cannot be drawn. */
   constructor(about, connection, scene, failed) {
     this.about = about;
     this.connection = connection;
@@ -71,9 +71,9 @@ export class Robot {
     this.posed = false;
   }
 
-  /** Builds the model of a description. Until its meshes are there, links are drawn as what they collide with. */
+  /** Builds the model of a description. Links are drawn as their collision shapes until their meshes are loaded. */
   load(text) {
-    if (text === this.text) return; // sent once more
+    if (text === this.text) return; // sent again
     this.text = text;
     this.model?.removeFromParent();
     this.#missing = this.#meshes = 0;
@@ -93,7 +93,7 @@ export class Robot {
     if (this.state) this.#move();
   }
 
-  /** A loader of descriptions. `load` returns the object of a mesh; the link that it belongs to has its hull until then. */
+  /** A loader of descriptions. `load` returns the object of a mesh; until then its link is drawn as a hull. */
   #loader(load) {
     const loader = new URDFLoader();
     loader.packages = (name) => `package://${name}`;
@@ -119,7 +119,7 @@ export class Robot {
     }
   }
 
-  /** What the links with meshes collide with, by link. Meshes that are those of the picture are not loaded twice. */
+  /** Collision shapes of the links with meshes, by link. Meshes that are also visuals are loaded once. */
   #hulls(text, visuals) {
     const loader = this.#loader(async (uri) => {
       if (visuals.has(uri)) return new Group();
@@ -137,7 +137,7 @@ export class Robot {
     return hulls;
   }
 
-  /** Hides the hulls of links whose meshes are there. */
+  /** Hides the hulls of links with loaded meshes. */
   #showHulls() {
     for (const [name, hull] of this.hulls ?? []) {
       const visuals = this.model.links[name].children.filter((child) => child.isURDFVisual);
@@ -145,17 +145,17 @@ export class Robot {
     }
   }
 
-  /** Names of the links that are drawn as their hulls. */
+  /** Names of the links drawn as hulls. */
   get shownHulls() {
     return [...(this.hulls ?? [])].filter(([, hull]) => hull.visible).map(([name]) => name);
   }
 
-  /** Meshes that are loaded, and all. */
+  /** Numbers of loaded meshes and of all meshes. */
   get progress() {
     return [this.#meshes - this.#missing, this.#meshes];
   }
 
-  /** Takes a message of joint states. */
+  /** Applies a message of joint states. */
   take(state) {
     this.state = state;
     if (this.model) this.#move();
@@ -168,7 +168,7 @@ export class Robot {
     this.posed = true;
   }
 
-  /** Stands where the frames have its root link. */
+  /** Moves to the pose of its root link in the frames. */
   place(frames) {
     if (!this.model || !this.posed) return;
     const pose = frames.inWorld(this.about.frame_prefix + this.model.urdfName);
@@ -176,7 +176,7 @@ export class Robot {
     this.model.visible = pose !== undefined;
   }
 
-  /** True if it is in the picture, with hulls where meshes are missing. */
+  /** True if it is in the picture, with hulls for missing meshes. */
   get isShown() {
     return this.model?.visible === true;
   }
@@ -186,7 +186,7 @@ export class Robot {
     return this.model.position;
   }
 
-  /** True if all of it is in the picture. */
+  /** True if it is in the picture completely. */
   get isDrawn() {
     return this.model !== undefined && this.model.visible && this.#missing === 0;
   }
@@ -195,14 +195,14 @@ export class Robot {
     return new Box3().setFromObject(this.model);
   }
 
-  /** Takes the time of the transforms that were told last. */
+  /** Records the time of the newest transforms. */
   told({ transforms }) {
     this.toldAt = transforms.at(-1)?.timestamp;
   }
 
   /**
-   * The largest distance between a link as it is drawn and where the run's kinematics have it, m. Undefined while joints and
-   * transforms are of two samples.
+   * Largest distance between a drawn link and its pose by the run's kinematics, m. Undefined while joints and
+   * transforms belong to different samples.
    */
   deviation(frames) {
     const [one, other] = [this.state?.timestamp, this.toldAt];

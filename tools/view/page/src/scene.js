@@ -1,4 +1,4 @@
-// The picture: camera, light, ground, and what scenes and targets draw. z points up, as in the world of a graph.
+// The picture: camera, light, ground, scenes and targets. z points up, as in the world of a graph.
 
 import {
   ACESFilmicToneMapping, Box3, BoxGeometry, DirectionalLight, HemisphereLight, Mesh, PCFShadowMap, PerspectiveCamera, Scene,
@@ -12,24 +12,24 @@ import { axes, dispose, drawn, placeAt } from "./shapes.js";
 import { studio, surface } from "./surfaces.js";
 import { colour, isDark, onTheme } from "./theme.js";
 
-/** Things from this size on are surroundings, m. */
+/** Size from which objects are surroundings, m. */
 const LARGE = 3;
 /** Vertical angle of the camera, degrees. */
 const ANGLE = 34;
-/** Part of the picture that a box fills in its first picture. */
+/** Part of the picture that a framed box fills. */
 const FILLED = 0.95;
-/** Where the first picture is taken from, and where the light comes from. */
+/** Directions of the first camera and of the light. */
 const FROM = new Vector3(0.8, -0.72, 0.31).normalize();
 const LIGHT = new Vector3(0.42, -0.62, 0.95).normalize();
-/** Steps in which the light follows, m: shadows move with what casts them, not with the map. */
+/** Steps in which the light follows, m, so that shadows move with their objects, not with the map. */
 const LIGHT_STEP = 0.25;
-/** Length of the axes of a target, as part of the radius of what the camera frames. */
+/** Length of the axes of a target, as a fraction of the framed radius. */
 const AXES = 0.17;
 /** Name and entity of the world's ground among the scenes. */
 const WORLD = "/world/scene";
 const GROUND = "ground";
 
-/** A canvas and its context: with smooth edges, unless the processor draws, where they would cost most of its time. */
+/** A canvas and its context, with antialiasing unless rendering is in software, where it would dominate the cost. */
 function drawing() {
   const made = (antialias) => {
     const canvas = document.createElement("canvas");
@@ -39,7 +39,7 @@ function drawing() {
   const gl = plain.context;
   const more = gl?.getExtension("WEBGL_debug_renderer_info");
   const name = gl ? gl.getParameter(more ? more.UNMASKED_RENDERER_WEBGL : gl.RENDERER) : "";
-  // The first context of a page takes a tenth of a second of a processor that draws: it is kept.
+  // With software rendering, the first context of a page costs a tenth of a second: it is kept.
   if (/swiftshader|llvmpipe|softpipe/i.test(name)) return { ...plain, isSoftware: true };
   gl?.getExtension("WEBGL_lose_context")?.loseContext();
   return { ...made(true), isSoftware: false };
@@ -51,7 +51,7 @@ export class View {
   #follow = new Follow();
   #followed; // the base at the last picture
   #last; // time of the last picture
-  #radius = 1; // of what the camera frames, m
+  #radius = 1; // of the framed objects, m
   #axes = AXES; // length of a target's axes, m
 
   constructor(element) {
@@ -84,7 +84,7 @@ export class View {
     onTheme(() => this.#paint());
     new ResizeObserver(() => this.resize()).observe(element);
     this.#applyLevel();
-    // A surface too small to see: its shaders are compiled while the robot is still on its way.
+    // A surface too small to see: its shaders are compiled while the robot is being loaded.
     this.first = new Mesh(new BoxGeometry(1e-5, 1e-5, 1e-5), surface({ r: 1, g: 1, b: 1 }));
     this.first.receiveShadow = true;
     this.first.frustumCulled = false;
@@ -121,7 +121,7 @@ export class View {
     this.resize();
   }
 
-  /** Draws the next pictures as well as the page can, whatever that costs, for a picture to keep. */
+  /** Draws the next pictures at the best quality regardless of cost, for a screenshot. */
   finest() {
     this.pinned = true;
     this.#applyLevel(LEVELS.at(-1));
@@ -137,7 +137,7 @@ export class View {
     this.camera.updateProjectionMatrix();
   }
 
-  /** Draws the entities of a scene in place of those of the same name. */
+  /** Draws the entities of a scene, replacing entities of the same name. */
   update(topic, { entities, deletions }) {
     const isGround = (id) => topic === WORLD && id === GROUND;
     const remove = (key) => {
@@ -177,7 +177,7 @@ export class View {
     placeAt(this.#targets.get(topic), pose);
   }
 
-  /** Forgets all that scenes and targets have drawn. */
+  /** Removes everything drawn by scenes and targets. */
   clear() {
     for (const { group } of this.#entities.values()) dispose(group);
     for (const target of this.#targets.values()) dispose(target);
@@ -187,7 +187,7 @@ export class View {
     this.#followed = undefined;
   }
 
-  /** Draws a picture. `frames` knows where the frames of entities are, `base` is the point that the camera follows. */
+  /** Draws a picture. `frames` has the poses of the entities' frames; `base` is the point that the camera follows. */
   render(frames, base, now) {
     for (const { group, frame } of this.#entities.values()) {
       const pose = frames.inWorld(frame);
@@ -214,7 +214,7 @@ export class View {
     this.controls.target.add(shift);
   }
 
-  /** Light and shadows around what the camera looks at. */
+  /** Light and shadows around the target of the camera. */
   #illuminate() {
     const radius = this.#radius;
     const centre = this.#followed && !this.moved ? this.controls.target : (this.#followed ?? this.controls.target);
@@ -238,7 +238,7 @@ export class View {
     return [...this.#entities.values()].filter(({ isBody }) => isBody).length;
   }
 
-  /** Moves the camera so that a box is well in the picture, with the things around it but not the ground. */
+  /** Frames a box, with the objects around it but without the ground. */
   look(box, frames) {
     if (this.first) dispose(this.first);
     this.first = undefined;
@@ -263,7 +263,7 @@ export class View {
     this.moved = false;
   }
 
-  /** What the page shows of the camera and the quality of its pictures. */
+  /** State of the camera and of the picture quality. */
   get state() {
     return {
       target: this.controls.target.toArray(),

@@ -1,4 +1,4 @@
-// Shapes of scenes and targets as objects of the picture. Geometries and materials that many share are made once.
+// Shapes of scenes and targets as objects of the picture. Shared geometries and materials are created once.
 
 import {
   BoxGeometry, BufferGeometry, Color, ConeGeometry, CylinderGeometry, Float32BufferAttribute, Group, Mesh, MeshBasicMaterial,
@@ -8,11 +8,11 @@ import { toCreasedNormals } from "three/addons/utils/BufferGeometryUtils.js";
 import { CASTERS } from "./ground.js";
 import { inStudio, surface } from "./surfaces.js";
 
-/** Angle between two faces from which their common edge is sharp, rad. */
+/** Angle between two faces above which their common edge is sharp, rad. */
 const CREASE = 0.6;
-/** Largest number of corners that are smoothed: more are smooth enough. */
+/** Maximum number of corners of a smoothed mesh; finer meshes look smooth. */
 const MOST_CORNERS = 60_000;
-/** Materials that are kept. */
+/** Maximum number of cached materials. */
 const MOST_MATERIALS = 200;
 const GREY = { r: 0.6, g: 0.6, b: 0.6, a: 1 };
 
@@ -44,7 +44,7 @@ export function placeAt(object, pose) {
   return object;
 }
 
-/** Makes all that is opaque in an object cast and receive shadows. */
+/** Makes all opaque parts of an object cast and receive shadows. */
 export function shadowed(object) {
   object.traverse((child) => {
     if (!child.isMesh) return;
@@ -62,7 +62,7 @@ export function smoothed(geometry) {
   return corners > MOST_CORNERS ? geometry : toCreasedNormals(geometry, CREASE);
 }
 
-/** An arrow along x of this length in all, m. */
+/** An arrow along x of this total length, m. */
 function arrow({ shaftLength, shaftDiameter, headLength, headDiameter }, color) {
   const { r, g, b } = color ?? { r: 0.9, g: 0.2, b: 0.15 };
   const made = () => inStudio(new MeshStandardMaterial({ color: new Color().setRGB(r, g, b, SRGBColorSpace), roughness: 0.6 }));
@@ -99,7 +99,7 @@ export function drawn(entity) {
     if (isColoured) geometry.setAttribute("color", new Float32BufferAttribute(colors.flatMap(linear), 3));
     if (indices.length) geometry.setIndex(indices);
     geometry.computeVertexNormals();
-    // Corners that no two triangles share are those of a body, not of a terrain.
+    // Unshared corners belong to a body, not to a terrain.
     if (!indices.length || indices.length === points.length) geometry = smoothed(geometry);
     add(geometry, { pose, color: isColoured ? { r: 1, g: 1, b: 1, a: color?.a ?? 1 } : color }, { vertexColors: isColoured });
   }
@@ -125,7 +125,7 @@ export function axes() {
   return group;
 }
 
-/** Removes an object and frees what it does not share. */
+/** Removes an object and frees its unshared resources. */
 export function dispose(object) {
   object.removeFromParent();
   object.traverse((child) => {

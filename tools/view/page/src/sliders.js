@@ -1,8 +1,8 @@
-// Positions of a slider and values of its parameter, and the names of parameters as they are shown.
+// Positions of a slider and values of its parameter, and displayed names of parameters.
 
-/** A range this many times larger than the default is logarithmic: equal ways of the slider are equal factors. */
+/** Ratio of range to default from which a slider is logarithmic: equal distances are equal factors. */
 const WIDE = 20;
-/** Part of the slider at its lower end that means 0 on a logarithmic scale from 0. */
+/** Fraction of the slider at its lower end that represents 0 on a logarithmic scale from 0. */
 const ZERO = 0.02;
 /** Factor between the smallest number other than 0 and the largest, on a logarithmic scale from 0. */
 const DECADES = 1e6;
@@ -16,7 +16,7 @@ export function isLogarithmic({ default: initial, min, max }) {
   return usual > 0 && max / usual >= WIDE;
 }
 
-/** The scale of a slider, whose positions are 0 to 1: a value of a position, and the position of a value. */
+/** The scale of a slider with positions from 0 to 1: converts positions to values and back. */
 export function scaleOf(parameter) {
   const { min, max } = parameter;
   if (!isLogarithmic(parameter)) {

@@ -8,7 +8,7 @@ const METAL = { roughness: 0.38, metalness: 0.65 };
 /** Greys between these brightnesses look like metal, darker ones like rubber, brighter ones like paint. */
 const GREYS = [0.35, 0.8];
 const SATURATION = 0.08;
-/** No part of a colour is darker, as of no plastic. */
+/** Minimum of each colour component: no plastic is darker. */
 const DARKEST = 0.19;
 
 /** Light of the studio that surfaces reflect; changed with the theme. */
@@ -46,7 +46,7 @@ export function inStudio(material) {
   return material;
 }
 
-/** A material of a colour as files name it: sRGB, 0 to 1. */
+/** A material of a colour in sRGB, 0 to 1, as in files. */
 export function surface({ r, g, b, a = 1 }, other = {}) {
   const [least, most] = [Math.min(r, g, b), Math.max(r, g, b)];
   const isMetal = most - least < SATURATION && most > GREYS[0] && most < GREYS[1];
@@ -62,10 +62,10 @@ function replace(material, make) {
   return replaced.get(material);
 }
 
-/** Colour of a link for which a description has none. */
+/** Colour of a link without one in its description. */
 const UNCOLOURED = { r: 0.8, g: 0.81, b: 0.83 };
 
-/** The material of a description, whose numbers are sRGB, as one of the page's. */
+/** Converts the material of a description, in sRGB, to one of the page. */
 export function fromUrdf(material) {
   if (material.isMeshStandardMaterial) return material;
   return replace(material, ({ name, map, opacity: a, color: { r, g, b } }) => {
@@ -74,7 +74,7 @@ export function fromUrdf(material) {
   });
 }
 
-/** The material of a loaded mesh as one of the page's. */
+/** Converts the material of a loaded mesh to one of the page. */
 export function fromFile(material) {
   if (material.isMeshStandardMaterial) return inStudio(material);
   if (!material.isMeshPhongMaterial && !material.isMeshLambertMaterial && !material.isMeshBasicMaterial) return material;

@@ -22,7 +22,7 @@ const HEAD = [
 const micro = (ns) => (ns / 1000).toFixed(ns < 100000 ? 1 : 0);
 const hertz = (hz) => (hz >= 100 ? hz.toFixed(0) : hz.toFixed(1));
 
-/** Writes a cell; what has not changed is left as it is, so that a hint or a selection stays. */
+/** Writes a cell; unchanged content is not touched, so that tooltips and selections stay. */
 function write(element, cell) {
   const { text, tone = "", title = "" } = typeof cell === "object" ? cell : { text: cell };
   if (element.textContent !== String(text)) element.textContent = text;
@@ -30,7 +30,7 @@ function write(element, cell) {
   if (element.title !== title) element.title = title;
 }
 
-/** Writes rows of cells into a table, the first of them as its head. */
+/** Writes rows of cells into a table; the first row is its head. */
 function fill(table, rows) {
   while (table.rows.length > rows.length) table.deleteRow(-1);
   rows.forEach((cells, index) => {
@@ -52,14 +52,14 @@ export class Components {
     this.budgets = new Map();
   }
 
-  /** Takes the graph: rates and budgets as they are planned. */
+  /** Applies the graph: planned rates and budgets. */
   plan({ components }) {
     this.planned = new Map(components.map((component) => [component.name, component]));
     const dash = HEAD.slice(1).map(() => "-");
     this.#show(components.map(({ name, kind }) => [{ text: name, title: kind }, ...dash]));
   }
 
-  /** Takes the times of the run. */
+  /** Applies the times of the run. */
   take({ components, latencies }) {
     this.rows = components.map((component) => this.#cells(component));
     this.#show(this.rows);
@@ -106,13 +106,13 @@ export class Components {
 /** Units of position, velocity and effort of joints that turn, and of those that slide. */
 const TURNS = ["rad", "rad/s", "N m"];
 const SLIDES = ["m", "m/s", "N"];
-/** Part of the range of a joint within which it is near a limit. */
+/** Fraction of the range of a joint within which it is near a limit. */
 const NEAR = 0.01;
 
-/** A number with four digits; what is less than half of the last is zero, without a sign. */
+/** A number with four digits; values that round to zero have no sign. */
 const fixed = (value) => (Math.abs(value) < 5e-5 ? 0 : value).toFixed(4);
 
-/** The place of a joint between its limits, in words, and whether it is at one of them. */
+/** Describes the position of a joint between its limits, and flags a joint at or near a limit. */
 function within(joint, position) {
   const { lower, upper } = joint?.limit ?? {};
   if (!(upper > lower) || joint.jointType === "continuous" || position === undefined) return {};

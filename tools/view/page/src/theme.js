@@ -9,7 +9,7 @@ const kept = () => {
   try {
     return localStorage.getItem(KEPT);
   } catch {
-    return null; // the browser keeps nothing for this page
+    return null; // the browser stores nothing for this page
   }
 };
 

@@ -1,4 +1,4 @@
-// The timeline of the graph: as the plan predicts it, and as the run measures it, beneath each other.
+// The timeline of the graph: predicted by the plan, and measured in the run, below each other.
 
 const SVG = "http://www.w3.org/2000/svg";
 const LEFT = 130; // of the bars, for the names
@@ -44,7 +44,7 @@ export class Timeline {
     return { length_ns: this.#length, lanes };
   }
 
-  /** Takes the graph: its predicted timeline, of which the first 10 ms are shown. A graph in lockstep has none. */
+  /** Applies the graph: the first 10 ms of its predicted timeline. A lockstep graph has none. */
   plan({ timeline, components, topics }) {
     const writers = new Map(topics.map(({ name, writer }) => [name, writer]));
     this.triggers = new Map(components.map(({ name, trigger }) => [name, writers.get(trigger)]));
@@ -62,7 +62,7 @@ export class Timeline {
     this.#draw();
   }
 
-  /** Takes the times of the run: each step begins and lasts as the median of the last interval says. */
+  /** Applies the times of the run: start and length of each step are medians of the last interval. */
   take({ components }) {
     const times = new Map(components.map(({ name, interval }) => [name, interval]));
     const lanes = new Map(this.#lanes.map((lane) => [lane.component, lane]));

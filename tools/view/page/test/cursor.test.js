@@ -13,7 +13,7 @@ test("the newest value is the one before the cursor", () => {
   assert.equal(newestAt([], 1), -1);
 });
 
-test("curves with times of their own share one axis", () => {
+test("curves with different times share one axis", () => {
   const [times, first, second] = aligned([[[0, 1], [2, 3]], [[1, 5], [2, 6]]]);
   assert.deepEqual(times, [0, 1, 2]);
   assert.deepEqual([first, second], [[1, null, 3], [null, 5, 6]]);

@@ -37,7 +37,7 @@ test("camera jumps with a base that is placed elsewhere", () => {
   assert.deepEqual(follow.step([5, -1, 0.3], 0.016), [5, -1, 0]);
 });
 
-test("camera does not make up for the time in which it did not follow", () => {
+test("camera ignores the time in which it did not follow", () => {
   const follow = new Follow();
   follow.begin([0, 0, 0]);
   follow.begin([1, 0, 0]);

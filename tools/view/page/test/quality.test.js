@@ -34,7 +34,7 @@ test("a slow renderer loses shadows within seconds and then stays", () => {
 test("a fast renderer rises to the best level", () => {
   const levels = run(new Quality(1), 30, () => 60);
   assert.equal(levels.at(-1), BEST);
-  assert.equal(levels[1], 1, "it does not rise at once");
+  assert.equal(levels[1], 1, "it does not rise immediately");
 });
 
 test("a rate between slow and fast changes nothing", () => {
@@ -51,7 +51,7 @@ test("a level that does not last is tried more and more rarely", () => {
   assert.ok(gaps.every((gap, index) => index === 0 || gap > gaps[index - 1]), `${gaps}`);
 });
 
-test("a hidden page is no slow renderer", () => {
+test("a hidden page is not a slow renderer", () => {
   const quality = new Quality(BEST);
   let now = 0;
   for (let hour = 0; hour < 5; hour += 1) {

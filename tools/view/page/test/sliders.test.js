@@ -8,7 +8,7 @@ const SPEED = { default: 1, min: 0, max: 2 };
 
 test("gains are logarithmic and factors are not", () => {
   assert.deepEqual([GAIN, STIFFNESS, SPEED].map(isLogarithmic), [true, true, false]);
-  assert.equal(isLogarithmic({ default: 0, min: 0, max: 1000 }), false, "nothing says which size is usual");
+  assert.equal(isLogarithmic({ default: 0, min: 0, max: 1000 }), false, "the default does not indicate a usual size");
   assert.equal(isLogarithmic({ default: 1, min: -1000, max: 1000 }), false);
 });
 
@@ -33,7 +33,7 @@ test("values rise with the position and come back to it", () => {
   }
 });
 
-test("equal ways of a logarithmic slider are equal factors", () => {
+test("equal distances on a logarithmic slider are equal factors", () => {
   const { valueAt } = scaleOf(STIFFNESS);
   for (const position of [0.1, 0.4, 0.7]) {
     const factor = valueAt(position + 0.2) / valueAt(position);

@@ -13,7 +13,7 @@ pub(super) enum Asked {
     File {
         /// The file.
         file: &'static File,
-        /// False for a HEAD request.
+        /// `false` for a HEAD request.
         body: bool,
     },
     /// A WebSocket of a viewer.
@@ -90,7 +90,7 @@ fn token_of(query: &str) -> Option<String> {
     pairs.filter(|(name, _)| *name == "token").map(|(_, value)| value.to_string()).next()
 }
 
-/// True if a `Host` names the loopback interface.
+/// Returns `true` if a `Host` names the loopback interface.
 fn is_loopback(host: &str) -> bool {
     let name = match host.rsplit_once(':') {
         Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => name,

@@ -24,7 +24,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// Pause after a failed accept: a resource shortage does not resolve immediately.
 const SHORTAGE: Duration = Duration::from_millis(100);
 
-/// The port cannot be had.
+/// The port is unavailable.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum FrontError {
     #[error(
@@ -49,7 +49,7 @@ pub fn page_digest() -> String {
 pub(crate) struct Front(std::net::TcpListener);
 
 impl Front {
-    /// Takes the port on the loopback interface.
+    /// Binds the port on the loopback interface.
     pub(crate) fn bind(port: u16) -> Result<Self, FrontError> {
         let refused = |reason: io::Error| match reason.kind() {
             io::ErrorKind::AddrInUse => FrontError::Taken(port),

@@ -312,7 +312,7 @@ impl Fit {
     }
 
     fn kernelised(&self, shown: &Shown) -> anyhow::Result<PrimitiveFile> {
-        // As many Gaussians as the criterion selects, if not given.
+        // If not given, the criterion selects the number of Gaussians.
         let fit = KernelisedFit { components: self.kernels, ..KernelisedFit::default() };
         let movement = KernelisedMovement::fit(&positions(shown), shown.duration, &fit)?;
         Ok(PrimitiveFile::kernelised(shown.names.clone(), movement)?)

@@ -9,14 +9,14 @@ use motorium_bridges::recording::{Analysis, EventLine};
 use crate::chart::{Chart, Series};
 use crate::draw::escape;
 
-/// Most events on the page.
+/// Maximum number of events on the page.
 const EVENTS: usize = 500;
 
 /// Kinds of events of a run that was late or refused.
 const MISSES: [EventKind; 4] =
     [EventKind::Missed, EventKind::LatencyMissed, EventKind::Refused, EventKind::LosesSteps];
 
-/// What was late or refused: sums by cause over time, and each event.
+/// Late steps and refused commands: sums by cause over time, and each event.
 pub(super) fn misses(analysis: &Analysis) -> String {
     let mut html = String::from("<h2>Misses</h2>\n");
     let missed = |event: &&EventLine| event.kind.is_some_and(|kind| MISSES.contains(&kind));

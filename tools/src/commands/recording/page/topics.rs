@@ -52,7 +52,7 @@ pub(super) fn section(analysis: &Analysis) -> String {
     html
 }
 
-/// The latencies of all topics over time, in which rare late ones stand out; `None` in lockstep.
+/// The latencies of all topics over time, which show rare late samples; `None` in lockstep.
 fn latencies(analysis: &Analysis) -> Option<Chart> {
     let timed = analysis.topics.iter().filter(|topic| is_timed(&topic.latency_ns));
     let series = timed.map(|topic| Series {
@@ -83,7 +83,7 @@ fn histogram(title: &str, rising: &[u64]) -> Option<Chart> {
         counts[bar.min(BARS - 1)] += 1;
     }
     let edge = |bar: usize| (first as f64 + bar as f64 * width) * 1e-3;
-    // Drawn as steps, from a count of 1: the rare late ones are what matters.
+    // Drawn as steps, from a count of 1, so that rare late samples are visible.
     let points = counts.iter().enumerate().flat_map(|(bar, count)| {
         let height = (*count as f64).max(0.5);
         [[edge(bar), height, 0.0], [edge(bar + 1), height, 0.0]]
@@ -98,7 +98,7 @@ fn histogram(title: &str, rising: &[u64]) -> Option<Chart> {
     })
 }
 
-/// True if latencies were measured: in lockstep, where time stands still, all of them are 0.
+/// Returns `true` if latencies were measured: in lockstep, all of them are 0.
 pub(super) fn is_timed(latencies: &[u64]) -> bool {
     latencies.iter().any(|latency| *latency > 0)
 }

@@ -86,12 +86,12 @@ impl Pictures {
     }
 }
 
-/// True if the camera moves with the robots: all of them have floating bases.
+/// Returns `true` if the camera moves with the robots: all of them have floating bases.
 fn follows(film: &Film) -> bool {
     !film.robots.is_empty() && film.robots.iter().all(|robot| robot.robot.model.base().floating)
 }
 
-/// The horizontal place of the robots that the camera follows, one a time; the origin if it does not.
+/// Horizontal position of the robots that the camera follows, one per time; the origin if it does not follow.
 fn middles(film: &Film) -> Vec<Vector3<f64>> {
     let count = film.times_s.len();
     if !follows(film) {
@@ -103,7 +103,7 @@ fn middles(film: &Film) -> Vec<Vector3<f64>> {
         sum / film.robots.len() as f64
     };
     let steady = |time: usize| {
-        // As many times before as after, or the camera would run ahead at the start.
+        // As many times before as after; otherwise the camera would run ahead at the start.
         let reach = STEADY.min(time).min(count - 1 - time);
         let around = time - reach..=time + reach;
         around.map(place).sum::<Vector3<f64>>() / (2 * reach + 1) as f64
@@ -131,7 +131,7 @@ fn floor(film: &Film, low: &Vector3<f64>, high: &Vector3<f64>) -> Option<Floor> 
     Some(Floor { height, colour: appearance.ground(), side, checker, middle: Point3::origin() })
 }
 
-/// The plane z = 0 below a scene, if it is near.
+/// The plane z = 0 below a scene, if the scene is near it.
 pub(super) fn floor_below(scene: &Scene) -> Option<Floor> {
     let points: Vec<Point3<f64>> = scene.solids.iter().flat_map(Solid::corners).collect();
     let (low, high) = bounds(points.iter());
@@ -141,7 +141,7 @@ pub(super) fn floor_below(scene: &Scene) -> Option<Floor> {
     Some(Floor { height, colour, side, checker: None, middle })
 }
 
-/// The height of the ground, 0, if what is above it is not far.
+/// The height of the ground, 0, if the scene above it is near.
 fn ground_below(low: &Vector3<f64>, high: &Vector3<f64>) -> Option<f64> {
     let extent = (high - low).max();
     (-0.02 * extent..0.5 * extent).contains(&low.z).then_some(0.0)

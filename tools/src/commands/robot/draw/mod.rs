@@ -56,7 +56,7 @@ pub(super) struct Draw {
     /// Draw the visuals, with their meshes, instead of the collision geometry
     #[arg(long)]
     visual: bool,
-    /// Leave out the ground and the shadow
+    /// Omit the ground and the shadow
     #[arg(long)]
     no_ground: bool,
     /// Width and height of the picture [default: 640x640]

@@ -1,4 +1,4 @@
-//! Pictures of dots: a depth buffer, light from one direction with shadows, and a ground with a grid.
+//! Raster pictures: a depth buffer, light from one direction with shadows, and a ground with a grid.
 
 use nalgebra::{Point3, Vector3};
 
@@ -19,7 +19,7 @@ const BACKGROUND: [f64; 3] = [0.945, 0.955, 0.965];
 /// Part of the brightness of the ground at a line of its grid.
 const LINE: f64 = 0.9;
 
-/// Checks the size of a picture, for which there must be memory.
+/// Checks that a picture of this size fits into memory.
 ///
 /// # Errors
 ///
@@ -33,7 +33,7 @@ pub(super) fn check_size((width, height): (f64, f64)) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What robots stand on.
+/// The ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Floor {
     /// Height \[m\].
@@ -99,7 +99,7 @@ pub(super) fn paint(scene: &Scene, camera: &Camera, floor: Option<&Floor>) -> Ve
     pixels
 }
 
-/// What a sample sees: the nearest triangle, and the shares of its second and third corner.
+/// The visible point of a sample: the nearest triangle, and the shares of its second and third corner.
 #[derive(Clone, Copy)]
 struct Seen {
     depth: f64,

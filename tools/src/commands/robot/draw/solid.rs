@@ -60,7 +60,7 @@ pub(super) enum Detail {
     Hull,
     /// Without the triangles that are too small to be seen as one of thousands of paths.
     Coarse,
-    /// As they are.
+    /// Unchanged.
     Full,
 }
 

@@ -49,7 +49,7 @@ impl Backdrop {
         placed.chain(self.terrain.clone()).collect()
     }
 
-    /// Its objects that belong into a picture: all but walls and floors, at these poses.
+    /// Its objects to frame in a picture, without walls and floors, at these poses.
     pub(super) fn things(&self, poses: &[Isometry3<f64>]) -> Vec<Solid> {
         let mut solids = self.solids(poses);
         solids.truncate(self.parts.len());
