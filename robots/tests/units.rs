@@ -41,6 +41,20 @@ fn angles_in_degrees_are_reported_once_per_origin() {
 }
 
 #[test]
+fn limits_in_degrees_are_reported() {
+    let limits = |lower, upper| of_urdf(&joint("revolute", [lower, upper, 1.0], 1.0, 0.01));
+    for [lower, upper] in [[-10.0, 10.0], [-9.42477796, 9.42477796], [-6.28, 6.28], [-1e3, 1e3]] {
+        assert_eq!(limits(lower, upper), [""; 0], "{lower} to {upper}");
+    }
+    for [lower, upper] in [[-170.0, 170.0], [0.0, 45.0], [-360.0, 360.0]] {
+        assert!(
+            matches!(&limits(lower, upper)[..], [found] if found.contains("URDF has radians")),
+            "{lower}"
+        );
+    }
+}
+
+#[test]
 fn slides_in_millimetres_are_reported() {
     let slide = |limits| of_urdf(&joint("prismatic", limits, 1.0, 0.01));
     assert_eq!(slide([-0.5, 19.0, 5.0]), [""; 0]);
