@@ -72,8 +72,10 @@ fn slides_in_millimetres_are_reported() {
     );
     // a placeholder for no limit, and a base that moves in the plane
     assert_eq!(slide([-1e6, 1e6, 1e6]), [""; 0]);
-    let base = joint("prismatic", [-50.0, 50.0, 1.0], 0.0, 0.0);
-    assert!(!of_urdf(&base).iter().any(|found| found.contains("millimetres")), "{:?}", of_urdf(&base));
+    assert_eq!(slide([-50.0, 50.0, 1.0]), [""; 0]);
+    let shape = "<collision><geometry><sphere radius=\"0.1\"/></geometry></collision></link><joint";
+    let text = joint("prismatic", [-150.0, 150.0, 1.0], 1.0, 0.01).replace("</link>\n        <joint", shape);
+    assert!(matches!(&of_urdf(&text)[..], [found] if found.contains("limits -150 to 150 m")), "{text}");
     assert_eq!(of_urdf(&joint("revolute", [-1.0, 1.0, 200.0], 1.0, 0.01)), [""; 0]);
 }
 

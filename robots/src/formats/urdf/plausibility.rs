@@ -62,8 +62,11 @@ fn warn_of_slides(model: &Model, warnings: &mut Vec<ModelWarning>) {
             continue;
         }
         let (name, limits) = (|| joint.name.clone(), &joint.limits);
-        // Massless links with equal limits both ways model a base that moves in a plane.
-        let of_base = body.inertia.mass == 0.0 && limits.lower == -limits.upper;
+        // Slides from the world on, of bare links with equal limits both ways, model a base that moves.
+        let parents = core::iter::successors(body.parent, |parent| model.bodies()[*parent].parent);
+        let of_base = body.shapes.is_empty()
+            && limits.lower == -limits.upper
+            && parents.into_iter().all(|parent| model.bodies()[parent].joint.kind == JointKind::Prismatic);
         if is_doubtful(limits.upper - limits.lower, LONGEST) && !of_base {
             let (joint, lower, upper) = (name(), limits.lower, limits.upper);
             warnings.push(ModelWarning::LongSlide { joint, lower, upper, most: LONGEST });
