@@ -111,11 +111,10 @@ fn parsed(output: &Output) -> Json {
     serde_json::from_slice(&output.stdout).expect("JSON")
 }
 
-/// The blocks of standard error that ask about an evaluation.
+/// The questions about an evaluation on standard error.
 fn questions(errors: &str, evaluation: u64) -> Vec<String> {
-    let start = format!("evaluation {evaluation} of 3, ");
-    let blocks = errors.split("\n\n").filter(|block| block.starts_with(&start));
-    blocks.filter_map(|block| block.split_once("> ")).map(|(question, _)| question.to_string()).collect()
+    let parts = errors.split(&format!("\nevaluation {evaluation} of 3, ")).skip(1);
+    parts.filter_map(|part| part.split_once("> ")).map(|(question, _)| question.to_string()).collect()
 }
 
 /// The cells of a row of the table, from 0.
