@@ -194,11 +194,10 @@ impl Rollout {
         }
         let options = Options::processes(std::env::current_exe()?);
         let mut safe_states = SafeStates::default();
-        let launched = Session::observed(plan, registry, &options, |event| {
+        let mut session = match Session::observed(plan, registry, &options, |event| {
             safe_states.observe(&event);
             observe(&event);
-        });
-        let mut session = match launched {
+        }) {
             Ok(session) => session,
             Err(_) if self.interrupted.load(Relaxed) => return Err(RolloutError::Interrupted),
             Err(SessionError::Launch(error)) => {

@@ -125,7 +125,7 @@ fn text(question: &Question, rows: Option<&Vec<Row>>, duration: TimeSpan) -> Str
         let change = match last.as_ref().and_then(|last| last.get(index)) {
             None => String::new(),
             Some(last) if last == value => ", unchanged".to_owned(),
-            Some(last) => format!(", last {} ({})", decimal(*last), signed(value - last)),
+            Some(last) => format!(", last {}, change {}", decimal(*last), signed(value - last)),
         };
         text += &format!("  {name:width$}  {}  ({range}{change})\n", shown.trim_end());
     }
@@ -218,7 +218,7 @@ mod tests {
         Question {
             evaluation: 3,
             evaluations: 40,
-            values: vec![2.3125, 15.0],
+            values: vec![2.25, 15.0],
             last: Some(vec![2.5, 15.0]),
             best: Some(0.5),
             stage,
@@ -232,7 +232,7 @@ mod tests {
         let terminal = Terminal::new(&plan("quadruped-trot.toml"), &parameters, Arc::default());
         let shown = text(&question(Stage::Proposed), Some(&terminal.rows), terminal.duration);
         let expected = "evaluation 3 of 40, best reward 0.5\n  \
-             policy.config.frequency         2.313 Hz  (1 to 4, last 2.5 (-0.1875))\n  \
+             policy.config.frequency         2.25 Hz  (1 to 4, last 2.5, change -0.25)\n  \
              policy.config.joint_command.kp  15  (5 to 50, unchanged)\n\
              an episode of 10 s on the robot: run, skip or stop?\n";
         assert_eq!(shown, expected);
