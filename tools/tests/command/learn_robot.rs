@@ -113,7 +113,8 @@ fn parsed(output: &Output) -> Json {
 
 /// The questions about an evaluation on standard error.
 fn questions(errors: &str, evaluation: u64) -> Vec<String> {
-    let parts = errors.split(&format!("\nevaluation {evaluation} of 3, ")).skip(1);
+    let start = format!("\nevaluation {evaluation} of 3, ");
+    let parts = errors.split(&start).skip(1);
     parts.filter_map(|part| part.split_once("> ")).map(|(question, _)| question.to_string()).collect()
 }
 
