@@ -79,12 +79,10 @@ impl From<Method> for tuning::Method {
 
 /// Tune numbers of a graph for the largest reward, by a black-box search.
 ///
-/// Each evaluation is one lockstep run of the graph in an inline session; one session runs on each core.
-/// `motorium run GRAPH --with OUTPUT/best.toml` runs the best. Equal seeds give equal results on any number
-/// of threads; `motorium learn resume` continues after an interruption.
-///
-/// With `--real-time` each is a run in real time, as by `motorium run`: for a robot, with an operator who
-/// permits every episode and judges its result.
+/// Each evaluation is one lockstep run in an inline session, one session on each core. With `--real-time` it
+/// is an episode on a robot, permitted and judged by an operator, who enters the reward if there is no
+/// `--reward`. `motorium run GRAPH --with OUTPUT/best.toml` runs the best. Equal seeds give equal results on
+/// any number of threads; `motorium learn resume` continues.
 ///
 /// Example: motorium learn tune graphs/quadruped-trot.toml --parameter policy.config.frequency=1:4 --reward
 /// physics.base_travel_x_m --for 5s --output out/trot
@@ -96,8 +94,7 @@ pub(super) struct Tune {
     /// Keys of a number, and its range; `:log` searches ratios; may be repeated
     #[arg(long, value_name = "KEY[,KEY]=LOW:HIGH[:log]", required = true)]
     parameter: Vec<Parameter>,
-    /// Figure of the report to maximise; a weight of -1 minimises it; several are added. With `--real-time`
-    /// optional: the operator then enters each reward
+    /// Figure of the report to maximise; a weight of -1 minimises it; several are added
     #[arg(
         long,
         value_name = "[WEIGHT*]COMPONENT.FIGURE",
@@ -115,8 +112,7 @@ pub(super) struct Tune {
     #[arg(long = "for", value_name = "DURATION")]
     duration: Option<TimeSpan>,
     /// Search method: `cma-es`, `cross-entropy`, `snes`, `xnes`, `reps`, `path-integral`, `power`,
-    /// `finite-differences`, `random`, or `bayesian` with `--together` (2) evaluations at a time [default:
-    /// cma-es]
+    /// `finite-differences`, `random` or `bayesian` (`--together 2`) [default: cma-es]
     #[arg(long, default_value = "cma-es", hide_possible_values = true, hide_default_value = true)]
     method: Method,
     /// Evaluations [default: 200]
@@ -131,7 +127,7 @@ pub(super) struct Tune {
     /// Threads; all cores if not given
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=256))]
     threads: Option<u32>,
-    /// One episode at a time in real time, each permitted at the terminal: `run`, `skip` or `stop`
+    /// One episode at a time in real time, each permitted at the terminal
     #[arg(long, conflicts_with_all = ["threads", "together"])]
     real_time: bool,
     /// With `--real-time`: run even if the budgets of the graph cannot hold
