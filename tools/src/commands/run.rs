@@ -317,8 +317,8 @@ impl Run {
     }
 }
 
-/// Checks whether a graph in real time can meet its deadlines, alone and next to the running graphs. Prints the
-/// problems, and returns an exit code if it must not be started. `origin` is the origin of the overheads.
+/// Checks whether a graph in real time can meet its deadlines, alone and next to the running graphs. Prints
+/// the problems, and returns an exit code if it must not be started. `origin` describes the overheads.
 pub(super) fn refused(plan: &Plan, admission: &Admission, origin: &str, force: bool) -> Option<ExitCode> {
     if plan.clock != ClockKind::Realtime {
         return None;
@@ -337,7 +337,7 @@ pub(super) fn refused(plan: &Plan, admission: &Admission, origin: &str, force: b
     refused_beside_others(plan, force)
 }
 
-/// The same next to the running graphs.
+/// Checks whether a graph in real time can meet its deadlines next to the running graphs.
 fn refused_beside_others(plan: &Plan, force: bool) -> Option<ExitCode> {
     let others = runs::living();
     let others: Vec<_> = others.into_iter().filter(|(_, other)| other.clock == ClockKind::Realtime).collect();

@@ -1,5 +1,5 @@
-//! Roll-outs of a graph, judged by figures of their report: lockstep runs in an inline session, or runs in real
-//! time.
+//! Roll-outs of a graph, judged by figures of their report: lockstep runs in an inline session, or runs in
+//! real time.
 
 mod overlay;
 mod safe_states;

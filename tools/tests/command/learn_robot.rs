@@ -1,4 +1,4 @@
-//! `motorium learn tune --real-time`: episodes as processes, one at a time, each with the operator's permission.
+//! `motorium learn tune --real-time`: episodes as processes, each permitted and judged by an operator.
 
 use std::io::Write as _;
 use std::path::Path;

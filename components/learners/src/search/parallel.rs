@@ -59,8 +59,8 @@ impl Outcome {
 pub struct Evaluation {
     /// Outcome.
     pub outcome: Outcome,
-    /// Reward; NaN (`null` in JSON) unless the outcome is [`Outcome::Finished`]. A search ranks NaN below every
-    /// number.
+    /// Reward; NaN (`null` in JSON) unless the outcome is [`Outcome::Finished`]. A search ranks NaN below
+    /// every number.
     #[serde(deserialize_with = "number_or_nan")]
     pub reward: f64,
     /// Reason of a failure.

@@ -5,13 +5,14 @@
 //! tuning continues where it stopped. Parameters and rewards repeat to the bit, on any number of threads,
 //! straight or resumed, if the evaluations do.
 //!
-//! On a robot, [`Tuning::attend`] runs one episode at a time; an [`Operator`] permits each and judges its result.
+//! On a robot, [`Tuning::attend`] runs one episode at a time. An [`Operator`] permits each and judges its
+//! result.
 //!
 //! | file | content |
 //! |---|---|
 //! | `tuning.json` | settings, and the description of the subject |
 //! | `evaluations.csv` | one line an evaluation: number, outcome, reward, parameters, reason of a failure |
-//! | `checkpoint.json` | state of the search and of the dialogue with an operator, and the number of evaluations |
+//! | `checkpoint.json` | state of the search and the dialogue with an operator, number of evaluations |
 //! | `best.toml` | the best parameters, in the form of the subject |
 
 mod attended;

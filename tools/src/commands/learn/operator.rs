@@ -155,8 +155,7 @@ struct Lines<F> {
 }
 
 impl<F: AsFd> Lines<F> {
-    /// Waits for a whole line. `None` at the end of the input, also after the beginning of a line, and after an
-    /// interruption.
+    /// Waits for a whole line. `None` after an interruption and at the end of the input, even within a line.
     fn next(&mut self) -> Option<String> {
         while !self.interrupted.load(Relaxed) && self.read.len() <= LONGEST {
             if let Some(end) = self.read.iter().position(|byte| *byte == b'\n') {

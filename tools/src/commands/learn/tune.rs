@@ -263,8 +263,8 @@ impl Subject for Robot<'_> {
     }
 }
 
-/// Checks before the first episode in real time that the graph can meet its deadlines, and that an operator can
-/// answer. Returns an exit code if it must not be started.
+/// Checks before the first episode that the graph can meet its deadlines in real time, and that an operator
+/// can answer. Returns an exit code if it must not be started.
 fn admit(plan: &Plan, force: bool) -> anyhow::Result<Option<ExitCode>> {
     ensure!(
         is_simulation(plan) || std::io::stdin().is_terminal(),
@@ -453,7 +453,7 @@ fn run_inline(
     Ok(Attendance::Finished)
 }
 
-/// The result as JSON. `reward` and `parameters` are `null` without a reward so far.
+/// The result as JSON. `reward`, `parameters` and `overlay` are `null` without a reward so far.
 fn to_json(
     tuning: &Tuning,
     summary: &Summary,
@@ -470,7 +470,7 @@ fn to_json(
         "outcomes": summary.outcomes,
         "reward": summary.best.as_ref().map(|(_, reward)| reward),
         "parameters": parameters,
-        "overlay": tuning.best_file(),
+        "overlay": summary.best.as_ref().map(|_| tuning.best_file()),
         "table": table,
         "table_sha256": summary.table_sha256,
         "seconds": seconds,
