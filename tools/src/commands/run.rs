@@ -9,7 +9,7 @@ use motorium::graph::Override;
 use motorium::launcher::{Event, Exit, Hosting, Options, Report};
 use motorium::os::machine::online_cores;
 use motorium::plan::{ClockKind, Expectation, Plan};
-use motorium::schedule::{self, RtLimit};
+use motorium::schedule::{self, Admission, RtLimit};
 use motorium::session::{Session, SessionError};
 use motorium::units::TimeSpan;
 use motorium::worker::Registry;
@@ -201,18 +201,7 @@ impl Run {
         }
         let known = overheads::load();
         let admission = schedule::admit(&checked.plan, &known.overheads, RtLimit::detect());
-        if checked.plan.clock == ClockKind::Realtime && admission.refuses() {
-            err!("{}", problems(&admission));
-            if !self.force {
-                errln!("{}", style::dim(format!("overheads of the machine: {}", known.origin)));
-                errln!("not started; use `--force` to start it anyway");
-                let problem = admission.refusals().next().map(|refusal| refusal.message.clone());
-                let reason = problem.unwrap_or_else(|| "the graph cannot meet its deadlines".to_string());
-                return Ok(Failure::new(Kind::Invalid, reason).help("`--force` runs it anyway").print_json());
-            }
-            errln!("started anyway (`--force`)");
-        }
-        if let Some(code) = self.beside_others(&checked.plan) {
+        if let Some(code) = refused(&checked.plan, &admission, known.origin, self.force) {
             return Ok(code);
         }
         let mut metrics = self.metrics.map(Server::bind).transpose()?;
@@ -326,30 +315,48 @@ impl Run {
         };
         Some(Failure::new(Kind::Usage, format!("{found}; {help}")).help(&help).report())
     }
+}
 
-    /// Checks whether the graph can meet its deadlines next to the running graphs. Returns an exit code if it
-    /// must not be started.
-    fn beside_others(&self, plan: &Plan) -> Option<ExitCode> {
-        let others = runs::living();
-        let others: Vec<_> =
-            others.into_iter().filter(|(_, other)| other.clock == ClockKind::Realtime).collect();
-        if plan.clock != ClockKind::Realtime || others.is_empty() {
-            return None;
-        }
-        let together = schedule::beside(plan, &others);
-        let admission = schedule::admit(&together, &overheads::load().overheads, RtLimit::detect());
-        if !admission.refuses() {
-            return None;
-        }
-        err!("{}", problems(&admission));
-        let names: Vec<String> = others.iter().map(|(run, _)| format!("`{run}`")).collect();
-        errln!("the graph cannot meet its deadlines next to the running graphs: {}", names.join(", "));
-        if self.force {
-            errln!("started anyway (`--force`)");
-            return None;
-        }
-        errln!("not started; stop the other runs, give the graph separate cores, or use `--force`");
-        let reason = format!("the graph cannot meet its deadlines next to {}", names.join(", "));
-        Some(Failure::new(Kind::Failed, reason).help("stop the other runs, or use `--force`").print_json())
+/// Checks whether a graph in real time can meet its deadlines, alone and next to the running graphs. Prints
+/// the problems, and returns an exit code if it must not be started. `origin` describes the overheads.
+pub(super) fn refused(plan: &Plan, admission: &Admission, origin: &str, force: bool) -> Option<ExitCode> {
+    if plan.clock != ClockKind::Realtime {
+        return None;
     }
+    if admission.refuses() {
+        err!("{}", problems(admission));
+        if !force {
+            errln!("{}", style::dim(format!("overheads of the machine: {origin}")));
+            errln!("not started; use `--force` to start it anyway");
+            let problem = admission.refusals().next().map(|refusal| refusal.message.clone());
+            let reason = problem.unwrap_or_else(|| "the graph cannot meet its deadlines".to_string());
+            return Some(Failure::new(Kind::Invalid, reason).help("`--force` runs it anyway").print_json());
+        }
+        errln!("started anyway (`--force`)");
+    }
+    refused_beside_others(plan, force)
+}
+
+/// Checks whether a graph in real time can meet its deadlines next to the running graphs.
+fn refused_beside_others(plan: &Plan, force: bool) -> Option<ExitCode> {
+    let others = runs::living();
+    let others: Vec<_> = others.into_iter().filter(|(_, other)| other.clock == ClockKind::Realtime).collect();
+    if others.is_empty() {
+        return None;
+    }
+    let together = schedule::beside(plan, &others);
+    let admission = schedule::admit(&together, &overheads::load().overheads, RtLimit::detect());
+    if !admission.refuses() {
+        return None;
+    }
+    err!("{}", problems(&admission));
+    let names: Vec<String> = others.iter().map(|(run, _)| format!("`{run}`")).collect();
+    errln!("the graph cannot meet its deadlines next to the running graphs: {}", names.join(", "));
+    if force {
+        errln!("started anyway (`--force`)");
+        return None;
+    }
+    errln!("not started; stop the other runs, give the graph separate cores, or use `--force`");
+    let reason = format!("the graph cannot meet its deadlines next to {}", names.join(", "));
+    Some(Failure::new(Kind::Failed, reason).help("stop the other runs, or use `--force`").print_json())
 }

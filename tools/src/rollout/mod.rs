@@ -1,6 +1,8 @@
-//! Roll-outs of a graph: one lockstep run in an inline session, judged by figures of its report.
+//! Roll-outs of a graph, judged by figures of their report: lockstep runs in an inline session, or runs in
+//! real time.
 
 mod overlay;
+mod safe_states;
 
 use std::fmt;
 use std::path::PathBuf;
@@ -9,14 +11,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use motorium::graph::{self, GraphError, Machine, Override};
-use motorium::launcher::{Exit, LaunchError, Options};
-use motorium::plan::{Expectation, Plan};
+use motorium::launcher::{Event, Exit, LaunchError, Options, Report};
+use motorium::plan::{ClockKind, Expectation, Plan};
 use motorium::session::{Session, SessionError};
 use motorium::worker::Registry;
 use motorium_learners::search::{Evaluation, Outcome};
 use serde::{Deserialize, Serialize};
 
 pub(crate) use overlay::{OverlayError, overlay};
+use safe_states::SafeStates;
 
 /// A figure of the report and its weight in the reward.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -89,6 +92,12 @@ pub(crate) enum RolloutError {
     /// The session failed.
     #[error(transparent)]
     Session(#[from] SessionError),
+    /// The program that hosts the components is unknown.
+    #[error("finding this program's own file: {0}")]
+    Program(#[from] std::io::Error),
+    /// The events of a run cannot be printed.
+    #[error("{0}")]
+    Printer(String),
     /// The parameters cannot be written as an overlay.
     #[error(transparent)]
     Overlay(#[from] OverlayError),
@@ -106,19 +115,21 @@ pub(crate) struct Rollout {
     pub(crate) expect: Vec<Expectation>,
     /// `true` if the graph's own expectations are ignored.
     pub(crate) no_expect: bool,
-    /// Terms of the reward.
+    /// Terms of the reward; without any, the operator of a robot enters it.
     pub(crate) rewards: Vec<Reward>,
+    /// Clock of the runs.
+    pub(crate) clock: ClockKind,
     pub(crate) machine: Machine,
     /// Set by a signal. A session ends at a signal while it runs; this flag records signals between sessions.
     pub(crate) interrupted: Arc<AtomicBool>,
 }
 
 impl Rollout {
-    /// The plan with values of keys, in lockstep. The last expectations are the figures of the reward.
+    /// The plan with values of keys. The last expectations are the figures of the reward.
     pub(crate) fn plan(&self, settings: &[(&str, f64)], registry: &Registry) -> Result<Plan, GraphError> {
         let mut overrides = self.set.clone();
         let mut set = |path: &str, value: String| overrides.push(Override { path: path.to_owned(), value });
-        set("clock", "\"lockstep\"".to_owned());
+        set("clock", format!("{:?}", self.clock_name()));
         for (key, value) in settings {
             set(key, format!("{value:?}"));
         }
@@ -137,7 +148,15 @@ impl Rollout {
         Ok(plan)
     }
 
-    /// Runs a plan of this graph on a core.
+    /// The clock as in a graph file and in options.
+    pub(crate) fn clock_name(&self) -> &'static str {
+        match self.clock {
+            ClockKind::Realtime => "realtime",
+            ClockKind::Lockstep => "lockstep",
+        }
+    }
+
+    /// Runs a plan of this graph in lockstep, on a core.
     pub(crate) fn run(
         &self,
         plan: Plan,
@@ -156,8 +175,50 @@ impl Rollout {
             Err(error) => return Err(error.into()),
         };
         session.run()?;
+        self.judge(&session.stop())
+    }
+
+    /// Runs a plan of this graph in real time, each component in its own process, as `motorium run` does.
+    ///
+    /// A run that does not start, ends in a safe state, or does not go as the graph requires is
+    /// [`Outcome::Stopped`].
+    pub(crate) fn run_in_real_time(
+        &self,
+        plan: Plan,
+        registry: &Registry,
+        observe: &mut dyn FnMut(&Event<'_>),
+    ) -> Result<Evaluation, RolloutError> {
+        if self.interrupted.load(Relaxed) {
+            return Err(RolloutError::Interrupted);
+        }
+        let options = Options::processes(std::env::current_exe()?);
+        let mut safe_states = SafeStates::default();
+        let mut session = match Session::observed(plan, registry, &options, |event| {
+            safe_states.observe(&event);
+            observe(&event);
+        }) {
+            Ok(session) => session,
+            Err(_) if self.interrupted.load(Relaxed) => return Err(RolloutError::Interrupted),
+            Err(SessionError::Launch(error)) => {
+                return Ok(Evaluation::failed(Outcome::Stopped, format!("the graph did not start: {error}")));
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let ran = session.run();
+        // whatever happened, the actuators go to their safe state before anything else
         let report = session.stop();
-        match report.exit {
+        ran?;
+        let shortfalls = safe_states.at_the_end().chain(report.warnings.iter().cloned());
+        let shortfalls: Vec<String> = shortfalls.collect();
+        if report.exit == Exit::Finished && !shortfalls.is_empty() {
+            return Ok(Evaluation::failed(Outcome::Stopped, shortfalls.join("; ")));
+        }
+        self.judge(&report)
+    }
+
+    /// The result of a run: the sum of the rewards if it finished and its expectations are met.
+    fn judge(&self, report: &Report) -> Result<Evaluation, RolloutError> {
+        match &report.exit {
             Exit::Interrupted => return Err(RolloutError::Interrupted),
             Exit::SafeStop { reason } => return Ok(Evaluation::failed(Outcome::Stopped, reason)),
             Exit::Finished => {}
@@ -166,6 +227,9 @@ impl Rollout {
         let (expectations, figures) = report.expectations.split_at(judged);
         if let Some(unmet) = expectations.iter().find(|expectation| !expectation.met) {
             return Ok(Evaluation::failed(Outcome::Unmet, unmet.to_string()));
+        }
+        if self.rewards.is_empty() {
+            return Ok(Evaluation::unscored());
         }
         let mut total = 0.0;
         for (reward, found) in self.rewards.iter().zip(figures) {

@@ -13,6 +13,7 @@ mod first_day;
 mod kinds;
 mod latent;
 mod learn;
+mod learn_robot;
 mod messages;
 mod model;
 mod outputs;

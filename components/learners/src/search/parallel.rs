@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Mutex, mpsc};
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::{Candidate, Search, TellError};
 
@@ -22,11 +22,23 @@ pub enum Outcome {
     Refused,
     /// The evaluation finished, but its reward has no value.
     NoValue,
+    /// The operator of a robot refused the parameters.
+    Skipped,
+    /// The evaluation finished, and the operator of the robot is to enter its reward.
+    Unscored,
 }
 
 impl Outcome {
     /// All outcomes.
-    pub const ALL: [Self; 5] = [Self::Finished, Self::Unmet, Self::Stopped, Self::Refused, Self::NoValue];
+    pub const ALL: [Self; 7] = [
+        Self::Finished,
+        Self::Unmet,
+        Self::Stopped,
+        Self::Refused,
+        Self::NoValue,
+        Self::Skipped,
+        Self::Unscored,
+    ];
 
     /// Returns the name in tables and in JSON.
     pub fn name(self) -> &'static str {
@@ -36,19 +48,28 @@ impl Outcome {
             Self::Stopped => "stopped",
             Self::Refused => "refused",
             Self::NoValue => "no_value",
+            Self::Skipped => "skipped",
+            Self::Unscored => "unscored",
         }
     }
 }
 
 /// Result of evaluating a candidate.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
     /// Outcome.
     pub outcome: Outcome,
-    /// Reward; NaN unless the outcome is [`Outcome::Finished`]. A search ranks NaN below every number.
+    /// Reward; NaN (`null` in JSON) unless the outcome is [`Outcome::Finished`]. A search ranks NaN below
+    /// every number.
+    #[serde(deserialize_with = "number_or_nan")]
     pub reward: f64,
     /// Reason of a failure.
     pub reason: Option<String>,
+}
+
+/// Reads a number; `null` is NaN.
+fn number_or_nan<'de, D: Deserializer<'de>>(source: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(source)?.unwrap_or(f64::NAN))
 }
 
 impl Evaluation {
@@ -63,6 +84,11 @@ impl Evaluation {
     /// Creates a failed evaluation.
     pub fn failed(outcome: Outcome, reason: impl Into<String>) -> Self {
         Self { outcome, reward: f64::NAN, reason: Some(reason.into()) }
+    }
+
+    /// An evaluation whose reward the operator enters.
+    pub fn unscored() -> Self {
+        Self { outcome: Outcome::Unscored, reward: f64::NAN, reason: None }
     }
 }
 

@@ -5,16 +5,23 @@
 //! interrupted tuning continues where it stopped. If the evaluations are reproducible, parameters and rewards
 //! are bit-for-bit reproducible on any number of threads, also after a resume.
 //!
+//! On a robot, [`Tuning::attend`] runs one episode at a time. An [`Operator`] permits each and judges its
+//! result.
+//!
 //! | file | content |
 //! |---|---|
 //! | `tuning.json` | settings, and the description of the subject |
 //! | `evaluations.csv` | one line an evaluation: number, outcome, reward, parameters, reason of a failure |
-//! | `checkpoint.json` | state of the search, and the number of evaluations |
+//! | `checkpoint.json` | state of the search and the dialogue with an operator, number of evaluations |
 //! | `best.toml` | the best parameters, in the form of the subject |
 
+mod attended;
+mod dialogue;
 mod parameter;
 mod run;
 
+pub use attended::{Attendance, Operator};
+pub use dialogue::{Action, AnswerError, Question, Stage};
 pub use parameter::{Parameter, ParameterError, Scale};
 pub use run::{FolderError, Progress, Subject, Summary, Tuning, TuningError};
 

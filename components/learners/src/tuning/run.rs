@@ -9,9 +9,12 @@ use std::path::{Path, PathBuf};
 use motorium_models::sha256::sha256_hex;
 use serde::{Deserialize, Serialize};
 
+use super::dialogue::Stage;
 use super::{Parameter, ParameterError, Settings};
 use crate::files::{self, FileError};
-use crate::search::{Evaluation, Outcome, RestoreError, Search, StartError, TellError, Workers, maximise};
+use crate::search::{
+    Candidate, Evaluation, Outcome, RestoreError, Search, StartError, TellError, Workers, maximise,
+};
 
 const DESCRIPTION: &str = "tuning.json";
 const CHECKPOINT: &str = "checkpoint.json";
@@ -136,11 +139,28 @@ struct Description {
 
 /// Content of `checkpoint.json`.
 #[derive(Debug, Default, Serialize, Deserialize)]
-struct Checkpoint {
-    evaluations: u64,
+pub(super) struct Checkpoint {
+    pub(super) evaluations: u64,
     outcomes: BTreeMap<Outcome, u64>,
-    /// State of the search; none before the first evaluation.
-    search: Option<String>,
+    /// State of the search; none before the first candidate.
+    pub(super) search: Option<String>,
+    #[serde(default, skip_serializing_if = "Attended::is_new")]
+    pub(super) attended: Attended,
+}
+
+/// State of the dialogue with an operator.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(super) struct Attended {
+    /// Stage of the candidate that waits for its reward.
+    pub(super) stage: Stage,
+    /// Values of the previous evaluation.
+    pub(super) last: Option<Vec<f64>>,
+}
+
+impl Attended {
+    fn is_new(&self) -> bool {
+        matches!(self, Self { stage: Stage::Proposed, last: None })
+    }
 }
 
 /// Progress after an evaluation.
@@ -173,10 +193,10 @@ pub struct Summary {
 
 /// A tuning in a folder. See [the module](super).
 pub struct Tuning {
-    folder: PathBuf,
-    settings: Settings,
-    search: Box<dyn Search>,
-    checkpoint: Checkpoint,
+    pub(super) folder: PathBuf,
+    pub(super) settings: Settings,
+    pub(super) search: Box<dyn Search>,
+    pub(super) checkpoint: Checkpoint,
 }
 
 impl Tuning {
@@ -275,15 +295,12 @@ impl Tuning {
         mut observe: impl FnMut(Progress<'_>),
     ) -> Result<(), TuningError<T::Error>> {
         let Self { folder, settings, search, checkpoint } = self;
-        let file = folder.join(TABLE);
-        let failed = |source| TuningError::File(FileError { file: file.clone(), source });
-        let mut table = File::options().append(true).open(&file).map_err(failed)?;
         let workers = Workers {
             threads,
             ahead: settings.ahead(),
             evaluations: settings.evaluations.saturating_sub(checkpoint.evaluations),
         };
-        let mut last_best = search.best().map(|(_, reward)| reward);
+        let mut recorder = Recorder::open(folder, settings, checkpoint, search.as_ref())?;
         maximise(
             search.as_mut(),
             workers,
@@ -293,25 +310,11 @@ impl Tuning {
                 subject.evaluate(worker, &values, candidate.seed).map_err(TuningError::Subject)
             },
             |search, candidate, result| {
-                let values = settings.values(&candidate.parameters);
                 if candidate.id == 0 && result.outcome == Outcome::NoValue {
                     let reason = result.reason.clone().unwrap_or_default();
                     return Err(TuningError::NoReward { reason });
                 }
-                table.write_all(line(candidate.id, &values, result).as_bytes()).map_err(failed)?;
-                let best = search.best().map(|(_, reward)| reward);
-                if let Some(reward) = best.filter(|_| best != last_best) {
-                    let text = subject.best(&values, reward).map_err(TuningError::Subject)?;
-                    files::write(&folder.join(BEST), text.as_bytes())?;
-                }
-                last_best = best;
-                checkpoint.evaluations += 1;
-                *checkpoint.outcomes.entry(result.outcome).or_default() += 1;
-                checkpoint.search = Some(search.save());
-                files::write(&folder.join(CHECKPOINT), to_json(checkpoint).as_bytes())?;
-                let (evaluation, evaluations) = (checkpoint.evaluations, settings.evaluations);
-                observe(Progress { evaluation, evaluations, values: &values, result, best });
-                Ok(())
+                recorder.record((subject, search), candidate, result, &mut observe)
             },
         )
     }
@@ -331,8 +334,68 @@ impl Tuning {
         })
     }
 
-    fn save(&self) -> Result<(), FolderError> {
-        Ok(files::write(&self.folder.join(CHECKPOINT), to_json(&self.checkpoint).as_bytes())?)
+    pub(super) fn save(&self) -> Result<(), FileError> {
+        files::write(&self.folder.join(CHECKPOINT), to_json(&self.checkpoint).as_bytes())
+    }
+}
+
+/// Writes evaluations to the folder of a tuning.
+pub(super) struct Recorder<'t> {
+    folder: &'t Path,
+    settings: &'t Settings,
+    checkpoint: &'t mut Checkpoint,
+    file: PathBuf,
+    table: File,
+    best: Option<f64>,
+}
+
+impl<'t> Recorder<'t> {
+    /// Appends to the table from now on.
+    pub(super) fn open(
+        folder: &'t Path,
+        settings: &'t Settings,
+        checkpoint: &'t mut Checkpoint,
+        search: &dyn Search,
+    ) -> Result<Self, FileError> {
+        let file = folder.join(TABLE);
+        let table = File::options().append(true).open(&file);
+        let table = table.map_err(|source| FileError { file: file.clone(), source })?;
+        let best = search.best().map(|(_, reward)| reward);
+        Ok(Self { folder, settings, checkpoint, file, table, best })
+    }
+
+    /// Notes for the next question the values whose evaluation is recorded next.
+    pub(super) fn attended(&mut self, values: &[f64]) {
+        self.checkpoint.attended = Attended { stage: Stage::Proposed, last: Some(values.to_vec()) };
+    }
+
+    /// Writes the evaluation of a candidate whose reward the search has accepted: a line of the table, better
+    /// parameters, and the checkpoint.
+    pub(super) fn record<T: Subject>(
+        &mut self,
+        (subject, search): (&T, &dyn Search),
+        candidate: &Candidate,
+        result: &Evaluation,
+        observe: &mut impl FnMut(Progress<'_>),
+    ) -> Result<(), TuningError<T::Error>> {
+        let Self { folder, settings, checkpoint, .. } = self;
+        let values = settings.values(&candidate.parameters);
+        let line = line(candidate.id, &values, result);
+        let failed = |source| FileError { file: self.file.clone(), source };
+        self.table.write_all(line.as_bytes()).map_err(failed)?;
+        let best = search.best().map(|(_, reward)| reward);
+        if let Some(reward) = best.filter(|_| best != self.best) {
+            let text = subject.best(&values, reward).map_err(TuningError::Subject)?;
+            files::write(&folder.join(BEST), text.as_bytes())?;
+        }
+        self.best = best;
+        checkpoint.evaluations += 1;
+        *checkpoint.outcomes.entry(result.outcome).or_default() += 1;
+        checkpoint.search = Some(search.save());
+        files::write(&folder.join(CHECKPOINT), to_json(checkpoint).as_bytes())?;
+        let (evaluation, evaluations) = (checkpoint.evaluations, settings.evaluations);
+        observe(Progress { evaluation, evaluations, values: &values, result, best });
+        Ok(())
     }
 }
 

@@ -5,6 +5,7 @@ mod curves;
 mod evaluate;
 mod imitate;
 mod list;
+mod operator;
 pub(crate) mod threads;
 mod train;
 mod tune;

@@ -232,7 +232,7 @@ impl Resume {
             if self.show.publish {
                 bail!("--publish: {} is a tuning, expected a training run", self.folder.display());
             }
-            return tune::resume(&self.folder, threads(self.threads), self.show.json);
+            return tune::resume(&self.folder, self.threads, self.show.json);
         }
         let run = Run::resume(&self.folder, threads(self.threads))?;
         anstream::eprintln!("{}: resumed after {} steps", run.task().title, run.steps().0);

@@ -4,25 +4,32 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail, ensure};
 use motorium::graph::{GraphError, Machine, Override};
-use motorium::plan::{Expectation, Plan};
+use motorium::plan::{ClockKind, Expectation, Plan};
+use motorium::schedule::{self, RtLimit};
 use motorium::units::TimeSpan;
 use motorium::worker::Registry;
 use motorium_learners::search::{Evaluation, Outcome};
-use motorium_learners::tuning::{self, Parameter, Progress, Settings, Subject, Tuning, TuningError};
+use motorium_learners::tuning::{
+    self, Attendance, Parameter, Progress, Settings, Subject, Summary, Tuning, TuningError,
+};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use super::operator::{Terminal, is_simulation};
 use super::threads::threads;
 use crate::commands::loading::graph_file;
+use crate::commands::run;
 use crate::complete;
 use crate::failure::Failure;
 use crate::interrupt::interrupted;
 use crate::out::{errln, outln};
+use crate::overheads;
+use crate::printer::Printer;
 use crate::registry::registry;
 use crate::rollout::{Reward, Rollout, RolloutError, allowed_cores, overlay};
 
@@ -72,9 +79,10 @@ impl From<Method> for tuning::Method {
 
 /// Tune numbers of a graph for the largest reward, by a black-box search.
 ///
-/// Each evaluation is one lockstep run of the graph in an inline session; one session runs on each core.
-/// `motorium run GRAPH --with OUTPUT/best.toml` runs the best. Equal seeds give equal results on any number
-/// of threads; `motorium learn resume` continues after an interruption.
+/// Each evaluation is one lockstep run in an inline session, one session on each core. With `--real-time` it
+/// is an episode on a robot, permitted and judged by an operator, who enters the reward if there is no
+/// `--reward`. `motorium run GRAPH --with OUTPUT/best.toml` runs the best. Equal seeds give equal results on
+/// any number of threads; `motorium learn resume` continues.
 ///
 /// Example: motorium learn tune graphs/quadruped-trot.toml --parameter policy.config.frequency=1:4 --reward
 /// physics.base_travel_x_m --for 5s --output out/trot
@@ -87,7 +95,12 @@ pub(super) struct Tune {
     #[arg(long, value_name = "KEY[,KEY]=LOW:HIGH[:log]", required = true)]
     parameter: Vec<Parameter>,
     /// Figure of the report to maximise; a weight of -1 minimises it; several are added
-    #[arg(long, value_name = "[WEIGHT*]COMPONENT.FIGURE", required = true, allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "[WEIGHT*]COMPONENT.FIGURE",
+        required_unless_present = "real_time",
+        allow_hyphen_values = true
+    )]
     reward: Vec<Reward>,
     /// Condition without which an evaluation fails; `--no-expect` ignores the graph's
     #[arg(long, value_name = "FIGURE CONDITION")]
@@ -95,12 +108,11 @@ pub(super) struct Tune {
     /// Ignore the conditions of the graph
     #[arg(long, hide = true)]
     no_expect: bool,
-    /// Simulated time of an evaluation [default: the graph's duration]
+    /// Duration of an evaluation [default: the graph's]
     #[arg(long = "for", value_name = "DURATION")]
     duration: Option<TimeSpan>,
     /// Search method: `cma-es`, `cross-entropy`, `snes`, `xnes`, `reps`, `path-integral`, `power`,
-    /// `finite-differences`, `random`, or `bayesian` with `--together` (2) evaluations at a time [default:
-    /// cma-es]
+    /// `finite-differences`, `random` or `bayesian` (`--together 2`) [default: cma-es]
     #[arg(long, default_value = "cma-es", hide_possible_values = true, hide_default_value = true)]
     method: Method,
     /// Evaluations [default: 200]
@@ -115,6 +127,12 @@ pub(super) struct Tune {
     /// Threads; all cores if not given
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=256))]
     threads: Option<u32>,
+    /// One episode at a time in real time, each permitted at the terminal
+    #[arg(long, conflicts_with_all = ["threads", "together"])]
+    real_time: bool,
+    /// With `--real-time`: run even if the budgets of the graph cannot hold
+    #[arg(long, hide = true, requires = "real_time")]
+    force: bool,
     /// Merge a file over the graph; may be repeated
     #[arg(long = "with", value_name = "OVERLAY.toml", add = complete::graphs())]
     with: Vec<PathBuf>,
@@ -138,9 +156,23 @@ struct Description {
     expect: Vec<Expectation>,
     no_expect: bool,
     rewards: Vec<Reward>,
+    /// How the graph runs.
+    #[serde(default)]
+    mode: Mode,
     /// The plan with the parameters in the middle of their ranges.
     #[serde(default)]
     plan: serde_json::Value,
+}
+
+/// The runs of a tuning.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Mode {
+    /// In lockstep, on all cores.
+    #[default]
+    Inline,
+    /// In real time, one at a time, permitted by an operator; with `force` even if budgets cannot hold.
+    RealTime { force: bool },
 }
 
 impl Description {
@@ -153,6 +185,10 @@ impl Description {
             expect: self.expect.clone(),
             no_expect: self.no_expect,
             rewards: self.rewards.clone(),
+            clock: match self.mode {
+                Mode::Inline => ClockKind::Lockstep,
+                Mode::RealTime { .. } => ClockKind::Realtime,
+            },
             machine: Machine::detect(),
             interrupted,
         })
@@ -193,9 +229,51 @@ impl Subject for Graph {
 
     fn best(&self, values: &[f64], reward: f64) -> Result<String, RolloutError> {
         let text = overlay(&self.middle, &self.registry, &keyed(&self.parameters, values))?;
-        let graph = self.rollout.graph.display();
-        Ok(format!("# reward {reward}\n#   motorium run {graph} --with best.toml --clock lockstep\n\n{text}"))
+        let (graph, clock) = (self.rollout.graph.display(), self.rollout.clock_name());
+        Ok(format!("# reward {reward}\n#   motorium run {graph} --with best.toml --clock {clock}\n\n{text}"))
     }
+}
+
+/// The same graph in real time, as processes.
+struct Robot<'g>(&'g Graph);
+
+impl Subject for Robot<'_> {
+    type Worker = ();
+    type Error = RolloutError;
+
+    fn worker(&self, _: usize) -> Result<(), RolloutError> {
+        Ok(())
+    }
+
+    fn evaluate(&self, (): &mut (), values: &[f64], _: u64) -> Result<Evaluation, RolloutError> {
+        let Graph { rollout, parameters, registry, .. } = self.0;
+        let plan = match rollout.plan(&keyed(parameters, values), registry) {
+            Ok(plan) => plan,
+            Err(error) => return Ok(Evaluation::failed(Outcome::Refused, error.render(false))),
+        };
+        let mut printer = Printer::lines(true).map_err(|error| RolloutError::Printer(error.to_string()))?;
+        let result = rollout.run_in_real_time(plan, registry, &mut |event| printer.show(event));
+        // the question follows the last line
+        printer.finish();
+        result
+    }
+
+    fn best(&self, values: &[f64], reward: f64) -> Result<String, RolloutError> {
+        self.0.best(values, reward)
+    }
+}
+
+/// Checks before the first episode that the graph can meet its deadlines in real time, and that an operator
+/// can answer. Returns an exit code if it must not be started.
+fn admit(plan: &Plan, force: bool) -> anyhow::Result<Option<ExitCode>> {
+    ensure!(
+        is_simulation(plan) || std::io::stdin().is_terminal(),
+        "standard input is not a terminal, and the graph may move a robot: expected an operator\n\
+         help: run the command in a terminal, within sight of the robot"
+    );
+    let known = overheads::load();
+    let admission = schedule::admit(plan, &known.overheads, RtLimit::detect());
+    Ok(run::refused(plan, &admission, known.origin, force))
 }
 
 impl Graph {
@@ -248,6 +326,7 @@ impl Tune {
             expect: self.expect,
             no_expect: self.no_expect,
             rewards: self.reward,
+            mode: if self.real_time { Mode::RealTime { force: self.force } } else { Mode::Inline },
             plan: serde_json::Value::Null,
         };
         let settings = Settings {
@@ -261,14 +340,19 @@ impl Tune {
             Ok(graph) => graph,
             Err(error) => return Ok(refuse(&error)),
         };
+        if let Mode::RealTime { force } = description.mode
+            && let Some(code) = admit(&graph.middle, force)?
+        {
+            return Ok(code);
+        }
         description.plan = serde_json::to_value(&graph.middle)?;
         let tuning = Tuning::create(&self.output, settings, serde_json::to_value(&description)?)?;
-        finish(tuning, &graph, &self.output, (threads(self.threads), self.json))
+        finish(tuning, &graph, &self.output, (self.threads, self.json))
     }
 }
 
 /// Continues the tuning in a folder.
-pub(super) fn resume(folder: &Path, threads: usize, json: bool) -> anyhow::Result<ExitCode> {
+pub(super) fn resume(folder: &Path, threads: Option<u32>, json: bool) -> anyhow::Result<ExitCode> {
     let (tuning, description) = Tuning::resume(folder)?;
     let description: Description = serde_json::from_value(description)
         .with_context(|| format!("{}: the description of the graph", folder.display()))?;
@@ -282,84 +366,133 @@ pub(super) fn resume(folder: &Path, threads: usize, json: bool) -> anyhow::Resul
          help: restore it, or tune it in another folder",
         description.graph.display()
     );
+    if let Mode::RealTime { force } = description.mode {
+        ensure!(
+            threads.is_none(),
+            "--threads: {} is a tuning in real time, which runs one episode at a time",
+            folder.display()
+        );
+        if let Some(code) = admit(&graph.middle, force)? {
+            return Ok(code);
+        }
+    }
     errln!("resumed after {} evaluations", tuning.evaluations());
     finish(tuning, &graph, folder, (threads, json))
 }
 
-/// Evaluates to the end, with a line of progress a second on standard error.
+/// Evaluates to the end, or until the operator stops.
 fn finish(
     mut tuning: Tuning,
     graph: &Graph,
     folder: &Path,
-    (threads, json): (usize, bool),
+    (given, json): (Option<u32>, bool),
 ) -> anyhow::Result<ExitCode> {
     let (first, began) = (tuning.evaluations(), Instant::now());
+    let interrupted = &graph.rollout.interrupted;
+    let result = match graph.rollout.clock {
+        ClockKind::Lockstep => run_inline(&mut tuning, graph, threads(given)),
+        ClockKind::Realtime => {
+            let parameters = tuning.settings().parameters.clone();
+            let mut operator = Terminal::new(&graph.middle, &parameters, interrupted.clone());
+            tuning.attend(&Robot(graph), &mut operator, |_| {})
+        }
+    };
+    let is_interrupted = match &result {
+        Ok(Attendance::Stopped) => interrupted.load(Relaxed),
+        Err(error) => matches!(error, TuningError::Subject(RolloutError::Interrupted)),
+        Ok(Attendance::Finished) => false,
+    };
+    let resume = format!("`motorium learn resume {}`", folder.display());
+    if is_interrupted {
+        bail!(
+            "interrupted after {} of {} evaluations\nhelp: continue with {resume}",
+            tuning.evaluations(),
+            tuning.settings().evaluations
+        );
+    }
+    let ended = result?;
+    let seconds = began.elapsed().as_secs_f64();
+    let summary = tuning.summary()?;
+    if ended == Attendance::Stopped {
+        let all = tuning.settings().evaluations;
+        errln!("stopped after {} of {all} evaluations; continue with {resume}", summary.evaluations);
+    } else {
+        ensure!(
+            summary.best.is_some(),
+            "none of {} evaluations has a reward: {} has the reasons",
+            summary.evaluations,
+            folder.join("evaluations.csv").display()
+        );
+    }
+    let rate = (summary.evaluations - first) as f64 / seconds;
+    if json {
+        let table = folder.join("evaluations.csv");
+        outln!("{}", to_json(&tuning, &summary, (seconds, rate), &table));
+    } else {
+        print(&tuning, &summary, (seconds, rate), graph);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Evaluates in inline sessions, with a line of progress a second on standard error.
+fn run_inline(
+    tuning: &mut Tuning,
+    graph: &Graph,
+    threads: usize,
+) -> Result<Attendance, TuningError<RolloutError>> {
+    let (first, began) = (tuning.evaluations(), Instant::now());
     let mut printed = began;
-    let result = tuning.run(graph, threads, |progress| {
+    tuning.run(graph, threads, |progress| {
         if printed.elapsed() >= INTERVAL && progress.evaluation < progress.evaluations {
             printed = Instant::now();
             let rate = (progress.evaluation - first) as f64 / began.elapsed().as_secs_f64();
             let left = (progress.evaluations - progress.evaluation) as f64 / rate;
             errln!("{}, {left:.0} s left", line(&progress));
         }
-    });
-    match result {
-        Ok(()) => {}
-        Err(TuningError::Subject(RolloutError::Interrupted)) => bail!(
-            "interrupted after {} of {} evaluations\nhelp: continue with `motorium learn resume {}`",
-            tuning.evaluations(),
-            tuning.settings().evaluations,
-            folder.display()
-        ),
-        Err(error) => return Err(error.into()),
-    }
-    let seconds = began.elapsed().as_secs_f64();
-    let summary = tuning.summary()?;
-    let rate = (summary.evaluations - first) as f64 / seconds;
-    let table = folder.join("evaluations.csv");
-    let (values, reward) = summary.best.with_context(|| {
-        format!(
-            "none of {} evaluations has a reward: {} has the reasons",
-            summary.evaluations,
-            table.display()
-        )
     })?;
-    let parameters = &tuning.settings().parameters;
-    if json {
-        let parameters: serde_json::Map<String, serde_json::Value> = parameters
-            .iter()
-            .zip(&values)
-            .map(|(parameter, value)| (parameter.name(), json!(value)))
-            .collect();
-        outln!(
-            "{}",
-            json!({
-                "evaluations": summary.evaluations,
-                "outcomes": summary.outcomes,
-                "reward": reward,
-                "parameters": parameters,
-                "overlay": tuning.best_file(),
-                "table": table,
-                "table_sha256": summary.table_sha256,
-                "seconds": seconds,
-                "evaluations_per_second": rate,
-            })
-        );
-        return Ok(ExitCode::SUCCESS);
-    }
-    outln!(
-        "reward {reward:.6} after {} evaluations in {seconds:.1} s, {rate:.1} a second",
-        summary.evaluations
-    );
-    for (outcome, count) in summary.outcomes.iter().filter(|(outcome, _)| **outcome != Outcome::Finished) {
+    Ok(Attendance::Finished)
+}
+
+/// The result as JSON. `reward`, `parameters` and `overlay` are `null` without a reward so far.
+fn to_json(
+    tuning: &Tuning,
+    summary: &Summary,
+    (seconds, rate): (f64, f64),
+    table: &Path,
+) -> serde_json::Value {
+    let parameters = summary.best.as_ref().map(|(values, _)| {
+        let pairs = tuning.settings().parameters.iter().zip(values);
+        let pairs = pairs.map(|(parameter, value)| (parameter.name(), json!(value)));
+        pairs.collect::<serde_json::Map<String, serde_json::Value>>()
+    });
+    json!({
+        "evaluations": summary.evaluations,
+        "outcomes": summary.outcomes,
+        "reward": summary.best.as_ref().map(|(_, reward)| reward),
+        "parameters": parameters,
+        "overlay": summary.best.as_ref().map(|_| tuning.best_file()),
+        "table": table,
+        "table_sha256": summary.table_sha256,
+        "seconds": seconds,
+        "evaluations_per_second": rate,
+    })
+}
+
+/// Prints the result.
+fn print(tuning: &Tuning, summary: &Summary, (seconds, rate): (f64, f64), graph: &Graph) {
+    let Summary { evaluations, outcomes, best, table_sha256 } = summary;
+    let reward =
+        best.as_ref().map_or_else(|| "no reward".to_owned(), |(_, best)| format!("reward {best:.6}"));
+    outln!("{reward} after {evaluations} evaluations in {seconds:.1} s, {rate:.1} a second");
+    for (outcome, count) in outcomes.iter().filter(|(outcome, _)| **outcome != Outcome::Finished) {
         outln!("{count} {}", outcome.name());
     }
-    for (parameter, value) in parameters.iter().zip(&values) {
+    let Some((values, _)) = best else { return };
+    for (parameter, value) in tuning.settings().parameters.iter().zip(values) {
         outln!("{} = {value}", parameter.name());
     }
-    outln!("table {}", summary.table_sha256);
+    outln!("table {table_sha256}");
     outln!("motorium run {} --with {}", graph.rollout.graph.display(), tuning.best_file().display());
-    Ok(ExitCode::SUCCESS)
 }
 
 fn line(progress: &Progress<'_>) -> String {
@@ -386,6 +519,7 @@ mod tests {
             expect: vec![expect.parse().expect("an expectation")],
             no_expect: false,
             rewards: vec!["physics.base_travel_x_m".parse().expect("a reward")],
+            mode: Mode::Inline,
             plan: serde_json::Value::Null,
         };
         let parameters = [

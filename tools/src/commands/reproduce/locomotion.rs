@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use anyhow::{Context as _, ensure};
 use motorium::graph::Machine;
+use motorium::plan::ClockKind;
 use motorium_learners::experiments::locomotion::{
     DIMENSIONS, PARAMETERS, Searcher, Study, StudySettings, Trial, keys,
 };
@@ -72,6 +73,7 @@ impl Locomotion {
             expect: vec![UPRIGHT.parse()?],
             no_expect: true,
             rewards: vec![format!("{:?}*physics.base_travel_x_m", 1.0 / self.seconds).parse()?],
+            clock: ClockKind::Lockstep,
             machine: Machine::detect(),
             interrupted: interrupted()?,
         })
