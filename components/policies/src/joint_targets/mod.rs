@@ -183,6 +183,8 @@ impl Component for JointTargetsPolicy {
                 self.source.sample(now, &mut self.target);
                 self.writer.command_efforts(&self.target)
             }
+            // refused by `check`
+            ActionKind::BaseTwist => Ok(()),
         }
     }
 
@@ -271,6 +273,11 @@ fn check(
     if !(period..3600.0).contains(&hold) {
         let message = format!("{hold} s, expected at least a period of the policy, {period} s");
         return Err(ConfigError::key("hold", message));
+    }
+    if action.kind == ActionKind::BaseTwist {
+        let message = "the action is a base twist, expected joints";
+        return Err(ConfigError::key("policy", message)
+            .advise("wire the output `twist` of `policy.network` to a `control.wheels` instead"));
     }
     let is_position = action.kind == ActionKind::Position;
     let when_stale = match (config.when_stale, is_position, config.chunks) {
