@@ -364,7 +364,8 @@ fn read(source: &PolicySource, base: &Path) -> Result<Read, ConfigError> {
             let outputs = policy.outputs();
             Read { action: policy.action, rate: policy.rate, rhythm, outputs }
         }
-        PolicySource::Table(ActionTable { rate, action }) => {
+        PolicySource::Table(table) => {
+            let ActionTable { rate, action } = &**table;
             action.check("policy.action.").map_err(|error| match error {
                 PolicyError::Value { key, message } => ConfigError::key(key, message),
                 other => ConfigError::key("policy", other.to_string()),
