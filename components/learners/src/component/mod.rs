@@ -172,6 +172,7 @@ impl Component for LearnerTask {
     const KIND: &'static str = "learner.task";
     const SUMMARY: &'static str =
         "evaluates a policy on a learning task: observations, rewards, episode ends";
+    const READS_WORLD: bool = true;
     const RESETS: bool = true;
     type Config = LearnerTaskConfig;
 

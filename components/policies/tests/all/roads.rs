@@ -121,7 +121,6 @@ safe_state = "hold"
 /// A graph of the rover's task: its policy commands `control.wheels`.
 fn rover_graph(task: &toml::Table) -> String {
     let randomise = toml::to_string(&task["randomise"]).unwrap();
-    let position = &task["start"]["position"];
     format!(
         r#"
 name = "rover"
@@ -144,7 +143,6 @@ publish = {{ joint_state = "state", base_state = "base", randomisation = "random
 
 [component.physics.config]
 plant = true
-position = {position}
 
 [component.physics.config.randomise]
 {randomise}
@@ -341,7 +339,7 @@ fn base_twists_are_no_joint_targets() {
     let text =
         text.replace("target = \"target\"", "action = \"action\"").replace(", odometry = \"odometry\"", "");
     let checked = graph::check(&folder.path().join("graph.toml"), text, &[], &registry(), &Machine::detect());
-    let error = checked.err().expect("it commands no joints").render(false);
+    let error = checked.expect_err("it commands no joints").render(false);
     assert!(error.contains("the action is a base twist, expected joints"), "{error}");
     assert!(error.contains("control.wheels"), "{error}");
 }
