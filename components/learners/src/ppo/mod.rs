@@ -1,8 +1,8 @@
 //! Proximal policy optimisation.
 //!
-//! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` and a value `V(o)` learn from batches of steps. The policy
-//! of a task with [choices](crate::task::Choices) is `a ~ softmax(mu(o))`, one output a choice. With the
-//! probability ratio `r = pi(a | o) / pi_old(a | o)`, advantages `A` and returns `R`, an update minimises
+//! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` and a value `V(o)` learn from batches of steps. The
+//! policy of a task with [choices](crate::task::Choices) is `a ~ softmax(mu(o))`, one output a choice. With
+//! the probability ratio `r = pi(a | o) / pi_old(a | o)`, advantages `A` and returns `R`, an update minimises
 //!
 //! ```text
 //! L   = -E[min(r A, clip(r, 1 - c, 1 + c) A)] + value / 2 E[(V - R)^2] - entropy H

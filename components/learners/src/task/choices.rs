@@ -2,7 +2,7 @@
 
 use motorium_models::policy::Policy;
 
-use super::TaskError;
+use super::{CHOICES, Task, TaskError};
 
 /// The actions among which a discrete policy chooses, one row each.
 ///
@@ -38,12 +38,23 @@ pub struct Choices {
     width: usize,
 }
 
+impl Task {
+    /// The actions of a discrete task: the rows of `action.choices`. `None` if its actions are continuous.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError`] where the rows are not different actions within the bounds.
+    pub fn choices(&self) -> Result<Option<Choices>, TaskError> {
+        self.action.get(CHOICES).map(|rows| Choices::read(rows, &self.policy()?)).transpose()
+    }
+}
+
 impl Choices {
     /// Largest number of rows.
     pub const MOST: usize = 256;
 
     /// Reads the rows of a task with a policy.
-    pub(super) fn read(rows: &toml::Value, policy: &Policy) -> Result<Self, TaskError> {
+    fn read(rows: &toml::Value, policy: &Policy) -> Result<Self, TaskError> {
         let key = |row: Option<usize>| {
             row.map_or_else(|| "action.choices".to_owned(), |row| format!("action.choices[{row}]"))
         };
@@ -131,7 +142,6 @@ pub(crate) fn best(values: impl IntoIterator<Item = f32>) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::task::Task;
 
     #[test]
     fn grids_hold_all_combinations_of_moving_joints() {

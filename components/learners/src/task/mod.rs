@@ -292,15 +292,6 @@ impl Task {
         Ok(Policy::parse(&self.policy_text(None)?)?)
     }
 
-    /// The actions of a discrete task: the rows of `action.choices`. `None` if its actions are continuous.
-    ///
-    /// # Errors
-    ///
-    /// [`TaskError`] where the rows are not different actions within the bounds.
-    pub fn choices(&self) -> Result<Option<Choices>, TaskError> {
-        self.action.get(CHOICES).map(|rows| Choices::read(rows, &self.policy()?)).transpose()
-    }
-
     /// Lowest and highest reward of a step.
     ///
     /// # Errors

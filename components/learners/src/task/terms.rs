@@ -228,8 +228,8 @@ impl Terms {
         self.policy.action.twist
     }
 
-    /// For each number of an action, true if it has an effect: the scale of its joint is not 0, or it commands
-    /// the pattern or the base.
+    /// For each number of an action, true if it has an effect: the scale of its joint is not 0, or it
+    /// commands the pattern or the base.
     pub fn active_actions(&self) -> Vec<bool> {
         let joints = self.targets.targets();
         (0..self.actions()).map(|index| joints.get(index).is_none_or(|joint| joint.scale != 0.0)).collect()

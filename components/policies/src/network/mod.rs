@@ -27,8 +27,8 @@ use crate::robot::{required, too_few_joints};
 /// Each observation term is read from its topic, clipped, scaled and stored in its history as specified in
 /// `policy.toml`. No action is published until every measurement has arrived, or while one is older than
 /// `state_timeout`. Recurrent states and histories restart with each episode.
-/// [`JointTargetsPolicy`](crate::JointTargetsPolicy) converts the actions to joint commands; an action that is
-/// a base twist is published as a target of `control.wheels`, too.
+/// [`JointTargetsPolicy`](crate::JointTargetsPolicy) converts the actions to joint commands. An action that
+/// is a base twist is published as a target of `control.wheels`, too.
 #[derive(Debug)]
 pub struct NetworkPolicy {
     network: PolicyNetwork,
