@@ -9,7 +9,9 @@ pub use mpc::{
     WeightsConfig,
 };
 pub use multirotor::{MultirotorConfig, MultirotorController};
-pub use wheels::{StartConfig, WheelController, WheelsConfig};
+pub use wheels::WheelController;
+
+pub use crate::wheels::{StartConfig, WheelsConfig};
 
 use motorium::worker::Kind;
 

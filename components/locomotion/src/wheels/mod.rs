@@ -9,6 +9,7 @@
 //!   the displacement of the base.
 //! - [`WheelDrive`] controls the wheels to a velocity within their limits of speed, acceleration and
 //!   steering.
+//! - [`RobotWheels`] turns the velocity of a robot's base into the setpoints of all its joints.
 //! - [`Odometry`] integrates the displacement. It assumes rolling without slip, along an arc between two
 //!   samples; slip is modelled in its covariance only.
 //!
@@ -30,14 +31,18 @@
 //! ```
 
 mod base;
+mod config;
 mod drive;
 mod limits;
 mod odometry;
+mod robot;
 
 pub use base::{BaseKind, Wheel, WheelBase, WheelError};
+pub use config::{StartConfig, WheelsConfig};
 pub use drive::WheelDrive;
 pub use limits::WheelLimits;
 pub use odometry::Odometry;
+pub use robot::{BaseJoint, RobotWheels, RobotWheelsError};
 
 /// A planar velocity in base axes, or a displacement at constant velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -1,20 +1,16 @@
 //! `control.wheels`: a controller that drives a wheeled base at a target velocity and publishes odometry.
 
-mod config;
-mod setup;
-
-pub use config::{StartConfig, WheelsConfig};
-
 use motorium::prelude::*;
-use motorium_control::measured::{check_joint_count, period_ns, required_robot};
-use motorium_robots::{Dynamics, Gains, Model};
-use nalgebra::{Matrix3, Vector3};
+use motorium_control::checks::in_range;
+use motorium_control::measured::{check_joint_count, load_robot, period_ns, required_robot};
+use nalgebra::Matrix3;
 
-use crate::wheels::{BaseKind, Odometry as DeadReckoning, PlanarPose, PlanarTwist, WheelDrive};
-use setup::{BaseJoint, WheelSetup};
+use crate::wheels::{
+    BaseKind, Odometry as DeadReckoning, PlanarPose, PlanarTwist, RobotWheels, StartConfig, WheelsConfig,
+};
 
 /// A controller that converts a target velocity of a base to commands of its wheels and steering joints; see
-/// [`WheelDrive`]. The other joints follow `arm_command`, or hold their initial positions.
+/// [`RobotWheels`]. The other joints follow `arm_command`, or hold their initial positions.
 ///
 /// It publishes odometry from the measured wheel angles, which continues after a crash. Without a fresh joint
 /// state it commands nothing; without a fresh target the base brakes.
@@ -25,32 +21,19 @@ pub struct WheelController {
     joint_command: Output<JointCommand>,
     odometry: Output<Odometry>,
     speed_factor: Parameter<f64>,
-    model: Model,
-    drive: WheelDrive,
-    wheels: Vec<BaseJoint>,
-    steering: Vec<Option<BaseJoint>>,
-    /// For every joint, `true` if it belongs to the base.
-    of_base: Vec<bool>,
-    gains: Gains,
+    wheels: RobotWheels,
+    /// Joints outside the base.
+    others: Vec<usize>,
     reckoning: DeadReckoning,
     config: WheelsConfig,
     start: PlanarPose,
-    /// Gravity torques for an upright base; `None` without compensation.
-    dynamics: Option<Dynamics>,
-    configuration: Vec<f64>,
-    gravity: Vec<f64>,
-    /// Gravitational acceleration, m/s^2.
-    down: Vector3<f64>,
     q: Vec<f64>,
     v: Vec<f64>,
-    setpoint: Vec<f64>,
-    rate: Vec<f64>,
     /// Angles of the wheels and steering joints, with the sign convention of the base.
     angles: Vec<f64>,
     /// `true` if the angles have not changed since the previous sample.
     reckons: bool,
     turned: Vec<f64>,
-    steered: Vec<f64>,
     checkpoint: Checkpoint,
     last_ns: Option<u64>,
     limited: u64,
@@ -69,7 +52,7 @@ impl Component for WheelController {
     type Config = WheelsConfig;
 
     fn declare(config: &WheelsConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        WheelSetup::new(config, required_robot(declare)?)?;
+        load(config, required_robot(declare)?)?;
         declare.input::<JointState>("joint_state", "measured joint state of the robot");
         declare.input::<TwistTarget>("target", "target velocity of the base, in its own axes");
         declare
@@ -83,10 +66,10 @@ impl Component for WheelController {
 
     fn configure(config: WheelsConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
-        let WheelSetup { model, drive, wheels, steering, gains, start } = WheelSetup::new(&config, &robot)?;
-        let (joints, count) = (model.joint_count(), wheels.len());
-        let mut of_base = vec![false; joints];
-        wheels.iter().chain(steering.iter().flatten()).for_each(|joint| of_base[joint.index] = true);
+        let wheels = load(&config, &robot)?;
+        let (joints, count) = (wheels.position().len(), wheels.wheels().len());
+        let StartConfig { position: [x, y], yaw } = config.start;
+        let start = PlanarPose { x, y, yaw };
         let mut checkpoint = setup.checkpoint(REMEMBERED + count)?;
         let mut reckoning = DeadReckoning::new(start, config.slip);
         let mut angles = vec![0.0; count];
@@ -105,16 +88,9 @@ impl Component for WheelController {
             joint_command: setup.output("joint_command")?,
             odometry: setup.output("odometry")?,
             speed_factor: setup.parameter("speed_factor")?,
-            dynamics: config.gravity_compensation.then(|| Dynamics::new(&model)),
-            configuration: model.neutral(),
-            gravity: vec![0.0; model.nv()],
-            down: config.gravity.into(),
             q: vec![0.0; joints],
             v: vec![0.0; joints],
-            setpoint: vec![0.0; joints],
-            rate: vec![0.0; joints],
             turned: vec![0.0; count],
-            steered: vec![0.0; count],
             angles,
             reckons,
             checkpoint,
@@ -122,12 +98,8 @@ impl Component for WheelController {
             limited: 0,
             stale: 0,
             without_target: 0,
-            model,
-            drive,
+            others: (0..joints).filter(|joint| !wheels.is_of_base(*joint)).collect(),
             wheels,
-            steering,
-            of_base,
-            gains,
             reckoning,
             start,
             config,
@@ -142,15 +114,12 @@ impl Component for WheelController {
         let unbroken =
             |last| tick.time_ns.saturating_sub(last) <= self.config.state_timeout.ns.max(2 * period_ns(tick));
         if !self.last_ns.is_some_and(unbroken) {
-            self.begin();
+            self.wheels.begin(&self.q);
         }
         self.last_ns = Some(tick.time_ns);
-        let dt = tick.dt();
         let target = self.target();
-        let yaw = self.reckoning.pose().yaw;
-        let follows = self.drive.follow(&target, yaw, dt);
+        let follows = self.wheels.follow(&target, &self.q, tick.dt());
         self.limited += u64::from(!follows);
-        self.lead(dt);
         self.publish_command()?;
         self.remember();
         self.publish_odometry(way)
@@ -195,37 +164,28 @@ impl WheelController {
 
     /// Integrates the distance travelled since the previous sample and returns the velocity of the base.
     fn reckon(&mut self) -> PlanarTwist {
-        let measured = self.wheels.iter().zip(&mut self.angles).zip(&mut self.turned);
+        let measured = self.wheels.wheels().iter().zip(&mut self.angles).zip(&mut self.turned);
         for ((joint, angle), turned) in measured {
             let now = joint.sign * self.q[joint.index];
             (*turned, *angle) = (now - *angle, now);
         }
-        if self.drive.base().kind() == BaseKind::Planar {
+        let base = self.wheels.drive().base();
+        if base.kind() == BaseKind::Planar {
             let at = &self.angles;
             self.reckoning.set_pose(PlanarPose { x: at[0], y: at[1], yaw: at[2] }, self.reckons);
         } else if self.reckons {
-            self.reckoning.advance(self.drive.base(), &self.turned);
+            self.reckoning.advance(base, &self.turned);
         }
         self.reckons = true;
-        for (joint, turned) in self.wheels.iter().zip(&mut self.turned) {
+        for (joint, turned) in self.wheels.wheels().iter().zip(&mut self.turned) {
             *turned = joint.sign * self.v[joint.index];
         }
-        let way = self.drive.base().way(&self.turned);
-        if self.drive.base().kind() != BaseKind::Planar {
+        let way = base.way(&self.turned);
+        if base.kind() != BaseKind::Planar {
             return way;
         }
         let (sin, cos) = self.reckoning.pose().yaw.sin_cos();
         PlanarTwist { x: cos * way.x + sin * way.y, y: cos * way.y - sin * way.x, yaw: way.yaw }
-    }
-
-    /// Starts at rest, with all joints at their current positions.
-    fn begin(&mut self) {
-        for (steered, joint) in self.steered.iter_mut().zip(&self.steering) {
-            *steered = joint.map_or(0.0, |joint| joint.sign * self.q[joint.index]);
-        }
-        self.drive.begin(&self.steered);
-        self.setpoint.copy_from_slice(&self.q);
-        self.rate.fill(0.0);
     }
 
     /// Returns the target velocity: zero without a fresh target.
@@ -239,51 +199,26 @@ impl WheelController {
         twist.scaled(self.speed_factor.get())
     }
 
-    /// Advances the setpoints of the base's joints by one step.
-    fn lead(&mut self, dt: f64) {
-        for (place, joint) in self.wheels.iter().enumerate() {
-            let BaseJoint { index, sign } = *joint;
-            self.rate[index] = sign * self.drive.speeds()[place];
-            let lead = self.setpoint[index] + self.rate[index] * dt - self.q[index];
-            self.setpoint[index] = self.q[index] + lead.clamp(-self.config.max_lead, self.config.max_lead);
-        }
-        for (place, joint) in self.steering.iter().enumerate() {
-            let Some(BaseJoint { index, sign }) = *joint else { continue };
-            self.setpoint[index] = sign * self.drive.steering()[place];
-            self.rate[index] = sign * self.drive.steering_rate()[place];
-        }
-    }
-
     fn publish_command(&mut self) -> Result<(), StepError> {
-        if let Some(dynamics) = &mut self.dynamics {
-            let base = self.configuration.len() - self.q.len();
-            self.configuration[base..].copy_from_slice(&self.q);
-            dynamics.gravity(&self.model, &self.configuration, self.down, &mut self.gravity);
-        }
+        let Self { wheels, others, .. } = self;
         let count = self.q.len();
         let mut command = self.joint_command.loan()?;
         command.set_count(count);
-        command.position_mut().copy_from_slice(&self.setpoint);
-        command.velocity_mut().copy_from_slice(&self.rate);
-        command.kp_mut().copy_from_slice(self.gains.kp.as_slice());
-        command.kd_mut().copy_from_slice(self.gains.kd.as_slice());
-        let weights = self.model.joints_of_v(&self.gravity).iter().zip(self.model.effort_limit());
-        for (effort, (weight, limit)) in command.effort_mut().iter_mut().zip(weights) {
-            *effort = weight.max(-limit).min(*limit);
-        }
-        for joint in &self.wheels {
-            command.effort_mut()[joint.index] = 0.0;
-        }
+        command.position_mut().copy_from_slice(wheels.position());
+        command.velocity_mut().copy_from_slice(wheels.velocity());
+        command.kp_mut().copy_from_slice(wheels.gains().kp.as_slice());
+        command.kd_mut().copy_from_slice(wheels.gains().kd.as_slice());
+        command.effort_mut().copy_from_slice(wheels.effort());
         let timeout = self.config.state_timeout.ns;
         let arm = self.arm.latest().filter(|arm| arm.age_ns() <= timeout && arm.count() == count);
         if let Some(arm) = arm {
-            for index in (0..count).filter(|index| !self.of_base[*index]) {
+            for index in others.iter().copied() {
                 command.position_mut()[index] = arm.position()[index];
                 command.velocity_mut()[index] = arm.velocity()[index];
                 command.effort_mut()[index] = arm.effort()[index];
                 command.kp_mut()[index] = arm.kp()[index];
                 command.kd_mut()[index] = arm.kd()[index];
-                self.setpoint[index] = arm.position()[index];
+                wheels.hold(index, arm.position()[index]);
             }
         }
         command.publish()
@@ -308,4 +243,36 @@ impl WheelController {
         odometry.distance = self.reckoning.distance();
         odometry.publish()
     }
+}
+
+/// Checks the configuration and loads the wheels of a robot.
+fn load(config: &WheelsConfig, robot: &RobotReference) -> Result<RobotWheels, ConfigError> {
+    let loaded = load_robot(robot)?;
+    check_numbers(config)?;
+    RobotWheels::new((&robot.name, &loaded.model), loaded.profile.as_ref(), config).map_err(|error| {
+        let refused = ConfigError::key("robot", error.to_string());
+        match error.help() {
+            Some(help) => refused.advise(help),
+            None => refused,
+        }
+    })
+}
+
+fn check_numbers(config: &WheelsConfig) -> Result<(), ConfigError> {
+    if let Some(speed) = config.speed {
+        in_range("speed", speed, 1e-6..=1e3)?;
+    }
+    in_range("acceleration", config.acceleration, 1e-3..=1e3)?;
+    in_range("max_lead", config.max_lead, 1e-4..=1e3)?;
+    in_range("slip", config.slip, 0.0..=1.0)?;
+    for (key, gain) in [("wheel_kp", config.wheel_kp), ("wheel_kd", config.wheel_kd)] {
+        if let Some(gain) = gain {
+            in_range(key, gain, 0.0..=1e9)?;
+        }
+    }
+    let start = [config.start.position[0], config.start.position[1], config.start.yaw];
+    for number in start {
+        in_range("start", number, -1e6..=1e6)?;
+    }
+    Ok(())
 }

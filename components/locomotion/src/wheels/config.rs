@@ -1,4 +1,4 @@
-//! The `config` table of `control.wheels`.
+//! Settings of the wheels of a robot: the `config` table of `control.wheels`.
 
 use motorium::units::TimeSpan;
 use motorium_control::with_defaults;
