@@ -88,8 +88,8 @@ pub fn episodes(seconds: u32, core: usize) -> String {
     )
 }
 
-/// A source of values at 10 kHz on a raw port, single or as slices, and the sink triggered by it, on one
-/// core.
+/// A source that publishes at 10 kHz on a raw port, and a sink triggered by each message, on one core. The
+/// messages are single values, or slices.
 pub fn raw_ports(slices: bool, seconds: u32, core: usize) -> String {
     format!(
         "name = \"bench-raw\"\nduration = \"{seconds} s\"\n[cores]\nrealtime = [{core}]\n[component.source]\n\

@@ -19,7 +19,8 @@ pub enum End {
 }
 
 impl End {
-    /// Returns `true` if the final state has no value; `false` for a truncated episode.
+    /// Returns `true` if the episode ended in a terminal state, which has no future return; `false` if it was
+    /// truncated.
     pub fn is_terminal(self) -> bool {
         self != Self::Truncated
     }

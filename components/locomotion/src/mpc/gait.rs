@@ -24,7 +24,7 @@ pub enum GaitError {
     #[error("a period of {0} s, expected more than 0")]
     Period(f64),
     /// The duty is not a fraction of the period.
-    #[error("a foot that stands for {0} of the period, expected more than 0 and less than 1")]
+    #[error("a foot is in stance for a fraction {0} of the period, expected more than 0 and less than 1")]
     Duty(f64),
     /// The offset is not a fraction of the period.
     #[error("an offset of {0} periods, expected from 0 to 1")]

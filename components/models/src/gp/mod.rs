@@ -73,8 +73,8 @@ pub struct Scratch {
 }
 
 impl GaussianProcess {
-    /// Creates a process with a noise variance and data: `x` has one point of `dimensions` per row, `y` has
-    /// one row of `outputs` per point.
+    /// Creates a process from a noise variance and data. Each row of `x` is a point with `dimensions`
+    /// coordinates, and the same row of `y` has its `outputs` values.
     ///
     /// # Errors
     /// If the sizes do not match, a value is not finite, or the covariance is not positive definite.

@@ -89,9 +89,9 @@ fn spread(points: &Points, count: usize) -> Vec<usize> {
 }
 
 impl SparseGaussianProcess {
-    /// Creates a process with a noise variance and data: `x` has one point of `dimensions` per row, `y` has
-    /// one row of `outputs` per point. `inducing` points, spread over the data, become the inducing points;
-    /// fewer if points repeat.
+    /// Creates a process from a noise variance and data. Each row of `x` is a point with `dimensions`
+    /// coordinates, and the same row of `y` has its `outputs` values. `inducing` points, spread over the
+    /// data, become the inducing points; fewer if points repeat.
     ///
     /// # Errors
     /// If the sizes do not match, a value is not finite, `inducing` is 0 or above the number of points, or a

@@ -96,7 +96,7 @@ pub enum ChunkError {
         by: u64,
     },
     /// The time of the last action has passed.
-    #[error("the chunk ended {by} ns before it arrived")]
+    #[error("the chunk arrived too late: its last action was due {by} ns earlier")]
     Late {
         /// Time since the last action \[ns\].
         by: u64,

@@ -181,7 +181,7 @@ impl Function {
 /// Applies a function to each number of rows of `width`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Activation {
-    /// Numbers in a row.
+    /// Number of values per row.
     pub width: usize,
     /// The function.
     pub function: Function,

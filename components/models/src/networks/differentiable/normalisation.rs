@@ -7,7 +7,7 @@ use crate::arithmetic::Real;
 /// parameters, in this order).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LayerNorm {
-    /// Numbers in a row.
+    /// Number of values per row.
     pub width: usize,
     /// Constant added to the variance.
     pub epsilon: f64,
@@ -18,7 +18,7 @@ pub struct LayerNorm {
 /// `BatchNormalization` of ONNX.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BatchNorm {
-    /// Numbers in a row.
+    /// Number of values per row.
     pub width: usize,
     /// Constant added to the variance.
     pub epsilon: f64,
