@@ -7,13 +7,14 @@ use motorium_models::safetensors;
 use crate::target::{files, target};
 
 /// Folders with networks and policies.
-const FOLDERS: [&str; 7] = [
+const FOLDERS: [&str; 8] = [
     "fixtures",
     "fixtures/isaac-lab",
     "fixtures/leapp",
     "graphs/cart-pole-policy",
     "graphs/policies/quadruped-ppo",
     "graphs/policies/quadruped-trot",
+    "graphs/rover-policy",
     "robots/tests/golden",
 ];
 

@@ -126,7 +126,7 @@ impl Comparison {
                 *action = chosen.next().copied().unwrap_or_default();
             }
         };
-        let bounds = worlds.terms().policy().action.clip.ok_or("the task's action has no `clip`")?;
+        let bounds = worlds.terms().policy().action.bounds().ok_or("the task's action has no `clip`")?;
         let rows = |numbers: &[f32]| numbers.chunks_exact(inputs).map(<[f32]>::to_vec).collect::<Vec<_>>();
         let run = json!({
             "algorithm": self.algorithm,

@@ -2,8 +2,9 @@
 
 use core::ops::Range;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
-use motorium_robots::{ActuatorSettings, Kinematics, Loaded, Model, Srdf, UnknownFrame};
+use motorium_robots::{ActuatorSettings, Kinematics, Loaded, Model, Profile, Srdf, UnknownFrame};
 use motorium_worlds::{FrictionCombine, Grain, Softness};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
@@ -34,6 +35,8 @@ pub struct RobotSetup {
     pub grain: BTreeMap<String, Grain>,
     /// The actuators of the joints, one for each. `None` and joints beyond the end of the list are ideal.
     pub actuators: Vec<Option<ActuatorSettings>>,
+    /// The profile of a loaded robot, for controllers next to the simulation.
+    pub profile: Option<Arc<Profile>>,
 }
 
 impl From<Model> for RobotSetup {
@@ -51,6 +54,7 @@ impl From<Model> for RobotSetup {
             soft,
             grain,
             actuators,
+            profile: None,
         }
     }
 }
@@ -71,7 +75,8 @@ impl RobotSetup {
         let feet = robot.profile.iter().flat_map(|profile| profile.feet.values());
         let friction = feet.filter_map(|foot| Some((foot.frame.clone(), foot.friction?))).collect();
         let collision_rules = robot.exclusions.clone();
-        Ok(Self { rotors, collision_rules, friction, ..Self::from(model) })
+        let profile = robot.profile.clone().map(Arc::new);
+        Ok(Self { rotors, collision_rules, friction, profile, ..Self::from(model) })
     }
 }
 
@@ -98,6 +103,7 @@ impl RobotSetup {
 pub struct Articulation {
     pub(crate) model: Model,
     pub(crate) rotors: Vec<RotorDrive>,
+    profile: Option<Arc<Profile>>,
     /// Poses and velocities of the links in the current state.
     pub(crate) kinematics: Kinematics,
     /// True if it is moved from outside: no force and no drive moves it.
@@ -112,6 +118,11 @@ impl Articulation {
     /// Returns the model: links, joints, inertias and collision shapes.
     pub fn model(&self) -> &Model {
         &self.model
+    }
+
+    /// Returns the profile of a [loaded](RobotSetup::from_loaded) robot that has one.
+    pub fn profile(&self) -> Option<&Profile> {
+        self.profile.as_deref()
     }
 
     /// Returns its range of the configuration.
@@ -220,7 +231,7 @@ impl Robot {
     pub(crate) fn new(setups: &[RobotSetup], options: &Options, gravity: Vector3<f64>) -> Self {
         let (mut articulations, mut joints, mut names, mut q) =
             (Vec::<Articulation>::new(), Vec::new(), Vec::new(), Vec::new());
-        for RobotSetup { model, rotors, .. } in setups {
+        for RobotSetup { model, rotors, profile, .. } in setups {
             let v = articulations.last().map_or(0, |last| last.v.end);
             let (joint, drive) = (joints.len(), names.len());
             names.extend(model.joint_names().iter().chain(rotors.iter().map(|rotor| &rotor.name)).cloned());
@@ -234,6 +245,7 @@ impl Robot {
                 drives: drive..names.len(),
                 model: model.clone(),
                 rotors: rotors.clone(),
+                profile: profile.clone(),
             });
             q.extend(model.neutral());
         }

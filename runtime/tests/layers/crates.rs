@@ -12,7 +12,10 @@ const BETWEEN_WINGS: [(&str, &[&str]); 9] = [
     ("locomotion", &["control", "qp"]),
     ("library", &["algebra", "primitives", "recordings"]),
     ("models", &["algebra", "networks"]),
-    ("learners", &["algebra", "primitives", "library", "models", "physics", "recordings", "worlds"]),
+    (
+        "learners",
+        &["algebra", "primitives", "library", "locomotion", "models", "physics", "recordings", "worlds"],
+    ),
     ("physics", &["worlds"]),
     ("policies", &["primitives", "library", "models", "learners", "recordings"]),
     ("sensors", &["worlds"]),

@@ -172,6 +172,7 @@ impl Component for LearnerTask {
     const KIND: &'static str = "learner.task";
     const SUMMARY: &'static str =
         "evaluates a policy on a learning task: observations, rewards, episode ends";
+    const READS_WORLD: bool = true;
     const RESETS: bool = true;
     type Config = LearnerTaskConfig;
 
@@ -345,7 +346,7 @@ impl LearnerTask {
     fn read_action(&mut self) -> Result<(), StepError> {
         let Some(action) = self.inputs.action.next_unread() else { return Ok(()) };
         if action.count() != self.terms.actions() {
-            return Err(StepError::failed("the action and the task differ in their number of joints"));
+            return Err(StepError::failed("the action and the task's action differ in length"));
         }
         if action.episode == self.episode {
             self.actions.swap(0, 1);

@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
+use motorium_locomotion::wheels::RobotWheels;
 use motorium_physics::{Engine, Simulation, Simulator as _};
 
 use super::EnvironmentError;
-use super::stage::{Stage, Surroundings};
+use super::stage::{Motion, Stage, Surroundings};
 use crate::random::{Counter, Purpose};
 use crate::task::{End, Rhythm, Step, Task, Terms, Trial};
 
@@ -24,6 +25,7 @@ pub(super) struct Episode {
     /// All actions of the episode, from which it can be replayed.
     pub(super) actions: Vec<f32>,
     rhythm: Option<Rhythm>,
+    wheels: Option<RobotWheels>,
     /// Factors of the gain and of the strength of each drive.
     drives: Vec<[f64; 2]>,
     /// Physics steps after which an action takes effect.
@@ -33,7 +35,8 @@ pub(super) struct Episode {
 }
 
 impl Episode {
-    pub(super) fn new(terms: &Terms, seed: u64, world: u64, drives: usize) -> Self {
+    pub(super) fn new(stage: &Stage, seed: u64, world: u64, drives: usize) -> Self {
+        let terms = &stage.terms;
         Self {
             seed,
             world,
@@ -43,6 +46,7 @@ impl Episode {
             observation: vec![0.0; terms.inputs()],
             actions: Vec::with_capacity(terms.actions() * terms.steps()),
             rhythm: terms.rhythm(),
+            wheels: stage.wheels.clone(),
             drives: vec![[1.0; 2]; drives],
             delay: 0,
             surroundings: Surroundings::new(terms),
@@ -66,6 +70,9 @@ impl Episode {
         let seed = seed.unwrap_or_else(|| counter.number(Purpose::Start));
         self.delay = stage.delay(counter);
         stage.begin(simulation, (counter, seed), &mut self.drives)?;
+        if let Some(wheels) = &mut self.wheels {
+            wheels.begin(&simulation.positions()[..wheels.position().len()]);
+        }
         let state = stage.state(simulation, &mut self.surroundings);
         self.trial.begin(&stage.terms, (counter, level), &state);
         self.trial.write(&mut self.observation);
@@ -86,8 +93,13 @@ impl Episode {
             episode: self.number,
             step: self.trial.step() as u64,
         };
-        let actions = ([self.trial.action_before(), self.trial.action()], self.rhythm.as_mut());
-        stage.advance(simulation, (counter, actions), (self.delay, &self.drives))
+        let motion = Motion {
+            before: self.trial.action_before(),
+            action: self.trial.action(),
+            rhythm: self.rhythm.as_mut(),
+            wheels: self.wheels.as_mut(),
+        };
+        stage.advance(simulation, (counter, motion), (self.delay, &self.drives))
     }
 
     /// Applies an action for one step of the policy.
@@ -167,7 +179,7 @@ impl<E: Engine> Environment<E> {
         world: u64,
     ) -> Result<Self, EnvironmentError> {
         let stage = Arc::new(Stage::new(task, &mut simulation)?);
-        let episode = Episode::new(&stage.terms, seed, world, simulation.joint_names().len());
+        let episode = Episode::new(&stage, seed, world, simulation.joint_names().len());
         let mut made = Self { simulation, stage, episode, next: 0 };
         made.episode.begin(&made.stage, &mut made.simulation, (0, 1.0, None))?;
         Ok(made)

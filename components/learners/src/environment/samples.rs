@@ -59,7 +59,7 @@ fn rest(task: &Task, seed: u64) -> EpisodeSummary {
 }
 
 /// The tasks, and the end and the least number of steps of an episode of zero actions.
-const TASKS: [(&str, End, usize); 10] = [
+const TASKS: [(&str, End, usize); 11] = [
     ("acrobot", End::Truncated, 200),
     ("ball-in-cup", End::Truncated, 200),
     ("cart-pole", End::Failure, 10),
@@ -70,6 +70,7 @@ const TASKS: [(&str, End, usize); 10] = [
     ("quadruped-cpg", End::Truncated, 200),
     ("quadruped-velocity", End::Truncated, 1000),
     ("reacher", End::Truncated, 250),
+    ("rover-velocity", End::Truncated, 200),
 ];
 
 #[test]
@@ -260,6 +261,74 @@ fn a_target_is_observed_rewarded_and_replaced() {
     }
     assert_eq!(targets.len(), 3, "one at the start, and one after each interval");
     assert!(targets.iter().all(|[x, y, z]| x.abs() <= 0.14 && y.abs() <= 0.14 && *z == 0.0), "{targets:?}");
+}
+
+#[test]
+fn a_rover_moves_at_the_velocity_of_its_action() {
+    let changes = [("mass = [0.9, 1.1]\nfriction = [0.7, 1.2]", "")];
+    let task = changed("rover-velocity", &changes);
+    let mut world = world(&task, 1);
+    world.reset().expect("an episode");
+    assert_eq!(world.terms().actions(), 2, "forward and turn");
+    // 0.1 m/s and 0.6 rad/s, reached after 0.15 s at 1 m/s^2
+    for step in 0..100 {
+        assert_eq!(world.step(&[0.5, 0.4]).end, None, "step {step}");
+    }
+    let v = world.simulation().velocity().to_vec();
+    assert!((v[0] - 0.1).abs() < 2e-3 && v[1].abs() < 2e-3 && (v[5] - 0.6).abs() < 0.02, "{v:?}");
+    // on a circle of 1/6 m about a point to the left
+    let q = world.simulation().configuration();
+    let radius = q[0].hypot(q[1] - 1.0 / 6.0);
+    assert!((radius - 1.0 / 6.0).abs() < 0.01, "{radius} m, at {:?}", &q[..2]);
+    // an episode starts at rest
+    world.reset().expect("an episode");
+    world.step(&[0.0, 0.0]);
+    assert!(world.simulation().velocity().iter().all(|v| v.abs() < 0.02), "it stands");
+}
+
+#[test]
+fn ppo_learns_to_drive_a_rover() {
+    let settings = "steps = 24576\nworlds = 16\nhorizon = 64\nhidden = [16, 16]\ndeviation = 0.5\n\
+                    rate = 3e-3\nmirror = true";
+    let [random, trained] = returns("rover-velocity", settings);
+    let task = changed("rover-velocity", &[]);
+    let standing = (0..10).map(|seed| rest(&task, seed).total).sum::<f64>() / 10.0;
+    // 2 in each of 200 steps at the commanded velocity
+    let found = format!("{random} of random actions, {standing} at rest, {trained}");
+    assert!(trained > 250.0 && trained > 1.5 * standing && trained > random, "{found}");
+}
+
+#[test]
+fn base_twists_that_the_robot_cannot_follow_are_refused() {
+    let error = |changes: &[(&str, &str)]| {
+        let task = changed("rover-velocity", changes);
+        let simulation = scene(&task).simulation().expect("a simulation");
+        match Environment::new(&task, simulation, 1, 0).err() {
+            Some(EnvironmentError::Task(error)) => error,
+            other => panic!("{changes:?}: {other:?}"),
+        }
+    };
+    let key = |error: TaskError| match error {
+        TaskError::Value { key, .. } => key,
+        other => panic!("{other}"),
+    };
+    let sideways = ("turn = [-1.5", "left = [-0.1, 0.1], turn = [-1.5");
+    assert_eq!(key(error(&[sideways])), "action.twist.left");
+    assert_eq!(key(error(&[("decimation = 8", "decimation = 21")])), "decimation");
+    let effort = ("\"action_change\"", "\"effort\", clip = [0.0, 1.0]");
+    assert_eq!(key(error(&[effort])), "rewards[2].term");
+    assert_eq!(key(error(&[("turn = [-1.5, 1.5]", "turn = [-1.0, 1.5]")])), "action.twist.turn");
+    let pose = "position = [0.0, 0.0, 0.239446147, 0.0, 0.0, 0.0, 1.0,
+        0.0, 0.8, -1.6, 0.0, 0.8, -1.6, 0.0, -0.8, 1.6, 0.0, -0.8, 1.6]";
+    let legs = [
+        ("differential-drive", "quadruped"),
+        ("position = [0.0, 0.0, 0.033, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0]", pose),
+    ];
+    let without_wheels = error(&legs).to_string();
+    assert!(
+        without_wheels.contains("has no wheels") && without_wheels.contains("help: "),
+        "{without_wheels}"
+    );
 }
 
 #[test]

@@ -7,7 +7,7 @@ use motorium_physics::{ArticulatedSimulator, BuildError, Options, RobotSetup};
 use motorium_robots::{LoadError, ModelWarning, UnknownFrame, load};
 use motorium_worlds::{World, WorldError};
 
-use crate::task::{Task, robot_digest};
+use crate::task::{Task, digest_joints, robot_digest};
 
 /// A robot that cannot be loaded.
 #[derive(Debug, thiserror::Error)]
@@ -58,7 +58,7 @@ impl Scene {
         let mut world = task.world.clone();
         let warnings = world.locate(base)?;
         let policy = task.policy().ok();
-        let digest = policy.and_then(|policy| robot_digest(&loaded, &policy.action.joints));
+        let digest = policy.and_then(|policy| robot_digest(&loaded, &digest_joints(&policy.action, &loaded)));
         Ok(Self { robot: setup, world, warnings, digest, start: task.start.position.clone() })
     }
 

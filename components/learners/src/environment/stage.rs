@@ -1,6 +1,7 @@
 //! A task at the simulation of a robot: its terms, the start of its episodes, and its steps of physics.
 
 use motorium_drive::{JointSetpoint, within_range, within_rate};
+use motorium_locomotion::wheels::{BaseKind, PlanarTwist, RobotWheels, WheelsConfig};
 use motorium_models::policy::{ActionKind, BaseMotion, projected_gravity};
 use motorium_physics::randomise::{Draws, RandomiseConfig, Start};
 use motorium_physics::{Engine, ObjectId, Simulation, Simulator as _};
@@ -16,6 +17,8 @@ use crate::task::{PointMotion, Pushes, Rhythm, RobotState, Task, TaskError, Term
 #[derive(Debug)]
 pub(super) struct Stage {
     pub(super) terms: Terms,
+    /// The wheels that a base twist moves, before an episode.
+    pub(super) wheels: Option<RobotWheels>,
     /// The objects whose motion is measured.
     objects: Vec<ObjectId>,
     draws: Option<Draws>,
@@ -53,6 +56,16 @@ impl SetpointLimits {
     }
 }
 
+/// The actions of a step of the policy, and what they command.
+#[derive(Debug)]
+pub(super) struct Motion<'a> {
+    /// The action of the step before.
+    pub(super) before: &'a [f64],
+    pub(super) action: &'a [f64],
+    pub(super) rhythm: Option<&'a mut Rhythm>,
+    pub(super) wheels: Option<&'a mut RobotWheels>,
+}
+
 /// Memory for the measurements of a state around its joints.
 #[derive(Clone, Debug)]
 pub(super) struct Surroundings {
@@ -75,6 +88,7 @@ impl Stage {
     /// A task at a simulation, which is left at the start of an episode without randomisation.
     pub(super) fn new<E: Engine>(task: &Task, simulation: &mut Simulation<E>) -> Result<Self, TaskError> {
         let terms = Terms::new(task, simulation.model())?;
+        let wheels = wheels(task, &terms, simulation)?;
         let objects = terms.objects().iter().map(|name| {
             simulation.object(name).ok_or_else(|| {
                 let expected = "a link of the robot, an object of the world, or \"target\"";
@@ -127,6 +141,7 @@ impl Stage {
         });
         Ok(Self {
             terms,
+            wheels,
             objects,
             draws,
             pushes,
@@ -189,15 +204,16 @@ impl Stage {
     }
 
     /// Applies an action within its bounds, after the one before, for a step of the policy, by the pattern
-    /// generator where the task has one; false where physics could not make it. The step of the counter is
-    /// its number in the episode. The action takes effect after `delay` physics steps; `drives` are the
-    /// factors of the gain and of the strength of each drive.
+    /// generator or the wheels where the task has them; false where physics could not make it. The step of
+    /// the counter is its number in the episode. The action takes effect after `delay` physics steps;
+    /// `drives` are the factors of the gain and of the strength of each drive.
     pub(super) fn advance<E: Engine>(
         &self,
         simulation: &mut Simulation<E>,
-        (counter, ([before, action], mut rhythm)): (Counter, ([&[f64]; 2], Option<&mut Rhythm>)),
+        (counter, motion): (Counter, Motion<'_>),
         (delay, drives): (usize, &[[f64; 2]]),
     ) -> bool {
+        let Motion { before, action, mut rhythm, mut wheels } = motion;
         let targets = self.terms.targets();
         (0..self.decimation).all(|physics_step| {
             // setpoints within limits move in every physics step, until the delay towards the action before
@@ -219,6 +235,14 @@ impl Stage {
                     commands[targets.targets()[index].joint].position = position;
                 }
             }
+            if let (Some(wheels), Some(ranges)) = (wheels.as_deref_mut(), self.terms.twist()) {
+                let twist = match (physics_step >= delay, counter.step) {
+                    (true, _) => ranges.twist(action),
+                    (false, 0) => [0.0; 3],
+                    (false, _) => ranges.twist(before),
+                };
+                self.roll(simulation, (wheels, twist), drives);
+            }
             if let Some((pushes, base)) = self.pushes {
                 let time = (counter.step * self.decimation as u64 + physics_step as u64) as f64 * self.step;
                 if let Some([x, y]) = pushes.force(counter, time) {
@@ -228,6 +252,29 @@ impl Stage {
             }
             simulation.step(self.step).is_ok()
         })
+    }
+
+    /// Commands the drives of all joints by a velocity of the base, as `control.wheels` does.
+    fn roll<E: Engine>(
+        &self,
+        simulation: &mut Simulation<E>,
+        (wheels, [x, y, yaw]): (&mut RobotWheels, [f64; 3]),
+        drives: &[[f64; 2]],
+    ) {
+        let joints = wheels.position().len();
+        wheels.follow(&PlanarTwist { x, y, yaw }, &simulation.positions()[..joints], self.step);
+        let (positions, velocities, efforts) = (wheels.position(), wheels.velocity(), wheels.effort());
+        let commands = simulation.commands_mut()[..joints].iter_mut().zip(drives);
+        for (joint, (command, [gain, strength])) in commands.enumerate() {
+            *command = JointSetpoint {
+                position: positions[joint],
+                velocity: velocities[joint],
+                effort: efforts[joint] * strength,
+                kp: wheels.gains().kp[joint] * gain * strength,
+                kd: wheels.gains().kd[joint] * gain * strength,
+                ..JointSetpoint::default()
+            };
+        }
     }
 
     /// Commands the drives of all joints of the action.
@@ -244,6 +291,8 @@ impl Stage {
                 ActionKind::Effort => JointSetpoint::effort(value * strength),
                 ActionKind::Velocity => JointSetpoint { velocity: value, kd, ..JointSetpoint::default() },
                 ActionKind::Position => JointSetpoint::hold(value, kp, kd),
+                // its wheels have no joint of the action
+                ActionKind::BaseTwist => continue,
             };
             let measured = simulation.positions()[target.joint];
             let slot = &mut simulation.commands_mut()[target.joint];
@@ -295,4 +344,28 @@ impl Stage {
             objects,
         }
     }
+}
+
+/// The wheels of the robot of a task whose action is a base twist.
+fn wheels<E: Engine>(
+    task: &Task,
+    terms: &Terms,
+    simulation: &Simulation<E>,
+) -> Result<Option<RobotWheels>, TaskError> {
+    let Some(ranges) = terms.twist() else { return Ok(None) };
+    let config = WheelsConfig { gravity: simulation.gravity().into(), ..WheelsConfig::default() };
+    let longest = config.target_timeout.as_secs_f64();
+    let period = task.step * task.decimation as f64;
+    if period > longest {
+        let expected = format!("at most {longest} s for a base twist, after which `control.wheels` brakes");
+        return Err(TaskError::value("decimation", format!("a policy step of {period} s"), expected));
+    }
+    let profile = simulation.articulations()[0].profile();
+    let wheels = RobotWheels::new((&task.robot, simulation.model()), profile, &config)?;
+    let kind = wheels.drive().base().kind();
+    if ranges.left.is_some() && !matches!(kind, BaseKind::Mecanum | BaseKind::Planar) {
+        let expected = "no range: this base cannot move sideways";
+        return Err(TaskError::value("action.twist.left", format!("{:?}", ranges.left), expected));
+    }
+    Ok(Some(wheels))
 }

@@ -60,7 +60,7 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         let terms = &stage.terms;
         let drives = first.joint_names().len();
         let batch = Batch::new(worlds.max(1), threads, |_| build())?.with_data(|world| Data {
-            episode: Episode::new(terms, seed, world as u64, drives),
+            episode: Episode::new(&stage, seed, world as u64, drives),
             action: vec![0.0; terms.actions()],
             step: Step::default(),
             last: vec![0.0; terms.inputs()],

@@ -1,6 +1,6 @@
 //! Symmetry of a task between left and right.
 
-use motorium_models::policy::{Policy, Term};
+use motorium_models::policy::{Policy, Term, TwistRanges};
 use serde::Deserialize;
 
 use super::TaskError;
@@ -88,6 +88,9 @@ fn reflect(entries: &[(usize, f32)], numbers: &[f32], image: &mut [f32]) {
 /// The joint and the sign from which each joint of the action is mirrored.
 fn joints(policy: &Policy, symmetry: &Symmetry) -> Result<Vec<(usize, f32)>, TaskError> {
     let action = &policy.action;
+    if let Some(ranges) = &action.twist {
+        return twist(ranges, symmetry);
+    }
     if policy.pattern.is_some() {
         return Err(TaskError::value("symmetry", "a pattern generator", "an action of joints"));
     }
@@ -125,6 +128,25 @@ fn joints(policy: &Policy, symmetry: &Symmetry) -> Result<Vec<(usize, f32)>, Tas
     Ok(joints)
 }
 
+/// The number and the sign from which each number of a base twist is mirrored.
+fn twist(ranges: &TwistRanges, symmetry: &Symmetry) -> Result<Vec<(usize, f32)>, TaskError> {
+    if let Some(name) = symmetry.pairs.iter().flatten().chain(&symmetry.reversed).next() {
+        let expected = "no joints: the action is a base twist";
+        return Err(TaskError::value("symmetry", format!("\"{name}\""), expected));
+    }
+    let mut numbers = Vec::new();
+    let axes = [("forward", 1.0), ("left", -1.0), ("turn", -1.0)];
+    for ((name, sign), range) in axes.into_iter().zip(ranges.axes()) {
+        let Some([low, high]) = range else { continue };
+        if sign < 0.0 && low != -high {
+            let expected = "bounds of equal size, for a mirror image";
+            return Err(TaskError::value(format!("action.twist.{name}"), format!("{range:?}"), expected));
+        }
+        numbers.push((numbers.len(), sign));
+    }
+    Ok(numbers)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -156,6 +178,22 @@ mod tests {
         mirror.action(&numbers[..12], &mut image);
         mirror.action(&image, &mut twice);
         assert_eq!((&twice[..], image[0]), (&numbers[..12], -4.0));
+    }
+
+    #[test]
+    fn base_twists_turn_the_other_way_in_a_mirror() {
+        let text = include_str!("../../../../tasks/rover-velocity.toml");
+        let policy = Task::parse(text).and_then(|task| task.policy()).expect("a policy");
+        let mirror = Mirror::new(&policy, &Symmetry::default()).expect("a mirror");
+        let mut image = [0.0; 2];
+        mirror.action(&[0.3, 0.5], &mut image);
+        assert_eq!(image, [0.3, -0.5]);
+        let mut image = [0.0; 11];
+        mirror.observation(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0], &mut image);
+        assert_eq!(image, [1.0, -2.0, 3.0, -4.0, 5.0, -6.0, 7.0, -8.0, -9.0, 10.0, -11.0]);
+        let named = Symmetry { pairs: vec![], reversed: vec!["left_wheel".to_owned()] };
+        let refused = Mirror::new(&policy, &named);
+        assert!(matches!(&refused, Err(TaskError::Value { key, .. }) if key == "symmetry"), "{refused:?}");
     }
 
     #[test]

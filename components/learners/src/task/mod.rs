@@ -32,6 +32,7 @@
 //! # Ok::<(), motorium_learners::task::TaskError>(())
 //! ```
 
+mod choices;
 mod command;
 mod mirror;
 mod noise;
@@ -43,11 +44,14 @@ mod robot;
 mod terms;
 mod trial;
 
+use motorium_locomotion::wheels::RobotWheelsError;
 use motorium_models::policy::{ActionKind, Pattern, Policy, PolicyError, RobotDigest};
 use motorium_physics::randomise::{RandomiseConfig, RangeError};
 use motorium_worlds::World;
 use serde::Deserialize;
 
+pub use choices::Choices;
+pub(crate) use choices::best;
 pub use command::{CommandRanges, Curriculum};
 pub use mirror::{Mirror, Symmetry};
 pub use noise::MeasurementNoise;
@@ -55,12 +59,15 @@ pub use points::{PointMotion, Points};
 pub use push::Pushes;
 pub use quantity::{Quantity, Reward, Shape, Termination, Verdict};
 pub use rhythm::Rhythm;
-pub use robot::{robot_difference, robot_digest};
+pub use robot::{digest_joints, robot_difference, robot_digest};
 pub use terms::{Outcome, RobotState, Terms};
 pub use trial::{End, Step, Trial};
 
 /// File of the network in a policy folder.
 pub const NETWORK: &str = "policy.onnx";
+
+/// Key of the rows of a discrete action.
+pub(crate) const CHOICES: &str = "choices";
 
 /// A learning task.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -84,7 +91,7 @@ pub struct Task {
     pub start: StartState,
     /// Observation terms, as in `policy.toml`.
     pub observations: Vec<toml::Value>,
-    /// Action, as in `policy.toml`.
+    /// Action, as in `policy.toml`, and the [`choices`](Self::choices) of a discrete one.
     pub action: toml::Table,
     /// Pattern generator that the action commands, as in `policy.toml`. Default: the action commands the
     /// joints.
@@ -168,6 +175,9 @@ pub enum TaskError {
     /// The observations or the action are invalid.
     #[error(transparent)]
     Policy(#[from] PolicyError),
+    /// The robot has no wheels for a base twist.
+    #[error("`robot`: {}{}", .0, .0.help().map_or_else(String::new, |help| format!("\nhelp: {help}")))]
+    Wheels(#[from] RobotWheelsError),
     /// A range cannot be sampled.
     #[error("`randomise.{}`: {}", .0.key, .0.message)]
     Range(RangeError),
@@ -211,6 +221,7 @@ impl Task {
             return Err(TaskError::value("rewards", "none", "at least one term"));
         }
         let policy = task.policy()?;
+        task.choices()?;
         if let Some(command) = &task.command {
             command.check()?;
         }
@@ -257,7 +268,10 @@ impl Task {
         table.insert("rate".into(), self.rate().into());
         table.insert("robot".into(), self.robot.clone().into());
         table.insert("observations".into(), toml::Value::Array(self.observations.clone()));
-        table.insert("action".into(), toml::Value::Table(self.action.clone()));
+        let mut action = self.action.clone();
+        // the network of a discrete policy puts out the chosen row
+        action.remove(CHOICES);
+        table.insert("action".into(), toml::Value::Table(action));
         if let Some(pattern) = &self.pattern {
             let pattern =
                 toml::Value::try_from(pattern).map_err(|error| TaskError::Parse(error.to_string()))?;
@@ -285,7 +299,7 @@ impl Task {
     ///
     /// [`TaskError::Unbounded`] if a term can be infinite.
     pub fn reward_range(&self) -> Result<[f64; 2], TaskError> {
-        let clip = self.policy()?.action.clip;
+        let clip = self.policy()?.action.bounds();
         let mut total = [0.0; 2];
         for (index, reward) in self.rewards.iter().enumerate() {
             let [low, high] = reward.range(&format!("rewards[{index}]"), clip)?;

@@ -1,6 +1,6 @@
 //! Comparison of a robot with a policy's.
 
-use motorium_models::policy::{Policy, RobotDifference, RobotDigest};
+use motorium_models::policy::{Action, Policy, RobotDifference, RobotDigest};
 use motorium_robots::Loaded;
 
 /// Returns the digest of a robot for a policy that commands these joints; `None` if one is missing.
@@ -19,11 +19,20 @@ pub fn robot_digest(robot: &Loaded, joints: &[impl AsRef<str>]) -> Option<RobotD
     Some(RobotDigest { joints, dynamics: robot.dynamics_digest() })
 }
 
+/// Returns the joints of a robot that an action moves: its own joints, or for a base twist the joints of the
+/// robot's mobile base.
+pub fn digest_joints<'a>(action: &'a Action, robot: &'a Loaded) -> Vec<&'a str> {
+    let base = robot.profile.as_ref().and_then(|profile| profile.mobile_base.as_ref());
+    let base = base.filter(|_| action.twist.is_some());
+    let of_base = base.into_iter().flat_map(|base| [&base.joints, &base.wheels, &base.steering]).flatten();
+    action.joints.iter().chain(of_base).map(String::as_str).collect()
+}
+
 /// Returns the difference between the robot that a policy was trained for and another robot. `None` if they
 /// are equal, or the policy has no digest. A missing joint is a difference of joints.
 pub fn robot_difference(policy: &Policy, robot: &Loaded) -> Option<RobotDifference> {
     let trained = policy.robot_digest?;
-    match robot_digest(robot, &policy.action.joints) {
+    match robot_digest(robot, &digest_joints(&policy.action, robot)) {
         Some(digest) => trained.difference(&digest),
         None => Some(RobotDifference::Joints),
     }

@@ -1,13 +1,15 @@
 //! The terms of a task at the joints and links of a robot.
 
-use motorium_models::policy::{ActionKind, BaseMotion, JointTargets, Numbers, Observer, Policy, Term};
+use motorium_models::policy::{
+    ActionKind, BaseMotion, JointTargets, Numbers, Observer, Policy, Term, TwistRanges,
+};
 use motorium_robots::Model;
 
 use super::points::Pair;
 use super::quantity::Subject;
 use super::rhythm::Rhythm;
 use super::{
-    CommandRanges, MeasurementNoise, Mirror, PointMotion, Points, Quantity, Reward, Task, TaskError,
+    Choices, CommandRanges, MeasurementNoise, Mirror, PointMotion, Points, Quantity, Reward, Task, TaskError,
     Termination, Verdict,
 };
 use crate::random::Counter;
@@ -50,6 +52,7 @@ pub struct Terms {
     /// Gains of each joint of the action.
     gains: Vec<[f64; 2]>,
     inputs: usize,
+    choices: Option<Choices>,
     rhythm: Option<Rhythm>,
     /// Factors of each term of the reward, with its own quantity first.
     rewards: Vec<Vec<(Measured, Reward)>>,
@@ -97,6 +100,7 @@ impl Terms {
         let mut points = Points::new(&policy, robot)?;
         let has_velocities = task.command.as_ref().is_some_and(|command| command.target.is_none());
         let has_base = robot.base().floating;
+        let has_joints = !policy.action.joints.is_empty();
         for (number, observation) in policy.observations.iter().enumerate() {
             let (key, found) = (format!("observations[{number}].term"), observation.term.name());
             let expected = match observation.term {
@@ -121,6 +125,10 @@ impl Terms {
             }
             if subject.term.needs_command() && !has_velocities {
                 let expected = "a quantity that the task has, or a table `[command]` with velocities";
+                return Err(TaskError::value(key + ".term", subject.term.name(), expected));
+            }
+            if matches!(subject.term, Quantity::Effort | Quantity::PoseError) && !has_joints {
+                let expected = "a quantity of a base twist, which has no joints";
                 return Err(TaskError::value(key + ".term", subject.term.name(), expected));
             }
             let joint = |name: &String| {
@@ -179,6 +187,7 @@ impl Terms {
             targets: policy.joint_targets(names)?,
             gains: gains(&policy)?,
             inputs: policy.inputs()?,
+            choices: task.choices()?,
             rhythm: Rhythm::new(&policy)?,
             mirror: task.symmetry.as_ref().map(|symmetry| Mirror::new(&policy, symmetry)).transpose()?,
             rewards,
@@ -209,8 +218,18 @@ impl Terms {
         self.policy.outputs()
     }
 
-    /// For each number of an action, true if it moves a joint: its scale is not 0, or it commands the
-    /// pattern.
+    /// The actions among which a discrete policy chooses; `None` if actions are continuous.
+    pub fn choices(&self) -> Option<&Choices> {
+        self.choices.as_ref()
+    }
+
+    /// Ranges of a base twist; `None` if the action commands joints.
+    pub fn twist(&self) -> Option<TwistRanges> {
+        self.policy.action.twist
+    }
+
+    /// For each number of an action, true if it has an effect: the scale of its joint is not 0, or it
+    /// commands the pattern or the base.
     pub fn active_actions(&self) -> Vec<bool> {
         let joints = self.targets.targets();
         (0..self.actions()).map(|index| joints.get(index).is_none_or(|joint| joint.scale != 0.0)).collect()
@@ -373,7 +392,8 @@ fn gains(policy: &Policy) -> Result<Vec<[f64; 2]>, TaskError> {
         None if is_used => Err(TaskError::value(key, "none", "gains of the drives")),
         None => Ok(vec![0.0; count]),
     };
+    let is_used = matches!(action.kind, ActionKind::Position | ActionKind::Velocity);
     let kp: Vec<f64> = numbers("action.kp", action.kp.as_ref(), action.kind == ActionKind::Position)?;
-    let kd: Vec<f64> = numbers("action.kd", action.kd.as_ref(), action.kind != ActionKind::Effort)?;
+    let kd: Vec<f64> = numbers("action.kd", action.kd.as_ref(), is_used)?;
     Ok(kp.into_iter().zip(kd).map(|(kp, kd)| [kp, kd]).collect())
 }

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::numbers::{finite, one, zero};
-use super::{JointTarget, JointTargets, Numbers, PolicyError, is_ordered};
+use super::{JointTarget, JointTargets, Numbers, PolicyError, TwistRanges, is_ordered};
 
 /// The quantity that an action commands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
@@ -17,16 +17,19 @@ pub enum ActionKind {
     Velocity,
     /// Joint efforts \[Nm or N\].
     Effort,
+    /// Velocity of a wheeled base, within the ranges of `twist`.
+    BaseTwist,
 }
 
 /// The definition of a network's outputs.
 ///
 /// The target of a joint is `default_pose + offset + scale clamp(output, clip)`; the default pose applies to
-/// positions only.
+/// positions only. A base twist has `twist` in place of joints, and outputs from -1 to 1.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Action {
-    /// Joint of each output.
+    /// Joint of each output. Required, except for a base twist, which has none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joints: Vec<String>,
     /// Quantity commanded. Default: position.
     #[serde(default)]
@@ -38,6 +41,7 @@ pub struct Action {
     #[serde(default = "zero")]
     pub offset: Numbers,
     /// Pose of a zero action \[rad or m\], in the order of `joints`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub default_pose: Vec<f64>,
     /// Bounds of the network's outputs before the factor. Default: unbounded.
     #[serde(default)]
@@ -48,9 +52,22 @@ pub struct Action {
     /// Damping of the drives \[Nms/rad or Ns/m\]. Default: the robot's profile.
     #[serde(default)]
     pub kd: Option<Numbers>,
+    /// Ranges of a base twist; only for `kind = "base_twist"`.
+    #[serde(default)]
+    pub twist: Option<TwistRanges>,
 }
 
 impl Action {
+    /// Returns the number of the network's outputs: one for each joint, or for each range of a base twist.
+    pub fn outputs(&self) -> usize {
+        self.joints.len() + self.twist.map_or(0, |twist| twist.outputs())
+    }
+
+    /// Returns the bounds of the network's outputs: from -1 to 1 for a base twist, otherwise `clip`.
+    pub fn bounds(&self) -> Option<[f64; 2]> {
+        if self.twist.is_some() { Some(TwistRanges::BOUNDS) } else { self.clip }
+    }
+
     /// Checks counts and ranges. Keys in errors start with `prefix`.
     ///
     /// # Errors
@@ -61,6 +78,32 @@ impl Action {
             |key: &str, message: String| Err(PolicyError::Value { key: format!("{prefix}{key}"), message });
         let Self { joints, scale, offset, default_pose, clip, kp, kd, .. } = self;
         let count = joints.len();
+        match (self.kind, &self.twist) {
+            (ActionKind::BaseTwist, Some(twist)) => {
+                twist.check(&format!("{prefix}twist"))?;
+                for (key, is_given) in [
+                    ("joints", count > 0),
+                    ("scale", *scale != one()),
+                    ("offset", *offset != zero()),
+                    ("default_pose", !default_pose.is_empty()),
+                    ("clip", clip.is_some()),
+                    ("kp", kp.is_some()),
+                    ("kd", kd.is_some()),
+                ] {
+                    if is_given {
+                        let message =
+                            "found a value, expected none for a base twist, whose ranges are in `twist`";
+                        return wrong(key, message.to_owned());
+                    }
+                }
+                return Ok(());
+            }
+            (ActionKind::BaseTwist, None) => {
+                return wrong("twist", "missing, expected the ranges of a base twist".to_owned());
+            }
+            (_, Some(_)) => return wrong("twist", "expected for `kind = \"base_twist\"` only".to_owned()),
+            (_, None) => {}
+        }
         if count == 0 {
             return wrong("joints", "found no joint, expected at least one".to_owned());
         }
@@ -91,7 +134,7 @@ impl Action {
     }
 
     /// Maps actions to the joints of a robot, in the robot's order. Joints that the policy does not command
-    /// are unaffected.
+    /// are unaffected; a base twist commands none.
     ///
     /// # Errors
     ///
@@ -108,7 +151,7 @@ impl Action {
             targets.push(JointTarget { joint, scale: self.scale.get(index), offset });
         }
         if missing.is_empty() {
-            let clip = self.clip.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+            let clip = self.bounds().unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
             return Ok(JointTargets::new(targets, clip));
         }
         let names: Vec<&str> = robot.iter().map(AsRef::as_ref).collect();

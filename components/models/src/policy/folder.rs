@@ -66,11 +66,11 @@ pub enum NetworkMismatch {
         expected: usize,
     },
     /// The action has a different width.
-    #[error("the first output is {found:?}, expected {expected} numbers in a row as in `action.joints`")]
+    #[error("the first output is {found:?}, expected {expected} numbers in a row as in `action`")]
     Outputs {
         /// Shape of the first output; empty without one.
         found: Vec<usize>,
-        /// Number of joints of the action.
+        /// Numbers of the action.
         expected: usize,
     },
     /// The recurrent inputs do not match the recurrent outputs.

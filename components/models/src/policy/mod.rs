@@ -36,6 +36,7 @@ mod observer;
 mod pattern;
 mod robot;
 mod targets;
+mod twist;
 
 use serde::{Deserialize, Serialize};
 
@@ -55,6 +56,7 @@ pub use observer::{BaseMotion, Measurements, Observer, projected_gravity};
 pub use pattern::{Pattern, PatternJoint};
 pub use robot::{RobotDifference, RobotDigest};
 pub use targets::{JointTarget, JointTargets};
+pub use twist::TwistRanges;
 
 /// A policy as described by `policy.toml`.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
@@ -260,6 +262,14 @@ impl Policy {
                     return wrong(&key("period"), "missing, expected the cycle of the gait in s".to_owned());
                 }
             }
+            let observes_joints = matches!(observation.term, Term::JointPositions | Term::JointVelocities);
+            if observes_joints && self.action.joints.is_empty() {
+                let found = observation.term.name();
+                return wrong(
+                    &key("term"),
+                    format!("found {found}, expected a term without joints for a base twist"),
+                );
+            }
             let is_point = matches!(observation.term, Term::PointPosition | Term::PointVelocity);
             match observation.points.as_deref() {
                 None if !is_point => {}
@@ -294,10 +304,9 @@ impl Policy {
         }
     }
 
-    /// Returns the number of the network's outputs: one for each joint, and [`Pattern::OUTPUTS`] with a
-    /// pattern.
+    /// Returns the number of the network's outputs: the action's, and [`Pattern::OUTPUTS`] with a pattern.
     pub fn outputs(&self) -> usize {
-        self.action.joints.len() + self.pattern.as_ref().map_or(0, |_| Pattern::OUTPUTS)
+        self.action.outputs() + self.pattern.as_ref().map_or(0, |_| Pattern::OUTPUTS)
     }
 
     /// Returns the size of the whole observation, histories included.
@@ -315,7 +324,7 @@ impl Policy {
     }
 
     /// Maps actions to the joints of a robot, in the robot's order. Joints that the policy does not command
-    /// are unaffected.
+    /// are unaffected; a base twist commands none.
     ///
     /// # Errors
     ///

@@ -82,6 +82,47 @@ fn mistakes_are_named_with_their_place() {
     }
 }
 
+const ROVER: &str = r#"
+network = "policy.onnx"
+rate = 25.0
+observations = [{ term = "command" }, { term = "last_action" }]
+[action]
+kind = "base_twist"
+twist = { turn = [-1.5, 0.5], forward = [-0.1, 0.3] }
+"#;
+
+#[test]
+fn base_twists_have_an_output_for_each_range() {
+    let policy = Policy::parse(ROVER).expect("a policy");
+    assert_eq!((policy.outputs(), policy.inputs()), (2, Ok(5)));
+    assert_eq!(policy.action.bounds(), Some([-1.0, 1.0]));
+    assert_eq!(policy.joint_targets(&["wheel"]).map(|targets| targets.targets().len()), Ok(0));
+    let text = policy.to_toml().expect("a file");
+    assert_eq!(Policy::parse(&text), Ok(policy), "{text}");
+}
+
+#[test]
+fn mistakes_in_base_twists_are_named() {
+    let key = |text: String| match Policy::parse(&text) {
+        Err(PolicyError::Value { key, .. }) => key,
+        other => panic!("{other:?}"),
+    };
+    for (from, to, expected) in [
+        ("turn = [-1.5, 0.5]", "turn = [0.5, -1.5]", "action.twist.turn"),
+        ("turn = [-1.5, 0.5], forward = [-0.1, 0.3]", "", "action.twist"),
+        ("twist =", "clip = [-1.0, 1.0]\ntwist =", "action.clip"),
+        ("twist =", "joints = [\"wheel\"]\ntwist =", "action.joints"),
+        ("twist =", "scale = 2.0\ntwist =", "action.scale"),
+        ("kind = \"base_twist\"", "joints = [\"wheel\"]\ndefault_pose = [0.0]", "action.twist"),
+        ("twist = { turn = [-1.5, 0.5], forward = [-0.1, 0.3] }", "", "action.twist"),
+        ("\"command\"", "\"joint_velocities\"", "observations[0].term"),
+    ] {
+        assert!(ROVER.contains(from), "{from}");
+        assert_eq!(key(ROVER.replace(from, to)), expected, "{to}");
+    }
+    assert_eq!(key(ROVER.replace("kind = \"base_twist\"", "").replace("twist", "# twist")), "action.joints");
+}
+
 #[test]
 fn digests_of_robots_are_hexadecimal() {
     let digest = |joints: &str| {

@@ -92,6 +92,8 @@ impl Placing {
             soft: self.of_links(&self.setup.soft).collect(),
             grain: self.of_links(&self.setup.grain).collect(),
             actuators: Vec::new(),
+            // it has the names without the prefix
+            profile: None,
         }
     }
 

@@ -59,12 +59,14 @@ pub enum PolicySource {
     /// The folder of a policy, relative to the graph file.
     Folder(#[schemars(extend("format" = "path"))] String),
     /// The rate and the action.
-    Table(ActionTable),
+    Table(Box<ActionTable>),
 }
 
 impl<'de> Deserialize<'de> for PolicySource {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        text_or_table(deserializer, "the folder of a policy, or a table", Self::Folder, Self::Table)
+        text_or_table(deserializer, "the folder of a policy, or a table", Self::Folder, |table| {
+            Self::Table(Box::new(table))
+        })
     }
 }
 

@@ -183,6 +183,8 @@ impl Component for JointTargetsPolicy {
                 self.source.sample(now, &mut self.target);
                 self.writer.command_efforts(&self.target)
             }
+            // refused by `check`
+            ActionKind::BaseTwist => Ok(()),
         }
     }
 
@@ -272,6 +274,11 @@ fn check(
         let message = format!("{hold} s, expected at least a period of the policy, {period} s");
         return Err(ConfigError::key("hold", message));
     }
+    if action.kind == ActionKind::BaseTwist {
+        let message = "the action is a base twist, expected joints";
+        return Err(ConfigError::key("policy", message)
+            .advise("wire the output `twist` of `policy.network` to a `control.wheels` instead"));
+    }
     let is_position = action.kind == ActionKind::Position;
     let when_stale = match (config.when_stale, is_position, config.chunks) {
         (Some(WhenStale::DefaultPose | WhenStale::Hold), false, _) => {
@@ -357,7 +364,8 @@ fn read(source: &PolicySource, base: &Path) -> Result<Read, ConfigError> {
             let outputs = policy.outputs();
             Read { action: policy.action, rate: policy.rate, rhythm, outputs }
         }
-        PolicySource::Table(ActionTable { rate, action }) => {
+        PolicySource::Table(table) => {
+            let ActionTable { rate, action } = &**table;
             action.check("policy.action.").map_err(|error| match error {
                 PolicyError::Value { key, message } => ConfigError::key(key, message),
                 other => ConfigError::key("policy", other.to_string()),

@@ -27,7 +27,8 @@ use crate::robot::{required, too_few_joints};
 /// Each observation term is read from its topic, clipped, scaled and stored in its history as specified in
 /// `policy.toml`. No action is published until every measurement has arrived, or while one is older than
 /// `state_timeout`. Recurrent states and histories restart with each episode.
-/// [`JointTargetsPolicy`](crate::JointTargetsPolicy) converts the actions to joint commands.
+/// [`JointTargetsPolicy`](crate::JointTargetsPolicy) converts the actions to joint commands. An action that
+/// is a base twist is published as a target of `control.wheels`, too.
 #[derive(Debug)]
 pub struct NetworkPolicy {
     network: PolicyNetwork,
@@ -37,6 +38,8 @@ pub struct NetworkPolicy {
     targets: JointTargets,
     inputs: Inputs,
     output: Output<Action>,
+    /// Target velocity of the base, for a policy that commands it.
+    twist: Option<Output<TwistTarget>>,
     default_command: ParameterArray,
     config: NetworkPolicyConfig,
     imu_rotation: UnitQuaternion<f64>,
@@ -229,6 +232,9 @@ impl Component for NetworkPolicy {
             declare.optional_input::<TwistTarget>("command", "desired velocity of the base, in its own axes");
         }
         declare.output::<Action>("action", "outputs of the network within their bounds");
+        if policy.action.twist.is_some() {
+            declare.output::<TwistTarget>("twist", "target velocity of the base, in its own axes");
+        }
         declare.array(
             "command",
             &config.command,
@@ -257,6 +263,7 @@ impl Component for NetworkPolicy {
         Ok(Self {
             inputs,
             output: setup.output("action")?,
+            twist: policy.action.twist.map(|_| setup.output("twist")).transpose()?,
             default_command: setup.parameter_array("command")?,
             imu_rotation: UnitQuaternion::from_euler_angles(roll, pitch, yaw),
             last_action: vec![0.0; policy.outputs()],
@@ -284,6 +291,10 @@ impl Component for NetworkPolicy {
         let outputs = self.network.run();
         for (last, output) in self.last_action.iter_mut().zip(outputs) {
             *last = self.targets.clipped(f64::from(*output));
+        }
+        if let (Some(output), Some(ranges)) = (&mut self.twist, self.policy.action.twist) {
+            let [forward, left, turn] = ranges.twist(&self.last_action);
+            output.send(&TwistTarget { linear: [forward, left, 0.0], angular: [0.0, 0.0, turn] })?;
         }
         let mut action = self.output.loan()?;
         (action.episode, action.step) = (self.episode, self.steps);

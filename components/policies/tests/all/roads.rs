@@ -32,7 +32,8 @@ fn bits(numbers: &[f64]) -> Vec<u64> {
 /// Writes a policy with two layers of random weights, at most `largest`, for a task.
 fn write_policy(task: &Task, folder: &Path, largest: f32) {
     let policy = task.policy().unwrap();
-    let (inputs, outputs) = (policy.inputs().unwrap(), policy.outputs());
+    let choices = task.choices().unwrap().map_or(policy.outputs(), |choices| choices.count());
+    let (inputs, outputs) = (policy.inputs().unwrap(), choices);
     let mut state = 7_u64;
     let mut random = |count: usize| -> Vec<f32> {
         (0..count)
@@ -45,7 +46,10 @@ fn write_policy(task: &Task, folder: &Path, largest: f32) {
     let layers = [(random(16 * inputs), random(16)), (random(outputs * 16), random(outputs))];
     std::fs::create_dir(folder).unwrap();
     std::fs::write(folder.join("policy.toml"), task.policy_text(None).unwrap()).unwrap();
-    let network = onnx::write_mlp(inputs, &layers, Unary::Tanh, &[]);
+    let network = match task.choices().unwrap() {
+        None => onnx::write_mlp(inputs, &layers, Unary::Tanh, &[]),
+        Some(choices) => onnx::write_choice(inputs, &layers, Unary::Tanh, choices.rows(), &[]),
+    };
     std::fs::write(folder.join(&policy.network), network).unwrap();
 }
 
@@ -114,9 +118,70 @@ safe_state = "hold"
     )
 }
 
+/// A graph of the rover's task: its policy commands `control.wheels`.
+fn rover_graph(task: &toml::Table) -> String {
+    let randomise = toml::to_string(&task["randomise"]).unwrap();
+    format!(
+        r#"
+name = "rover"
+clock = "lockstep"
+duration = "60 s"
+seed = 5
+
+[world]
+ground = {{ friction = 0.8 }}
+
+[robot.one]
+urdf = "differential-drive"
+
+[component.physics]
+kind = "physics.articulated"
+robot = "one"
+rate = "200 Hz"
+subscribe = {{ joint_command = "command" }}
+publish = {{ joint_state = "state", base_state = "base", randomisation = "randomisation" }}
+
+[component.physics.config]
+plant = true
+
+[component.physics.config.randomise]
+{randomise}
+
+[component.task]
+kind = "learner.task"
+robot = "one"
+rate = "25 Hz"
+ends_episode = true
+subscribe = {{ joint_state = "state", base_state = "base", action = "action" }}
+publish = {{ observation = "observation", reward = "reward", command = "desired" }}
+config = {{ task = "task.toml" }}
+
+[component.policy]
+kind = "policy.network"
+robot = "one"
+rate = "25 Hz"
+subscribe = {{ base_state = "base", command = "desired" }}
+publish = {{ action = "action", twist = "target" }}
+config = {{ policy = "policy", attitude = "base_state" }}
+
+[component.wheels]
+kind = "control.wheels"
+robot = "one"
+trigger = "state"
+subscribe = {{ joint_state = "state", target = "target" }}
+publish = {{ joint_command = "command", odometry = "odometry" }}
+
+[safety]
+stale_after = "1 s"
+safe_state = "hold"
+"#
+    )
+}
+
 /// The kinds of these graphs.
 fn registry() -> Registry {
     let kinds = motorium_physics::kinds().into_iter().chain(motorium_learners::kinds());
+    let kinds = kinds.chain(motorium_locomotion::kinds());
     Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, kinds.chain(motorium_policies::kinds()))
 }
 
@@ -185,13 +250,14 @@ fn environment_episode(task: &Task, folder: &Path, seed: u64) -> Record {
 /// A task of the project in a folder, with its robot and a random policy, without the spread of velocities
 /// that physics in a graph does not have. A target has one place: in a graph it depends on the name of the
 /// component.
-fn prepare(name: &str, folder: &Path) -> (Task, toml::Table) {
+fn prepare(name: &str, folder: &Path, change: impl FnOnce(&mut toml::Table)) -> (Task, toml::Table) {
     let tasks = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tasks"));
     let mut table: toml::Table =
         std::fs::read_to_string(tasks.join(format!("{name}.toml"))).unwrap().parse().unwrap();
     table["start"].as_table_mut().unwrap().remove("velocity_spread");
-    if let Some(command) = table.get_mut("command") {
-        command["target"] = toml::Value::try_from([[0.07, 0.07], [-0.11, -0.11], [0.0, 0.0]]).unwrap();
+    change(&mut table);
+    if let Some(target) = table.get_mut("command").and_then(|command| command.get_mut("target")) {
+        *target = toml::Value::try_from([[0.07, 0.07], [-0.11, -0.11], [0.0, 0.0]]).unwrap();
     }
     let robot = table["robot"].as_str().unwrap();
     if tasks.join(robot).is_file() {
@@ -208,26 +274,74 @@ fn prepare(name: &str, folder: &Path) -> (Task, toml::Table) {
     (task, table)
 }
 
+/// Asserts that three episodes of a graph, the first and the last with equal seeds, equal an environment's
+/// to the bit. Returns them.
+fn assert_agree(name: &str, folder: &Path, task: &Task, text: String) -> Vec<Record> {
+    let episodes = graph_episodes(folder, text, &[11, 12, 11]);
+    assert_eq!(episodes[0], episodes[2], "{name}: equal seeds");
+    assert_ne!(episodes[0].1, episodes[1].1, "{name}: other seeds");
+    let mut records = Vec::new();
+    for (seed, found) in episodes {
+        let expected = environment_episode(task, folder, seed);
+        assert!(found.end.is_some(), "{name}: an episode without an end");
+        assert!(found.rewards.len() > 5, "{name}: {} steps", found.rewards.len());
+        assert_eq!(found.observations.len(), found.rewards.len() + 1, "{name}");
+        let differs = found.observations.iter().zip(&expected.observations).position(|(a, b)| a != b);
+        assert_eq!(differs, None, "{name}: first observation that differs");
+        assert_eq!(found, expected, "{name}");
+        records.push(found);
+    }
+    records
+}
+
 #[test]
 fn graphs_and_environments_agree_to_the_bit() {
     let mut ends = HashSet::new();
     for name in ["cart-pole", "pendulum", "acrobot", "reacher"] {
         let folder = tempfile::tempdir().unwrap();
-        let (task, table) = prepare(name, folder.path());
-        let episodes = graph_episodes(folder.path(), graph_text(&table, true), &[11, 12, 11]);
-        assert_eq!(episodes[0], episodes[2], "{name}: equal seeds");
-        assert_ne!(episodes[0].1.observations[0], episodes[1].1.observations[0], "{name}: other starts");
-        for (seed, found) in episodes {
-            let expected = environment_episode(&task, folder.path(), seed);
-            ends.insert(found.end.unwrap_or_else(|| panic!("{name}: an episode without an end")));
-            assert!(found.rewards.len() > 5, "{name}: {} steps", found.rewards.len());
-            assert_eq!(found.observations.len(), found.rewards.len() + 1, "{name}");
-            let differs = found.observations.iter().zip(&expected.observations).position(|(a, b)| a != b);
-            assert_eq!(differs, None, "{name}: first observation that differs");
-            assert_eq!(found, expected, "{name}");
-        }
+        let (task, table) = prepare(name, folder.path(), |_| {});
+        let records = assert_agree(name, folder.path(), &task, graph_text(&table, true));
+        assert_ne!(records[0].observations[0], records[1].observations[0], "{name}: other starts");
+        ends.extend(records.iter().map(|record| record.end));
     }
     assert_eq!(ends.len(), 2, "terminal and truncated episodes");
+}
+
+#[test]
+fn discrete_actions_agree_to_the_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let (task, table) = prepare("cart-pole", folder.path(), |table| {
+        let rows = toml::Value::try_from([[-1.0, 0.0], [0.1, 0.0], [0.7, 0.0]]).unwrap();
+        table["action"].as_table_mut().unwrap().insert("choices".into(), rows);
+    });
+    assert_agree("cart-pole", folder.path(), &task, graph_text(&table, true));
+}
+
+#[test]
+fn base_twists_agree_to_the_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    // one command: in a graph it depends on the name of the component
+    let (task, table) = prepare("rover-velocity", folder.path(), |table| {
+        let command = "forward = [0.12, 0.12]\nturn = [-0.4, -0.4]".parse().unwrap();
+        table.insert("command".into(), toml::Value::Table(command));
+    });
+    let records = assert_agree("rover-velocity", folder.path(), &task, rover_graph(&table));
+    assert!(records.iter().all(|record| record.end == Some(false)), "truncated episodes");
+}
+
+#[test]
+fn base_twists_are_no_joint_targets() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, table) = prepare("rover-velocity", folder.path(), |_| {});
+    let wheels = "kind = \"control.wheels\"";
+    let text = rover_graph(&table)
+        .replace(wheels, "kind = \"policy.joint_targets\"\nconfig = { policy = \"policy\" }");
+    let text =
+        text.replace("target = \"target\"", "action = \"action\"").replace(", odometry = \"odometry\"", "");
+    let checked = graph::check(&folder.path().join("graph.toml"), text, &[], &registry(), &Machine::detect());
+    let error = checked.expect_err("it commands no joints").render(false);
+    assert!(error.contains("the action is a base twist, expected joints"), "{error}");
+    assert!(error.contains("control.wheels"), "{error}");
 }
 
 /// Writes a task of the project, and a policy for it whose actions are zero.

@@ -22,7 +22,7 @@ const TWICE_ON_MUJOCO: [&str; 7] =
 const SETS_RAPIER: &str = "panda-reach-rapier";
 
 /// Graphs that rapier refuses, with the reason; a name that ends in `*` is a prefix.
-const REFUSED_BY_RAPIER: [(&str, &str); 10] = [
+const REFUSED_BY_RAPIER: [(&str, &str); 11] = [
     ("camera-servo", "simulates no terrain"),
     ("conveyor", "simulates no"),
     ("drive-square", "has a floating base"),
@@ -31,6 +31,7 @@ const REFUSED_BY_RAPIER: [(&str, &str); 10] = [
     ("lidar-drive", "has a floating base"),
     ("quadruped-*", "has a floating base"),
     ("rough-terrain", "has a floating base"),
+    ("rover-policy", "has a floating base"),
     ("two-quadrupeds", "has a floating base"),
     ("warehouse", "has a floating base"),
 ];

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
-use motorium_learners::task::{Points, robot_difference, robot_digest};
+use motorium_learners::task::{Points, digest_joints, robot_difference, robot_digest};
 use motorium_models::policy::{PolicyFolder, RobotDifference, RobotDigest};
 use motorium_robots::{LoadOptions, load_with};
 use serde::Serialize;
@@ -48,11 +48,15 @@ struct Report {
     joints: Vec<Joint>,
     /// Outputs after the joints', which command a pattern generator.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pattern: Vec<PatternOutput>,
+    pattern: Vec<RangeOutput>,
+    /// Outputs that command the velocity of the base, m/s and rad/s.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    twist: Vec<RangeOutput>,
 }
 
+/// An output that commands a quantity within a range.
 #[derive(Debug, Serialize)]
-struct PatternOutput {
+struct RangeOutput {
     name: &'static str,
     policy_index: usize,
     range: [f64; 2],
@@ -143,11 +147,16 @@ impl Check {
             .flat_map(|pattern| [("frequency", pattern.frequency), ("amplitude", pattern.amplitude)]);
         let pattern = ranges.enumerate().map(|(index, (name, range))| {
             let policy_index = policy.action.joints.len() + index;
-            PatternOutput { name, policy_index, range }
+            RangeOutput { name, policy_index, range }
         });
         let pattern = pattern.collect();
+        let ranges = policy.action.twist.map(|twist| twist.axes()).unwrap_or_default();
+        let ranges = ["forward", "left", "turn"].into_iter().zip(ranges);
+        let twist = ranges.filter_map(|(name, range)| Some((name, range?))).enumerate();
+        let twist = twist.map(|(policy_index, (name, range))| RangeOutput { name, policy_index, range });
+        let twist = twist.collect();
         let rate_hz = policy.rate;
-        let robot_digest = robot_digest(&robot, &policy.action.joints);
+        let robot_digest = robot_digest(&robot, &digest_joints(&policy.action, &robot));
         let report = Report {
             robot: name,
             rate_hz,
@@ -157,6 +166,7 @@ impl Check {
             terms,
             joints,
             pattern,
+            twist,
         };
         if self.json {
             outln!("{}", serde_json::to_string(&report)?);
@@ -176,7 +186,10 @@ fn print(report: &Report) {
     for Joint { name, policy_index, robot_index, scale, default } in &report.joints {
         outln!("  action {policy_index} -> joint {robot_index} {name}: {default} + {scale} x action");
     }
-    for PatternOutput { name, policy_index, range: [low, high] } in &report.pattern {
+    for RangeOutput { name, policy_index, range: [low, high] } in &report.pattern {
         outln!("  action {policy_index} -> {name} of the pattern: {low} to {high}");
+    }
+    for RangeOutput { name, policy_index, range: [low, high] } in &report.twist {
+        outln!("  action {policy_index} -> {name} of the base: {low} to {high}");
     }
 }

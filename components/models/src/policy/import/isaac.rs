@@ -391,7 +391,7 @@ fn action(descriptors: &Descriptors, environment: Option<&Environment>) -> Resul
         None => (None, None),
     };
     let (scale, offset) = (common_number(scales), common_number(offsets));
-    Ok(Action { joints, kind, scale, offset, default_pose, clip, kp, kd })
+    Ok(Action { joints, kind, scale, offset, default_pose, clip, kp, kd, twist: None })
 }
 
 /// One number if all are equal.

@@ -514,6 +514,7 @@ pub fn import_leapp(
         clip: None,
         kp,
         kd,
+        twist: None,
     };
     let subtract = match kind {
         ActionKind::Position => default_pose.iter().map(|position| *position as f32).collect(),

@@ -154,6 +154,7 @@ pub fn import_mjlab(bytes: &[u8], options: ImportOptions) -> Result<(Policy, Vec
         clip: None,
         kp: Some(Numbers::Each(each("joint_stiffness")?)),
         kd: Some(Numbers::Each(each("joint_damping")?)),
+        twist: None,
     };
     let ImportOptions { rate, robot, .. } = options;
     let mut policy = Policy {
