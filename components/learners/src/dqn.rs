@@ -1,9 +1,9 @@
 //! Deep Q-network (DQN).
 //!
-//! A network estimates the value `Q(o, c)` of each of a few choices. The actions of a task are continuous;
-//! DQN acts on a grid: `bins` values, evenly spaced between the bounds of the action, for each moving joint,
-//! and all their combinations are the choices. With targets `Q'` and samples `(o, c, r, o')` of the replay
-//! buffer, a gradient minimises
+//! A network estimates the value `Q(o, c)` of each of a few [choices](crate::task::Choices): the rows of
+//! `action.choices`. For a task with continuous actions they are a grid: `bins` values, evenly spaced between
+//! the bounds of the action, for each moving joint, and all their combinations. With targets `Q'` and samples
+//! `(o, c, r, o')` of the replay buffer, a gradient minimises
 //!
 //! ```text
 //! y = r + discount Q'(o', argmax_k Q(o', k))       double DQN; else r + discount max_k Q'(o', k)
@@ -32,10 +32,7 @@ use crate::replay::{
     Batch, Bounds, CriticPart, Exploration, Gradient, Method, OffPolicy, ReplaySettings, Trained, columns,
     sum, track,
 };
-use crate::task::{Task, TaskError, Terms};
-
-/// Largest number of choices.
-const MOST_CHOICES: usize = 256;
+use crate::task::{Choices, Task, TaskError, Terms, best};
 
 /// Settings of DQN: the table `[algorithms.dqn]` of a task.
 ///
@@ -48,7 +45,7 @@ pub struct DqnSettings {
     /// gradient in place of copies.
     #[serde(flatten)]
     pub replay: ReplaySettings,
-    /// Values of each moving joint, from 2. Default 3. There are at most 256 choices.
+    /// Values of each moving joint of a continuous action, from 2. Default 3. There are at most 256 choices.
     pub bins: usize,
     /// True to choose by the network and value by the target (double DQN). Default true.
     pub double: bool,
@@ -98,7 +95,8 @@ impl DqnSettings {
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError`]; the task has bounds of its action, and at most 256 choices.
+    /// [`EnvironmentError`]; a task with continuous actions has bounds of its action and at most 256 choices,
+    /// a discrete one no `bins`.
     pub fn learner<E: Engine + Send>(
         self,
         task: &Task,
@@ -106,31 +104,23 @@ impl DqnSettings {
         build: impl FnMut() -> Result<Simulation<E>, BuildError>,
     ) -> Result<OffPolicy<E, Dqn>, EnvironmentError> {
         self.check()?;
+        Check(Algorithm::Dqn).absent_with_choices(task, "bins")?;
         let method = |terms: &Terms| Dqn::new(terms, &self, run.0);
         OffPolicy::new(task, self.replay.clone(), run, method, build)
     }
 }
 
-/// Actions of all choices, one row each: every combination of `bins` values between -1 and 1 for each moving
-/// joint, the last joint fastest. `None` if there are more than [`MOST_CHOICES`].
-fn grid(active: &[bool], bins: usize) -> Option<Vec<f32>> {
-    let moving = active.iter().filter(|active| **active).count();
-    let choices = bins.checked_pow(u32::try_from(moving).ok()?).filter(|count| *count <= MOST_CHOICES)?;
-    let mut table = vec![0.0; choices * active.len()];
-    for (choice, row) in table.chunks_exact_mut(active.len()).enumerate() {
-        let mut rest = choice;
-        for (number, _) in row.iter_mut().zip(active).rev().filter(|(_, active)| **active) {
-            *number = 2.0 * (rest % bins) as f32 / (bins - 1) as f32 - 1.0;
-            rest /= bins;
+/// The choices of a task with continuous actions.
+fn grid(terms: &Terms, bins: usize) -> Result<Choices, TaskError> {
+    let bounds = Bounds::new(terms, Algorithm::Dqn)?;
+    match Choices::grid(&bounds.active, bins) {
+        Some(grid) => Ok(grid.map(|stored, action| bounds.command(stored, action))),
+        None => {
+            let (most, joints) = (Choices::MOST, bounds.moving());
+            let expected = format!("at most {most} choices of {joints} joints together");
+            Err(Check(Algorithm::Dqn).error("bins", bins as f64, &expected))
         }
     }
-    Some(table)
-}
-
-/// Number of the first largest value.
-fn best(values: impl IntoIterator<Item = f32>) -> usize {
-    let first = (0, f32::NEG_INFINITY);
-    values.into_iter().enumerate().fold(first, |best, (k, q)| if q > best.1 { (k, q) } else { best }).0
 }
 
 /// Values of a gradient.
@@ -139,10 +129,7 @@ pub(crate) const MEASURES: [&str; 2] = ["critic_loss", "value"];
 /// The learning part of DQN.
 #[derive(Clone, Debug)]
 pub struct Dqn {
-    /// Actions of the task, one row for each choice.
-    table: Vec<f32>,
-    choices: usize,
-    actions: usize,
+    choices: Choices,
     network: Trained,
     target: Perceptron,
     double: bool,
@@ -151,24 +138,15 @@ pub struct Dqn {
 
 impl Dqn {
     fn new(terms: &Terms, settings: &DqnSettings, seed: u64) -> Result<Self, TaskError> {
-        let bounds = Bounds::new(terms)?;
-        let actions = bounds.width();
-        let Some(grid) = grid(&bounds.active, settings.bins) else {
-            let most = format!("at most {MOST_CHOICES} choices of {} joints together", bounds.moving());
-            return Err(Check(Algorithm::Dqn).error("bins", settings.bins as f64, &most));
+        let choices = match terms.choices() {
+            Some(choices) => choices.clone(),
+            None => grid(terms, settings.bins)?,
         };
-        let mut table = vec![0.0; grid.len()];
-        for (stored, action) in grid.chunks_exact(actions).zip(table.chunks_exact_mut(actions)) {
-            bounds.command(stored, action);
-        }
-        let choices = table.len() / actions;
-        let sizes = layer_sizes(terms.inputs(), &settings.replay.hidden, choices);
+        let sizes = layer_sizes(terms.inputs(), &settings.replay.hidden, choices.count());
         let network = Trained::new(&sizes, 1.0, seed, 0);
         let DqnSettings { epsilon, final_epsilon, exploration, double, .. } = *settings;
         Ok(Self {
-            table,
             choices,
-            actions,
             target: network.network.clone(),
             network,
             double,
@@ -186,7 +164,7 @@ impl Dqn {
         let value = |column: usize| values.output()[(best(chosen.column(column).iter().copied()), column)];
         let targets = batch.targets(range, (0..range.len()).map(value));
         let trace = self.network.network.forward(columns(&batch.observations, range));
-        let mut by_output = DMatrix::<f32>::zeros(self.choices, range.len());
+        let mut by_output = DMatrix::<f32>::zeros(self.choices.count(), range.len());
         let mut part = CriticPart::default();
         for (column, target) in targets.iter().enumerate() {
             let choice = batch.actions[(0, range.start + column)] as usize;
@@ -217,25 +195,26 @@ impl Method for Dqn {
 
     fn act_randomly(&self, exploration: Exploration, out: &mut [f32]) {
         for (world, choice) in out.iter_mut().enumerate() {
-            *choice = exploration.random(world).random_range(0..self.choices) as f32;
+            *choice = exploration.random(world).random_range(0..self.choices.count()) as f32;
         }
     }
 
     fn explore(&self, observations: DMatrix<f32>, exploration: Exploration, out: &mut [f32]) {
         let epsilon = self.epsilon.value(exploration.steps, exploration.total);
         let trace = self.network.network.forward(observations);
+        let choices = self.choices.count();
         for (world, choice) in out.iter_mut().enumerate() {
             let mut random = exploration.random(world);
             let is_random = random.random::<f64>() < epsilon;
             let column = trace.output().column(world);
             let index =
-                if is_random { random.random_range(0..self.choices) } else { best(column.iter().copied()) };
+                if is_random { random.random_range(0..choices) } else { best(column.iter().copied()) };
             *choice = index as f32;
         }
     }
 
     fn command(&self, stored: &[f32], action: &mut [f32]) {
-        action.copy_from_slice(&self.table[stored[0] as usize * self.actions..][..self.actions]);
+        action.copy_from_slice(self.choices.row(stored[0] as usize));
     }
 
     fn learn(
@@ -260,7 +239,7 @@ impl Method for Dqn {
         TrainedNetwork {
             memory: None,
             layers: self.network.network.rows(),
-            head: Head::Choice { table: self.table.clone() },
+            head: Head::Choice { table: self.choices.rows().to_vec() },
         }
     }
 
@@ -277,19 +256,5 @@ impl Method for Dqn {
     fn read(&mut self, reader: &mut CheckpointReader) -> Result<(), CheckpointError> {
         self.network.read("values", reader)?;
         reader.network("values.target", &mut self.target)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn choices_are_all_combinations_of_moving_joints() {
-        assert_eq!(grid(&[true, false], 3), Some(vec![-1.0, 0.0, 0.0, 0.0, 1.0, 0.0]));
-        let two = grid(&[true, true], 2).expect("four choices");
-        assert_eq!(two, [-1.0, -1.0, -1.0, 1.0, 1.0, -1.0, 1.0, 1.0]);
-        assert_eq!(grid(&[true; 6], 3), None);
-        assert_eq!(best([1.0, 3.0, 3.0, 2.0]), 1);
     }
 }

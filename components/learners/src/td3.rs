@@ -122,7 +122,7 @@ impl Deterministic {
         (algorithm, critics): (Algorithm, usize),
         seed: u64,
     ) -> Result<Self, TaskError> {
-        let bounds = Bounds::new(terms)?;
+        let bounds = Bounds::new(terms, algorithm)?;
         let (inputs, width, hidden) = (terms.inputs(), bounds.width(), &settings.replay.hidden);
         let actor = Trained::new(&layer_sizes(inputs, hidden, width), 0.01, seed, 0);
         Ok(Self {

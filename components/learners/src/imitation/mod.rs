@@ -33,7 +33,7 @@ pub use settings::ImitationSettings;
 use crate::environment::{EnvironmentError, VectorEnvironment};
 use crate::learner::{Normaliser, TrainedNetwork};
 use crate::random::{Counter, Purpose};
-use crate::task::Task;
+use crate::task::{Task, TaskError};
 
 /// An algorithm of imitation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,6 +130,11 @@ impl<E: Engine + Send> Imitation<E> {
     ) -> Result<Self, EnvironmentError> {
         settings.check()?;
         let worlds = VectorEnvironment::new(task, (settings.worlds, threads), seed, build)?;
+        if let Some(choices) = worlds.terms().choices() {
+            let expected = "none: imitation fits continuous actions";
+            let found = format!("{} rows", choices.count());
+            return Err(TaskError::value("action.choices", found, expected).into());
+        }
         let (inputs, active) = (worlds.terms().inputs(), worlds.terms().active_actions());
         Ok(Self {
             seed,

@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::Algorithm;
-use crate::task::TaskError;
+use crate::task::{CHOICES, Task, TaskError};
 
 /// Reads the table of an algorithm. Keys that are missing have their defaults; all settings serialise to at
 /// least one key.
@@ -49,6 +49,18 @@ impl Check {
             key: format!("algorithms.{}.{key}", self.0.name()),
             found: found.to_string(),
             expected: expected.to_owned(),
+        }
+    }
+
+    /// Checks that the table of a task with discrete actions has no setting that continuous ones need.
+    pub(crate) fn absent_with_choices(self, task: &Task, key: &str) -> Result<(), TaskError> {
+        let given = task.algorithms.get(self.0.name()).and_then(|table| table.get(key));
+        match given.filter(|_| task.action.contains_key(CHOICES)) {
+            None => Ok(()),
+            Some(found) => {
+                let expected = "no value: the task has `action.choices`";
+                Err(TaskError::value(format!("algorithms.{}.{key}", self.0.name()), found, expected))
+            }
         }
     }
 

@@ -2,12 +2,12 @@
 
 use motorium_physics::Engine;
 use nalgebra::DMatrix;
-use rand_distr::{Distribution as _, StandardNormal};
 
 use super::Ppo;
+use super::distribution::Distribution;
 use super::network::{Network, Piece, single_steps};
 use super::part::Passes;
-use super::rollout::{Rollout, Spread};
+use super::rollout::Rollout;
 use crate::environment::EnvironmentError;
 use crate::learner::{Phase, for_chunks};
 use crate::random::{Counter, Purpose};
@@ -27,11 +27,11 @@ struct Tile<'a> {
     states: [&'a mut [f32]; 2],
 }
 
-/// The networks, and the spread of actions around the policy's outputs.
+/// The networks, and the distribution of actions around the policy's outputs.
 struct Actor<'a> {
     policy: &'a Network,
     value: &'a Network,
-    spread: &'a Spread,
+    distribution: &'a Distribution,
     /// Seed, update and step of the samples.
     counter: Counter,
 }
@@ -47,15 +47,13 @@ impl Actor<'_> {
         values.copy_from_slice(value.output().as_slice());
         states[0].copy_from_slice(means.states());
         states[1].copy_from_slice(value.states());
-        let rows = actions.chunks_exact_mut(width).zip(means.output().as_slice().chunks_exact(width));
-        for (world, ((action, mean), log_probability)) in (first..).zip(rows.zip(&mut **log_probabilities)) {
+        let outputs = means.output();
+        let rows = actions.chunks_exact_mut(width).zip(outputs.as_slice().chunks_exact(outputs.nrows()));
+        for (world, ((action, output), log_probability)) in (first..).zip(rows.zip(&mut **log_probabilities))
+        {
             let counter = Counter { world: world as u64, ..self.counter };
             let mut random = counter.stream(Purpose::Action);
-            for ((action, mean), deviation) in action.iter_mut().zip(mean).zip(&self.spread.deviations) {
-                let noise: f32 = StandardNormal.sample(&mut random);
-                *action = mean + deviation * noise;
-            }
-            *log_probability = self.spread.log_density(action, mean);
+            *log_probability = self.distribution.sample(output, &mut random, action);
         }
     }
 }
@@ -64,11 +62,13 @@ impl<E: Engine + Send> Ppo<E> {
     /// Steps all worlds through a horizon, or each through an episode.
     pub(super) fn collect(&mut self) -> Result<(), EnvironmentError> {
         let (worlds, horizon) = (self.settings.worlds, self.settings.horizon);
-        let (inputs, width) = (self.worlds.terms().inputs(), self.worlds.terms().actions());
+        let inputs = self.worlds.terms().inputs();
+        let width = self.choices.as_ref().map_or(self.worlds.terms().actions(), |_| 1);
+        let mut commands = Vec::new();
         let discount = self.settings.discount;
         let units = self.settings.recurrent;
         self.worlds.set_level(self.worlds.terms().level(self.state.steps));
-        let spread = Spread::new(&self.deviations, &self.active);
+        let distribution = self.distribution();
         let mut passes = Vec::new();
         passes.resize_with(self.worlds.threads(), Passes::default);
         let firsts: Vec<usize> = (0..worlds).step_by(TILE).collect();
@@ -108,7 +108,8 @@ impl<E: Engine + Send> Ppo<E> {
             }
             let counter =
                 Counter { seed: self.state.seed, world: 0, episode: self.state.updates, step: step as u64 };
-            let actor = Actor { policy: &self.policy, value: &self.value, spread: &spread, counter };
+            let actor =
+                Actor { policy: &self.policy, value: &self.value, distribution: &distribution, counter };
             let Rollout { observations, values, actions, log_probabilities, .. } = &mut self.rollout;
             let actions = &mut actions[samples.start * width..samples.end * width];
             let mut states = self.memories.each_mut().map(|states| states.chunks_mut((TILE * units).max(1)));
@@ -129,7 +130,15 @@ impl<E: Engine + Send> Ppo<E> {
                 actor.act(*first, (inputs, input), tile, passes);
             });
             self.watch.lap(Phase::Policy);
-            self.worlds.step(actions)?;
+            match &self.choices {
+                None => self.worlds.step(actions)?,
+                Some(choices) => {
+                    commands.clear();
+                    let rows = actions.iter().map(|choice| choices.row(*choice as usize));
+                    commands.extend(rows.flatten().copied());
+                    self.worlds.step(&commands)?
+                }
+            };
             self.watch.lap(Phase::Environment);
             self.rollout.next_values[samples.clone()].fill(0.0);
             // the value after a truncated episode; the values of the next step follow below

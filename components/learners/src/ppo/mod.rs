@@ -1,7 +1,8 @@
 //! Proximal policy optimisation.
 //!
-//! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` and a value `V(o)` learn from batches of steps. With the
-//! probability ratio `r = pi(a | o) / pi_old(a | o)`, advantages `A` and returns `R`, an update minimises
+//! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` and a value `V(o)` learn from batches of steps. The
+//! policy of a task with [choices](crate::task::Choices) is `a ~ softmax(mu(o))`, one output a choice. With
+//! the probability ratio `r = pi(a | o) / pi_old(a | o)`, advantages `A` and returns `R`, an update minimises
 //!
 //! ```text
 //! L   = -E[min(r A, clip(r, 1 - c, 1 + c) A)] + value / 2 E[(V - R)^2] - entropy H
@@ -32,6 +33,7 @@
 
 mod checkpoint;
 mod collect;
+mod distribution;
 mod network;
 mod part;
 mod rollout;
@@ -42,19 +44,20 @@ use motorium_models::networks::{Adam, Perceptron};
 use motorium_physics::{BuildError, Engine, Simulation};
 use serde::{Deserialize, Serialize};
 
+use distribution::Distribution;
 use network::Network;
 use part::{Part, Passes};
-use rollout::Rollout;
+use rollout::{Rollout, Spread};
 pub use settings::PpoSettings;
 
 use crate::environment::{EnvironmentError, VectorEnvironment};
 pub use crate::learner::Normaliser;
 use crate::learner::{
-    Algorithm, CheckpointError, Costs, Episodes, Learner, LearnerError, Progress, Stopwatch, TrainedNetwork,
-    numbers_sha256,
+    Algorithm, Check, CheckpointError, Costs, Episodes, Head, Learner, LearnerError, Progress, Stopwatch,
+    TrainedNetwork, numbers_sha256,
 };
 use crate::random::{Counter, Purpose};
-use crate::task::{Mirror, Task, TaskError};
+use crate::task::{Choices, Mirror, Task, TaskError};
 
 /// Values of an update, in the order of [`Progress::values`].
 pub(crate) const MEASURES: [&str; 5] = ["policy_loss", "value_loss", "entropy", "divergence", "rate"];
@@ -98,9 +101,11 @@ pub struct Ppo<E> {
     value: Network,
     /// Recurrent states of policy and value, world after world; empty without a memory.
     memories: [Vec<f32>; 2],
-    /// Logarithms of the standard deviations of the action.
+    /// Choices of a discrete task, whose actions are stored by their number.
+    choices: Option<Choices>,
+    /// Logarithms of the standard deviations of the action; empty for choices.
     deviations: Vec<f32>,
-    /// Actions that move a joint.
+    /// Numbers of the action that have an effect; empty for choices.
     active: Vec<bool>,
     /// Mirror of steps that also count as their images.
     mirror: Option<Mirror>,
@@ -138,7 +143,11 @@ impl<E: Engine + Send> Ppo<E> {
         build: impl FnMut() -> Result<Simulation<E>, BuildError>,
     ) -> Result<Self, EnvironmentError> {
         let worlds = VectorEnvironment::new(task, (settings.worlds, threads), seed, build)?;
-        let (inputs, actions) = (worlds.terms().inputs(), worlds.terms().actions());
+        let inputs = worlds.terms().inputs();
+        let choices = worlds.terms().choices().cloned();
+        if choices.is_some() {
+            check_discrete(task, &settings, variant.algorithm)?;
+        }
         if variant.uses_episodes {
             settings.horizon = worlds.terms().steps();
         }
@@ -146,14 +155,16 @@ impl<E: Engine + Send> Ppo<E> {
         if settings.mirror && mirror.is_none() {
             return Err(TaskError::value("symmetry", "none", "the symmetry that `mirror` needs").into());
         }
-        let active = worlds.terms().active_actions();
+        let active = if choices.is_some() { vec![] } else { worlds.terms().active_actions() };
+        let outputs = choices.as_ref().map_or(active.len(), Choices::count);
+        let stored = if choices.is_some() { 1 } else { active.len() };
         let weights = |step| Counter { seed, step, ..Counter::default() }.stream(Purpose::Weights);
         let (units, hidden) = (settings.recurrent, &settings.hidden);
-        let policy = Network::random((inputs, units, actions), hidden, 0.01, &mut weights(0));
+        let policy = Network::random((inputs, units, outputs), hidden, 0.01, &mut weights(0));
         let value = Network::random((inputs, units, 1), hidden, 1.0, &mut weights(1));
-        let deviations = vec![settings.deviation.ln() as f32; actions];
-        let adam = Adam::new(&[policy.parameters(), value.parameters(), actions]).with_epsilon(EPSILON);
-        let rollout = Rollout::new(settings.horizon, settings.worlds, inputs, actions)
+        let deviations = vec![settings.deviation.ln() as f32; active.len()];
+        let adam = Adam::new(&[policy.parameters(), value.parameters(), active.len()]).with_epsilon(EPSILON);
+        let rollout = Rollout::new(settings.horizon, settings.worlds, inputs, stored)
             .with_memory(settings.unroll(), units)
             .with_images(settings.mirror);
         let memory = vec![0.0; settings.worlds * units];
@@ -174,6 +185,7 @@ impl<E: Engine + Send> Ppo<E> {
             policy,
             value,
             memories: [memory.clone(), memory],
+            choices,
             deviations,
             active,
             mirror,
@@ -195,6 +207,14 @@ impl<E: Engine + Send> Ppo<E> {
         assert_eq!(self.settings.recurrent, 0, "recurrent units");
         self.policy.set(&policy.to_vec());
         self.state.observations = observations.clone();
+    }
+
+    /// The distribution of actions around the outputs of the policy.
+    fn distribution(&self) -> Distribution {
+        match self.choices {
+            Some(_) => Distribution::Categorical,
+            None => Distribution::Normal(Spread::new(&self.deviations, &self.active)),
+        }
     }
 
     /// The settings.
@@ -287,12 +307,30 @@ impl<E: Engine + Send> Learner for Ppo<E> {
     }
 
     fn policy(&self) -> TrainedNetwork {
-        self.policy.trained().normalised(&self.state.observations)
+        let mut trained = self.policy.trained().normalised(&self.state.observations);
+        if let Some(choices) = &self.choices {
+            trained.head = Head::Choice { table: choices.rows().to_vec() };
+        }
+        trained
     }
 
     fn weights_sha256(&self) -> String {
         self.weights_sha256()
     }
+}
+
+/// Checks the settings of a task with choices.
+fn check_discrete(task: &Task, settings: &PpoSettings, algorithm: Algorithm) -> Result<(), TaskError> {
+    let check = Check(algorithm);
+    check.absent_with_choices(task, "deviation")?;
+    if settings.recurrent > 0 {
+        return Err(check.error("recurrent", settings.recurrent as f64, "0 with `action.choices`"));
+    }
+    if settings.mirror {
+        let key = format!("algorithms.{}.mirror", algorithm.name());
+        return Err(TaskError::value(key, true, "false with `action.choices`"));
+    }
+    Ok(())
 }
 
 #[cfg(test)]

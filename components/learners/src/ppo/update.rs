@@ -4,9 +4,9 @@ use motorium_physics::Engine;
 use rand::seq::SliceRandom as _;
 
 use super::Ppo;
+use super::distribution::{Distribution, Slopes};
 use super::network::Network;
 use super::part::{Losses, Part, Passes};
-use super::rollout::Spread;
 use crate::learner::{CHUNK, LearnerError, Phase, check_finite, for_chunks};
 use crate::random::{Counter, Purpose};
 
@@ -74,10 +74,12 @@ impl<E: Engine + Send> Ppo<E> {
         let shared = Shared {
             policy: &self.policy,
             value: &self.value,
-            spread: Spread::new(&self.deviations, &self.active),
+            distribution: self.distribution(),
+            deviations: self.deviations.len(),
             rollout: &self.rollout,
             clip: self.settings.clip as f32,
             weight: self.settings.value as f32,
+            entropy: self.settings.entropy as f32,
         };
         let run = |work: &(dyn Fn(usize) + Sync)| self.worlds.on_threads(work);
         for_chunks(run, &mut passes, &chunks, &mut parts, |chunk, part, passes| {
@@ -92,7 +94,8 @@ impl<E: Engine + Send> Ppo<E> {
         let entropy = |(deviation, active): (&f32, &bool)| {
             if *active { f64::from(*deviation) + 0.5 * (1.0 + core::f64::consts::TAU.ln()) } else { 0.0 }
         };
-        sum.losses.entropy = self.deviations.iter().zip(&self.active).map(entropy).sum();
+        // the entropy of choices is the mean over the samples
+        sum.losses.entropy += self.deviations.iter().zip(&self.active).map(entropy).sum::<f64>();
         for (gradient, active) in sum.deviations.iter_mut().zip(&self.active) {
             if *active {
                 *gradient -= self.settings.entropy as f32;
@@ -136,6 +139,7 @@ fn add_parts(run: impl FnOnce(&(dyn Fn(usize) + Sync)), threads: usize, sum: &mu
         sum.losses.policy += part.losses.policy;
         sum.losses.value += part.losses.value;
         sum.losses.divergence += part.losses.divergence;
+        sum.losses.entropy += part.losses.entropy;
     }
     // each thread adds all parts of some numbers
     let firsts = |gradient: &[f32]| (0..gradient.len()).step_by(RANGE);
@@ -163,10 +167,14 @@ fn squares(numbers: &[f32]) -> f64 {
 struct Shared<'a> {
     policy: &'a Network,
     value: &'a Network,
-    spread: Spread,
+    distribution: Distribution,
+    /// Number of deviations.
+    deviations: usize,
     rollout: &'a super::Rollout,
     clip: f32,
     weight: f32,
+    /// Weight of the entropy.
+    entropy: f32,
 }
 
 impl Shared<'_> {
@@ -180,22 +188,23 @@ impl Shared<'_> {
     ) {
         let rollout = self.rollout;
         let inputs = rollout.observations.len() / rollout.returns.len();
-        let width = self.spread.deviations.len();
+        let width = rollout.actions.len() / rollout.returns.len();
         let share = 1.0 / count as f32;
         let Part { policy, value, deviations, losses } = part;
         let Passes { input, policy: policy_trace, value: value_trace } = passes;
         *losses = Losses::default();
         deviations.clear();
-        deviations.resize(width, 0.0);
+        deviations.resize(self.deviations, 0.0);
         input.clear();
         chunk.iter().for_each(|k| input.extend_from_slice(&rollout.observations[k * inputs..][..inputs]));
         self.policy.run(policy_trace, (inputs, input), rollout.pieces(chunk, 0));
         self.value.run(value_trace, (inputs, input), rollout.pieces(chunk, 1));
-        let by_means = |means: &[f32], by_means: &mut [f32]| {
-            let rows = means.chunks_exact(width).zip(by_means.chunks_exact_mut(width));
-            for (k, (mean, by_mean)) in chunk.iter().zip(rows) {
+        let by_outputs = |outputs: &[f32], by_outputs: &mut [f32]| {
+            let count = outputs.len() / chunk.len();
+            let rows = outputs.chunks_exact(count).zip(by_outputs.chunks_exact_mut(count));
+            for (k, (output, by_output)) in chunk.iter().zip(rows) {
                 let action = &rollout.actions[k * width..][..width];
-                let change = self.spread.log_density(action, mean) - rollout.log_probabilities[*k];
+                let change = self.distribution.log_density(action, output) - rollout.log_probabilities[*k];
                 let ratio = change.exp();
                 let advantage = (rollout.advantages[*k] - center) / deviation;
                 let clipped = ratio.clamp(1.0 - self.clip, 1.0 + self.clip);
@@ -203,12 +212,15 @@ impl Shared<'_> {
                 // beyond the clip only changes that make the loss larger have a slope
                 let slope =
                     if -advantage * ratio >= -advantage * clipped { -advantage * ratio * share } else { 0.0 };
-                self.spread.slopes((action, mean), slope, by_mean, deviations);
+                let slopes = Slopes { by_output: &mut *by_output, by_deviation: &mut *deviations };
+                self.distribution.slopes((action, output), slope, slopes);
+                let entropy = self.distribution.add_entropy(output, -self.entropy * share, by_output);
+                losses.entropy += f64::from(entropy * share);
                 losses.policy += f64::from(loss * share);
                 losses.divergence += f64::from((ratio - 1.0 - change) * share);
             }
         };
-        self.policy.write_gradients(policy_trace, by_means, policy);
+        self.policy.write_gradients(policy_trace, by_outputs, policy);
         let by_values = |values: &[f32], by_values: &mut [f32]| {
             for ((k, found), by_value) in chunk.iter().zip(values).zip(by_values) {
                 let error = found - rollout.returns[*k];

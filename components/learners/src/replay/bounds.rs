@@ -3,7 +3,7 @@
 use rand::RngExt as _;
 
 use super::Exploration;
-use crate::learner::Head;
+use crate::learner::{Algorithm, Head};
 use crate::task::{TaskError, Terms};
 
 /// The map from actions between -1 and 1 to the bounds of a task's action. Numbers that move no joint stay in
@@ -16,9 +16,14 @@ pub(crate) struct Bounds {
 }
 
 impl Bounds {
-    /// The bounds of a task.
-    pub(crate) fn new(terms: &Terms) -> Result<Self, TaskError> {
-        let Some([low, high]) = terms.policy().action.clip else {
+    /// The bounds of a task with continuous actions.
+    pub(crate) fn new(terms: &Terms, algorithm: Algorithm) -> Result<Self, TaskError> {
+        if let Some(choices) = terms.choices() {
+            let expected =
+                format!("none for `{}`; help: train with dqn, ppo, a2c or reinforce", algorithm.name());
+            return Err(TaskError::value("action.choices", format!("{} rows", choices.count()), expected));
+        }
+        let Some([low, high]) = terms.policy().action.bounds() else {
             return Err(TaskError::Value {
                 key: "action.clip".to_owned(),
                 found: "none".to_owned(),

@@ -136,7 +136,7 @@ struct PolicyPart {
 
 impl Sac {
     fn new(terms: &Terms, settings: &SacSettings, seed: u64) -> Result<Self, TaskError> {
-        let bounds = Bounds::new(terms)?;
+        let bounds = Bounds::new(terms, Algorithm::Sac)?;
         let (inputs, width, hidden) = (terms.inputs(), bounds.width(), &settings.replay.hidden);
         Ok(Self {
             actor: Trained::new(&layer_sizes(inputs, hidden, 2 * width), 0.01, seed, 0),

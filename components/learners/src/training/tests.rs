@@ -328,6 +328,100 @@ fn settings_of_all_algorithms_are_checked() {
     assert_eq!(key, "action.clip");
 }
 
+/// The cart-pole with two choices: full force to the left or to the right.
+fn discrete() -> String {
+    CART_POLE.replace("[action]", "[action]\nchoices = [[-1.0, 0.0], [1.0, 0.0]]")
+}
+
+/// Algorithms that learn discrete actions.
+const DISCRETE: [Algorithm; 4] = [Algorithm::Ppo, Algorithm::A2c, Algorithm::Reinforce, Algorithm::Dqn];
+
+#[test]
+fn dqn_learns_to_balance_by_choices() {
+    let settings = format!("[dqn]\nsteps = 8000\ngradients = 2\n{SHORT}");
+    let [random, trained] = returns(Algorithm::Dqn, &discrete(), &settings);
+    assert_balances(random, trained);
+}
+
+#[test]
+fn ppo_learns_to_balance_by_choices() {
+    let settings =
+        "[ppo]\nsteps = 24576\nworlds = 8\nhorizon = 128\nrate = 1e-3\nentropy = 0.01\nhidden = [32, 32]";
+    let [random, trained] = returns(Algorithm::Ppo, &discrete(), settings);
+    assert_balances(random, trained);
+}
+
+#[test]
+fn discrete_runs_repeat_and_resume_bit_for_bit() {
+    for algorithm in DISCRETE {
+        let task = task(&discrete(), &tiny(algorithm));
+        let straight = finish(&mut *begin(algorithm, &task, (1, 1)).expect("a run"));
+        let mut half = begin(algorithm, &task, (1, 2)).expect("a run");
+        half.advance().expect("an update");
+        let checkpoint = half.checkpoint().expect("a checkpoint");
+        let mut resumed = begin(algorithm, &task, (77, 1)).expect("a run");
+        resumed.restore(&checkpoint).expect("the checkpoint of an equal run");
+        assert_eq!(finish(&mut *resumed), straight, "{algorithm:?}");
+        assert_eq!(finish(&mut *half), straight, "{algorithm:?}: two threads");
+        let other = finish(&mut *begin(algorithm, &task, (2, 1)).expect("a run"));
+        assert_ne!(other, straight, "{algorithm:?}: another seed");
+    }
+}
+
+#[test]
+fn policies_of_discrete_runs_put_out_rows() {
+    let base = std::env::temp_dir().join(format!("motorium-discrete-{}", std::process::id()));
+    std::fs::create_dir_all(&base).expect("a folder");
+    for algorithm in DISCRETE {
+        let (file, folder) = (base.join(format!("{}.toml", algorithm.name())), base.join(algorithm.name()));
+        let settings = tiny(algorithm).replace('[', "[algorithms.").replace("= [algorithms.", "= [");
+        let text = discrete();
+        let text = text.split("[algorithms").next().expect("the task before its settings");
+        std::fs::write(&file, format!("{text}\n{settings}\n")).expect("a file");
+        let mut run = Run::create(algorithm, &file, &folder, (1, 2), None).expect("a run");
+        while run.advance().expect("an update").is_some() {}
+        let mut network = PolicyFolder::read(&folder).expect("a policy").network().expect("its network");
+        for k in 0..20 {
+            let observation = [0.3, -0.2, 0.9, 1.1].map(|number: f32| number * (k as f32).cos());
+            network.observation_mut().copy_from_slice(&observation);
+            let action = network.run();
+            assert!(action == [-1.0, 0.0] || action == [1.0, 0.0], "{algorithm:?}: {action:?}");
+        }
+        let found = evaluate(&folder, &file, 2, 1).expect("returns");
+        assert!((1.0..=500.0).contains(&found.mean), "{algorithm:?}: {}", found.mean);
+    }
+    std::fs::remove_dir_all(&base).expect("the folder");
+}
+
+#[test]
+fn settings_that_choices_exclude_are_refused() {
+    let key =
+        |algorithm: Algorithm, text: &str| match begin(algorithm, &task(&discrete(), text), (1, 1)).err() {
+            Some(EnvironmentError::Task(TaskError::Value { key, .. })) => key,
+            other => panic!("{algorithm:?}: {other:?}"),
+        };
+    for algorithm in [Algorithm::Sac, Algorithm::Td3, Algorithm::Ddpg] {
+        assert_eq!(key(algorithm, ""), "action.choices", "{algorithm:?}");
+        let error = begin(algorithm, &task(&discrete(), ""), (1, 1)).err().map(|error| error.to_string());
+        let named = format!("expected none for `{}`", algorithm.name());
+        assert!(error.as_ref().is_some_and(|error| error.contains(&named)), "{error:?}");
+    }
+    assert_eq!(key(Algorithm::Dqn, "[dqn]\nbins = 3"), "algorithms.dqn.bins");
+    assert_eq!(key(Algorithm::Ppo, "[ppo]\nrecurrent = 8"), "algorithms.ppo.recurrent");
+    for algorithm in [Algorithm::Ppo, Algorithm::A2c, Algorithm::Reinforce] {
+        let name = algorithm.name();
+        let found = key(algorithm, &format!("[{name}]\ndeviation = 0.5"));
+        assert_eq!(found, format!("algorithms.{name}.deviation"));
+    }
+    let task = task(&discrete(), "");
+    let scene = scene(&task);
+    let settings = imitation::ImitationSettings::default();
+    let build = || scene.simulation();
+    let cloned = imitation::Imitation::from_recorded(&task, settings, &[], (1, 1), build).err();
+    let message = cloned.map(|error| error.to_string()).expect("choices cannot be cloned");
+    assert!(message.starts_with("`action.choices`: found 2 rows, expected none"), "{message}");
+}
+
 #[test]
 fn settings_of_a_task_are_completed_by_defaults() {
     for algorithm in Algorithm::ALL {
