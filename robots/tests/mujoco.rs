@@ -221,7 +221,7 @@ fn unsupported_content_is_rejected_with_its_position() {
         |content: &str| refusal(&format!("<worldbody><body name=\"b\">\n{content}</body></worldbody>"));
     assert!(
         refusal("<include file=\"x.xml\"/>")
-            .starts_with("MJCF:2:1: <include> of \"x.xml\": a text without a file")
+            .starts_with("MJCF:2:1: <include> of \"x.xml\": a text that is not from a file")
     );
     assert!(
         refusal("<compiler coordinate=\"global\"/>")

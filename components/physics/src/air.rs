@@ -22,8 +22,8 @@ impl Air {
     /// its drag area \[m2\], `mass` its mass \[kg\].
     ///
     /// The drag is evaluated at the end of the step: the speed `s` relative to the air obeys
-    /// `s + h k s^2 = s_0` with `k = density drag / (2 mass)`. This equation has one solution for any `h`, and
-    /// its limit under gravity is exactly the terminal velocity.
+    /// `s + h k s^2 = s_0` with `k = density drag / (2 mass)`. This equation has one solution for any `h`,
+    /// and its limit under gravity is exactly the terminal velocity.
     pub(crate) fn slowed(&self, (drag, mass): (f64, f64), velocity: Vector3<f64>, h: f64) -> Vector3<f64> {
         if drag == 0.0 {
             return velocity;

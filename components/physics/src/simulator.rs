@@ -181,8 +181,8 @@ pub trait Simulator {
     /// step. Place a robot that stops with a velocity of zero. Its drives have no effort.
     ///
     /// After a discontinuity, or in a step without another placement, `v` may differ from the mean velocity
-    /// of the step. If it differs by more than half of its norm, the links arrive at `q` along `v` instead, so
-    /// that a discontinuity does not throw objects away.
+    /// of the step. If it differs by more than half of its norm, the links arrive at `q` along `v` instead,
+    /// so that a discontinuity does not throw objects away.
     ///
     /// # Errors
     ///

@@ -27,8 +27,8 @@ pub struct CollisionOptions {
     pub self_collision: bool,
     /// Rules of an SRDF file.
     pub srdf: Srdf,
-    /// `true` to skip unusable shapes, such as missing meshes, and rules for unknown links instead of
-    /// rejecting the robot. [`CollisionModel::left_out`] lists them. Default false.
+    /// If `true`, unusable shapes (such as missing meshes) and rules that name unknown links are skipped and
+    /// listed by [`CollisionModel::left_out`]; otherwise they cause an error. Default false.
     pub leave_out_defects: bool,
 }
 

@@ -99,7 +99,7 @@ pub struct ComponentReport {
     pub lateness_ns: Percentiles,
     /// Execution time: from the start to the end of the step, wall-clock ns.
     pub execution_ns: Percentiles,
-    /// CPU time of each step, with its waiting and waking, without its spinning, ns.
+    /// CPU time of each step, ns, including waiting and waking but not spinning.
     pub cpu_ns: Percentiles,
     /// Spin time before a release, as of the end of the run, ns.
     pub spin_ns: u64,

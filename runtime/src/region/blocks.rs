@@ -151,7 +151,7 @@ pub struct ComponentBlock {
     pub lateness: Histogram,
     /// Execution time of steps, wall-clock ns.
     pub execution: Histogram,
-    /// CPU time of each step, with its waiting and waking, without its spinning, ns.
+    /// CPU time of each step, ns, including waiting and waking but not spinning.
     pub cpu: Histogram,
     /// Statistics of an actuator's command gate.
     pub gate: GateBlock,

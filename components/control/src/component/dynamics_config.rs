@@ -40,8 +40,8 @@ with_defaults! {
     /// Deceleration that always suffices to stop a joint before its limits, rad/s2 or m/s2, 1e-3 to 1e6, and
     /// at most the joint's largest acceleration. Default 20.
     pub braking: f64 = InverseDynamicsSettings::default().joints.braking;
-    /// Largest acceleration of a joint, rad/s2 or m/s2, at least `braking`. Default: 0.9 times the limit of
-    /// the robot's profile, 1000 for a joint without a limit.
+    /// Largest acceleration of a joint, rad/s2 or m/s2. Must not be less than `braking`. Default: 0.9 times
+    /// the limit of the robot's profile, 1000 for a joint without a limit.
     pub max_acceleration: Option<f64> = None;
     /// Fraction of the torque limits that may be used, more than 0, at most 1. Default 1.
     pub torque_fraction: f64 = InverseDynamicsSettings::default().torque_fraction;

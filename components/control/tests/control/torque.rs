@@ -127,7 +127,7 @@ fn invalid_torque_configurations_are_refused_by_key() {
     );
     refused(
         alone(accelerations, "{ contact_wrench = { contact = \"panda_hand\" } }"),
-        &["tasks[0].contact_wrench", "about forces", "accelerations alone"],
+        &["tasks[0].contact_wrench", "acts on forces", "accelerations alone"],
     );
     refused(
         alone("unknowns = \"forces\", braking = 5.0", "{ cartesian = {} }"),

@@ -66,7 +66,7 @@ pub struct RandomiseConfig {
 pub struct RobotIntervals {
     /// Factor of the mass and the inertia of each body.
     pub mass: Option<Interval>,
-    /// Factor of the friction of its surface.
+    /// Factor by which the friction of its surface is multiplied.
     pub friction: Option<Interval>,
     /// Restitution of its surface.
     pub restitution: Option<Interval>,

@@ -457,7 +457,7 @@ fn tasks_with_objects_are_refused_in_graphs() {
     let config = serde_json::json!({ "task": tasks.join("ping-pong.toml") });
     let error = kind.declare(config, Some(robot)).unwrap_err().error;
     assert_eq!(error.key.as_deref(), Some("task"));
-    assert!(error.message.starts_with("\"red ball\" is not a link"), "{}", error.message);
+    assert!(error.message.starts_with("\"red ball\" is an object"), "{}", error.message);
 }
 
 #[test]

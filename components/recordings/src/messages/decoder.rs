@@ -27,7 +27,7 @@ impl Schema {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unsupported {
     /// The encoding of the messages is unknown.
-    #[error("messages in `{0}`, expected `cdr`, `json` or `protobuf`")]
+    #[error("messages are encoded as `{0}`, expected `cdr`, `json` or `protobuf`")]
     Encoding(String),
     /// The channel has no schema, which its encoding requires.
     #[error("messages in `{0}` without a schema")]

@@ -107,8 +107,8 @@ pub(crate) fn limits(
 
 /// Returns `true` for a range of a revolute joint \[rad\] that was probably written in degrees.
 pub(crate) fn has_many_turns([lower, upper]: [f64; 2]) -> bool {
-    // Limits of less than two turns may be in rad, as for inverse kinematics; from two turns in degrees on, no
-    // limit may be intended.
+    // Limits of less than two turns may be in rad, as for inverse kinematics; from two turns in degrees on,
+    // no limit may be intended.
     upper - lower > 3.0 * TAU && (2.0 * TAU..=720.0).contains(&lower.abs().max(upper.abs()))
 }
 

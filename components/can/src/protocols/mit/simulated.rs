@@ -67,7 +67,7 @@ impl SimulatedDrive {
         }
     }
 
-    /// Sets the torque at full current \[N m\]; the drive disables itself at a fraction of it.
+    /// Sets the torque \[N m\] of the drive at full current. It disables itself at a fraction of this torque.
     #[must_use]
     pub fn with_full_torque(self, torque: f64) -> Self {
         Self { full_torque: Some(torque), ..self }

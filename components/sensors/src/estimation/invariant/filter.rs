@@ -66,8 +66,8 @@ impl Default for FilterState {
 /// integrated exactly for readings that are constant over a step. The error is right-invariant,
 /// `X_est X^-1 = exp(xi)`, in world axes. Its linear dynamics do not depend on the state, except for the
 /// biases. A foot on the ground measures `R' (d - p)`, the forward kinematics `h` of its joints; the
-/// innovation `R h - (d - p)` is linear in `xi` with a constant matrix. The linearisation therefore adds no spurious information:
-/// position and yaw, which contacts cannot observe, stay uncertain.
+/// innovation `R h - (d - p)` is linear in `xi` with a constant matrix. The linearisation therefore adds no
+/// spurious information: position and yaw, which contacts cannot observe, stay uncertain.
 ///
 /// A foot is added at `p + R h` at touchdown and removed at lift-off. For rolling round feet,
 /// [`roll`](Self::roll) moves the contact without changing the error.
