@@ -276,7 +276,10 @@ fn ambiguous_channels_require_a_topic() {
     assert_eq!(error, "no channel has numbers `position`; its channels are `/text` (json), `/ros1` (ros1)");
     let ros1 = Selection { topic: Some("/ros1".into()), ..Selection::default() };
     let error = refusal(&file, &ros1).to_string();
-    assert_eq!(error, "channel `/ros1` (ros1): messages are encoded as `ros1`, expected `cdr`, `json` or `protobuf`");
+    assert_eq!(
+        error,
+        "channel `/ros1` (ros1): messages are encoded as `ros1`, expected `cdr`, `json` or `protobuf`"
+    );
 }
 
 #[test]
