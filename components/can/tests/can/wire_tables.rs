@@ -110,7 +110,7 @@ fn ranges_beyond_the_protocol_are_refused() {
         (
             "cia402",
             cia402("mode = \"torque\"", ranges(12.5, 30.0, 164.0)),
-            "a torque of 164 N m, and object 0x6071",
+            "a torque of 164 N m, but object 0x6071",
         ),
     ];
     for (protocol, more, words) in rows {
