@@ -47,7 +47,7 @@ fn stop_now_works_while_the_launcher_is_stopped() {
 /// Asserts that the launcher reported the stop and its end with these words.
 fn assert_stop_and_resume_reported(ended: &Ended, words: &str) {
     let stopped = ended.stderr.lines().position(|line| line.contains("stopped:") && line.contains(words));
-    let resumed = ended.stderr.lines().position(|line| line.contains("resumed: the robot comes back"));
+    let resumed = ended.stderr.lines().position(|line| line.contains("resumed: the robot returns"));
     let in_order = stopped.zip(resumed).is_some_and(|(stopped, resumed)| stopped < resumed);
     assert!(in_order, "{words}: {}", ended.stderr);
 }

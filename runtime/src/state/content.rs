@@ -81,7 +81,7 @@ pub struct UnknownKind {
     pub offset: usize,
 }
 
-/// A defect found when a buffer is checked against its layout. Owns no heap memory, since it is created on the hot path.
+/// A defect found when checking a buffer against its layout. Owns no heap memory, for use on the hot path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum ContentDefect {
     /// The size of the buffer differs from its type's.

@@ -163,7 +163,7 @@ fn invalid_planners_are_rejected_with_their_key() {
     refused(gait("offsets = { front_left = 0.0 }"), &["gait.offsets", "`front_right` has no offset"]);
     refused(gait("offsets = { left = 0.0 }"), &["gait.offsets", "no foot `left`", "it has front_left"]);
     let all = "offsets = { front_left = 0.0, front_right = 0.5, hind_left = 0.5, hind_right = 0.0 }";
-    refused(gait(&format!("duty = 1.0, {all}")), &["gait", "stands for 1 of the period"]);
+    refused(gait(&format!("duty = 1.0, {all}")), &["gait", "in stance for a fraction 1 of the period"]);
     let arm = Graph::new("arm").robot("arm", "panda").with(
         Instance::of::<MpcPlanner>("planner").robot("arm").rate("200 Hz").subscribe("joint_state", "joints"),
     );
