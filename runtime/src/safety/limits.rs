@@ -53,7 +53,7 @@ pub struct JointLimits {
     /// to 16 times this one.
     pub kp: f64,
     /// Velocity gain of the safe states, N m s/rad or N s/m. `hold` keeps a larger gain of the last command,
-    /// up to 5 times this one.
+    /// up to 20 times this one.
     pub kd: f64,
 }
 

@@ -23,10 +23,10 @@ const STANDS: f64 = 1e-3;
 /// Largest position gain of `hold` relative to the profile's, which is four times the bandwidth.
 const MOST_STIFFNESS: f64 = 16.0;
 
-/// Largest velocity gain of `hold` relative to the profile's, which is 1.25 times the damping ratio at
+/// Largest velocity gain of `hold` relative to the profile's, which is five times the damping ratio at
 /// [`MOST_STIFFNESS`]. A sampled drive oscillates if `kd dt` exceeds twice the inertia, which only the
 /// profile accounts for.
-const MOST_DAMPING: f64 = 5.0;
+const MOST_DAMPING: f64 = 20.0;
 
 /// Measured state of a joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,7 +69,7 @@ impl Joint {
 /// | `brake` | none, then where the joint stopped | 10^6 N m s/rad, then the safe states' gains | gravity |
 ///
 /// Held gains are the larger of the last command's and the profile's, separately for `kp` and `kd`, but at
-/// most 16 times the profile's `kp` and 5 times its `kd`. If `kp` is larger than the profile's, `kd` is at
+/// most 16 times the profile's `kp` and 20 times its `kd`. If `kp` is larger than the profile's, `kd` is at
 /// least as large as the profile's damping ratio requires.
 ///
 /// ```

@@ -58,7 +58,7 @@ fn values_out_of_range_name_the_object_the_field_and_the_range() {
 fn the_schema_documents_every_key_with_its_unit() {
     let schema = serde_json::to_string(&schemars::schema_for!(World)).unwrap();
     for expected in
-        ["Mass (kg)", "Radius (m)", "roll, pitch, yaw", "Acceleration of free fall (m/s2)", "\"maximum\":1"]
+        ["Mass (kg)", "Radius (m)", "roll, pitch, yaw", "Gravitational acceleration (m/s2)", "\"maximum\":1"]
     {
         assert!(schema.contains(expected), "no {expected} in {schema}");
     }

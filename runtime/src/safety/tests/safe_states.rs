@@ -79,7 +79,7 @@ fn each_safe_state_is_entered_by_its_law() {
     );
     let stiffest = JointSetpoint { kp: 20_000.0, kd: 5_000.0, ..JointSetpoint::default() };
     let held = enter(SafeState::Hold, &joint, limits, &stiffest);
-    assert_eq!((held.kp, held.kd), (9_600.0, 200.0), "a stiff controller may be unstable");
+    assert_eq!((held.kp, held.kd), (9_600.0, 800.0), "a stiff controller may be unstable");
     let unknown = JointLimits { kp: 0.0, kd: 0.0, ..limits.clone() };
     let held = enter(SafeState::Hold, &joint, &unknown, &stiffest);
     assert_eq!((held.kp, held.kd), (20_000.0, 5_000.0), "without a profile, the last command's");
