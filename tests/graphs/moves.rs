@@ -100,6 +100,22 @@ fn a_mobile_arm_carries_a_cube_from_table_to_table() {
 }
 
 #[test]
+fn an_arm_on_wheels_carries_a_cube_from_table_to_table() {
+    let ended = whole("deliver-cube.toml", &[]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let results = &ended.report().results;
+    let (cube, arm) = (&results["physics"]["objects"]["cube"], &results["arm"]);
+    let place = |axis: usize| cube["position"][axis].as_f64().expect("a number");
+    // on the table, 39.6 cm high
+    assert!((place(2) - 0.416).abs() < 1e-3, "{cube}");
+    assert!(place(0).abs() < 0.02 && (place(1) - 1.95).abs() < 0.02, "{cube}");
+    assert!(cube["speed"].as_f64().expect("a number") < 1e-3, "{cube}");
+    assert_eq!((&arm["finger_goals"], &arm["finger_goals_refused"]), (&3.into(), &0.into()));
+    assert!(number(&ended, "wheels", "distance_m") > 1.1);
+    assert_nothing_allocates(&ended);
+}
+
+#[test]
 fn panda_puts_a_mesh_nut_into_a_mesh_tray() {
     let ended = whole("pick-nut.toml", &[]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);

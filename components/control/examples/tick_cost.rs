@@ -54,7 +54,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let solution = solver.solve()?;
         marks[4] = Instant::now();
         setpoint.integrate(solution.x.as_slice(), DT);
-        std::hint::black_box(feed_forward.effort(model, setpoint.position(), &setpoint));
+        std::hint::black_box(feed_forward.effort(model, setpoint.position(), &[], &setpoint));
         marks[5] = Instant::now();
 
         iterations.push(f64::from(solution.iterations));

@@ -18,7 +18,7 @@ use crate::SetpointIntegrator;
 /// let (model, q) = (&panda.model, panda.profile.unwrap().home(&panda.model)?);
 /// let setpoint = SetpointIntegrator::new(model, q.as_slice());
 /// let mut feed_forward = FeedForward::new(model, Some(Vector3::new(0.0, 0.0, -9.81)));
-/// let effort = feed_forward.effort(model, q.as_slice(), &setpoint);
+/// let effort = feed_forward.effort(model, q.as_slice(), &[], &setpoint);
 /// assert!(effort[1].abs() > 1.0, "the shoulder carries the arm");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -35,10 +35,10 @@ pub struct FeedForward {
 struct Inertia {
     /// Time constant of the acceleration, s.
     smoothing: f64,
-    /// Velocity setpoint of the previous tick; valid if `known`.
+    /// Velocities: the measured one of a floating base, then the setpoint of the previous tick, valid if `known`.
     velocity: DVector<f64>,
     known: bool,
-    /// Smoothed acceleration of the setpoint.
+    /// Accelerations: 0 for a floating base, then the smoothed one of the setpoint.
     acceleration: DVector<f64>,
 }
 
@@ -65,8 +65,9 @@ impl FeedForward {
     pub fn update(&mut self, setpoint: &SetpointIntegrator, dt: f64) {
         let Some(inertia) = &mut self.inertia else { return };
         let share = if inertia.known { dt / (dt + inertia.smoothing) } else { 0.0 };
-        let velocities = inertia.velocity.iter_mut().zip(setpoint.velocity());
-        for (acceleration, (before, now)) in inertia.acceleration.iter_mut().zip(velocities) {
+        let base = inertia.velocity.len() - setpoint.velocity().len();
+        let velocities = inertia.velocity.iter_mut().skip(base).zip(setpoint.velocity());
+        for (acceleration, (before, now)) in inertia.acceleration.iter_mut().skip(base).zip(velocities) {
             *acceleration += share * ((now - *before) / dt - *acceleration);
             *before = *now;
         }
@@ -81,24 +82,36 @@ impl FeedForward {
         }
     }
 
-    /// Returns the efforts \[Nm or N\], one per independent joint, within the effort limits of the model. `q`
-    /// are the measured joint positions \[rad or m\], one per independent joint.
+    /// Returns the efforts \[Nm or N\], one per independent joint, within the effort limits of the model. `q` is
+    /// the measured configuration: the pose of a floating base, then the joint positions \[rad or m\].
+    /// `base_velocity` is the measured velocity of a floating base in its own axes, linear \[m/s\], then angular
+    /// \[rad/s\]; empty for a fixed base.
     ///
     /// # Panics
-    /// If `q` has another length.
-    pub fn effort(&mut self, model: &Model, q: &[f64], setpoint: &SetpointIntegrator) -> &[f64] {
+    /// If `q`, `base_velocity` or the setpoint do not match the model.
+    pub fn effort(
+        &mut self,
+        model: &Model,
+        q: &[f64],
+        base_velocity: &[f64],
+        setpoint: &SetpointIntegrator,
+    ) -> &[f64] {
         let effort = self.effort.as_mut_slice();
-        match (&self.inertia, self.gravity) {
+        let base = effort.len() - model.joint_count();
+        match (&mut self.inertia, self.gravity) {
             (Some(inertia), gravity) => {
-                let (v, a) = (setpoint.velocity(), inertia.acceleration.as_slice());
+                inertia.velocity.as_mut_slice()[..base].copy_from_slice(base_velocity);
+                inertia.velocity.as_mut_slice()[base..].copy_from_slice(setpoint.velocity());
+                let (v, a) = (inertia.velocity.as_slice(), inertia.acceleration.as_slice());
                 self.dynamics.rnea(model, q, v, a, gravity.unwrap_or_default(), effort);
             }
             (None, Some(gravity)) => self.dynamics.gravity(model, q, gravity, effort),
-            (None, None) => return self.effort.as_slice(),
+            (None, None) => {}
         }
-        for (effort, limit) in self.effort.iter_mut().zip(model.effort_limit()) {
+        let efforts = &mut self.effort.as_mut_slice()[base..];
+        for (effort, limit) in efforts.iter_mut().zip(model.effort_limit()) {
             *effort = effort.max(-limit).min(*limit);
         }
-        self.effort.as_slice()
+        efforts
     }
 }

@@ -41,13 +41,23 @@ pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, ConfigError> {
     .map_err(|error| ConfigError::new(error.to_string()))
 }
 
+/// Loads a robot and returns it with the controlled frame.
+pub(crate) fn load_moved(
+    reference: &RobotReference,
+    frame: Option<&str>,
+) -> Result<(Loaded, FrameId), ConfigError> {
+    let loaded = load(reference)?;
+    let id = end_effector(&loaded, frame, "frame")?;
+    Ok((loaded, id))
+}
+
 /// Loads a robot whose joint positions alone determine the pose of the controlled frame, and returns that
 /// frame.
 pub(crate) fn load_fixed(
     reference: &RobotReference,
     frame: Option<&str>,
 ) -> Result<(Loaded, FrameId), ConfigError> {
-    let loaded = load(reference)?;
+    let (loaded, id) = load_moved(reference, frame)?;
     if loaded.model.base().floating {
         let message = format!(
             "robot `{}` has a floating base: its joint positions alone do not determine the pose of its end effector",
@@ -55,7 +65,6 @@ pub(crate) fn load_fixed(
         );
         return Err(ConfigError::new(message).advise("use a robot with a fixed base, or a policy of joints"));
     }
-    let id = end_effector(&loaded, frame, "frame")?;
     Ok((loaded, id))
 }
 

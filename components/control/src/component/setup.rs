@@ -44,6 +44,9 @@ pub(super) struct ControllerSetup {
     tasks: Vec<TaskConfig>,
     pub(super) gains: Gains,
     pub(super) feed_forward: FeedForward,
+    /// Joints of the wheels that move a floating base, which another component commands; empty with
+    /// `inverse_dynamics`.
+    pub(super) wheels: Vec<usize>,
 }
 
 impl ControllerSetup {
@@ -55,15 +58,10 @@ impl ControllerSetup {
         folder: &Path,
     ) -> Result<Self, ConfigError> {
         let Loaded { model, profile, .. } = load_robot(robot)?;
-        if model.base().floating && config.inverse_dynamics.is_none() {
-            let message = format!(
-                "robot `{}` has a floating base, which joint velocities alone do not move",
-                robot.name
-            );
-            let advice =
-                "add `inverse_dynamics = {}`: torques and contacts; or fix the base in its URDF or profile";
-            return Err(ConfigError::key("robot", message).advise(advice));
-        }
+        let wheels = match config.inverse_dynamics {
+            None if model.base().floating => base_joints(robot, &model, profile.as_ref())?,
+            _ => Vec::new(),
+        };
         check_numbers(config)?;
         if let Some(table) = &config.inverse_dynamics {
             refuse_velocity_keys(config)?;
@@ -93,8 +91,19 @@ impl ControllerSetup {
         let (gravity, mut world) = (config.gravity.into(), config.world.clone());
         // defects of its files are reported by the simulation of the world
         world.locate(folder).map_err(|error| ConfigError::key("world", error.to_string()))?;
-        let setup =
-            Self { model, profile, torque, unknowns, gravity, world, contacts, tasks, gains, feed_forward };
+        let setup = Self {
+            model,
+            profile,
+            torque,
+            unknowns,
+            gravity,
+            world,
+            contacts,
+            tasks,
+            gains,
+            feed_forward,
+            wheels,
+        };
         if unknowns == Unknowns::Forces && setup.contacts.is_empty() {
             let message = "`forces` for a robot without a contact";
             return Err(ConfigError::key("inverse_dynamics.unknowns", message)
@@ -339,6 +348,27 @@ fn refuse_velocity_keys(config: &QpControllerConfig) -> Result<(), ConfigError> 
         Some((key, _)) => Err(ConfigError::key(key, "it has no effect with `inverse_dynamics`")
             .advise("leave it out: torques balance gravity and inertia, and joints accelerate by `inverse_dynamics.max_acceleration` and brake at `inverse_dynamics.braking`")),
     }
+}
+
+/// Returns the joints of the wheels that move the base of a robot with a floating base.
+///
+/// # Errors
+/// [`ConfigError`] if the profile has no such wheels: without contacts the controller could not move the base.
+fn base_joints(
+    robot: &RobotReference,
+    model: &Model,
+    profile: Option<&Profile>,
+) -> Result<Vec<usize>, ConfigError> {
+    let Some(base) = profile.and_then(|profile| profile.mobile_base.as_ref()) else {
+        let message =
+            format!("robot `{}` has a floating base, which joint velocities alone do not move", robot.name);
+        let advice = "add `inverse_dynamics = {}`: torques and contacts; or fix the base in its URDF or profile; a base on wheels needs a `[mobile_base]` in the profile";
+        return Err(ConfigError::key("robot", message).advise(advice));
+    };
+    let names = base.joints.iter().chain(&base.wheels).chain(&base.steering);
+    let index = |name: &String| model.joint_names().iter().position(|joint| joint == name);
+    // the profile was checked: every name is a joint's
+    Ok(names.filter_map(index).collect())
 }
 
 /// Returns the gains of the configuration, or else of the profile.

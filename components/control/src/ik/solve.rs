@@ -213,7 +213,8 @@ impl<S: QpSolver> DifferentialIk<S> {
             Side::Lower => self.problem.lower[variable] > 0.0,
             Side::Upper => self.problem.upper[variable] < 0.0,
         };
-        if !self.is_narrowed || !excludes_rest {
+        let is_prescribed = self.wide_bounds[0][variable] == self.wide_bounds[1][variable];
+        if !self.is_narrowed || !excludes_rest || is_prescribed {
             return false;
         }
         match side {

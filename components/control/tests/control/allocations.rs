@@ -42,7 +42,7 @@ fn a_tick_allocates_nothing_and_clarabel_once() {
             reach.setpoint.integrate(reach.ik.velocity(), 0.001);
             let q = reach.setpoint.position();
             feed_forward.update(&reach.setpoint, 0.001);
-            assert!(feed_forward.effort(model, q, &reach.setpoint)[1].is_finite());
+            assert!(feed_forward.effort(model, q, &[], &reach.setpoint)[1].is_finite());
         });
         assert_eq!((assembling, updating, commanding), (0, 0, 0), "tick {tick}");
         assert_eq!((solving, solving_inside), (CLARABEL_PER_SOLVE, 0), "tick {tick}");

@@ -28,7 +28,7 @@ fn gravity_compensation_is_the_potential_energy_gradient() {
     for _ in 0..10 {
         let q = panda.near_home(1.0, &mut random);
         let setpoint = SetpointIntegrator::new(model, panda.home.as_slice());
-        let effort = feed_forward.effort(model, &q, &setpoint).to_vec();
+        let effort = feed_forward.effort(model, &q, &[], &setpoint).to_vec();
         for joint in 0..model.nv() {
             let (mut ahead, mut behind) = (q.clone(), q.clone());
             ahead[joint] += h;
@@ -46,7 +46,7 @@ fn feed_forward_stays_within_the_effort_limits() {
     let heavy = Some(GRAVITY * 50.0);
     let mut feed_forward = FeedForward::new(&panda.model, heavy);
     let setpoint = SetpointIntegrator::new(&panda.model, panda.home.as_slice());
-    let effort = feed_forward.effort(&panda.model, panda.home.as_slice(), &setpoint);
+    let effort = feed_forward.effort(&panda.model, panda.home.as_slice(), &[], &setpoint);
     let shoulder = effort[1].abs();
     assert_eq!(shoulder, panda.model.effort_limit()[1]);
     assert!(effort.iter().zip(panda.model.effort_limit()).all(|(e, limit)| e.abs() <= *limit));
@@ -78,7 +78,7 @@ fn inertia_compensation_feeds_the_kinetic_energy_forward() {
             setpoint.integrate(&velocity, 1e-9);
             feed_forward.update(&setpoint, dt);
         }
-        let effort = feed_forward.effort(model, &q, &setpoint).to_vec();
+        let effort = feed_forward.effort(model, &q, &[], &setpoint).to_vec();
         let (v, a, effort) = (DVector::from_vec(v), DVector::from_vec(a), DVector::from_vec(effort));
         let h = 1e-5;
         let at = |h: f64| (DVector::from_column_slice(&q) + &v * h, &v + &a * h);
@@ -97,11 +97,11 @@ fn restarted_setpoint_has_no_acceleration() {
     setpoint.integrate(&vec![0.2; panda.model.nv()], 1e-3);
     feed_forward.update(&setpoint, 1e-3);
     let norm = |effort: &[f64]| DVector::from_column_slice(effort).norm();
-    let pushed = norm(feed_forward.effort(&panda.model, panda.home.as_slice(), &setpoint));
+    let pushed = norm(feed_forward.effort(&panda.model, panda.home.as_slice(), &[], &setpoint));
     feed_forward.reset();
     feed_forward.update(&setpoint, 1e-3);
     setpoint.hold();
-    let calm = norm(feed_forward.effort(&panda.model, panda.home.as_slice(), &setpoint));
+    let calm = norm(feed_forward.effort(&panda.model, panda.home.as_slice(), &[], &setpoint));
     assert!(pushed > 1.0 && calm < 1e-9, "{pushed} {calm}");
 }
 
@@ -112,7 +112,7 @@ fn without_gravity_and_inertia_no_effort_is_fed_forward() {
     let mut setpoint = SetpointIntegrator::new(&panda.model, panda.home.as_slice());
     setpoint.integrate(&vec![0.1; panda.model.nv()], 0.01);
     feed_forward.update(&setpoint, 0.01);
-    let effort = feed_forward.effort(&panda.model, panda.home.as_slice(), &setpoint);
+    let effort = feed_forward.effort(&panda.model, panda.home.as_slice(), &[], &setpoint);
     assert_eq!(effort, vec![0.0; panda.model.nv()]);
 }
 

@@ -2,13 +2,13 @@
 
 use crate::robot::{ClosedLoop, Panda, Random};
 use motorium_control::{
-    IkError, RobotState,
-    limits::{Limit, PositionLimit, VelocityLimit},
-    tasks::CartesianSettings,
+    DifferentialIk, IkError, RobotState,
+    limits::{AccelerationLimit, Limit, PositionLimit, VelocityLimit},
+    tasks::{CartesianSettings, CartesianTask, VelocityTask},
 };
 use motorium_qp::{Problem, UpdateError};
-use motorium_robots::{Kinematics, Twist};
-use nalgebra::{Isometry3, Vector3};
+use motorium_robots::{Kinematics, Twist, load};
+use nalgebra::{DVector, Isometry3, Vector3};
 
 const DT: f64 = 0.004;
 
@@ -208,4 +208,31 @@ fn bounds_are_the_tightest_limits_and_allow_rest() {
     let mut problem = Problem::new(&motorium_control::DifferentialIk::structure(&panda.model));
     PositionLimit { rate: 1e6, margin: 0.0 }.intersect(&state, 0.001, &mut problem);
     approx::assert_abs_diff_eq!(problem.upper[0], 10.0, epsilon = 1e-9);
+}
+
+#[test]
+fn a_hand_stays_where_it_is_while_its_base_is_moved() {
+    let humanoid = load("humanoid", std::path::Path::new(".")).unwrap();
+    let (model, profile) = (&humanoid.model, humanoid.profile.unwrap());
+    let q = profile.configuration(model, "standing").unwrap();
+    let mut kinematics = Kinematics::new(model);
+    kinematics.update(model, q.as_slice());
+    let state = RobotState { model, kinematics: &kinematics, q: q.as_slice() };
+    let mut hand = CartesianTask::new(model, model.frame(&profile.end_effectors["left_hand"].frame).unwrap());
+    hand.set_target(kinematics.pose(model, hand.frame()));
+    let base = [0.1, -0.05, 0.02, 0.1, 0.05, -0.2];
+    let limit =
+        AccelerationLimit::new(model, DVector::repeat(model.joint_count(), 500.0), PositionLimit::default());
+
+    let mut ik = DifferentialIk::new(model);
+    ik.begin();
+    ik.add_task(&state, 0, &mut hand);
+    ik.add_limit(&state, &VelocityLimit::default(), DT);
+    ik.add_acceleration_limit(&state, &limit, &vec![0.0; model.nv()], DT);
+    for (index, velocity) in base.iter().enumerate() {
+        ik.prescribe(index, *velocity);
+    }
+    let velocity = DVector::from_column_slice(ik.solve().unwrap());
+    assert_eq!(velocity.as_slice()[..6], base);
+    assert!((hand.jacobian() * &velocity).norm() < 1e-5, "{}", hand.jacobian() * velocity);
 }

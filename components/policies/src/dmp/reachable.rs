@@ -18,7 +18,7 @@ const SEARCH: IkOptions = IkOptions {
 
 /// Rejects goals beyond the reach of the end effector. Warns of goals that are out of reach only if the robot
 /// starts in its home pose, and of the first goal without joint positions within their limits. `start` is the
-/// configured start pose.
+/// configured start pose. A floating base can reach any goal.
 pub(super) fn check(
     waypoints: &Waypoints,
     robot: &Loaded,
@@ -26,7 +26,9 @@ pub(super) fn check(
     start: Option<&Isometry3<f64>>,
     declare: &mut Declare,
 ) -> Result<(), ConfigError> {
-    let Some(reach) = Reach::of_frame(&robot.model, frame) else { return Ok(()) };
+    let Some(reach) = Reach::of_frame(&robot.model, frame).filter(|_| !robot.model.base().floating) else {
+        return Ok(());
+    };
     let home = robot.profile.as_ref().and_then(|profile| profile.home(&robot.model).ok());
     let mut pose = start.copied();
     if pose.is_none()

@@ -2,7 +2,7 @@
 
 use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{ConfigError, Declare, StepError};
-use motorium::state::JointState;
+use motorium::state::{BaseState, JointState};
 use motorium::transport::Input;
 use motorium_robots::{FrameId, Kinematics, Loaded, Model};
 use nalgebra::Isometry3;
@@ -24,6 +24,10 @@ pub(super) enum StartPose {
 #[derive(Debug)]
 pub(super) struct Measured {
     state: Input<JointState>,
+    /// State of a floating base.
+    base: Option<Input<BaseState>>,
+    /// Configuration: the pose of a floating base, then the joint positions.
+    q: Vec<f64>,
     model: Model,
     frame: FrameId,
     kinematics: Kinematics,
@@ -46,7 +50,7 @@ impl StartPose {
             }
             // without a known end effector, the reach of the goals cannot be checked either
             if let Some((loaded, frame)) =
-                declare.robot().and_then(|robot| robot::load_fixed(robot, None).ok())
+                declare.robot().and_then(|robot| robot::load_moved(robot, None).ok())
             {
                 reachable::check(waypoints, &loaded, frame, Some(&start), declare)?;
             }
@@ -56,12 +60,15 @@ impl StartPose {
             ConfigError::new("no `start` is given, and the component names no robot to measure it from")
                 .advise("add `robot = \"NAME\"` to the component, or give `start` in its config")
         })?;
-        let (loaded, frame) = robot::load_fixed(robot, config.frame.as_deref())?;
+        let (loaded, frame) = robot::load_moved(robot, config.frame.as_deref())?;
         reachable::check(waypoints, &loaded, frame, None, declare)?;
         declare.input::<JointState>(
             "joint_state",
             "joint state, for the start pose of the end effector and the time of each step",
         );
+        if loaded.model.base().floating {
+            declare.input::<BaseState>("base_state", "pose of the base, for the pose of the end effector");
+        }
         Ok(())
     }
 
@@ -69,10 +76,12 @@ impl StartPose {
         if let Some(start) = &config.start {
             return Ok(Self::Configured(waypoints::pose(start, "start")?));
         }
-        let (Loaded { model, .. }, frame) = robot::load_fixed(setup.robot()?, config.frame.as_deref())?;
+        let (Loaded { model, .. }, frame) = robot::load_moved(setup.robot()?, config.frame.as_deref())?;
         let kinematics = Kinematics::new(&model);
         Ok(Self::Measured(Box::new(Measured {
             state: setup.input("joint_state")?,
+            base: if model.base().floating { Some(setup.input("base_state")?) } else { None },
+            q: model.neutral(),
             model,
             frame,
             kinematics,
@@ -93,24 +102,34 @@ impl StartPose {
     /// Returns the measured position of the end effector, m, if it is measured.
     pub(super) fn end_effector(&mut self) -> Option<nalgebra::Vector3<f64>> {
         let Self::Measured(measured) = self else { return None };
-        let Measured { state, model, frame, kinematics } = measured.as_mut();
-        let state = state.latest().filter(|state| state.count() == model.nq())?;
-        kinematics.update(model, state.position());
-        Some(kinematics.pose(model, *frame).translation.vector)
+        measured.find().ok().flatten().map(|pose| pose.translation.vector)
     }
 
     /// Returns the pose once it is known.
     pub(super) fn find(&mut self) -> Result<Option<Isometry3<f64>>, StepError> {
-        let measured = match self {
-            Self::Configured(pose) => return Ok(Some(*pose)),
-            Self::Measured(measured) => measured,
-        };
-        let Measured { state, model, frame, kinematics } = measured.as_mut();
-        let Some(state) = state.latest() else { return Ok(None) };
-        if state.count() != model.nq() {
-            return Err(robot::unexpected_joints(model.nq(), state.count()));
+        match self {
+            Self::Configured(pose) => Ok(Some(*pose)),
+            Self::Measured(measured) => measured.find(),
         }
-        kinematics.update(model, state.position());
+    }
+}
+
+impl Measured {
+    /// Returns the pose of the end effector at the newest states, `None` until joints and base have one.
+    fn find(&mut self) -> Result<Option<Isometry3<f64>>, StepError> {
+        let Self { state, base, q, model, frame, kinematics } = self;
+        let Some(state) = state.latest() else { return Ok(None) };
+        if state.count() != model.joint_count() {
+            return Err(robot::unexpected_joints(model.joint_count(), state.count()));
+        }
+        let first = q.len() - model.joint_count();
+        q[first..].copy_from_slice(state.position());
+        if let Some(base) = base {
+            let Some(base) = base.latest() else { return Ok(None) };
+            q[..3].copy_from_slice(&base.position);
+            q[3..7].copy_from_slice(&base.orientation);
+        }
+        kinematics.update(model, q);
         Ok(Some(kinematics.pose(model, *frame)))
     }
 }

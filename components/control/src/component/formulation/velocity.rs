@@ -23,12 +23,18 @@ const RELAXATION: f64 = 100.0;
 /// Velocities; see [`DifferentialIk`].
 pub(in crate::component) struct Velocity {
     ik: DifferentialIk,
-    /// Kinematics at the setpoint, if the tasks are evaluated there.
-    at_setpoint: Option<Kinematics>,
+    /// Configuration of the measured base with the setpoint's joints, if the tasks are evaluated there.
+    at_setpoint: Option<AtSetpoint>,
+    /// Joints of the wheels that move the base; another component commands them.
+    wheels: Vec<usize>,
     position: PositionLimit,
     velocity: VelocityLimit,
     acceleration: Option<AccelerationLimit>,
     fingers: Vec<JointVelocity>,
+    /// Number of velocities of a floating base, 6 or 0.
+    base: usize,
+    /// Velocities of the measured base, then of the setpoint.
+    before: Vec<f64>,
     feed_forward: FeedForward,
     max_lead: f64,
     checkpoint: Checkpoint,
@@ -36,6 +42,29 @@ pub(in crate::component) struct Velocity {
     remembered: Option<Vec<f64>>,
     /// Number of steps that exceeded the acceleration limit.
     beyond_acceleration: u64,
+}
+
+/// The setpoint's joints on the measured base.
+struct AtSetpoint {
+    kinematics: Kinematics,
+    q: Vec<f64>,
+}
+
+impl AtSetpoint {
+    fn update(&mut self, measured: &MeasuredState, setpoint: &SetpointIntegrator) {
+        let base = self.q.len() - setpoint.position().len();
+        self.q[..base].copy_from_slice(&measured.q[..base]);
+        self.q[base..].copy_from_slice(setpoint.position());
+        self.kinematics.update(&measured.model, &self.q);
+    }
+}
+
+impl Velocity {
+    /// Returns `true` for the velocity of the base or of one of its wheels, which is no limit.
+    fn is_given(&self, name: ConstraintName) -> bool {
+        let ConstraintName::Velocity { velocity, .. } = name else { return false };
+        velocity.checked_sub(self.base).is_none_or(|joint| self.wheels.contains(&joint))
+    }
 }
 
 impl Formulation for Velocity {
@@ -51,12 +80,16 @@ impl Formulation for Velocity {
         let rows = IkRows { held: *constrained, limits: *limits, soft: *soft };
         let relaxation = (config.policy() == InfeasiblePolicy::Relax).then_some(RELAXATION);
         let settings = IkSettings { damping: config.damping, relaxation };
-        let mut checkpoint = setup.checkpoint(parts.model.nv())?;
+        let mut checkpoint = setup.checkpoint(parts.model.joint_count())?;
         Ok(Self {
             ik: DifferentialIk::with_room(&parts.model, rows, settings)
                 .levels(levels)
                 .level_damping(&parts.level_damping(config)?),
-            at_setpoint: (config.feedback == Feedback::Setpoint).then(|| Kinematics::new(&parts.model)),
+            at_setpoint: (config.feedback == Feedback::Setpoint)
+                .then(|| AtSetpoint { kinematics: Kinematics::new(&parts.model), q: parts.model.neutral() }),
+            wheels: parts.wheels.clone(),
+            base: parts.model.nv() - parts.model.joint_count(),
+            before: vec![0.0; parts.model.nv()],
             position: config.limits.position,
             velocity: config.limits.velocity,
             acceleration: parts.acceleration_limit(config)?,
@@ -93,16 +126,19 @@ impl Formulation for Velocity {
         self.fingers.clear();
         self.fingers.extend_from_slice(fingers);
         self.velocity.fraction = velocity_fraction.unwrap_or(self.velocity.fraction);
-        if let Some(kinematics) = &mut self.at_setpoint {
-            kinematics.update(&measured.model, setpoint.position());
+        if let Some(at_setpoint) = &mut self.at_setpoint {
+            at_setpoint.update(measured, setpoint);
         }
+        self.before[..self.base].copy_from_slice(&measured.v[..self.base]);
+        self.before[self.base..].copy_from_slice(setpoint.velocity());
     }
 
     fn pose(&mut self, Parts { measured, setpoint, tasks, limits }: Parts<'_>, dt: f64) {
-        let Self { ik, at_setpoint, position, velocity, acceleration, fingers, .. } = self;
+        let Self { ik, at_setpoint, position, velocity, acceleration, fingers, wheels, base, before, .. } =
+            self;
         let state = match at_setpoint {
             None => measured.robot(),
-            Some(kinematics) => RobotState { model: &measured.model, kinematics, q: setpoint.position() },
+            Some(AtSetpoint { kinematics, q }) => RobotState { model: &measured.model, kinematics, q },
         };
         ik.begin();
         for held in tasks {
@@ -121,10 +157,16 @@ impl Formulation for Velocity {
         ik.add_limit(&state, position, dt);
         ik.add_limit(&state, velocity, dt);
         if let Some(limit) = acceleration {
-            ik.add_acceleration_limit(&state, limit, setpoint.velocity(), dt);
+            ik.add_acceleration_limit(&state, limit, before, dt);
+        }
+        for (index, velocity) in before[..*base].iter().enumerate() {
+            ik.prescribe(index, *velocity);
+        }
+        for wheel in wheels.iter() {
+            ik.prescribe(*base + wheel, 0.0);
         }
         for JointVelocity { joint, velocity } in fingers {
-            ik.prescribe(*joint, *velocity);
+            ik.prescribe(*base + *joint, *velocity);
         }
         for limit in limits.iter_mut() {
             ik.add_row_limit(&state, limit, dt);
@@ -162,7 +204,7 @@ impl Formulation for Velocity {
         tasks: &mut [Held],
         dt: f64,
     ) {
-        setpoint.integrate(self.ik.velocity(), dt);
+        setpoint.integrate(measured.model.joints_of_v(self.ik.velocity()), dt);
         setpoint.limit_tracking_error(measured.joints().0, self.max_lead);
         tasks.iter_mut().for_each(|held| held.task.solved(self.ik.velocity()));
         self.beyond_acceleration += u64::from(self.ik.exceeds_acceleration());
@@ -189,7 +231,7 @@ impl Formulation for Velocity {
 
     fn torque(&mut self, measured: &MeasuredState, setpoint: &SetpointIntegrator, dt: f64) -> &[f64] {
         self.feed_forward.update(setpoint, dt);
-        self.feed_forward.effort(&measured.model, measured.joints().0, setpoint)
+        self.feed_forward.effort(&measured.model, &measured.q, &measured.v[..self.base], setpoint)
     }
 
     fn residual(&self, held: &mut Held) -> Option<f64> {
@@ -197,17 +239,28 @@ impl Formulation for Velocity {
     }
 
     fn visit_active(&self, visit: &mut dyn FnMut(ConstraintName)) {
-        self.ik.visit_active(visit);
+        self.ik.visit_active(&mut |name| {
+            if !self.is_given(name) {
+                visit(name);
+            }
+        });
     }
 
     fn active(&self) -> usize {
         let mut active = 0;
-        self.ik.visit_active(&mut |_| active += 1);
+        self.visit_active(&mut |_| active += 1);
         active
     }
 
     fn push(&self, message: &mut ControlDiagnostics, name: ConstraintName) {
-        // a velocity-controlled robot has a fixed base and no contacts
+        let name = match name {
+            ConstraintName::Velocity { velocity, side } => match velocity.checked_sub(self.base) {
+                Some(joint) => ConstraintName::Velocity { velocity: joint, side },
+                None => ConstraintName::Base { axis: velocity },
+            },
+            name => name,
+        };
+        // a velocity-controlled robot has no contacts
         push_name(message, name, |_, point| point);
     }
 
