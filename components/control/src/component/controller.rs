@@ -271,8 +271,8 @@ impl<F: Formulation> Controller<F> {
 
     /// Solves the task stack with the current weights.
     fn solve_tasks(&mut self, dt: f64) -> Result<(), Option<Conflicting>> {
-        let Self { measured, setpoint, tasks, limits, formulation, diagnostics, stats, .. } = self;
-        formulation.pose(Parts { measured, setpoint, tasks, limits }, dt);
+        let Self { measured, tasks, limits, formulation, diagnostics, stats, .. } = self;
+        formulation.pose(Parts { measured, tasks, limits }, dt);
         limits.observe();
         diagnostics.begin_solve();
         let solved = formulation.solve();

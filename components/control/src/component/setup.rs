@@ -130,6 +130,7 @@ impl ControllerSetup {
                 gravity: self.gravity,
                 world: &self.world,
                 contacts: &self.contacts,
+                wheels: &self.wheels,
                 is_constraint,
                 path,
             };

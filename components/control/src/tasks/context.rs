@@ -31,6 +31,8 @@ pub(crate) struct TaskContext<'a> {
     pub(crate) world: &'a World,
     /// Contacts of inverse dynamics; empty for a velocity controller.
     pub(crate) contacts: &'a [Contact],
+    /// Joints of the wheels that move a floating base, which another component commands.
+    pub(crate) wheels: &'a [usize],
     /// `true` if the task holds exactly, above all levels.
     pub(crate) is_constraint: bool,
     /// Path of the table of the task in the configuration, such as `tasks[0].cartesian`.

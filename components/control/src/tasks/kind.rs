@@ -354,6 +354,7 @@ mod tests {
                     gravity: Vector3::zeros(),
                     world: &world,
                     contacts: &[],
+                    wheels: &[],
                     is_constraint: false,
                     path: configured.path,
                 };

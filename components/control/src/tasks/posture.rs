@@ -219,6 +219,7 @@ impl PostureConfig {
             (None, None, None) => (DVector::zeros(model.joint_count()), true),
         };
         let mut task = PostureTask::new(model, target.as_slice());
+        context.wheels.iter().for_each(|wheel| task.set_share(*wheel, 0.0));
         if let Some(impedance) = &self.impedance {
             context.check_impedance(self.gain, PostureSettings::default().gain)?;
             let [stiffness, damping] = impedance.build(context)?;

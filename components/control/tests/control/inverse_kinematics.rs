@@ -4,7 +4,7 @@ use crate::robot::{ClosedLoop, Panda, Random};
 use motorium_control::{
     DifferentialIk, IkError, RobotState,
     limits::{AccelerationLimit, Limit, PositionLimit, VelocityLimit},
-    tasks::{CartesianSettings, CartesianTask, VelocityTask},
+    tasks::{CartesianSettings, CartesianTask},
 };
 use motorium_qp::{Problem, UpdateError};
 use motorium_robots::{Kinematics, Twist, load};

@@ -16,8 +16,16 @@ const REAL_TIME: &str = "panda-can-socket";
 const WHOLE: [&str; 5] = ["pick-and-place", "pick-nut", "conveyor", "fetch-cube", "deliver-cube"];
 
 /// Graphs that run twice on MuJoCo, some with contacts.
-const TWICE_ON_MUJOCO: [&str; 7] =
-    ["panda-reach", "pick-and-place", "pick-nut", "fetch-cube", "ping-pong", "camera-servo", "panda-wrist"];
+const TWICE_ON_MUJOCO: [&str; 8] = [
+    "panda-reach",
+    "pick-and-place",
+    "pick-nut",
+    "fetch-cube",
+    "deliver-cube",
+    "ping-pong",
+    "camera-servo",
+    "panda-wrist",
+];
 /// Sets another engine itself.
 const SETS_RAPIER: &str = "panda-reach-rapier";
 

@@ -122,7 +122,6 @@ pub(super) struct SolveStats {
 /// Parts of a controller that a problem is built from.
 pub(super) struct Parts<'a> {
     pub(super) measured: &'a MeasuredState,
-    pub(super) setpoint: &'a SetpointIntegrator,
     pub(super) tasks: &'a mut [Held],
     pub(super) limits: &'a mut RowLimits,
 }

@@ -123,7 +123,7 @@ impl Formulation for Torque {
         self.contacts.apply(&mut self.control, bounds.dt, bounds.target_timeout_ns);
     }
 
-    fn pose(&mut self, Parts { measured, tasks, limits, .. }: Parts<'_>, dt: f64) {
+    fn pose(&mut self, Parts { measured, tasks, limits }: Parts<'_>, dt: f64) {
         let (control, state) = (&mut self.control, measured.motion());
         control.begin(&state, dt);
         self.fingers.iter().for_each(|finger| control.coast(finger.joint));

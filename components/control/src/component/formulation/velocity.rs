@@ -133,7 +133,7 @@ impl Formulation for Velocity {
         self.before[self.base..].copy_from_slice(setpoint.velocity());
     }
 
-    fn pose(&mut self, Parts { measured, setpoint, tasks, limits }: Parts<'_>, dt: f64) {
+    fn pose(&mut self, Parts { measured, tasks, limits }: Parts<'_>, dt: f64) {
         let Self { ik, at_setpoint, position, velocity, acceleration, fingers, wheels, base, before, .. } =
             self;
         let state = match at_setpoint {
