@@ -30,7 +30,7 @@ pub enum Unsupported {
     #[error("messages are encoded as `{0}`, expected `cdr`, `json` or `protobuf`")]
     Encoding(String),
     /// The channel has no schema, which its encoding requires.
-    #[error("messages in `{0}` without a schema")]
+    #[error("messages encoded as `{0}` have no schema, but this encoding requires one")]
     NoSchema(String),
     /// The encoding of the schema is unknown.
     #[error("messages in `{messages}` with a schema in `{schema}`, expected {expected}")]
@@ -119,7 +119,7 @@ impl Decoder {
     }
 }
 
-/// Converts a JSON document. `None` stands for `null`, which is omitted from fields and lists.
+/// Converts a JSON document. Returns `None` for `null`, which is omitted from fields and lists.
 fn of_json(json: serde_json::Value) -> Option<Value> {
     Some(match json {
         serde_json::Value::Null => return None,
