@@ -13,7 +13,7 @@ pub struct Counts {
     pub duplicate: u64,
     /// Frames from the drive that could not be decoded.
     pub refused: u64,
-    /// Frames with a position or velocity that the joint cannot have; also counted in `refused`.
+    /// Frames with an implausible position or velocity of the joint; also counted in `refused`.
     pub implausible: u64,
     /// Emergency messages with an error code.
     pub emergencies: u64,
@@ -21,7 +21,7 @@ pub struct Counts {
     pub clamped: u64,
     /// Number of times that the drive was lost.
     pub lost: u64,
-    /// Cycle in which the drive was last lost, from 1.
+    /// Cycle in which the drive was last lost, counted from 1; `None` if it was never lost.
     pub lost_in: Option<u64>,
     /// Number of times that the drive reported a fault.
     pub faults: u64,

@@ -85,13 +85,13 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
         return refuse("another bus has its interface", "give each bus its own interface");
     }
     if before.first().is_some_and(|first| first.interface.is_some() != bus.interface.is_some()) {
-        let advice = "give all of them an `interface`, or none";
+        let advice = "give all buses an `interface`, or none";
         return refuse("simulated buses and real ones in one table", advice);
     }
     let is_offered =
         |bus: &BusEntry| bus.interface.as_deref().is_some_and(|name| Place::from_interface(name).is_some());
     if before.first().is_some_and(|first| is_offered(first) != is_offered(bus)) {
-        let advice = "give all of them the address of a simulated bus (`unix:`, `pty:`), or none";
+        let advice = "give all buses the address of a simulated bus (`unix:`, `pty:`), or none";
         return refuse("simulated buses and interfaces of the computer in one table", advice);
     }
     if before.iter().any(|other| other.name == bus.name) {
@@ -163,7 +163,7 @@ fn check_drive(table: &Table, index: usize) -> Result<(), Refusal> {
         return refuse(format!("no bus is named `{}`", drive.bus), "add a `[[bus]]` of that name");
     }
     if before.iter().any(|other| other.joint == drive.joint) {
-        return refuse("another drive moves that joint".into(), "name each joint once");
+        return refuse("another drive has the same joint".into(), "name each joint once");
     }
     if !drive.protocol.spec().nodes.contains(&drive.node) {
         let advice = "write a number from 1 (ODrive: 0), up to 15 for Damiao drives, 63 for ODrives, 126 for CiA 402 \
@@ -226,19 +226,25 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
     current::check(drive)?;
     homing::check(drive)?;
     if drive.mode == Some(ControlMode::Velocity) && !spec.has_velocity_mode {
-        return Err(("velocities, which are a mode of CiA 402".into(), "write \"position\" or \"torque\""));
+        return Err((
+            "the mode \"velocity\", which only CiA 402 supports".into(),
+            "write \"position\" or \"torque\"",
+        ));
     }
     protocol.check_fields(drive)?;
     wire::check_watchdog(drive)?;
     if drive.report_every.is_some_and(|every| every.ns == 0) {
-        return Err(("no report of the encoder".into(), "let the drive report it, every cycle if it can"));
+        return Err((
+            "an encoder report period of 0".into(),
+            "write the period that is configured in the drive, such as \"1 ms\"",
+        ));
     }
     let is_sound =
         |gains: LoopEntry| gains.kp.is_finite() && gains.kp > 0.0 && gains.kd.is_finite() && gains.kd >= 0.0;
     let damps = drive.position_loop.is_none_or(|gains| gains.kd > 0.0);
     if drive.mode == Some(ControlMode::Velocity) && !damps {
         return Err((
-            "velocities, and a loop without `kd`".into(),
+            "the mode \"velocity\" with a `position_loop` without `kd`".into(),
             "write the `kd` of the velocity loop of the drive, and `kp`: their ratio, in 1/s, is the position gain in the adapter",
         ));
     }

@@ -18,7 +18,7 @@ pub(super) fn check_forms(table: &Table, bus: &BusEntry) -> Result<(), Refusal> 
     Err((message, "put them on separate buses, or leave `data_bitrate` out if all support classic frames"))
 }
 
-/// Identifiers of a drive's commands and of its answers, on a bus shared by several protocols.
+/// Returns the identifiers of a drive's commands and of its answers, on a bus shared by several protocols.
 fn identifiers(table: &Table, index: usize) -> Option<(Id, Id)> {
     table.drives[index].protocol.definition().identifiers(&table.setup(index))
 }

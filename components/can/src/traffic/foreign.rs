@@ -12,7 +12,7 @@ pub(super) fn translate(line: &str) -> Result<Option<String>, RecordError> {
     match fields[..] {
         [] => Ok(None),
         ["base", "hex", "timestamps", "relative", ..] => refuse(
-            "times of this ASC file are relative to the line before: export it with `timestamps absolute`",
+            "times of this ASC file are relative to the previous line: export it with `timestamps absolute`",
         ),
         ["base", "hex", ..] => Ok(None),
         ["base", ..] => refuse("numbers of this ASC file are decimal: export it with `base hex`"),

@@ -125,7 +125,7 @@ fn a_drive_with_another_rated_current_is_not_enabled() {
     assert_eq!(follow(&rated(4.0), None), (true, None));
     let wrong = WrongSetting::RatedCurrent { found: 5.0, expected: 4.0 };
     assert_eq!(follow(&rated(4.0), Some(&rated(5.0))), (false, Some(wrong)));
-    assert_eq!(wrong.to_string(), "its rated current is 5 A, the table says 4");
+    assert_eq!(wrong.to_string(), "the rated current is 5 A, but the drive table has 4 A");
 }
 
 #[test]
@@ -139,7 +139,7 @@ fn an_impossible_current_limit_is_refused() {
         (
             "damiao",
             "current_limit = 20.0\ntorque_constant = 1.0\nfull_current = 20.0",
-            "a current of 20 A, which the drive does not reach",
+            "a current limit of 20 A, which the drive does not reach",
         ),
         ("odrive", "full_current = 20.0", "`full_current`, which is a key of Damiao and Feetech"),
         ("odrive", "current_unit = 0.001", "`current_unit`, which is a key of Dynamixel"),
@@ -154,7 +154,7 @@ fn an_impossible_current_limit_is_refused() {
         (
             "cia402",
             "increments = 4096.0\nrated_torque = 5.0\ncurrent_limit = 2000.0\nrated_current = 3.0",
-            "a current of 2000 A, which is more than 65 times the rated 3 A",
+            "a current limit of 2000 A, more than 65 times the rated current of 3 A",
         ),
     ] {
         let found = table(protocol, more).unwrap_err();

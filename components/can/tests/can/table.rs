@@ -54,7 +54,7 @@ fn an_unknown_joint_is_reported_with_its_position() {
     let text = format!("{BUS}{}{}", drive("a", 1, ""), drive("ä", 2, "").replace("joint =", "  joint  ="));
     let error = Table::parse(&text).unwrap().of_joints(&["a".into()]).unwrap_err();
     assert_eq!((error.line, error.column, error.entry), (Some(13), Some(12), Some(("drive", 1))));
-    assert_eq!(error.to_string(), "line 13, column 12: the robot has no joint `ä`; it has a");
+    assert_eq!(error.to_string(), "line 13, column 12: the robot has no joint `ä`; its joints are a");
 }
 
 #[test]

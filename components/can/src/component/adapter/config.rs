@@ -156,12 +156,12 @@ pub(super) fn check_observer(config: &CanAdapterConfig, equipped: &Equipped) -> 
             .advise("leave `homing` out, and write the `offset` of its zero, or let the adapter enable it"));
     }
     if config.command_within.is_some() {
-        return Err(ConfigError::key("command_within", "with `observe` there are no commands to wait for")
+        return Err(ConfigError::key("command_within", "with `observe`, there are no commands to wait for")
             .advise("leave it out"));
     }
     if config.leave_enabled {
         return Err(
-            ConfigError::key("leave_enabled", "with `observe` no drive is enabled").advise("leave it out")
+            ConfigError::key("leave_enabled", "with `observe`, no drive is enabled").advise("leave it out")
         );
     }
     Ok(())

@@ -200,9 +200,9 @@ fn axes(
     for (index, set) in config.set.iter().enumerate() {
         let positive = set.torque.is_none_or(|torque| torque.is_finite() && torque > 0.0);
         if !names.contains(&set.joint) || !positive {
-            let message = format!("the drive of `{}`, with a torque of {:?}", set.joint, set.torque);
+            let message = format!("the drive of `{}` with a torque of {:?}", set.joint, set.torque);
             return Err(ConfigError::key(format!("set[{index}]"), message)
-                .advise("name a joint of the robot, and a torque that is positive"));
+                .advise("name a joint of the robot, and write a positive torque"));
         }
     }
     let actuations = actuations(config, &robot.model, folder)?;

@@ -193,7 +193,8 @@ pub struct RangeEntry {
 }
 
 impl DriveEntry {
-    /// Gains of the drive's own position loop: from its entry, or full torque at a twentieth of a radian.
+    /// Returns the gains of the drive's own position loop: from its entry, or full torque at a twentieth of a
+    /// radian.
     pub(crate) fn loop_gains(&self) -> LoopEntry {
         let torque = self.ranges.torque;
         self.position_loop.unwrap_or(LoopEntry { kp: 20.0 * torque, kd: 2.0 * torque })
@@ -201,7 +202,7 @@ impl DriveEntry {
 }
 
 impl RangeEntry {
-    /// Ranges of the fields.
+    /// Returns the ranges of the fields.
     pub(crate) fn ranges(&self) -> Ranges {
         let gains = (self.kp.unwrap_or(500.0), self.kd.unwrap_or(5.0));
         Ranges::new(self.position, self.velocity, self.torque).with_gains(gains.0, gains.1)

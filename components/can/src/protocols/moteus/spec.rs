@@ -49,7 +49,7 @@ pub(crate) static MOTEUS: Moteus = Moteus {
 const MOST: [f64; 3] = [3.2767 * TAU, 8.19175 * TAU, 327.67];
 
 impl Moteus {
-    /// Dialogue with a drive.
+    /// Returns the dialogue with a drive.
     pub(crate) fn dialogue(&self, setup: &DriveSetup<'_>) -> MoteusDialogue {
         MoteusDialogue::new(setup)
     }

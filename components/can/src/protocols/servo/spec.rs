@@ -81,14 +81,14 @@ pub(crate) static DYNAMIXEL: Servo = Servo {
 };
 
 impl Servo {
-    /// Dialogue with a servo.
+    /// Returns the dialogue with a servo.
     pub(crate) fn dialogue(&self, setup: &DriveSetup<'_>) -> ServoDialogue {
         let limit = self.current_register(setup.entry).map(|number| number as u16);
         ServoDialogue::new(setup, self.maker, limit)
     }
 
-    /// Current limit in units of its register, rounded down: thousandths of the stall current for a Feetech,
-    /// current units for a Dynamixel.
+    /// Returns the current limit in units of its register, rounded down: thousandths of the stall current for
+    /// a Feetech, current units for a Dynamixel.
     fn current_register(&self, entry: &DriveEntry) -> Option<f64> {
         let limit = entry.current_limit?;
         let units = match self.maker {
