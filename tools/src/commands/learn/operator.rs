@@ -60,7 +60,7 @@ struct Row {
 }
 
 impl Terminal {
-    /// The dialogue about a graph. `interrupted` is set by Ctrl-C.
+    /// Creates the dialogue about a graph. `interrupted` is set by Ctrl-C.
     pub(super) fn new(plan: &Plan, parameters: &[Parameter], interrupted: Arc<AtomicBool>) -> Self {
         let row = |parameter: &Parameter| Row {
             name: parameter.name(),
@@ -98,7 +98,7 @@ impl Operator for Terminal {
     }
 }
 
-/// Unit of a key of a component: of its parameter of the same name and value.
+/// Returns the unit of a key of a component: of its parameter of the same name and value.
 fn unit(plan: &Plan, key: &str) -> Option<String> {
     let key = key.strip_prefix("component.").unwrap_or(key);
     let [component, table @ ("config" | "params"), name] = key.split('.').collect::<Vec<_>>()[..] else {
@@ -111,7 +111,7 @@ fn unit(plan: &Plan, key: &str) -> Option<String> {
     is_same.then(|| parameter.declaration.unit.clone())
 }
 
-/// A question, with the table of the parameters.
+/// Returns a question, with the table of the parameters.
 fn text(question: &Question, rows: Option<&Vec<Row>>, duration: TimeSpan) -> String {
     let Question { evaluation, evaluations, values, last, best, stage } = question;
     let best =
@@ -140,7 +140,7 @@ fn text(question: &Question, rows: Option<&Vec<Row>>, duration: TimeSpan) -> Str
     text + stage.choices() + "?\n"
 }
 
-/// A number with its sign.
+/// Returns a number with its sign.
 fn signed(number: f64) -> String {
     let sign = if number > 0.0 { "+" } else { "" };
     format!("{sign}{}", decimal(number))
