@@ -74,7 +74,7 @@ pub enum WhenTripped {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CanAdapterConfig {
-    /// The drive table: a TOML file, relative to the graph file. Instead of `bus` and `drive`.
+    /// Drive table: a TOML file, relative to the graph file. Replaces `bus` and `drive`.
     #[schemars(extend("format" = "path"))]
     pub drives: Option<String>,
     /// The buses, if there is no drive table file.
