@@ -31,7 +31,7 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// Reads the facts of this machine.
+    /// Reads the properties of this machine.
     pub fn detect() -> Self {
         let kernel = machine::Kernel::detect();
         let preemption = kernel.preemption().map_or(String::new(), |model| format!(" {model}"));

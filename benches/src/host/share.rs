@@ -86,14 +86,14 @@ impl Causes {
         causes
     }
 
-    /// Number of misses.
+    /// Returns the number of late steps.
     pub fn misses(&self) -> u64 {
         self.stolen + self.late_wake + self.long_step + self.late_input
     }
 }
 
 impl HostShare {
-    /// The report of one core.
+    /// Returns the report of a core; `None` if the core does not exist.
     pub fn core(&self, core: usize) -> Option<&CoreReport> {
         self.cores.iter().find(|report| report.core == core)
     }
@@ -114,8 +114,8 @@ impl HostShare {
         }
     }
 
-    /// Short description: stolen time, the floor's share of the tail, misses by cause, stalls, and device
-    /// interrupts on the core of the measurement. Empty if there is nothing to report.
+    /// Returns a short description: stolen time, the floor's share of the tail, misses by cause, stalls, and
+    /// device interrupts on the core of the measurement. Empty if there is nothing to report.
     pub fn in_words(&self, core: usize) -> String {
         let mut words = Vec::new();
         if self.steal_ms > 0.0 {
@@ -158,12 +158,12 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Begins to watch.
+    /// Starts watching the cores.
     pub fn start() -> Self {
         Self { cores: CoreWatch::start(online_cores()), since: Instant::now() }
     }
 
-    /// The disturbance since the start.
+    /// Returns the disturbance since [`start`](Self::start).
     pub fn stop(&self) -> HostShare {
         let seconds = self.since.elapsed().as_secs_f64();
         let cores = self.cores.stop();

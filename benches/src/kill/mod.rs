@@ -45,7 +45,7 @@ pub struct Settings {
     pub faults: Vec<Fault>,
 }
 
-/// The faults of one kind that hit one process.
+/// The faults of one kind in one process.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Cell {
     /// The process that was hit.

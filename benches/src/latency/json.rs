@@ -50,7 +50,7 @@ pub struct Skipped {
 /// The file is not a benchmark.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// It could not be read.
+    /// The file could not be read.
     #[error("{file} could not be read: {error}")]
     File {
         /// The file.
@@ -58,8 +58,8 @@ pub enum ReadError {
         /// The reason.
         error: std::io::Error,
     },
-    /// The format has another version, or none.
-    #[error("{file} is of version {found} of the format; this program reads {VERSION}: measure again")]
+    /// The version of the format is missing or not supported.
+    #[error("{file} has version {found} of the format, expected {VERSION}: measure again")]
     Version {
         /// The file.
         file: String,
@@ -67,7 +67,7 @@ pub enum ReadError {
         found: String,
     },
     /// The file was not written by `motorium bench latency --json`.
-    #[error("{file} is not a file that `motorium bench latency --json` wrote: {error}")]
+    #[error("{file} was not written by `motorium bench latency --json`: {error}")]
     Content {
         /// The file.
         file: String,
@@ -100,7 +100,7 @@ impl Written {
         serde_json::from_value(any).map_err(content)
     }
 
-    /// A measurement by its name.
+    /// Returns the measurement named `name`; `None` if it is missing.
     pub fn get(&self, name: &str) -> Option<&Measurement> {
         self.measurements.iter().find(|measurement| measurement.name == name)
     }
@@ -117,8 +117,8 @@ mod tests {
             std::fs::write(&path, text).unwrap();
             Written::read(&path).unwrap_err().to_string()
         };
-        assert!(refusal(r#"{"version": 1, "measurements": []}"#).contains("of version 1 of the format"));
-        assert!(refusal(r#"{"components": []}"#).contains("is not a file that"));
+        assert!(refusal(r#"{"version": 1, "measurements": []}"#).contains("has version 1 of the format"));
+        assert!(refusal(r#"{"components": []}"#).contains("was not written by"));
         assert!(refusal("name,p50").contains("line 1 column 2"));
         std::fs::remove_file(&path).unwrap();
         assert!(Written::read(&path).unwrap_err().to_string().contains("could not be read"));

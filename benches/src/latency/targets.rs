@@ -225,7 +225,7 @@ const TARGETS: &[(&str, f64, &str, Value, &str)] = &[
     ),
 ];
 
-/// Evaluates the targets for the measurements of one run.
+/// Evaluates all targets with the measurements of one run.
 pub fn targets(measured: &[Measurement]) -> Vec<Target> {
     let seen = Seen(measured);
     let fill = |(what, at_most, unit, value, blamed): &(&str, f64, &str, Value, &str)| {

@@ -73,7 +73,7 @@ impl Kind {
     }
 }
 
-/// True if the command line has `--json`.
+/// `true` if the command line contains `--json`.
 static JSON: OnceLock<bool> = OnceLock::new();
 
 /// Reads from the arguments of the program whether errors are printed as JSON.

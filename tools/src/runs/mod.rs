@@ -127,7 +127,7 @@ impl LivingRun {
         }
     }
 
-    /// True if the run is over.
+    /// Returns `true` if the run has ended.
     pub(crate) fn has_ended(&self) -> bool {
         self.region.header().command() == Command::Stop || !self.folder.is_alive()
     }

@@ -50,7 +50,7 @@ impl Assets {
         Self { packages: path, robots, texts }
     }
 
-    /// The content of a file.
+    /// Returns the content of a file.
     pub(crate) fn fetch(&self, uri: &str) -> Result<Vec<u8>, AssetError> {
         if let Some(text) = self.texts.get(uri) {
             return Ok(text.clone().into_bytes());

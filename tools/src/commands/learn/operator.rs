@@ -27,8 +27,8 @@ const LONGEST: usize = 1024;
 const SIMULATED: [&str; 8] =
     ["physics", "sensor", "control", "policy", "estimator", "joint", "learner", "log"];
 
-/// True if a graph moves simulated robots only: it has physics, and no component reaches a robot or a program
-/// of the user.
+/// Returns `true` if a graph moves only simulated robots: it has physics, and no component reaches a real
+/// robot or a user's program.
 pub(super) fn is_simulation(plan: &Plan) -> bool {
     let family = |program: &Program| match program {
         Program::Builtin { kind } | Program::Sibling { kind, .. } => {
@@ -47,7 +47,7 @@ pub(super) struct Terminal {
     /// Duration of an episode.
     duration: TimeSpan,
     lines: Lines<std::io::Stdin>,
-    /// True once the values of the parameters have been shown.
+    /// `true` once the values of the parameters have been shown.
     has_shown: bool,
 }
 

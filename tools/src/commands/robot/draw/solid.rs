@@ -147,7 +147,7 @@ impl Solid {
         self.outlines(ROUND).iter().flatten().map(|point| self.pose * point).collect()
     }
 
-    /// True if a point of the world lies inside, by a margin.
+    /// Returns `true` if a point in world coordinates is inside the solid by a margin.
     pub(super) fn contains(&self, point: &Point3<f64>) -> bool {
         let p = self.pose.inverse_transform_point(point);
         let margin = 1e-6;
