@@ -17,13 +17,13 @@ pub struct Distribution {
     pub count: u64,
     /// Mean, ns.
     pub mean: f64,
-    /// Half of all are at most this, ns.
+    /// Median, ns.
     pub p50: u64,
-    /// 99 % of all are at most this, ns.
+    /// 99th percentile, ns.
     pub p99: u64,
-    /// 99.9 % of all are at most this, ns.
+    /// 99.9th percentile, ns.
     pub p99_9: u64,
-    /// The longest, ns.
+    /// Longest sample, ns.
     pub max: u64,
     /// The raw histogram: upper bound (ns) and number of samples of each non-empty bucket. Buckets of raw
     /// samples are exact below 16 us and no wider than 1/8192 of their durations above. Buckets of histograms

@@ -14,15 +14,15 @@ pub struct HostShare {
     pub seconds: f64,
     /// Time the host took from all cores together, ms (`steal` of `/proc/stat`, in steps of 10 ms).
     pub steal_ms: f64,
-    /// The same as a share of the time of all cores.
+    /// Stolen time as a fraction of the time of all cores.
     pub steal_share: f64,
-    /// Each core: its own steal, interrupts and soft interrupts.
+    /// Stolen time, interrupts and soft interrupts of each core.
     #[serde(default)]
     pub cores: Vec<CoreReport>,
-    /// For graphs: causes of late steps.
+    /// Causes of late steps; only for graphs.
     #[serde(default)]
     pub causes: Option<Causes>,
-    /// For releases and chains: share of the tail that the bare machine shows in the same turns.
+    /// Share of the tail that the bare machine shows in the same turns; only for releases and chains.
     #[serde(default)]
     pub floor: Option<FloorShare>,
 }
@@ -31,9 +31,10 @@ pub struct HostShare {
 /// processes that wake each other by a futex.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FloorShare {
-    /// The measurement of the bare machine.
+    /// Name of the measurement of the bare machine.
     pub name: String,
-    /// Distance of its p99.9 from its p50, relative to the same distance of the measurement; at most 1.
+    /// Difference of the bare machine's p99.9 and p50, relative to the same difference of the measurement; at
+    /// most 1.
     pub share: f64,
 }
 
@@ -150,7 +151,7 @@ impl HostShare {
     }
 }
 
-/// Watches the cores of this machine.
+/// Watcher of stolen time and interrupts on the cores of this machine.
 #[derive(Debug)]
 pub struct Watch {
     since: Instant,

@@ -23,7 +23,7 @@ const MANY: usize = 5;
 /// Factor of a floor change above which the machine has changed.
 const MOVED: f64 = 1.5;
 
-/// A change of one ratio.
+/// Direction of a change, relative to the noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {

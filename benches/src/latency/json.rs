@@ -14,7 +14,7 @@ pub const VERSION: u32 = 2;
 /// Content of the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Written {
-    /// Version of this format.
+    /// Version of the file format.
     pub version: u32,
     /// Version of motorium.
     pub motorium: String,
@@ -22,9 +22,9 @@ pub struct Written {
     pub arguments: Vec<String>,
     /// Start time, s since 1970.
     pub began_unix_s: u64,
-    /// The machine it was measured on.
+    /// The machine on which the measurements were made.
     pub machine: Machine,
-    /// The generator of load for names that end in `.loaded`, with its options.
+    /// Load generator of measurements whose names end in `.loaded`, with its options.
     pub load: String,
     /// Total duration, s.
     pub seconds: f64,
@@ -41,13 +41,13 @@ pub struct Written {
 /// A measurement that failed or was skipped.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Skipped {
-    /// Its name.
+    /// Name of the measurement.
     pub name: String,
-    /// The reason.
+    /// Reason why it failed or was skipped.
     pub reason: String,
 }
 
-/// The file is not a benchmark.
+/// Error of reading a benchmark file.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The file could not be read.

@@ -50,11 +50,11 @@ pub struct Bench<'a> {
 /// One finished measurement.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Measurement {
-    /// Its name, for `--only`.
+    /// Name of the measurement, as in `--only`.
     pub name: String,
-    /// The measured value.
+    /// Description of the measured value.
     pub what: String,
-    /// Its distribution, ns.
+    /// Distribution of the samples, ns.
     pub ns: Distribution,
     /// Lowest `SCHED_FIFO` priority among its processes, read back; 0 for normal time sharing.
     pub fifo: u32,

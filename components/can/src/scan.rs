@@ -42,11 +42,11 @@ pub enum FdSearch {
 /// Finds the devices on a bus. It reads the registers of Damiao drives, which has no side effects, and
 /// listens for the heartbeats of ODrives and CANopen nodes. `pass` advances time.
 ///
-/// With `has_errors`, the registers of moteus drives are then read with CAN FD frames. `has_errors` returns
-/// `true` if the bus has reported an error since it was opened. A classic-only node disturbs such frames, and
-/// the controller repeats them until it is bus-off. The search therefore stops at the first classic frame or
-/// error, even before its first request. A silent classic node remains undetected, so request this only if
-/// every node supports CAN FD.
+/// If `has_errors` is given, the function then searches for moteus drives, by reading their registers with
+/// CAN FD frames. `has_errors` returns `true` if the bus has reported an error since it was opened. A node
+/// without CAN FD disturbs these frames, and the controller repeats them until it is bus-off. The search
+/// therefore stops at the first classic frame or error, even before its first request. A silent classic node
+/// remains undetected, so pass `has_errors` only if every node supports CAN FD.
 ///
 /// ```no_run
 /// use std::time::Duration;

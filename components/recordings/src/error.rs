@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::messages::LogError;
 
-/// A position in a file of recordings.
+/// Position of an error in a recording file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Place {
     /// Path of the file.

@@ -135,12 +135,12 @@ pub struct Interpolation {
 }
 
 impl Interpolation {
-    /// Number of channels.
+    /// Returns the number of channels.
     pub fn channels(&self) -> usize {
         self.values.ncols()
     }
 
-    /// Time from the first sample to the last, s.
+    /// Returns the time from the first sample to the last, s.
     pub fn duration(&self) -> f64 {
         self.times[self.times.len() - 1] - self.times[0]
     }

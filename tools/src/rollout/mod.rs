@@ -93,7 +93,7 @@ pub(crate) enum RolloutError {
     #[error(transparent)]
     Session(#[from] SessionError),
     /// The program that hosts the components is unknown.
-    #[error("finding this program's own file: {0}")]
+    #[error("the path of this program cannot be determined: {0}")]
     Program(#[from] std::io::Error),
     /// The events of a run cannot be printed.
     #[error("{0}")]

@@ -14,7 +14,7 @@ use crate::protocols::dialogue::{Dialogue, Order, Response};
 use crate::table::{Table, Transmission};
 use motorium_drive::JointSetpoint;
 
-/// One drive from the adapter's point of view.
+/// State of one drive in the adapter: phase, newest reading, homing and counters.
 #[derive(Clone, Debug)]
 pub struct Link {
     pub(super) dialogue: AnyDialogue,

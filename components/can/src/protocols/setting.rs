@@ -103,7 +103,7 @@ pub enum WrongSetting {
         expected: u8,
     },
     /// The limits of a servo's goals are narrower than the table's positions, rad.
-    #[error("the goals are limited to {:.3} and {:.3} rad, but the drive table has positions up to {expected} rad", .found[0], .found[1])]
+    #[error("the goal limits are {:.3} and {:.3} rad, but the drive table has positions up to {expected} rad", .found[0], .found[1])]
     Goals {
         /// Limits in the servo.
         found: [f64; 2],

@@ -132,8 +132,8 @@ fn asc(fields: &[&str]) -> Option<Option<String>> {
 }
 
 impl Record {
-    /// Parses a log line in the format of `candump -L`, the screen output of `candump`, or an ASC file, whose
-    /// channel N becomes the interface `canN`. Returns `None` for an empty line and for a header.
+    /// Parses a log line: `candump -L`, the screen output of `candump`, or an ASC file. Channel N of an ASC
+    /// file becomes the interface `canN`. Returns `None` for an empty line or a header.
     ///
     /// ```
     /// use motorium_can::Record;

@@ -146,7 +146,7 @@ impl Linker<'_> {
     }
 }
 
-/// Time types, which some writers omit.
+/// Returns the type of a built-in time name, which some writers omit from the schema; `None` for other names.
 fn builtin(name: &str) -> Option<Type> {
     let last = name.rsplit(SEPARATOR).next().unwrap_or(name);
     let is_time = ["Time", "Duration", "time", "duration"].contains(&last);

@@ -22,7 +22,7 @@ pub struct Channel {
     pub schema: Option<Schema>,
     /// Metadata that the writer added.
     pub metadata: BTreeMap<String, String>,
-    /// Number of messages in the file.
+    /// Number of messages of this channel in the file.
     pub messages: u64,
     /// Decoder of the messages, or the reason why they cannot be decoded.
     pub decoder: Result<Decoder, Unsupported>,

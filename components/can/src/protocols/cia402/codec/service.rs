@@ -17,11 +17,11 @@ impl Object {
     pub const HEARTBEAT_CONSUMER: Self = Self { index: 0x1016, subindex: 1 };
     /// Period of the node's own heartbeat, ms.
     pub const HEARTBEAT_PRODUCER: Self = Self { index: 0x1017, subindex: 0 };
-    /// Command of the state machine.
+    /// Controlword: command to the state machine.
     pub const CONTROLWORD: Self = Self { index: 0x6040, subindex: 0 };
-    /// State of the state machine.
+    /// Statusword: state of the state machine.
     pub const STATUSWORD: Self = Self { index: 0x6041, subindex: 0 };
-    /// Mode of operation.
+    /// Requested mode of operation.
     pub const MODE: Self = Self { index: 0x6060, subindex: 0 };
     /// Active mode of operation.
     pub const MODE_DISPLAY: Self = Self { index: 0x6061, subindex: 0 };

@@ -107,7 +107,7 @@ pub fn step(position: f64) -> i32 {
     steps::nearest(position).into()
 }
 
-/// Returns the position of a step, rad. A shaft turned by hand may be beyond one turn.
+/// Returns the shaft position of a step, rad. A shaft turned by hand may be beyond one turn.
 pub fn position(step: i32) -> f64 {
     steps::position(step)
 }
