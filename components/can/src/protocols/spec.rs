@@ -136,8 +136,8 @@ pub(crate) const THOUSANDTHS: f64 = 32.767;
 pub(crate) fn beyond(name: &str, value: f64, unit: &str, most: f64, field: &str) -> Result<(), Refusal> {
     if value > most {
         return Err((
-            format!("a {name} of {value} {unit}, but {field} is limited to {most:.2}"),
-            "write what the drive reaches within it: `ranges` refer to the output shaft of the drive",
+            format!("the {name} is {value} {unit}, but {field} is limited to {most:.2}"),
+            "write the largest value that the drive reaches within this limit: `ranges` refer to its output shaft",
         ));
     }
     Ok(())
@@ -147,8 +147,8 @@ pub(crate) fn beyond(name: &str, value: f64, unit: &str, most: f64, field: &str)
 pub(crate) fn require_current_limit(entry: &DriveEntry) -> Result<(), Refusal> {
     if entry.current_limit.is_none() {
         return Err((
-            "a homing by the drive without `current_limit`".into(),
-            "write the largest current: no command gate limits a drive that homes itself",
+            "a homing by the drive requires `current_limit`".into(),
+            "write the largest current: the command gate does not limit a drive that homes itself",
         ));
     }
     Ok(())

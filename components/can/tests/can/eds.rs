@@ -125,7 +125,7 @@ fn a_current_limit_needs_rated_current_and_its_object() {
     let found = refused(&format!("{SHEET}{rated}{}", largest("ro")));
     assert!(found.contains("0x6073:00 \"Max current\" is read-only"), "{found}");
     let found = refused(&format!("{SHEET}{}", largest("rw")));
-    assert!(found.contains("`current_limit` without `rated_current`"), "{found}");
+    assert!(found.contains("`current_limit` requires `rated_current`"), "{found}");
 }
 
 #[test]

@@ -71,7 +71,10 @@ impl DriveProtocol for Cia402 {
         if positive(entry.increments) && positive(entry.rated_torque) {
             return Ok(());
         }
-        let message = format!("increments {:?}, rated torque {:?}", entry.increments, entry.rated_torque);
+        let message = format!(
+            "the increments are {:?} and the rated torque is {:?}, expected positive numbers",
+            entry.increments, entry.rated_torque
+        );
         let advice = "write `increments` per turn of the output shaft, and `rated_torque`, object 0x6076 in N m, or an `eds` that has them";
         Err((message, advice))
     }
@@ -92,7 +95,7 @@ impl DriveProtocol for Cia402 {
     fn check_current(&self, entry: &DriveEntry, limit: f64) -> Result<(), Refusal> {
         match entry.rated_current {
             Some(rated) if limit / rated > 65.535 => Err((
-                format!("a current limit of {limit} A, more than 65 times the rated current of {rated} A"),
+                format!("the current limit is {limit} A, more than 65 times the rated current of {rated} A"),
                 "write the limit in A",
             )),
             _ => Ok(()),

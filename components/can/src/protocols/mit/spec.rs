@@ -110,7 +110,7 @@ impl DriveProtocol for Mit {
     fn check_current(&self, entry: &DriveEntry, limit: f64) -> Result<(), Refusal> {
         if entry.full_current.is_some_and(|full| limit / full >= 1.0) {
             return Err((
-                format!("a current limit of {limit} A, which the drive does not reach"),
+                format!("the current limit of {limit} A is not below `full_current`"),
                 "write less than `full_current`: register 3 is a fraction below 1",
             ));
         }
@@ -119,7 +119,7 @@ impl DriveProtocol for Mit {
 
     fn check_homing(&self, entry: &DriveEntry, _homing: &HomingEntry) -> Result<(), Refusal> {
         Err((
-            format!("a homing by the drive, which {:?} does not have", entry.protocol),
+            format!("a homing by the drive is not supported by {:?}", entry.protocol),
             "write `by = \"stop\"`; its command \"set zero\" is not used, because many of these drives store the zero permanently",
         ))
     }
