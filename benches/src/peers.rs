@@ -166,7 +166,7 @@ impl Peer {
     /// Sends a line and returns the next line of the peer.
     ///
     /// # Errors
-    /// If the peer has ended, as text.
+    /// The peer has ended. The error is a text.
     pub fn exchange(&mut self, line: &str) -> Result<String, String> {
         self.send(line)?;
         self.line()
@@ -175,7 +175,7 @@ impl Peer {
     /// Sends a line that has no answer.
     ///
     /// # Errors
-    /// If the peer has ended, as text.
+    /// The peer has ended. The error is a text.
     pub fn send(&mut self, line: &str) -> Result<(), String> {
         writeln!(self.ask, "{line}")
             .map_err(|error| format!("{} does not read its input: {error}", self.name))

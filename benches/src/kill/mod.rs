@@ -37,7 +37,7 @@ pub struct Settings {
     pub count: u32,
     /// Maximum number of faults in one run.
     pub per_run: u32,
-    /// Seed of the choice of victims, faults and times.
+    /// Seed for choosing victims, faults and times.
     pub seed: u64,
     /// The victims to choose from.
     pub victims: Vec<Victim>,
@@ -64,15 +64,15 @@ pub struct Cell {
     pub hung: u32,
     /// Number of faults after which an actuator followed a stale command for too long.
     pub unsafe_outages: u32,
-    /// Most frequent outcome of these faults. Only pauses that are long for a command and short for a
-    /// watchdog are counted. `None` without such a fault.
+    /// Most frequent outcome of these faults; `None` without an outcome. Pauses count only if they are long
+    /// compared with a command and short compared with a watchdog.
     pub outcome: Option<Outcome>,
 }
 
 /// Summary of all faults.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Summary {
-    /// Seed of the choice of victims, faults and times.
+    /// Seed for choosing victims, faults and times.
     pub seed: u64,
     /// Number of faults.
     pub faults: u32,
@@ -84,9 +84,9 @@ pub struct Summary {
     pub cells: Vec<Cell>,
     /// Number of hangs, after a fault or at the end of a run.
     pub hangs: u32,
-    /// Processes that outlived their run.
+    /// Number of processes that outlived their run.
     pub strays: u32,
-    /// Objects in shared memory that outlived their run.
+    /// Number of objects in shared memory that outlived their run.
     pub leaks: u32,
     /// Number of runs that ended with an exit code other than 0, unless the launcher itself was killed.
     pub failed_runs: u32,
@@ -94,7 +94,7 @@ pub struct Summary {
     pub failures: Vec<String>,
     /// Number of faults after which an actuator followed a stale command for too long.
     pub unsafe_outages: u32,
-    /// Steps in which a simulated joint was faster than its limit.
+    /// Number of steps in which a simulated joint was faster than its limit.
     pub steps_beyond_a_velocity_limit: u64,
 }
 

@@ -49,7 +49,7 @@ impl Range {
         value as u16
     }
 
-    /// Decodes an integer of `bits` bits.
+    /// Decodes an integer of `bits` bits to a number in the range.
     pub fn decode(&self, value: u16, bits: u32) -> f64 {
         self.field(bits).decode::<0>(value)
     }
@@ -159,7 +159,7 @@ impl<const N: usize> Fields<N> {
         self.encode_numbers(core::array::from_fn(|i| if x[i].is_nan() { self.nothing[i] } else { x[i] }))
     }
 
-    /// Decodes the integer of field `I`.
+    /// Decodes the integer of field `I` to a number in its range.
     #[inline]
     pub fn decode<const I: usize>(&self, value: u16) -> f64 {
         f64::from(value) * self.step[I] + self.min[I]
