@@ -75,7 +75,7 @@ impl Pictures {
         })
     }
 
-    /// Returns the width and height of each picture in dots.
+    /// Width and height of each picture in dots.
     pub(in crate::commands) fn dots(&self) -> [usize; 2] {
         self.cameras.first().map_or([0; 2], Camera::dots)
     }
@@ -91,8 +91,7 @@ fn follows(film: &Film) -> bool {
     !film.robots.is_empty() && film.robots.iter().all(|robot| robot.robot.model.base().floating)
 }
 
-/// Returns the horizontal position of the robots that the camera follows, one per time; the origin if it does
-/// not follow.
+/// Horizontal position of the robots that the camera follows, one per time; the origin if it does not follow.
 fn middles(film: &Film) -> Vec<Vector3<f64>> {
     let count = film.times_s.len();
     if !follows(film) {
@@ -112,13 +111,13 @@ fn middles(film: &Film) -> Vec<Vector3<f64>> {
     (0..count).map(steady).collect()
 }
 
-/// Returns the lowest and the highest coordinates of points.
+/// The lowest and the highest coordinates of points.
 fn bounds<'a>(points: impl Iterator<Item = &'a Point3<f64>>) -> (Vector3<f64>, Vector3<f64>) {
     let none = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
     points.fold(none, |(low, high), point| (low.inf(&point.coords), high.sup(&point.coords)))
 }
 
-/// Returns the plane of the world; without a world the plane z = 0, if robots stand on it.
+/// The plane of the world; without a world the plane z = 0, if robots stand on it.
 fn floor(film: &Film, low: &Vector3<f64>, high: &Vector3<f64>) -> Option<Floor> {
     let appearance = film.world.as_ref().map(|world| world.appearance.clone()).unwrap_or_default();
     let checker = appearance.checker;
@@ -132,7 +131,7 @@ fn floor(film: &Film, low: &Vector3<f64>, high: &Vector3<f64>) -> Option<Floor> 
     Some(Floor { height, colour: appearance.ground(), side, checker, middle: Point3::origin() })
 }
 
-/// Returns the plane z = 0 below a scene, if the scene is near it.
+/// The plane z = 0 below a scene, if the scene is near it.
 pub(super) fn floor_below(scene: &Scene) -> Option<Floor> {
     let points: Vec<Point3<f64>> = scene.solids.iter().flat_map(Solid::corners).collect();
     let (low, high) = bounds(points.iter());
@@ -142,13 +141,13 @@ pub(super) fn floor_below(scene: &Scene) -> Option<Floor> {
     Some(Floor { height, colour, side, checker: None, middle })
 }
 
-/// Returns the height of the ground, 0, if the scene above it is near.
+/// The height of the ground, 0, if the scene above it is near.
 fn ground_below(low: &Vector3<f64>, high: &Vector3<f64>) -> Option<f64> {
     let extent = (high - low).max();
     (-0.02 * extent..0.5 * extent).contains(&low.z).then_some(0.0)
 }
 
-/// Returns a round number of metres, at least this one.
+/// A round number of metres, at least this one.
 fn round_step(rough: f64) -> f64 {
     let decade = 10_f64.powf(rough.log10().floor());
     decade * [1.0, 2.0, 5.0, 10.0].into_iter().find(|by| by * decade >= rough).unwrap_or(10.0)

@@ -107,7 +107,7 @@ struct Seen {
     shares: [f32; 2],
 }
 
-/// Returns the triangles of a solid.
+/// The triangles of a solid.
 fn triangles(solid: &Solid) -> Vec<Triangle> {
     let (skin, pose) = (solid.skin(), &solid.pose);
     let of = |(corners, normals): (&[u32; 3], &[Vector3<f64>; 3])| Triangle {
@@ -146,7 +146,7 @@ fn fill([a, b, c]: [[f64; 3]; 3], width: usize, height: usize, mut visit: impl F
     }
 }
 
-/// Returns a surface in the light, of which `light` arrives: less from below, a gloss where it is mirrored.
+/// A surface in the light, of which `light` arrives: less from below, a gloss where it is mirrored.
 fn lit(colour: &[f64; 3], normal: &Vector3<f64>, eye: &Vector3<f64>, light: f64) -> [f64; 3] {
     let to_light = LIGHT.normalize();
     let sky = 0.36 + 0.12 * normal.z;
@@ -155,7 +155,7 @@ fn lit(colour: &[f64; 3], normal: &Vector3<f64>, eye: &Vector3<f64>, light: f64)
     colour.map(|channel| channel * bright + gloss)
 }
 
-/// Returns the ground at a place of the picture: squares and shadows, fading away from its middle.
+/// The ground at a place of the picture: squares and shadows, fading away from its middle.
 fn ground(floor: &Floor, camera: &Camera, at: [f64; 2], shadows: &Shadows) -> [f64; 3] {
     let origin = camera.point(at[0], at[1]);
     let point = origin + camera.eye * ((floor.height - origin.z) / camera.eye.z);
@@ -213,8 +213,7 @@ impl Shadows {
         Self { right, up, to_light, corner, scale, nearest }
     }
 
-    /// Returns the part of the light that arrives at a point of a surface, 0 to 1: the mean over nine
-    /// neighbours.
+    /// Part of the light that arrives at a point of a surface, 0 to 1: the mean over nine neighbours.
     fn light(&self, point: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
         // Off the surface by two dots, or it would shade itself.
         let point = point + normal * (2.5 / self.scale);

@@ -140,7 +140,7 @@ impl Painter<'_> {
     }
 }
 
-/// Returns a capsule between two points, if they are apart.
+/// A capsule between two points, if they are apart.
 fn stick(from: &Point3<f64>, to: &Point3<f64>, thick: f64) -> Option<Solid> {
     let way = to - from;
     let length = way.norm();

@@ -65,7 +65,7 @@ pub(super) enum Detail {
 }
 
 impl Form {
-    /// Creates the solid of a shape; `None` for a mesh that cannot be read or has a flat hull.
+    /// Of a shape; `None` for a mesh that cannot be read or has a flat hull.
     pub(super) fn from_geometry(geometry: &Geometry, detail: Detail) -> Option<Self> {
         let Geometry::Mesh { path, inline, scale, .. } = geometry else {
             return Some(Self::Primitive(geometry.clone()));
@@ -133,7 +133,7 @@ impl Solid {
         Arc::new(Skin::new(mesh))
     }
 
-    /// Returns the length of the longest side of the box around its corners, in its own frame \[m\].
+    /// Length of the longest side of the box around its corners, in its own frame \[m\].
     pub(super) fn extent(&self) -> f64 {
         let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
         for point in self.outlines(ROUND).iter().flatten() {
@@ -147,7 +147,7 @@ impl Solid {
         self.outlines(ROUND).iter().flatten().map(|point| self.pose * point).collect()
     }
 
-    /// Returns `true` if a point in world coordinates is inside the solid by a margin.
+    /// True if a point of the world lies inside, by a margin.
     pub(super) fn contains(&self, point: &Point3<f64>) -> bool {
         let p = self.pose.inverse_transform_point(point);
         let margin = 1e-6;
@@ -231,7 +231,7 @@ fn coarser(mesh: &TriangleMesh) -> TriangleMesh {
     TriangleMesh { points: sums.iter().zip(&counts).map(|(sum, count)| sum / *count).collect(), triangles }
 }
 
-/// Returns Newell's normal; `None` without area.
+/// Newell's normal; `None` without area.
 fn normal(points: &[Point3<f64>]) -> Option<Vector3<f64>> {
     let mut sum = Vector3::zeros();
     for (here, next) in points.iter().zip(points.iter().cycle().skip(1)) {
@@ -289,7 +289,7 @@ fn rings(radius: f64, length: f64, round: usize) -> Vec<(f64, f64)> {
     rings
 }
 
-/// Returns a body of rings (radius, height) from bottom to top, closed at both ends.
+/// A body of rings (radius, height) from bottom to top, closed at both ends.
 fn tower(rings: &[(f64, f64)], round: usize) -> Vec<Vec<Point3<f64>>> {
     let point = |(radius, height): (f64, f64), step: usize| {
         let angle = TAU * step as f64 / round as f64;

@@ -58,7 +58,7 @@ impl Backdrop {
     }
 }
 
-/// Returns the visible shapes of an object: of a mesh its visual, not the parts that it collides with.
+/// The visible shapes of an object: of a mesh its visual, not the parts that it collides with.
 fn visible(shape: &ObjectShape) -> Vec<(Isometry3<f64>, Geometry)> {
     match shape {
         ObjectShape::Mesh(shape) => {
